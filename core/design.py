@@ -1,0 +1,141 @@
+"""What is invented and what came of it: tools, candidates, evaluations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from core.geometry import Array, Box, Pose
+
+RIGID_MOUNT = "panda_virtual"
+GRIPPER_MOUNTS = ("panda_leftfinger", "panda_rightfinger")
+
+Status = Literal["ok", "rejected", "failed"]
+
+
+class DesignError(ValueError):
+    """A design breaks a rule. The message is for a person: what is wrong, where, and how to mend it."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """One box of a tool: its pose in the frame of its parent (another component's name, or a mount link of the robot)."""
+
+    name: str
+    parent: str
+    pose: Pose
+    shape: Box
+    mass: float = 0.005
+    color: tuple[float, float, float, float] = (0.2, 0.45, 0.8, 1.0)
+
+
+@dataclass(frozen=True)
+class Tool:
+    """Boxes rigidly joined: one rigid tool on `RIGID_MOUNT`, or with ``gripper`` attachments to the fingers `GRIPPER_MOUNTS`.
+
+    No components at all is the bare arm (with ``gripper``: the bare hand). Parents stand before their children.
+
+    Raises:
+        DesignError: names that are taken twice, a parent that is unknown or stands later, or a mount that is not this kind's.
+    """
+
+    components: tuple[Component, ...] = ()
+    gripper: bool = False
+    name: str = ""
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        known = set(self.mounts)
+        for component in self.components:
+            if component.name in known:
+                raise DesignError(f"two parts of the tool are named {component.name!r}; each link needs a name of its own")
+            if component.parent not in known:
+                raise DesignError(
+                    f"component {component.name!r} hangs from {component.parent!r}, which is neither a component before it "
+                    f"nor the mount ({' or '.join(self.mounts)})"
+                )
+            known.add(component.name)
+
+    @property
+    def mounts(self) -> tuple[str, ...]:
+        return GRIPPER_MOUNTS if self.gripper else (RIGID_MOUNT,)
+
+    @property
+    def mass(self) -> float:
+        return sum(component.mass for component in self.components)
+
+    def placed(self) -> dict[str, tuple[str, Pose]]:
+        """For each component its mount and its pose in that mount's frame."""
+        placed: dict[str, tuple[str, Pose]] = {mount: (mount, Pose()) for mount in self.mounts}
+        for component in self.components:
+            mount, pose = placed[component.parent]
+            placed[component.name] = (mount, pose @ component.pose)
+        return {component.name: placed[component.name] for component in self.components}
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A tool and one action plan: what is tried in one rollout.
+
+    ``plan`` is (N, 6): x, y, z, roll, pitch, yaw of `RIGID_MOUNT`'s frame in the world; or (N, 7) with the gripper, 0 open to 1 closed.
+    ``problem`` says why it can't be tried (the design breaks a rule); then ``tool`` may be missing and ``plan`` empty.
+    ``agent``, ``strategy`` and ``action`` number it within its generation: they and ``generation`` make up its `id`.
+    """
+
+    tool: Tool | None
+    plan: Array
+    generation: int = 0
+    agent: int = 0
+    strategy: int = 0
+    action: int = 0
+    strategy_name: str = ""
+    strategy_description: str = ""
+    action_description: str = ""
+    parents: tuple[str, ...] = ()
+    problem: str | None = None
+
+    @property
+    def key(self) -> tuple[int, int, int, int]:
+        """Orders candidates the same way however they arrived."""
+        return (self.generation, self.agent, self.strategy, self.action)
+
+    @property
+    def id(self) -> str:
+        """For example ``g0-a3-s1-p7``: generation, agent, strategy, plan."""
+        return "g{}-a{}-s{}-p{}".format(*self.key)
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What a candidate earned.
+
+    ``status``: ``ok``; ``rejected``, the design breaks a rule; or ``failed``, the rollout broke. ``reason`` tells why, else is empty.
+    ``distance_m`` is the way of the end-effector's origin from the first waypoint to the last. ``ik_error_m`` and ``ik_error_rad``
+    are the largest misses of the inverse kinematics along the plan, ``tracking_error_rad`` how far a joint fell behind its
+    target. ``moved_m`` is how far each free body ended from where it started. Without a rollout, numbers are nan.
+    """
+
+    candidate: Candidate
+    status: Status
+    reward: float = 0.0
+    distance_m: float = float("nan")
+    reason: str = ""
+    ik_error_m: float = float("nan")
+    ik_error_rad: float = float("nan")
+    tracking_error_rad: float = float("nan")
+    moved_m: dict[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def rank(self) -> tuple[float, float, tuple[int, int, int, int]]:
+        """Sorts the best first: higher reward, then shorter distance, then the earlier candidate."""
+        distance = self.distance_m if np.isfinite(self.distance_m) else np.inf
+        return (-self.reward, distance, self.candidate.key)
+
+
+def best_first(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
+    """Those that were tried, the best first (`Evaluation.rank`)."""
+    return sorted((e for e in evaluations if e.status == "ok"), key=lambda e: e.rank)

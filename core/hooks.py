@@ -1,0 +1,105 @@
+"""The hook specifications: how plugins offer parts, and what listeners hear. The whole of the plugin contract is on this page.
+
+A plugin is a module (or object) named by an entry point in the group ``vlmgineer``. It offers a part by implementing the hook of
+its kind with `hookimpl`, and returns a mapping from the name that a config says (``sim=NAME``) to a factory: a class or function
+called with the part's settings, or a string ``"module:attribute"`` that is imported when it is first used, which keeps
+discovery quick::
+
+    from core.hooks import hookimpl
+
+    @hookimpl
+    def simulators():
+        return {"mine": "my_package.simulator:MySimulator"}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import pluggy
+
+if TYPE_CHECKING:
+    from core.design import Evaluation
+    from core.evolution import Generation, Result
+    from core.interfaces import Reply, Request
+    from core.run import Run
+
+PROJECT = "vlmgineer"
+
+hookspec = pluggy.HookspecMarker(PROJECT)
+hookimpl = pluggy.HookimplMarker(PROJECT)
+
+Factory = Callable[..., Any] | str
+Factories = Mapping[str, Factory]
+
+
+class Parts:
+    """One hook per kind of part."""
+
+    @hookspec
+    def tasks(self) -> Factories:
+        """Make a `core.interfaces.Task`."""
+        raise NotImplementedError
+
+    @hookspec
+    def simulators(self) -> Factories:
+        """Make a `core.interfaces.Simulator`."""
+        raise NotImplementedError
+
+    @hookspec
+    def vlms(self) -> Factories:
+        """Make a `core.interfaces.VLM`."""
+        raise NotImplementedError
+
+    @hookspec
+    def tool_representations(self) -> Factories:
+        """Make a `core.interfaces.ToolRepresentation`."""
+        raise NotImplementedError
+
+    @hookspec
+    def evolution_strategies(self) -> Factories:
+        """Make a `core.interfaces.EvolutionStrategy`; besides its settings the factory is given ``designer`` and ``budget``."""
+        raise NotImplementedError
+
+    @hookspec
+    def executors(self) -> Factories:
+        """Make a `core.interfaces.Executor`."""
+        raise NotImplementedError
+
+    @hookspec
+    def listeners(self) -> Factories:
+        """Make an object that implements some of `Events` with `hookimpl`."""
+        raise NotImplementedError
+
+
+class Events:
+    """What happens in a run, in this order. A listener implements those that it wants; the loop waits for it."""
+
+    @hookspec
+    def run_started(self, run: Run) -> None:
+        """All parts are made, nothing is asked yet."""
+
+    @hookspec
+    def generation_started(self, index: int) -> None:
+        """A generation begins; 0 is the first sampling."""
+
+    @hookspec
+    def request_composed(self, request: Request) -> None:
+        """A model is about to be asked."""
+
+    @hookspec
+    def reply_received(self, request: Request, reply: Reply) -> None:
+        """A model answered; nobody has read the text yet."""
+
+    @hookspec
+    def candidate_evaluated(self, evaluation: Evaluation) -> None:
+        """A candidate was tried, or rejected."""
+
+    @hookspec
+    def generation_finished(self, generation: Generation) -> None:
+        """The strategy was told of all of them."""
+
+    @hookspec
+    def run_finished(self, run: Run, result: Result) -> None:
+        """The loop ended; the run's files are being closed after this."""

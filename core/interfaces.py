@@ -1,0 +1,302 @@
+"""The parts that a plugin can be. Each is small; `core.hooks` says how one is offered, `core.plugins` how one is found.
+
+A part is made by calling what its plugin registered with the part's settings as keyword arguments: their names, types and
+defaults in that signature are what the configuration may set.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from core.design import Candidate, Evaluation, Tool
+from core.geometry import Array, Pose
+from core.scene import Camera, Goal, Scene, State
+
+Image = npt.NDArray[np.uint8]
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+# --- the task ---------------------------------------------------------------------------------------------------
+
+
+class Task(ABC):
+    """A manipulation task: a scene, a goal, and a reward. Its source file is shown to the model as it stands."""
+
+    name: ClassVar[str]
+    description: ClassVar[str]  # one paragraph, for the model
+    goals: ClassVar[tuple[Goal, ...]]  # the same for programs
+    home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))  # the end-effector's, at spawn
+    camera: ClassVar[Camera] = Camera()
+    success_reward: ClassVar[float] = 0.95
+
+    @abstractmethod
+    def scene(self, seed: int) -> Scene:
+        """What stands in the world. The same seed gives the same layout; only random layouts look at it."""
+
+    @abstractmethod
+    def reward(self, start: State, end: State) -> Array:
+        """In [0, 1], for one world or many: states (..., B, 3) in, (...) out. ``start`` is after settling, before the motion."""
+
+    def source(self) -> str:
+        """The text of the file that defines the task."""
+        return inspect.getsource(sys.modules[type(self).__module__])
+
+
+# --- the simulator ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class JointTrajectory:
+    """What every engine plays: joint targets over time.
+
+    ``times`` (T,) from 0, rising, in seconds; ``arm`` (T, 7) in radians; ``fingers`` (T,) how far each finger is from the
+    middle, in metres (0 closed, 0.04 open). Between instants, and before and after, targets are linear and constant.
+    """
+
+    times: Array
+    arm: Array
+    fingers: Array
+
+    @property
+    def duration(self) -> float:
+        return float(self.times[-1])
+
+    def sample(self, times: Array) -> tuple[Array, Array]:
+        """Arm targets (S, 7) and finger targets (S,) at instants (S,)."""
+        arm = np.stack([np.interp(times, self.times, joint) for joint in self.arm.T], axis=-1)
+        return arm, np.interp(times, self.times, self.fingers)
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """One job for a simulator: spawn the scene of ``seed`` and the robot with ``tool`` at the trajectory's first targets, let
+    ``settle_s`` pass, note the start state, play the trajectory, hold its last targets for ``hold_s``, note the end state.
+
+    With ``record_hz`` > 0 the whole is recorded at that rate."""
+
+    tool: Tool
+    trajectory: JointTrajectory
+    seed: int = 0
+    settle_s: float = 0.5
+    hold_s: float = 1.0
+    record_hz: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A film without pictures: instants (T,) in seconds, arm joints (T, 7), fingers (T, 2), and the states, stacked over T."""
+
+    times: Array
+    arm: Array
+    fingers: Array
+    states: State
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a rollout did: states (one world) after settling and at the end, and the largest lag of an arm joint behind its target.
+
+    ``error`` says how it broke, if it did; then the states are None.
+    """
+
+    start: State | None
+    end: State | None
+    tracking_error_rad: float = float("nan")
+    error: str | None = None
+    recording: Recording | None = None
+    warnings: tuple[str, ...] = ()
+
+
+class Simulator(ABC):
+    """A physics engine. Batch first: many jobs in, as many outcomes out, in order. One thread uses it at a time."""
+
+    @abstractmethod
+    def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
+        """Try each job in a world of its own. A job that breaks gives an outcome with an error; its neighbours are unharmed."""
+
+    @abstractmethod
+    def render(
+        self,
+        task: Task,
+        *,
+        seed: int = 0,
+        tool: Tool | None = None,
+        arm: Array | None = None,
+        fingers: Array | None = None,
+        state: State | None = None,
+        camera: Camera | None = None,
+        width: int = 640,
+        height: int = 480,
+    ) -> Image:
+        """A picture (height, width, 3) of the scene and the robot; what is left out is as at spawn."""
+
+
+# --- the model --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Brief:
+    """What an agent is asked, for programs. ``elites`` (best first) are there for an evolution request, else empty."""
+
+    task: Task
+    scene_seed: int
+    representation: ToolRepresentation
+    gripper: bool
+    n_tool: int
+    n_action: int
+    generation: int
+    agent: int
+    seed: int
+    elites: tuple[Evaluation, ...] = ()
+
+
+@dataclass(frozen=True)
+class Text:
+    text: str
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG file's bytes."""
+
+    png: bytes
+
+
+@dataclass(frozen=True)
+class Message:
+    role: Literal["system", "user", "assistant"]
+    parts: tuple[Text | Picture, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """One call of the model: the brief, and what was rendered from it (messages, JSON schema of the answer)."""
+
+    id: str
+    brief: Brief
+    messages: tuple[Message, ...]
+    schema: dict[str, Any]
+    temperature: float
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What came back for a request: the raw text, or ``error``. Token counts and cost are None where nobody knows."""
+
+    request_id: str
+    text: str
+    model: str
+    error: str | None = None
+    prompt_tokens: int | None = None
+    completion_tokens: int | None = None
+    cost_usd: float | None = None
+
+
+class VLM(ABC):
+    """A vision-language model, or what answers in its place."""
+
+    model: str  # as shown to people and kept with each reply
+
+    @abstractmethod
+    def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
+        """One reply per request, as they arrive. A request that fails gives a reply with an error, never an exception."""
+
+
+class ToolRepresentation(ABC):
+    """How a model writes a tool down, and how it is read: the fields of a strategy that say what the tool is."""
+
+    @abstractmethod
+    def instructions(self, brief: Brief) -> str:
+        """Its part of the prompt: the rules a tool must keep."""
+
+    @abstractmethod
+    def schema(self) -> dict[str, Any]:
+        """JSON schema of its fields, as the ``properties`` of an object; all are required."""
+
+    @abstractmethod
+    def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
+        """Read a strategy's fields, which nobody has checked.
+
+        Raises:
+            DesignError: what is wrong, where, and how to mend it.
+        """
+
+    @abstractmethod
+    def dump(self, tool: Tool) -> dict[str, Any]:
+        """The fields that `parse` reads back as the same tool."""
+
+
+# --- the search -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much is tried, and what survives (the paper's parameters)."""
+
+    n_agent: int
+    n_tool: int
+    n_action: int
+    n_iteration: int
+    k_top: int
+    reward_save: float
+    stop_reward: float | None = None
+
+    @property
+    def population(self) -> int:
+        """Candidates per generation."""
+        return self.n_agent * self.n_tool * self.n_action
+
+
+class Designer(Protocol):
+    """Where candidates come from; `core.designer` has the one there is."""
+
+    def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
+        """A population: a fresh sampling, or with elites their offspring. Candidates come as replies arrive, the ones that
+        break a rule among them (`Candidate.problem`)."""
+        ...
+
+
+class EvolutionStrategy(ABC):
+    """Ask for candidates, tell what they earned, ask again."""
+
+    def __init__(self, designer: Designer, budget: Budget) -> None:
+        self.designer = designer
+        self.budget = budget
+
+    @abstractmethod
+    def ask(self) -> Iterator[Candidate]:
+        """The next generation's candidates, as they come."""
+
+    @abstractmethod
+    def tell(self, evaluations: Sequence[Evaluation]) -> None:
+        """What the whole generation earned, in the order of `Candidate.key`."""
+
+
+# --- the machine ------------------------------------------------------------------------------------------------
+
+
+class Executor(ABC):
+    """Runs a picklable function over chunks, somewhere. A context manager: leaving it ends its workers."""
+
+    @abstractmethod
+    def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
+        """Each chunk with its result, as they finish; with an exception where the function raised or its worker died. ``chunks`` is
+        read no faster than workers need them."""
+
+    def close(self) -> None:
+        """Ends the workers, at once."""
+
+    def __enter__(self) -> Executor:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
