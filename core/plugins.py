@@ -63,7 +63,9 @@ class Plugins:
             try:
                 module = entry.load()
             except Exception as error:  # whatever a stranger's import raises
-                self.failures.append(Failure(entry.name, distribution, f"import failed: {type(error).__name__}: {error}"))
+                self.failures.append(
+                    Failure(entry.name, distribution, f"import failed: {type(error).__name__}: {error}")
+                )
                 continue
             self.register(module, entry.name, distribution)
         for name, module in (entry_points or {}).items():
@@ -186,7 +188,9 @@ def main() -> None:
     console = rich.console.Console()
     console.print(table)
     for failure in plugins.failures:
-        console.print(f"[red]failed[/] {failure.entry_point} ({failure.distribution}): {failure.reason}", highlight=False)
+        console.print(
+            f"[red]failed[/] {failure.entry_point} ({failure.distribution}): {failure.reason}", highlight=False
+        )
 
 
 if __name__ == "__main__":

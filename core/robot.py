@@ -24,6 +24,9 @@ from core.geometry import Array, Pose
 ARM_JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
 FINGER_JOINTS = ("panda_finger_joint1", "panda_finger_joint2")
 FINGER_OPEN = 0.04  # metres from the middle, each finger
+GRIP_FORCE = 70.0  # newtons, each finger: the hand's continuous force, Franka hand's data sheet
+FINGER_FRICTION = 1.0  # rubber tips
+TOOL_FRICTION = 0.5  # printed plastic; the arm's links too
 HOME_JOINTS = (-0.0018, -0.1860, 0.0017, -2.1008, 0.0003, 1.9147, 0.7847)
 
 # Joint accelerations that the arm allows, rad/s^2: Franka Control Interface documentation, "Robot and interface specifications".
@@ -125,7 +128,9 @@ def _fuse(link: Any, tool: Tool, mount: str) -> None:
     own = link.find("inertial")
     own_mass = float(own.find("mass").get("value"))
     if own_mass > 0:
-        diagonal = [float(own.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")]  # the fingers' have no products
+        diagonal = [
+            float(own.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")
+        ]  # the fingers' have no products
         masses.append(own_mass)
         centers.append(np.array([float(x) for x in own.find("origin").get("xyz").split()]))
         tensors.append(np.diag(diagonal))

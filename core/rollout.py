@@ -1,0 +1,154 @@
+"""One candidate in one world: from waypoints to a reward. Engines only play what is prepared here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from core.design import Candidate, Evaluation
+from core.interfaces import Outcome, Rollout, Simulator, Task
+from core.kinematics import arm
+from core.plugins import installed
+from core.scene import State
+from core.trajectory import Motion, plan_motion
+
+
+@dataclass(frozen=True)
+class RolloutSettings:
+    """How a plan is executed: the least time of a segment, pauses before and after, and how much of the arm's limits is used.
+
+    ``max_motion_s`` bounds a motion: a plan that takes longer is rejected.
+    """
+
+    segment_s: float = 0.5
+    settle_s: float = 0.5
+    hold_s: float = 1.0
+    speed: float = 0.95
+    max_motion_s: float = 120.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part by name and settings: what a worker process needs to make its own."""
+
+    kind: str
+    name: str
+    settings: tuple[tuple[str, Any], ...] = ()
+
+    def create(self, **given: Any) -> Any:
+        return installed().create(self.kind, self.name, dict(self.settings), **given)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where candidates are tried: a task, a simulator, the seed of the scene's layout, and how plans are executed.
+
+    It is small, hashable and picklable, and may be called: a chunk of candidates in, their evaluations out, in order.
+    """
+
+    task: Part
+    sim: Part
+    seed: int = 0
+    settings: RolloutSettings = field(default_factory=RolloutSettings)
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        task, simulator = _parts(self.task, self.sim)
+        return evaluate(task, simulator, candidates, self.seed, self.settings)
+
+
+@lru_cache(maxsize=1)
+def _parts(task: Part, sim: Part) -> tuple[Task, Simulator]:
+    """Made once per process."""
+    return task.create(), sim.create()
+
+
+def prepare(
+    task: Task, candidate: Candidate, seed: int, settings: RolloutSettings, record_hz: float = 0.0
+) -> tuple[Motion, Rollout]:
+    """The candidate's motion, and the job that plays it.
+
+    Raises:
+        ValueError: the candidate has no tool (it was rejected).
+    """
+    if candidate.tool is None:
+        raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
+    motion = plan_motion(candidate.plan, task.home, arm(), segment_s=settings.segment_s, speed=settings.speed)
+    job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, settings.hold_s, record_hz)
+    return motion, job
+
+
+def rejected(candidate: Candidate, reason: str | None = None) -> Evaluation:
+    """The evaluation of a candidate that breaks a rule."""
+    return Evaluation(candidate, "rejected", reason=reason or candidate.problem or "")
+
+
+def evaluate(
+    task: Task, simulator: Simulator, candidates: Sequence[Candidate], seed: int, settings: RolloutSettings
+) -> list[Evaluation]:
+    """Try each candidate; in order. The reward is taken of all worlds at once."""
+    evaluations: dict[int, Evaluation] = {}
+    motions: dict[int, Motion] = {}
+    jobs: list[Rollout] = []
+    for i, candidate in enumerate(candidates):
+        if candidate.problem is not None:
+            evaluations[i] = rejected(candidate)
+            continue
+        motion, job = prepare(task, candidate, seed, settings)
+        if motion.trajectory.duration > settings.max_motion_s:
+            took = f"the motion takes {motion.trajectory.duration:.0f} s under the arm's limits"
+            evaluations[i] = rejected(
+                candidate, f"{took}, more than {settings.max_motion_s:.0f} s; use fewer waypoints"
+            )
+            continue
+        motions[i] = motion
+        jobs.append(job)
+    outcomes = dict(zip(motions, simulator.rollout(task, jobs), strict=True))
+    sound: list[tuple[int, State, State]] = []
+    for i, outcome in outcomes.items():
+        if outcome.error is None and outcome.start is not None and outcome.end is not None:
+            sound.append((i, outcome.start, outcome.end))
+        else:
+            evaluations[i] = Evaluation(candidates[i], "failed", reason=outcome.error or "no state came back")
+    for i, evaluation in _scored(task, candidates, motions, outcomes, sound):
+        evaluations[i] = evaluation
+    return [evaluations[i] for i in range(len(candidates))]
+
+
+def _scored(
+    task: Task,
+    candidates: Sequence[Candidate],
+    motions: dict[int, Motion],
+    outcomes: dict[int, Outcome],
+    sound: list[tuple[int, State, State]],
+) -> Iterator[tuple[int, Evaluation]]:
+    if not sound:
+        return
+    starts, ends = State.stack([start for _, start, _ in sound]), State.stack([end for _, _, end in sound])
+    rewards = np.asarray(task.reward(starts, ends), dtype=np.float64)
+    if rewards.shape != (len(sound),):
+        raise ValueError(
+            f"task {task.name}: reward gave an array of shape {rewards.shape} for {len(sound)} worlds; "
+            f"expected ({len(sound)},)"
+        )
+    shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1)
+    for (i, _, _), reward, moved in zip(sound, rewards, shifts, strict=True):
+        motion, outcome = motions[i], outcomes[i]
+        evaluation = Evaluation(
+            candidates[i],
+            "ok",
+            reward=float(reward),
+            distance_m=motion.distance_m,
+            ik_error_m=motion.ik_error_m,
+            ik_error_rad=motion.ik_error_rad,
+            tracking_error_rad=outcome.tracking_error_rad,
+            moved_m={name: float(shift) for name, shift in zip(starts.names, moved, strict=True)},
+            warnings=outcome.warnings,
+        )
+        if not 0.0 <= reward <= 1.0:
+            reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
+            evaluation = replace(evaluation, status="failed", reward=0.0, reason=reason)
+        yield i, evaluation

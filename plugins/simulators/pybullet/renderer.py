@@ -1,0 +1,91 @@
+"""Pictures by PyBullet's software renderer: a world of its own that holds shapes to look at and no physics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image as Pillow
+
+from core.design import Tool
+from core.geometry import Array, Box, Cylinder, Mesh, Pose, Sphere
+from core.interfaces import Image, Task
+from core.robot import ARM_JOINTS, FINGER_JOINTS
+from core.scene import Camera, Part, State
+from plugins.simulators.pybullet.bodies import mesh_file
+from plugins.simulators.pybullet.engine import pybullet as p
+from plugins.simulators.pybullet.world import joint_numbers, load_robot
+
+_OVERSAMPLING = 2  # the renderer draws hard edges; halving a picture of twice the size smooths them
+
+
+class Renderer:
+    """Draws one scene after another; what is loaded stays until another is asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._client = p.connect(p.DIRECT)
+        self._loaded: tuple[str, int, Tool | None] | None = None
+
+    def load(self, task: Task, seed: int, tool: Tool | None) -> None:
+        if self._loaded == (task.name, seed, tool):
+            return
+        client = self._client
+        p.resetSimulation(physicsClientId=client)
+        self._robot = load_robot(client, self._folder, tool if tool is not None else Tool(gripper=True), visuals=True)
+        numbers, _ = joint_numbers(client, self._robot)
+        gripper = tool is None or tool.gripper
+        self._joints = [numbers[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if gripper else ()))]
+        self._parts: list[tuple[str, Pose, int]] = []
+        for body in task.scene(seed).bodies:
+            for part in body.visuals:
+                number = self._add(part)
+                self._parts.append((body.name, part.pose, number))
+                self._place(number, body.pose @ part.pose)
+        self._loaded = (task.name, seed, tool)
+
+    def _add(self, part: Part) -> int:
+        look = {"rgbaColor": part.color, "specularColor": [0.1, 0.1, 0.1], "physicsClientId": self._client}
+        match part.shape:
+            case Box(size=size):
+                shape = p.createVisualShape(p.GEOM_BOX, halfExtents=[side / 2 for side in size], **look)
+            case Sphere(radius=radius):
+                shape = p.createVisualShape(p.GEOM_SPHERE, radius=radius, **look)
+            case Cylinder(radius=radius, length=length):
+                shape = p.createVisualShape(p.GEOM_CYLINDER, radius=radius, length=length, **look)
+            case Mesh():
+                file = str(mesh_file(part.shape, self._folder))
+                shape = p.createVisualShape(p.GEOM_MESH, fileName=file, **look)
+        return int(p.createMultiBody(0, -1, shape, physicsClientId=self._client))
+
+    def _place(self, number: int, pose: Pose) -> None:
+        w, x, y, z = pose.quaternion
+        p.resetBasePositionAndOrientation(number, pose.position.tolist(), [x, y, z, w], physicsClientId=self._client)
+
+    def pose(self, arm: Array, fingers: Array, state: State) -> None:
+        """Put the robot's joints, arm (7,) and fingers (2,), and the free bodies where they are to be seen."""
+        for joint, value in zip(self._joints, [*arm, *fingers], strict=False):
+            p.resetJointState(self._robot, joint, float(value), physicsClientId=self._client)
+        for name, offset, number in self._parts:
+            if name in state.names:
+                self._place(number, state.pose(name) @ offset)
+
+    def shoot(self, camera: Camera, width: int, height: int) -> Image:
+        w, h = width * _OVERSAMPLING, height * _OVERSAMPLING
+        view = p.computeViewMatrix(camera.position, camera.target, [0.0, 0.0, 1.0])
+        projection = p.computeProjectionMatrixFOV(camera.fov_deg, w / h, 0.02, 10.0)
+        _, _, pixels, _, _ = p.getCameraImage(
+            w,
+            h,
+            view,
+            projection,
+            lightDirection=[1.0, -1.0, 2.0],
+            lightAmbientCoeff=0.55,
+            lightDiffuseCoeff=0.5,
+            lightSpecularCoeff=0.05,
+            shadow=1,
+            renderer=p.ER_TINY_RENDERER,
+            physicsClientId=self._client,
+        )
+        picture = np.reshape(np.asarray(pixels, dtype=np.uint8), (h, w, 4))[..., :3]
+        return np.asarray(Pillow.fromarray(picture).resize((width, height), Pillow.Resampling.LANCZOS))

@@ -1,0 +1,123 @@
+"""Rollouts in PyBullet, in one process, without a window."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from core.design import Tool
+from core.geometry import Array
+from core.interfaces import Image, JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
+from core.kinematics import arm as panda_arm
+from core.robot import FINGER_OPEN
+from core.scene import Camera, State
+from plugins.simulators.pybullet.engine import pybullet
+from plugins.simulators.pybullet.renderer import Renderer
+from plugins.simulators.pybullet.world import World
+
+
+class PyBulletSimulator(Simulator):
+    """One physics world after another, each fresh: nothing of a rollout reaches the next.
+
+    Args:
+        time_step: seconds.
+        solver_iterations: of the contact solver, per step.
+        tracking_rate: how fast a joint closes in on its target, 1/s. The gain per step follows from it, so that it means
+            the same at every time step.
+    """
+
+    def __init__(self, time_step: float = 0.002, solver_iterations: int = 50, tracking_rate: float = 50.0) -> None:
+        self.time_step = time_step
+        self.solver_iterations = solver_iterations
+        self.tracking_rate = tracking_rate
+        self._folder = tempfile.TemporaryDirectory(prefix="vlmgineer-")
+        self._client = pybullet.connect(pybullet.DIRECT)
+        self._renderer: Renderer | None = None
+
+    def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
+        return [self._one(task, job) for job in jobs]
+
+    def _one(self, task: Task, job: Rollout) -> Outcome:
+        try:
+            world = self._world(task, job)
+            return _play(world, job)
+        except pybullet.error as error:
+            return Outcome(None, None, error=f"PyBullet: {error}")
+
+    def _world(self, task: Task, job: Rollout) -> World:
+        return World(
+            self._client,
+            Path(self._folder.name),
+            task.scene(job.seed),
+            job.tool,
+            job.trajectory,
+            time_step=self.time_step,
+            solver_iterations=self.solver_iterations,
+            tracking_rate=self.tracking_rate,
+        )
+
+    def render(
+        self,
+        task: Task,
+        *,
+        seed: int = 0,
+        tool: Tool | None = None,
+        arm: Array | None = None,
+        fingers: Array | None = None,
+        state: State | None = None,
+        camera: Camera | None = None,
+        width: int = 640,
+        height: int = 480,
+    ) -> Image:
+        if self._renderer is None:
+            self._renderer = Renderer(Path(self._folder.name))
+        if arm is None:
+            arm = panda_arm().home_for(task.home)
+        if fingers is None:
+            fingers = np.full(2, FINGER_OPEN)
+        self._renderer.load(task, seed, tool)
+        self._renderer.pose(arm, fingers, state if state is not None else task.scene(seed).state())
+        return self._renderer.shoot(camera or task.camera, width, height)
+
+
+def _play(world: World, job: Rollout) -> Outcome:
+    """Settle, move, hold."""
+    trajectory, dt = job.trajectory, world.time_step
+    settle, hold = round(job.settle_s / dt), round(job.hold_s / dt)
+    moving = int(np.ceil(trajectory.duration / dt))
+    times = np.arange(-settle, moving + hold) * dt
+    every = max(1, round(1 / (job.record_hz * dt))) if job.record_hz > 0 else 0
+    arm, fingers, speeds, finger_speeds = _targets(trajectory, times, dt)
+
+    film: list[tuple[float, Array, Array, State]] = []
+    start = world.state() if settle == 0 else None
+    lag = 0.0
+    for k in range(len(times)):
+        if every and k % every == 0:
+            film.append((float(times[k]), *world.joints(), world.state()))
+        world.step(arm[k], fingers[k], speeds[k], finger_speeds[k])
+        if k == settle - 1:
+            start = world.state()
+        if k >= settle and k % 10 == 0:
+            lag = max(lag, float(np.abs(world.joints()[0] - arm[k]).max()))
+    if every:
+        film.append((float(times[-1] + dt), *world.joints(), world.state()))
+    end = world.state()
+    if not all(np.isfinite(x).all() for x in (end.positions, end.quaternions, end.linear_velocities)):
+        return Outcome(None, None, error="the simulation blew up: a body's state is not finite")
+    return Outcome(start, end, lag, recording=_recording(film) if film else None)
+
+
+def _targets(trajectory: JointTrajectory, times: Array, dt: float) -> tuple[Array, Array, Array, Array]:
+    """Targets at the end of each step that begins at ``times``, and the speeds that lead there."""
+    arm, fingers = trajectory.sample(times + dt)
+    before_arm, before_fingers = trajectory.sample(times)
+    return arm, fingers, (arm - before_arm) / dt, (fingers - before_fingers) / dt
+
+
+def _recording(film: list[tuple[float, Array, Array, State]]) -> Recording:
+    times, arms, fingers, states = zip(*film, strict=True)
+    return Recording(np.array(times), np.array(arms), np.array(fingers), State.stack(states))

@@ -1,0 +1,78 @@
+"""OneBook: five books stand side by side, and only the one in the middle is wanted."""
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.scene import Body, Box, Camera, Goal, Part, Pose, Scene, State, floor, table
+
+LENGTH, THICKNESS, PITCH = 0.27, 0.039, 0.04  # along x, along y, and from one book to the next along y
+HEIGHTS = (0.17, 0.168, 0.172, 0.21, 0.22)  # from the robot's right to its left
+CENTER_X = 0.6
+DENSITY = 600.0  # kg/m^3, paper and board with some air
+PULLED_OUT = float(np.hypot(0.14, 0.044))  # metres that the third book has to move
+OTHERS = ("book_1", "book_2", "book_4", "book_5")
+
+PAGES = (0.95, 0.93, 0.86, 1.0)
+COVERS = (
+    (0.20, 0.38, 0.62, 1.0),
+    (0.36, 0.55, 0.33, 1.0),
+    (0.75, 0.22, 0.20, 1.0),
+    (0.52, 0.34, 0.58, 1.0),
+    (0.85, 0.60, 0.22, 1.0),
+)
+
+
+def book(number: int) -> Body:
+    """Two boards and a spine (toward the robot) around a block of pages; it collides as one box around them all."""
+    height, board, inset = HEIGHTS[number - 1], 0.002, 0.002
+    cover, y = COVERS[number - 1], (number - 3) * PITCH
+    side = Box((LENGTH, board, height))
+    edge = (THICKNESS - board) / 2
+    visuals = (
+        Part(side, Pose.xyz_rpy((0.0, -edge, 0.0)), cover),
+        Part(side, Pose.xyz_rpy((0.0, edge, 0.0)), cover),
+        Part(Box((board, THICKNESS, height)), Pose.xyz_rpy(((board - LENGTH) / 2, 0.0, 0.0)), cover),
+        Part(
+            Box((LENGTH - inset, THICKNESS - 2 * board, height - 2 * inset)),
+            Pose.xyz_rpy((-inset / 2, 0.0, 0.0)),
+            PAGES,
+        ),
+    )
+    whole = Box((LENGTH, THICKNESS, height))
+    mass = DENSITY * whole.volume
+    return Body(f"book_{number}", Pose.xyz_rpy((CENTER_X, y, height / 2)), mass, visuals, (Part(whole),), friction=0.3)
+
+
+def holder(name: str, side: float) -> Body:
+    """A fixed bookend: an upright plate and a foot that points away from the books."""
+    metal = (0.30, 0.32, 0.35, 1.0)
+    plate = Part(Box((0.20, 0.008, 0.15)), Pose.xyz_rpy((0.0, 0.0, 0.075)), metal)
+    foot = Part(Box((0.20, 0.08, 0.004)), Pose.xyz_rpy((0.0, side * 0.04, 0.002)), metal)
+    return Body(name, Pose.xyz_rpy((CENTER_X, side * 0.105, 0.0)), 0.0, (plate, foot), (plate, foot))
+
+
+class OneBook(Task):
+    name = "OneBook"
+    description = (
+        "Five books stand upright on the table, side by side between two fixed bookends, their spines toward the robot. "
+        "Pull the third one, the red one in the middle, out of the row by at least 0.15 m, and leave the other four "
+        "where they are."
+    )
+    goals = (Goal(bodies=("book_3",), away=PULLED_OUT, keep=OTHERS),)
+    camera = Camera(position=(1.25, -0.75, 0.75), target=(0.55, 0.0, 0.15))
+
+    def scene(self, seed: int) -> Scene:
+        books = tuple(book(number) for number in range(1, 6))
+        return Scene((floor(), table(), *books, holder("holder_right", -1.0), holder("holder_left", 1.0)))
+
+    def reward(self, start: State, end: State) -> Array:
+        """1 for the third book pulled out and the others untouched; what the others moved is subtracted."""
+
+        def moved(name: str) -> Array:
+            return np.linalg.norm(end.position(name) - start.position(name), axis=-1)
+
+        pulled = moved("book_3")
+        kept = np.exp(-sum(moved(name) for name in OTHERS))
+        partial = np.clip(pulled / PULLED_OUT - (1 - kept), 0.0, 1.0)
+        return np.where(pulled > PULLED_OUT, kept, partial)
