@@ -22,7 +22,7 @@ class DesignError(ValueError):
 
 @dataclass(frozen=True)
 class Component:
-    """One box of a tool: its pose in the frame of its parent (another component's name, or a mount link of the robot)."""
+    """One box of a tool, its pose given in the frame of its parent: another component, or a mount link of the robot."""
 
     name: str
     parent: str
@@ -34,12 +34,14 @@ class Component:
 
 @dataclass(frozen=True)
 class Tool:
-    """Boxes rigidly joined: one rigid tool on `RIGID_MOUNT`, or with ``gripper`` attachments to the fingers `GRIPPER_MOUNTS`.
+    """Boxes rigidly joined: one rigid tool on `RIGID_MOUNT`, or with ``gripper`` attachments to the fingers
+    `GRIPPER_MOUNTS`.
 
     No components at all is the bare arm (with ``gripper``: the bare hand). Parents stand before their children.
 
     Raises:
-        DesignError: names that are taken twice, a parent that is unknown or stands later, or a mount that is not this kind's.
+        DesignError: names that are taken twice, a parent that is unknown or stands later, or a mount that is not this
+        kind's.
     """
 
     components: tuple[Component, ...] = ()
@@ -56,8 +58,8 @@ class Tool:
                 )
             if component.parent not in known:
                 raise DesignError(
-                    f"component {component.name!r} hangs from {component.parent!r}, which is neither a component before it "
-                    f"nor the mount ({' or '.join(self.mounts)})"
+                    f"component {component.name!r} hangs from {component.parent!r}, which is neither a component "
+                    f"before it nor the mount ({' or '.join(self.mounts)})"
                 )
             known.add(component.name)
 
@@ -82,9 +84,10 @@ class Tool:
 class Candidate:
     """A tool and one action plan: what is tried in one rollout.
 
-    ``plan`` is (N, 6): x, y, z, roll, pitch, yaw of `RIGID_MOUNT`'s frame in the world; or (N, 7) with the gripper, 0 open to 1 closed.
-    ``problem`` says why it can't be tried (the design breaks a rule); then ``tool`` may be missing and ``plan`` empty.
-    ``agent``, ``strategy`` and ``action`` number it within its generation: they and ``generation`` make up its `id`.
+    ``plan`` is (N, 6): x, y, z, roll, pitch, yaw of `RIGID_MOUNT`'s frame in the world; or (N, 7) with the gripper, 0
+    open to 1 closed. ``problem`` says why it can't be tried (the design breaks a rule); then ``tool`` may be missing
+    and ``plan`` empty. ``agent``, ``strategy`` and ``action`` number it within its generation: they and
+    ``generation`` make up its `id`.
     """
 
     tool: Tool | None
@@ -114,10 +117,11 @@ class Candidate:
 class Evaluation:
     """What a candidate earned.
 
-    ``status``: ``ok``; ``rejected``, the design breaks a rule; or ``failed``, the rollout broke. ``reason`` tells why, else is empty.
-    ``distance_m`` is the way of the end-effector's origin from the first waypoint to the last. ``ik_error_m`` and ``ik_error_rad``
-    are the largest misses of the inverse kinematics along the plan, ``tracking_error_rad`` how far a joint fell behind its
-    target. ``moved_m`` is how far each free body ended from where it started. Without a rollout, numbers are nan.
+    ``status``: ``ok``; ``rejected``, the design breaks a rule; or ``failed``, the rollout broke. ``reason`` tells
+    why, else is empty. ``distance_m`` is the way of the end-effector's origin from the first waypoint to the last.
+    ``ik_error_m`` and ``ik_error_rad`` are the largest misses of the inverse kinematics along the plan,
+    ``tracking_error_rad`` how far a joint fell behind its target. ``moved_m`` is how far each free body ended from
+    where it started. Without a rollout, numbers are nan.
     """
 
     candidate: Candidate

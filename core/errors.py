@@ -1,4 +1,4 @@
-"""The one error that a user's mistake raises. The commands print it as one line, without a traceback."""
+"""The errors that a user's mistake raises. The commands print them as one line, without a traceback."""
 
 from __future__ import annotations
 
@@ -7,15 +7,19 @@ from collections.abc import Iterable
 
 
 class UserError(Exception):
-    """What is wrong, where, and what is possible; for a person who typed something."""
+    """What is wrong, where, and what is possible; for a person."""
 
 
-def choices(kind: str, wrong: str, possible: Iterable[str], where: str = "") -> UserError:
+class UsageError(UserError):
+    """A command was told something that it doesn't understand."""
+
+
+def choices(kind: str, wrong: str, possible: Iterable[str], where: str = "") -> UsageError:
     """There is no ``wrong``: name the possible ones, and the likeliest."""
     names = sorted(possible)
-    close = difflib.get_close_matches(wrong.lower(), [name.lower() for name in names], n=1, cutoff=0.5)
+    close = difflib.get_close_matches(wrong.lower(), [name.lower() for name in names], n=1, cutoff=0.6)
     meant = [name for name in names if close and name.lower() == close[0]]
     hint = f" (did you mean {meant[0]!r}?)" if meant else ""
     at = f" in {where}" if where else ""
-    listed = ", ".join(names) if names else "none is there"
-    return UserError(f"no {kind} {wrong!r}{at}{hint}; possible: {listed}")
+    listed = ", ".join(names) if names else "none"
+    return UsageError(f"no {kind} {wrong!r}{at}{hint}; possible: {listed}")

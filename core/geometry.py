@@ -6,6 +6,7 @@ axes, in that order, as in URDF: ``R = Rz(yaw) @ Ry(pitch) @ Rx(roll)``.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -77,8 +78,10 @@ class Pose:
 
     @property
     def rpy(self) -> Array:
-        """Fixed-axis roll, pitch, yaw (3,)."""
-        return self.rotation.as_euler("xyz")
+        """Fixed-axis roll, pitch, yaw (3,); at a pitch of 90 degrees, where roll and yaw turn alike, roll takes all."""
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Gimbal lock")
+            return self.rotation.as_euler("xyz")
 
     @property
     def matrix(self) -> Array:
@@ -94,7 +97,7 @@ class Pose:
 
     def inverse(self) -> Pose:
         back = self.rotation.inv()
-        return Pose.from_rotation(-back.apply(self.position), back)
+        return Pose.from_rotation(-(back.as_matrix() @ self.position), back)
 
     def apply(self, points: npt.ArrayLike) -> Array:
         """Points (..., 3) of this pose's frame, in the frame that the pose is given in."""
@@ -172,7 +175,9 @@ class Cylinder:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles: vertices (V, 3) in metres, faces (F, 3) of vertex numbers. As a collision shape it means its convex hull."""
+    """Triangles: vertices (V, 3) in metres, faces (F, 3) of vertex numbers. As a collision shape it means its convex
+    hull.
+    """
 
     vertices: Array
     faces: npt.NDArray[np.int64]

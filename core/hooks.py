@@ -1,9 +1,10 @@
-"""The hook specifications: how plugins offer parts, and what listeners hear. The whole of the plugin contract is on this page.
+"""The hook specifications: how plugins offer parts, and what listeners hear. All of the plugin contract is on this
+page.
 
-A plugin is a module (or object) named by an entry point in the group ``vlmgineer``. It offers a part by implementing the hook of
-its kind with `hookimpl`, and returns a mapping from the name that a config says (``sim=NAME``) to a factory: a class or function
-called with the part's settings, or a string ``"module:attribute"`` that is imported when it is first used, which keeps
-discovery quick::
+A plugin is a module (or object) named by an entry point in the group ``vlmgineer``. It offers a part by implementing
+the hook of its kind with `hookimpl`, and returns a mapping from the name that a config says (``sim=NAME``) to a
+factory: a class or function called with the part's settings, or a string ``"module:attribute"`` that is imported when
+it is first used, which keeps discovery quick::
 
     from core.hooks import hookimpl
 
@@ -59,7 +60,9 @@ class Parts:
 
     @hookspec
     def evolution_strategies(self) -> Factories:
-        """Make a `core.interfaces.EvolutionStrategy`; besides its settings the factory is given ``designer`` and ``budget``."""
+        """Make a `core.interfaces.EvolutionStrategy`; besides its settings the factory is given ``designer`` and
+        ``budget``.
+        """
         raise NotImplementedError
 
     @hookspec
@@ -102,4 +105,8 @@ class Events:
 
     @hookspec
     def run_finished(self, run: Run, result: Result) -> None:
-        """The loop ended; the run's files are being closed after this."""
+        """The loop ended, and the best design is on disk."""
+
+    @hookspec
+    def run_ended(self) -> None:
+        """Always last, after an error or an interrupt too: let go of what is held."""

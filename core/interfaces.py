@@ -1,7 +1,7 @@
 """The parts that a plugin can be. Each is small; `core.hooks` says how one is offered, `core.plugins` how one is found.
 
-A part is made by calling what its plugin registered with the part's settings as keyword arguments: their names, types and
-defaults in that signature are what the configuration may set.
+A part is made by calling what its plugin registered with the part's settings as keyword arguments: their names, types
+and defaults in that signature are what the configuration may set.
 """
 
 from __future__ import annotations
@@ -44,7 +44,9 @@ class Task(ABC):
 
     @abstractmethod
     def reward(self, start: State, end: State) -> Array:
-        """In [0, 1], for one world or many: states (..., B, 3) in, (...) out. ``start`` is after settling, before the motion."""
+        """In [0, 1], for one world or many: states (..., B, 3) in, (...) out. ``start`` is after settling, before the
+        motion.
+        """
 
     def source(self) -> str:
         """The text of the file that defines the task."""
@@ -58,8 +60,9 @@ class Task(ABC):
 class JointTrajectory:
     """What every engine plays: joint targets over time.
 
-    ``times`` (T,) from 0, rising, in seconds; ``arm`` (T, 7) in radians; ``fingers`` (T,) how far each finger is from the
-    middle, in metres (0 closed, 0.04 open). Between instants, and before and after, targets are linear and constant.
+    ``times`` (T,) from 0, rising, in seconds; ``arm`` (T, 7) in radians; ``fingers`` (T,) how far each finger is from
+    the middle, in metres (0 closed, 0.04 open). Between instants, and before and after, targets are linear and
+    constant.
     """
 
     times: Array
@@ -78,8 +81,9 @@ class JointTrajectory:
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """One job for a simulator: spawn the scene of ``seed`` and the robot with ``tool`` at the trajectory's first targets, let
-    ``settle_s`` pass, note the start state, play the trajectory, hold its last targets for ``hold_s``, note the end state.
+    """One job for a simulator: spawn the scene of ``seed`` and the robot with ``tool`` at the trajectory's first
+    targets, let ``settle_s`` pass, note the start state, play the trajectory, hold its last targets for ``hold_s``,
+    note the end state.
 
     With ``record_hz`` > 0 the whole is recorded at that rate."""
 
@@ -93,7 +97,9 @@ class Rollout:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A film without pictures: instants (T,) in seconds, arm joints (T, 7), fingers (T, 2), and the states, stacked over T."""
+    """A film without pictures: instants (T,) in seconds, arm joints (T, 7), fingers (T, 2), and the states, stacked
+    over T.
+    """
 
     times: Array
     arm: Array
@@ -103,7 +109,8 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a rollout did: states (one world) after settling and at the end, and the largest lag of an arm joint behind its target.
+    """What a rollout did: states (one world) after settling and at the end, and the largest lag of an arm joint
+    behind its target.
 
     ``error`` says how it broke, if it did; then the states are None.
     """
@@ -121,7 +128,9 @@ class Simulator(ABC):
 
     @abstractmethod
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        """Try each job in a world of its own. A job that breaks gives an outcome with an error; its neighbours are unharmed."""
+        """Try each job in a world of its own. A job that breaks gives an outcome with an error; its neighbours are
+        unharmed.
+        """
 
     @abstractmethod
     def render(
@@ -208,7 +217,9 @@ class VLM(ABC):
 
     @abstractmethod
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
-        """One reply per request, as they arrive. A request that fails gives a reply with an error, never an exception."""
+        """One reply per request, as they arrive. A request that fails gives a reply with an error, never an
+        exception.
+        """
 
 
 class ToolRepresentation(ABC):
@@ -260,8 +271,9 @@ class Designer(Protocol):
     """Where candidates come from; `core.designer` has the one there is."""
 
     def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
-        """A population: a fresh sampling, or with elites their offspring. Candidates come as replies arrive, the ones that
-        break a rule among them (`Candidate.problem`)."""
+        """A population: a fresh sampling, or with elites their offspring. Candidates come as replies arrive, the ones
+        that break a rule among them (`Candidate.problem`).
+        """
         ...
 
 
@@ -289,9 +301,11 @@ class Executor(ABC):
 
     @abstractmethod
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        """Each chunk with its result, as they finish; with an exception where the function raised or its worker died. ``chunks`` is
-        read no faster than workers need them."""
+        """Each chunk with its result, as they finish; with an exception where the function raised or its worker died.
+        ``chunks`` is read no faster than workers need them.
+        """
 
+    @abstractmethod
     def close(self) -> None:
         """Ends the workers, at once."""
 

@@ -12,7 +12,8 @@ from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
 from core.robot import HOME_JOINTS, assemble
 
-# Levenberg-Marquardt: a radian of orientation weighs as much as this many metres, so that out of reach the position comes first.
+# Levenberg-Marquardt: a radian of orientation weighs as much as this many metres, so that out of reach the position
+# comes first.
 _RADIAN_WEIGHT = 0.3
 _POSITION_TOLERANCE = 1e-5
 _MAX_STEPS = 60
@@ -55,8 +56,8 @@ class Arm:
     def inverse(self, pose: Pose, seed: Array) -> Solution:
         """The joints near ``seed`` whose end-effector comes closest to ``pose``, within the joint limits.
 
-        Damped least squares on the pose error (position and rotation vector). A joint that presses against its limit is held
-        there while the others go on. A pose out of reach gives the nearest that was found, and its miss.
+        Damped least squares on the pose error (position and rotation vector). A joint that presses against its limit
+        is held there while the others go on. A pose out of reach gives the nearest that was found, and its miss.
         """
         model, data, frame = self._model, self._data, self._frame
         target = pin.SE3(pose.rotation.as_matrix(), pose.position)
@@ -68,7 +69,8 @@ class Arm:
             error = np.empty(6)
             error[:3] = here.rotation.T @ (target.translation - here.translation)
             error[3:] = pin.log3(here.rotation.T @ target.rotation)
-            return error * weight
+            weighted: Array = error * weight
+            return weighted
 
         q = np.clip(seed, self.lower, self.upper)
         error = miss(q)
@@ -105,7 +107,8 @@ class Arm:
         solution = self.inverse(pose, self.home)
         if solution.error_m > 1e-3 or solution.error_rad > 1e-2:
             raise ValueError(
-                f"home {pose.position} is out of the arm's reach by {solution.error_m:.3f} m, {solution.error_rad:.2f} rad"
+                f"home {pose.position} is out of the arm's reach by {solution.error_m:.3f} m and "
+                f"{solution.error_rad:.2f} rad"
             )
         return solution.joints
 

@@ -17,7 +17,7 @@ from typing import Any
 import pluggy
 import pydantic
 
-from core.errors import UserError, choices
+from core.errors import UsageError, UserError, choices
 from core.hooks import PROJECT, Events, Factory, Parts
 
 KINDS = {
@@ -122,7 +122,8 @@ class Plugins:
             ) from error
 
     def create(self, kind: str, name: str, settings: Mapping[str, Any] | None = None, **given: Any) -> Any:
-        """Make a part: its factory is called with ``settings``, checked against its signature, and with what the caller gives.
+        """Make a part: its factory is called with ``settings``, checked against its signature, and with what the
+        caller gives.
 
         Raises:
             UserError: no such part, a setting that it does not have or whose type is wrong, or a setting that it needs.
@@ -145,7 +146,7 @@ def check_settings(
         for name, parameter in inspect.signature(factory).parameters.items()
         if name not in given and parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
     }
-    hints = typing.get_type_hints(factory.__init__ if inspect.isclass(factory) else factory)  # type: ignore[misc]
+    hints = typing.get_type_hints(factory.__init__ if inspect.isclass(factory) else factory)
     checked: dict[str, Any] = {}
     for name, value in settings.items():
         if name not in parameters:
@@ -154,10 +155,10 @@ def check_settings(
             checked[name] = pydantic.TypeAdapter(hints.get(name, Any)).validate_python(value)
         except pydantic.ValidationError as error:
             reason = error.errors()[0]["msg"]
-            raise UserError(f"{where}: setting {name!r} can't be {value!r}: {reason}") from error
+            raise UsageError(f"{where}: setting {name!r} can't be {value!r}: {reason}") from error
     for name, parameter in parameters.items():
         if parameter.default is parameter.empty and name not in checked:
-            raise UserError(f"{where}: setting {name!r} is needed; settings: {', '.join(parameters)}")
+            raise UsageError(f"{where}: setting {name!r} is needed; settings: {', '.join(parameters)}")
     return checked
 
 

@@ -1,9 +1,9 @@
 """The Franka Panda: its description, the mounts, and the arm with a tool as one URDF.
 
-The description is franka_ros's, as the package example-robot-data carries it: any engine can read it without PyBullet being
-installed, and its masses and inertias are the identified ones (C. Gaz et al., "Dynamic identification of the Franka Emika
-Panda robot with retrieval of feasible parameters using penalty-based optimization", IEEE RA-L 2019), where pybullet_data's
-copy has placeholders. `tests/core/test_robot.py` checks that they are physical.
+The description is franka_ros's, as the package example-robot-data carries it: any engine can read it without PyBullet
+being installed, and its masses and inertias are the identified ones (C. Gaz et al., "Dynamic identification of the
+Franka Emika Panda robot with retrieval of feasible parameters using penalty-based optimization", IEEE RA-L 2019),
+where pybullet_data's copy has placeholders. `tests/core/test_robot.py` checks that they are physical.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ FINGER_FRICTION = 1.0  # rubber tips
 TOOL_FRICTION = 0.5  # printed plastic; the arm's links too
 HOME_JOINTS = (-0.0018, -0.1860, 0.0017, -2.1008, 0.0003, 1.9147, 0.7847)
 
-# Joint accelerations that the arm allows, rad/s^2: Franka Control Interface documentation, "Robot and interface specifications".
+# Joint accelerations that the arm allows, rad/s^2: Franka Control Interface documentation, "Robot and interface
+# specifications".
 ACCELERATION_LIMITS = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
 
 _HAND_LINKS = ("panda_hand", "panda_hand_tcp", *GRIPPER_MOUNTS)
@@ -61,7 +62,7 @@ def _description() -> bytes:
 
 
 def _numbers(values: Iterable[float]) -> str:
-    return " ".join(f"{value + 0.0:.9g}" for value in values)
+    return " ".join(f"{value + 0.0:.15g}" for value in values)
 
 
 def _origin(parent: Any, pose: Pose) -> None:
@@ -71,9 +72,9 @@ def _origin(parent: Any, pose: Pose) -> None:
 def _inertial(link: Any, mass: float, center: Array, tensor: Array) -> None:
     element = etree.SubElement(link, "inertial")
     etree.SubElement(element, "origin", xyz=_numbers(center), rpy="0 0 0")
-    etree.SubElement(element, "mass", value=f"{mass:.9g}")
+    etree.SubElement(element, "mass", value=f"{mass:.15g}")
     names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    etree.SubElement(element, "inertia", {name: f"{tensor[at]:.9g}" for name, at in names.items()})
+    etree.SubElement(element, "inertia", {name: f"{tensor[at]:.15g}" for name, at in names.items()})
 
 
 def _shapes(link: Any, component: Component, pose: Pose) -> None:
@@ -140,7 +141,7 @@ def _fuse(link: Any, tool: Tool, mount: str) -> None:
         centers.append(pose.position)
         tensors.append(axes @ box_inertia(component) @ axes.T)
     mass = sum(masses)
-    center = sum(m * c for m, c in zip(masses, centers, strict=True)) / mass
+    center: Array = np.average(centers, axis=0, weights=masses)
     tensor = np.zeros((3, 3))
     for m, c, i in zip(masses, centers, tensors, strict=True):
         arm = c - center
@@ -154,11 +155,13 @@ def _fuse(link: Any, tool: Tool, mount: str) -> None:
 def assemble(tool: Tool | None = None, *, fused: bool = False, visuals: bool = True, mesh_path: MeshPath = str) -> str:
     """The Panda with a tool mounted, as URDF text.
 
-    A rigid tool takes the hand's place; with a gripper tool (or None, the bare hand) the hand stays. ``panda_virtual`` sits where
-    the hand does, 0.107 m beyond ``panda_link7`` and turned -45 degrees, flipped over so that at home its axes are the world's.
+    A rigid tool takes the hand's place; with a gripper tool (or None, the bare hand) the hand stays.
+    ``panda_virtual`` sits where the hand does, 0.107 m beyond ``panda_link7`` and turned -45 degrees, flipped over so
+    that at home its axes are the world's.
 
     Args:
-        fused: the tool's boxes become shapes of the link that they are mounted on (for engines: fewer links, the same physics),
+        tool: what is mounted; without components the bare flange, or with ``gripper`` the bare hand.
+        fused: the tool's boxes become shapes of the link that bears them (for engines: fewer links, the same physics),
             instead of links of their own (for people).
         visuals: with the arm's visual meshes (and the tool's visual boxes).
         mesh_path: what to write for a mesh, given its absolute path.
@@ -186,6 +189,6 @@ def assemble(tool: Tool | None = None, *, fused: bool = False, visuals: bool = T
         for visual in link.findall("visual") if not visuals else ():
             link.remove(visual)
         for mesh in link.iter("mesh"):
-            path = mesh.get("filename").replace(_MESH_PREFIX, "")
+            path = str(mesh.get("filename")).replace(_MESH_PREFIX, "")
             mesh.set("filename", mesh_path(description_folder() / path))
     return to_text(robot)

@@ -17,11 +17,10 @@ from core.scene import State
 from core.trajectory import Motion, plan_motion
 
 
-@dataclass(frozen=True)
+@dataclass
 class RolloutSettings:
-    """How a plan is executed: the least time of a segment, pauses before and after, and how much of the arm's limits is used.
-
-    ``max_motion_s`` bounds a motion: a plan that takes longer is rejected.
+    """How a plan is executed: the least time of a segment, the pauses before and after the motion, the share of the
+    arm's velocity and acceleration limits that is used, and the longest motion, beyond which a plan is rejected.
     """
 
     segment_s: float = 0.5

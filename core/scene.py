@@ -27,7 +27,9 @@ class Part:
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass, the frame of the principal axes at the centre of mass (in the body's frame), and the principal moments (3,)."""
+    """Mass, the frame of the principal axes at the centre of mass (in the body's frame), and the principal moments
+    (3,).
+    """
 
     mass: float
     frame: Pose
@@ -38,9 +40,9 @@ class Inertia:
 class Body:
     """A rigid body, free to move, or fixed where it stands if its mass is 0.
 
-    ``visuals`` are seen, ``collisions`` are felt (a `Mesh` there means its convex hull; hollow things are several convex
-    parts; no collisions: a mark that nothing touches). The friction coefficient of a contact is the geometric mean
-    of the two bodies' ``friction``, in every engine. ``rolling_friction`` is the torsional arm in metres.
+    ``visuals`` are seen, ``collisions`` are felt (a `Mesh` there means its convex hull; hollow things are several
+    convex parts; no collisions: a mark that nothing touches). The friction coefficient of a contact is the geometric
+    mean of the two bodies' ``friction``, in every engine. ``rolling_friction`` is the torsional arm in metres.
 
     Raises:
         ValueError: a negative mass, or a free body without collision parts.
@@ -154,8 +156,8 @@ class Scene:
 class State:
     """Where the free bodies are and how they move, in one world or in many.
 
-    Positions (..., B, 3) are those of the bodies' frames in the world, quaternions (..., B, 4), velocities (..., B, 3) in
-    m/s and rad/s, world axes. The leading axes, if any, are worlds or instants.
+    Positions (..., B, 3) are those of the bodies' frames in the world, quaternions (..., B, 4), velocities (..., B,
+    3) in m/s and rad/s, world axes. The leading axes, if any, are worlds or instants.
     """
 
     names: tuple[str, ...]
@@ -218,8 +220,8 @@ class Goal:
     """What a task wants, told so that a program can read it: which bodies to move, and where to.
 
     Either ``place``, where each of ``bodies`` is to end (metres, world frame; None: that coordinate is free), within
-    ``tolerance``; or ``away``, how far from where it started each is to end, in whatever direction. ``keep`` are bodies to leave
-    as they are. The reward is what counts; this is a hint for designers that can't read prose.
+    ``tolerance``; or ``away``, how far from where it started each is to end, in whatever direction. ``keep`` are
+    bodies to leave as they are. The reward is what counts; this is a hint for designers that can't read prose.
 
     Raises:
         ValueError: neither or both of ``place`` and ``away``.
@@ -238,7 +240,9 @@ class Goal:
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera at ``position`` that looks at ``target``, world z up in the picture; vertical field of view in degrees."""
+    """A camera at ``position`` that looks at ``target``, world z up in the picture; vertical field of view in
+    degrees.
+    """
 
     position: tuple[float, float, float] = (1.55, -1.15, 1.15)
     target: tuple[float, float, float] = (0.55, 0.0, 0.15)

@@ -23,8 +23,8 @@ _SAMPLE_S = 0.01
 class Motion:
     """A joint trajectory and what is known of it beforehand.
 
-    ``distance_m``: the way of the end-effector's origin from the first waypoint to the last, as the joints go. ``ik_error_m``,
-    ``ik_error_rad``: the largest misses of the inverse kinematics at the knots of that way.
+    ``distance_m``: the way of the end-effector's origin from the first waypoint to the last, as the joints go.
+    ``ik_error_m``, ``ik_error_rad``: the largest misses of the inverse kinematics at the knots of that way.
     """
 
     trajectory: JointTrajectory
@@ -36,11 +36,15 @@ class Motion:
 def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, speed: float = 0.95) -> Motion:
     """The motion from the home pose through all waypoints, at rest at each.
 
-    In a segment the position goes straight, the orientation by SLERP and the fingers linearly. It lasts ``segment_s``, or longer
-    where a joint would pass its velocity or acceleration limit (times ``speed``).
+    In a segment the position goes straight, the orientation by SLERP and the fingers linearly. It lasts
+    ``segment_s``, or longer where a joint would pass its velocity or acceleration limit (times ``speed``).
 
     Args:
         plan: (N, 6) or (N, 7), see `core.design.Candidate`.
+        home: where the end-effector starts.
+        arm: whose kinematics and limits count.
+        segment_s: the least time of a segment, seconds.
+        speed: the share of the velocity and acceleration limits to use, 0..1.
     """
     count = len(plan)
     grip = plan[:, 6] if plan.shape[1] == 7 else np.zeros(count)
@@ -49,18 +53,18 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
     rotations = Rotation.concatenate([home.rotation, Rotation.from_euler("xyz", plan[:, 3:6])])
 
     joints = arm.home_for(home)
-    knots = [joints[None]]
+    knots: list[Array] = [joints[None]]
     errors: list[tuple[float, float]] = []
     for i in range(count):
         points, turns = _path(positions[i : i + 2], rotations[i : i + 2])
-        segment = [joints]
+        solved = [joints]
         for k, (point, turn) in enumerate(zip(points[1:], turns[1:], strict=True), start=1):
             solution = arm.inverse(Pose.from_rotation(point, turn), joints)
             joints = solution.joints
-            segment.append(joints)
+            solved.append(joints)
             if i > 0 or k == len(points) - 1:
                 errors.append((solution.error_m, solution.error_rad))
-        knots.append(np.array(segment))
+        knots.append(np.array(solved))
 
     times, targets, fingers = [np.zeros(1)], [knots[0]], [np.full(1, FINGER_OPEN)]
     for i, segment in enumerate(knots[1:]):
@@ -89,12 +93,13 @@ def _path(positions: Array, rotations: Rotation) -> tuple[Array, Rotation]:
 
 
 def _time(path: CubicSpline, arm: Arm, segment_s: float, speed: float) -> tuple[Array, Array]:
-    """When to be where along ``path`` (joints over s in [0, 1]), at rest at both ends: instants (S,) in seconds, and s (S,).
+    """When to be where along ``path`` (joints over s in [0, 1]), at rest at both ends: instants (S,) in seconds, and
+    s (S,).
 
-    Without limits it is a trapezoid of the path's speed: a fifth of the time to speed up, a fifth to slow down. Where a joint
-    would pass a limit, the speed is lower there and before and after (forward and backward pass over the squared path
-    speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths", IJRR 1985; half of each
-    acceleration limit for the path's bend, half for the change of speed).
+    Without limits it is a trapezoid of the path's speed: a fifth of the time to speed up, a fifth to slow down. Where
+    a joint would pass a limit, the speed is lower there and before and after (forward and backward pass over the
+    squared path speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths",
+    IJRR 1985; half of each acceleration limit for the path's bend, half for the change of speed).
     """
     s = np.linspace(0.0, 1.0, 2 * max(20, len(path.x)) + 1)
     step = s[1]

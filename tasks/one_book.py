@@ -55,12 +55,12 @@ def holder(name: str, side: float) -> Body:
 class OneBook(Task):
     name = "OneBook"
     description = (
-        "Five books stand upright on the table, side by side between two fixed bookends, their spines toward the robot. "
-        "Pull the third one, the red one in the middle, out of the row by at least 0.15 m, and leave the other four "
-        "where they are."
+        "Five books stand upright on the table, side by side between two fixed bookends, their spines toward the "
+        "robot. Pull the third one, the red one in the middle, out of the row by at least 0.15 m, and leave the other "
+        "four where they are."
     )
     goals = (Goal(bodies=("book_3",), away=PULLED_OUT, keep=OTHERS),)
-    camera = Camera(position=(1.25, -0.75, 0.75), target=(0.55, 0.0, 0.15))
+    camera = Camera(position=(1.2, -0.8, 0.75), target=(0.45, 0.0, 0.25))
 
     def scene(self, seed: int) -> Scene:
         books = tuple(book(number) for number in range(1, 6))
@@ -69,10 +69,9 @@ class OneBook(Task):
     def reward(self, start: State, end: State) -> Array:
         """1 for the third book pulled out and the others untouched; what the others moved is subtracted."""
 
-        def moved(name: str) -> Array:
-            return np.linalg.norm(end.position(name) - start.position(name), axis=-1)
-
-        pulled = moved("book_3")
-        kept = np.exp(-sum(moved(name) for name in OTHERS))
+        moved = {name: np.linalg.norm(end.position(name) - start.position(name), axis=-1) for name in end.names}
+        pulled = moved["book_3"]
+        kept = np.exp(-sum(moved[name] for name in OTHERS))
         partial = np.clip(pulled / PULLED_OUT - (1 - kept), 0.0, 1.0)
-        return np.where(pulled > PULLED_OUT, kept, partial)
+        reward: Array = np.where(pulled > PULLED_OUT, kept, partial)
+        return reward

@@ -6,6 +6,8 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import trimesh
 from lxml import etree
 
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
@@ -50,9 +52,18 @@ def _geometry(shape: Shape, folder: Path) -> Any:
 
 
 def mesh_file(mesh: Mesh, folder: Path) -> Path:
-    """An OBJ file of the mesh in ``folder``, written once."""
-    digest = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()[:16]
-    file = folder / f"{digest}.obj"
+    """An OBJ file of the mesh in ``folder``, to be felt."""
+    return _once(folder, str(mesh.to_trimesh().export(file_type="obj")))
+
+
+def facets_file(shape: Shape, folder: Path) -> Path:
+    """An OBJ file of the shape in ``folder``, to be seen: edges of less than 30 degrees are shaded as if round."""
+    smooth = trimesh.graph.smooth_shade(shape.to_trimesh(), angle=np.radians(30.0))
+    return _once(folder, str(smooth.export(file_type="obj", include_normals=True)))
+
+
+def _once(folder: Path, text: str) -> Path:
+    file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.obj"
     if not file.exists():
-        file.write_text(str(mesh.to_trimesh().export(file_type="obj", include_normals=True)))
+        file.write_text(text)
     return file

@@ -1,14 +1,13 @@
-"""Imports PyBullet, without the line that it prints from C when it is imported."""
+"""Imports PyBullet, without the line that its C code prints when it is imported."""
 
 import os
 import sys
 
 from core.errors import UserError
 
-sys.stdout.flush()
-_stdout = os.dup(1)
-_nowhere = os.open(os.devnull, os.O_WRONLY)
-os.dup2(_nowhere, 1)
+sys.stderr.flush()
+_stderr, _nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+os.dup2(_nowhere, 2)
 try:
     import pybullet
 except ModuleNotFoundError as error:
@@ -16,8 +15,8 @@ except ModuleNotFoundError as error:
         "sim=pybullet needs PyBullet: pip install pybullet (wheels exist for Linux and Python 3.11 or older)"
     ) from error
 finally:
-    os.dup2(_stdout, 1)
-    os.close(_stdout)
+    os.dup2(_stderr, 2)
+    os.close(_stderr)
     os.close(_nowhere)
 
 __all__ = ["pybullet"]

@@ -12,7 +12,7 @@ from core.geometry import Array, Box, Cylinder, Mesh, Pose, Sphere
 from core.interfaces import Image, Task
 from core.robot import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Camera, Part, State
-from plugins.simulators.pybullet.bodies import mesh_file
+from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.world import joint_numbers, load_robot
 
@@ -51,10 +51,8 @@ class Renderer:
                 shape = p.createVisualShape(p.GEOM_BOX, halfExtents=[side / 2 for side in size], **look)
             case Sphere(radius=radius):
                 shape = p.createVisualShape(p.GEOM_SPHERE, radius=radius, **look)
-            case Cylinder(radius=radius, length=length):
-                shape = p.createVisualShape(p.GEOM_CYLINDER, radius=radius, length=length, **look)
-            case Mesh():
-                file = str(mesh_file(part.shape, self._folder))
+            case Cylinder() | Mesh():  # PyBullet's own cylinders are shaded as if they had no edges
+                file = str(facets_file(part.shape, self._folder))
                 shape = p.createVisualShape(p.GEOM_MESH, fileName=file, **look)
         return int(p.createMultiBody(0, -1, shape, physicsClientId=self._client))
 

@@ -25,7 +25,8 @@ class PyBulletSimulator(Simulator):
     Args:
         time_step: seconds.
         solver_iterations: of the contact solver, per step.
-        tracking_rate: how fast a joint closes in on its target, 1/s. The gain per step follows from it, so that it means
+        tracking_rate: how fast a joint closes in on its target, 1/s. The gain per step follows from it, so that it
+        means
             the same at every time step.
     """
 
@@ -88,7 +89,7 @@ def _play(world: World, job: Rollout) -> Outcome:
     trajectory, dt = job.trajectory, world.time_step
     settle, hold = round(job.settle_s / dt), round(job.hold_s / dt)
     moving = int(np.ceil(trajectory.duration / dt))
-    times = np.arange(-settle, moving + hold) * dt
+    times: Array = np.arange(-settle, moving + hold, dtype=np.float64) * dt
     every = max(1, round(1 / (job.record_hz * dt))) if job.record_hz > 0 else 0
     arm, fingers, speeds, finger_speeds = _targets(trajectory, times, dt)
 

@@ -78,9 +78,11 @@ class World:
             p.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction), physicsClientId=client)
 
     def _filter_contacts(self, tool: Tool, links: dict[str, int]) -> None:
-        """The arm's own links overlap by construction and never touch each other; what is mounted touches all but its bearer."""
+        """The arm's own links overlap by construction and never touch each other; what is mounted touches all but its
+        bearer.
+        """
         mounts = set(GRIPPER_MOUNTS) if tool.gripper else {RIGID_MOUNT}
-        bearers = {"panda_hand"} if tool.gripper else {"panda_link6", "panda_link7", "panda_link8"}
+        bearers = {"panda_hand"} if tool.gripper else {"panda_link7", "panda_link8"}
         everything = {"panda_link0": -1, **links}
         names = list(everything)
         for i, one in enumerate(names):
@@ -91,7 +93,9 @@ class World:
                 )
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
-        """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one time step."""
+        """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one
+        time step.
+        """
         targets, velocities = arm.tolist(), speeds.tolist()
         if self._gripper:
             targets += [fingers, fingers]
@@ -138,7 +142,9 @@ def load_robot(client: int, folder: Path, tool: Tool, *, visuals: bool) -> int:
 
 
 def add_body(client: int, folder: Path, body: Body) -> tuple[int, Pose | None]:
-    """Place a body. Returns its number, and its frame in the frame of its centre of mass, None where they are the same."""
+    """Place a body. Returns its number, and its frame in the frame of its centre of mass, None where they are the
+    same.
+    """
     inertia = None if body.fixed else body.inertia()
     x, y, z, w = body.pose.rotation.as_quat()
     number = p.loadURDF(

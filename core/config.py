@@ -1,0 +1,174 @@
+"""What a configuration may say, and Hydra's complaints turned into one line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from hydra import compose, initialize_config_module
+from hydra.core.config_store import ConfigStore
+from hydra.errors import HydraException, MissingConfigException
+from omegaconf import MISSING, DictConfig, OmegaConf
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+
+from core.designer import Sampling
+from core.errors import UsageError, UserError, choices
+from core.rollout import Part, RolloutSettings
+
+T = TypeVar("T")
+
+
+@dataclass
+class PaperConfig:
+    """The paper's parameters for a task."""
+
+    n_agent: int = MISSING
+    n_tool: int = MISSING
+    n_action: int = MISSING
+    k_top: int = MISSING
+    reward_save: float = MISSING
+    n_iteration: int = MISSING
+
+
+@dataclass
+class BudgetConfig(PaperConfig):
+    """How much is tried in a run; ``stop_reward``: stop early when the best reward reaches it (null: never)."""
+
+    name: str = MISSING
+    stop_reward: float | None = None
+
+
+@dataclass
+class PromptConfig:
+    """``dir``: a folder of templates to use instead of the project's own."""
+
+    name: str = MISSING
+    dir: str | None = None
+
+
+@dataclass
+class BenchConfig:
+    """Where candidates are tried. The settings of each part are checked by what the part's plugin registered."""
+
+    task: dict[str, Any] = MISSING
+    sim: dict[str, Any] = MISSING
+    seed: int = 0
+
+
+@dataclass
+class RunConfig(BenchConfig):
+    """What ``python -m core.run`` may be told."""
+
+    vlm: dict[str, Any] = MISSING
+    tool: dict[str, Any] = MISSING
+    evolution: dict[str, Any] = MISSING
+    executor: dict[str, Any] = MISSING
+    logger: dict[str, Any] = field(default_factory=dict)
+    prompt: PromptConfig = field(default_factory=PromptConfig)
+    budget: BudgetConfig = field(default_factory=BudgetConfig)
+    sampling: Sampling = field(default_factory=Sampling)
+    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    film: bool = True
+
+
+@dataclass
+class EvaluateConfig(BenchConfig):
+    """What ``python -m core.evaluate`` may be told. ``output``: a JSON file to write besides the table."""
+
+    tool: dict[str, Any] = MISSING
+    executor: dict[str, Any] = MISSING
+    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    designs: str = MISSING
+    output: str | None = None
+
+
+@dataclass
+class RenderConfig(BenchConfig):
+    """What ``python -m core.render`` may be told. ``designs``: mount the tool of its first strategy."""
+
+    tool: dict[str, Any] = MISSING
+    designs: str | None = None
+    strategy: int = 0
+    output: str = "scene.png"
+    width: int = 640
+    height: int = 480
+
+
+def register() -> None:
+    """Make the schemas known to Hydra; the primary configs in ``conf/`` start from them."""
+    store = ConfigStore.instance()
+    store.store("run_schema", RunConfig)
+    store.store("evaluate_schema", EvaluateConfig)
+    store.store("render_schema", RenderConfig)
+
+
+def load(name: str, overrides: Sequence[str]) -> DictConfig:
+    """The primary config ``name`` with command-line overrides.
+
+    Raises:
+        UserError: a wrong group, key or type; it says what is possible.
+    """
+    register()
+    try:
+        return _compose(name, overrides)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise explain(error, name, overrides) from error
+
+
+def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
+    with initialize_config_module("conf", version_base="1.3"):
+        config: DictConfig = compose(name, list(overrides))
+    return config
+
+
+def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
+    """Hydra's complaint about ``overrides`` as one line that says what is possible."""
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
+        group, _, choice = error.missing_cfg_file.rpartition("/")
+        return choices(group, choice, error.options)
+    found = re.search(r"Could not override '([^']+)'", str(error))
+    cause = error.__cause__
+    if found and isinstance(cause, ConfigAttributeError | ConfigKeyError):
+        key = found.group(1).lstrip("+~")
+        parent, _, wrong = key.rpartition(".")
+        others = [o for o in overrides if o.lstrip("+~").partition("=")[0] != key]
+        try:
+            node = OmegaConf.select(_compose(name, others), parent) if parent else _compose(name, others)
+        except (HydraException, OmegaConfBaseException):
+            node = None  # something else is wrong as well; the plain message must do
+        if isinstance(node, DictConfig):
+            return choices("key", wrong, [str(k) for k in node], parent or "the configuration")
+    message = " ".join(str(error).split())
+    if isinstance(cause, OmegaConfBaseException):
+        message = f"{message}: {first_line(cause)}"
+    return UsageError(message)
+
+
+def first_line(error: BaseException) -> str:
+    return str(error).strip().partition("\n")[0]
+
+
+def node(config: DictConfig, of: type[T]) -> T:
+    """A typed node of a configuration as the dataclass that it is an instance of."""
+    made = OmegaConf.to_object(config)
+    assert isinstance(made, of)
+    return made
+
+
+def part(kind: str, config: DictConfig, without: Sequence[str] = ()) -> Part:
+    """The part that a config node names, with its settings but for the keys in ``without``.
+
+    Raises:
+        UserError: the node names none.
+    """
+    settings = OmegaConf.to_container(config, resolve=True)
+    if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):
+        raise UserError(f"{kind}: the configuration names no part; give it a 'name'")
+    kept = {str(k): _hashable(v) for k, v in settings.items() if k not in ("name", *without)}
+    return Part(kind, settings["name"], tuple(kept.items()))
+
+
+def _hashable(value: Any) -> Any:
+    return tuple(_hashable(item) for item in value) if isinstance(value, list) else value

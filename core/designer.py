@@ -1,0 +1,120 @@
+"""From a brief to candidates: compose the requests, ask the model, read its replies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pluggy
+
+from core.design import Candidate, DesignError, Evaluation
+from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Task, ToolRepresentation
+from core.prompts import Prompts, answer_schema
+from core.reading import parse_reply, read_designs
+from core.rules import SpawnRules
+
+ToolKind = Literal["rigid", "gripper"]
+
+
+@dataclass
+class Sampling:
+    """How the model is sampled: an agent's temperature is drawn within ``spread`` of ``temperature``, clipped to [0,
+    2].
+    """
+
+    temperature: float = 1.0
+    spread: float = 0.5
+
+
+class ModelDesigner:
+    """The `core.interfaces.Designer`: agents without shared history, all asked at once.
+
+    Agents' seeds, temperatures and kinds of tool follow from ``seed``, the generation and the agent's number alone.
+    Of two ``tool_kinds`` each agent is given one by lot.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        vlm: VLM,
+        representation: ToolRepresentation,
+        prompts: Prompts,
+        budget: Budget,
+        *,
+        seed: int,
+        sampling: Sampling,
+        tool_kinds: Sequence[ToolKind],
+        picture: Picture | None,
+        events: pluggy.PluginManager,
+    ) -> None:
+        self.task = task
+        self.vlm = vlm
+        self.representation = representation
+        self.prompts = prompts
+        self.budget = budget
+        self.seed = seed
+        self.sampling = sampling
+        self.tool_kinds = tuple(tool_kinds)
+        self.picture = picture
+        self.events = events
+        self._spawn = SpawnRules(task, seed)
+
+    def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
+        requests = {r.id: r for r in (self._request(generation, agent, elites) for agent in range(self.budget.n_agent))}
+        for request in requests.values():
+            self.events.hook.request_composed(request=request)
+        for reply in self.vlm.complete(list(requests.values())):
+            request = requests.pop(reply.request_id)
+            self.events.hook.reply_received(request=request, reply=reply)
+            yield from self._read(request, reply)
+        for request in requests.values():
+            yield self._lost(request.brief, "no reply came")
+
+    def _request(self, generation: int, agent: int, elites: Sequence[Evaluation]) -> Request:
+        rng = np.random.default_rng([self.seed, generation, agent])
+        kind = self.tool_kinds[int(rng.integers(len(self.tool_kinds)))]
+        temperature = self.sampling.temperature + rng.uniform(-self.sampling.spread, self.sampling.spread)
+        brief = Brief(
+            task=self.task,
+            scene_seed=self.seed,
+            representation=self.representation,
+            gripper=kind == "gripper",
+            n_tool=self.budget.n_tool,
+            n_action=self.budget.n_action,
+            generation=generation,
+            agent=agent,
+            seed=int(rng.integers(2**31)),
+            elites=tuple(elites),
+        )
+        messages = self.prompts.compose(brief, self.picture)
+        schema = answer_schema(brief)
+        return Request(f"g{generation}-a{agent}", brief, messages, schema, float(np.clip(temperature, 0.0, 2.0)))
+
+    def _read(self, request: Request, reply: Reply) -> Iterator[Candidate]:
+        """The candidates of a reply, no more than were asked for."""
+        brief = request.brief
+        if reply.error is not None:
+            yield self._lost(brief, f"the model gave no answer: {reply.error}")
+            return
+        try:
+            candidates = read_designs(
+                parse_reply(reply.text),
+                self.representation,
+                self._spawn,
+                generation=brief.generation,
+                agent=brief.agent,
+                elites=tuple(elite.candidate.id for elite in brief.elites),
+            )
+        except DesignError as error:
+            yield self._lost(brief, f"the reply can't be read: {error}")
+            return
+        for candidate in candidates:
+            if candidate.strategy < brief.n_tool and candidate.action < brief.n_action:
+                yield candidate
+
+    @staticmethod
+    def _lost(brief: Brief, problem: str) -> Candidate:
+        """Stands for all that an agent would have designed."""
+        return Candidate(None, np.zeros((0, 6)), brief.generation, brief.agent, problem=problem)

@@ -1,0 +1,58 @@
+"""``python -m core.render task=NAME [designs=FILE] [output=FILE.png]``: a picture of a task's scene, with or without
+a tool.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from core.artifacts import png
+from core.cli import arguments, command, write_bytes
+from core.config import load, part
+from core.design import Tool
+from core.errors import UserError
+from core.interfaces import Image, Task
+from core.reading import load_designs, read_designs
+from core.rules import SpawnRules
+
+USAGE = "usage: python -m core.render task=NAME [designs=FILE strategy=N] [seed=N] [width=W height=H] [output=FILE.png]"
+
+
+def render(cfg: DictConfig) -> Image:
+    """The picture (H, W, 3).
+
+    Raises:
+        UserError: a part, a setting, or the tool can't be had.
+    """
+    task = part("task", cfg.task, without=("tool_kinds", "paper")).create()
+    simulator = part("sim", cfg.sim).create()
+    tool = None if cfg.designs is None else _tool(cfg, task)
+    picture: Image = simulator.render(task, seed=cfg.seed, tool=tool, width=cfg.width, height=cfg.height)
+    return picture
+
+
+def _tool(cfg: DictConfig, task: Task) -> Tool:
+    file = Path(cfg.designs)
+    candidates = read_designs(load_designs(file), part("tool", cfg.tool).create(), SpawnRules(task, cfg.seed))
+    chosen = [c for c in candidates if c.strategy == cfg.strategy]
+    if not chosen:
+        raise UserError(
+            f"{file} has {len({c.strategy for c in candidates})} strategies; there is no strategy={cfg.strategy}"
+        )
+    tool = chosen[0].tool
+    if tool is None:
+        raise UserError(f"{file}: the tool of strategy {cfg.strategy} can't be mounted: {chosen[0].problem}")
+    return tool
+
+
+def main() -> None:
+    cfg = load("render", arguments(USAGE))
+    write_bytes(Path(cfg.output), png(render(cfg)))
+    sys.stdout.write(f"{cfg.output}\n")
+
+
+if __name__ == "__main__":
+    command(main)

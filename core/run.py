@@ -1,0 +1,181 @@
+"""``python -m core.run``: a config in, a run folder out. Thin: it makes the parts, runs the loop, and writes what is
+left.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import sys
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, cast
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from core.artifacts import png, save_design, save_film, save_picture
+from core.cli import command
+from core.config import explain, node, part, register
+from core.design import Tool
+from core.designer import ModelDesigner, Sampling
+from core.errors import UsageError, UserError
+from core.evolution import Result, evolve
+from core.interfaces import Budget, Picture, Task, ToolRepresentation
+from core.plugins import event_hub, installed
+from core.prompts import Prompts
+from core.rollout import Bench, RolloutSettings
+from core.store import RunStore, summary
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What listeners are told of a run. ``parts`` are the names chosen, by kind; ``config`` is all of it, resolved."""
+
+    folder: Path
+    config: dict[str, Any]
+    parts: dict[str, str]
+    model: str
+    task: Task
+    representation: ToolRepresentation
+    budget: Budget
+    seed: int
+
+    def report(self, result: Result) -> dict[str, Any]:
+        """The content of ``result.json``."""
+        best = result.best
+        return {
+            **{kind: self.parts[kind] for kind in ("task", "sim", "vlm", "tool", "evolution")},
+            "budget": self.config["budget"]["name"],
+            "seed": self.seed,
+            "best": None
+            if best is None
+            else {
+                "reward": best.reward,
+                "distance_m": best.distance_m,
+                "generation": best.candidate.generation,
+                "candidate": best.candidate.id,
+            },
+            "generations": [summary(generation) for generation in result.generations],
+            "n_evaluations": result.n_evaluations,
+            "wall_time_s": round(result.wall_time_s, 3),
+            "rollouts_per_s": round(result.n_evaluations / result.wall_time_s, 3),
+            "versions": versions(),
+        }
+
+
+def versions() -> dict[str, str]:
+    """Of Python, of this distribution, and of all that it requires and is installed."""
+    found = {"python": sys.version.split()[0]}
+    for requirement in ["vlmgineer", *(importlib.metadata.requires("vlmgineer") or [])]:
+        name = requirement.split(";")[0].split("[")[0].rstrip("<>=!~.,0123456789 ")
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue  # an extra, or not for this platform
+    return found
+
+
+def run(cfg: DictConfig, folder: Path) -> Result:
+    """Make the parts that ``cfg`` names, run the loop, and leave everything in ``folder``.
+
+    Raises:
+        UserError: a part or setting that can't be had, or a folder that holds a run already.
+    """
+    config = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True))
+    budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
+    check_budget(budget)
+    task_part, sim_part = part("task", cfg.task, without=("tool_kinds", "paper")), part("sim", cfg.sim)
+    task, simulator = task_part.create(), sim_part.create()
+    vlm = part("vlm", cfg.vlm).create()
+    representation = part("tool", cfg.tool).create()
+    settings = node(cfg.rollout, RolloutSettings)
+
+    events = event_hub()
+    for name, options in config["logger"].items():
+        events.register(installed().create("logger", name, options or {}), name)
+    store = RunStore(folder)
+    events.register(store, "store")
+    kinds = config["task"].get("tool_kinds", ["rigid"])
+    picture = simulator.render(task, seed=cfg.seed, tool=Tool(gripper=kinds == ["gripper"]))
+    save_picture(picture, folder / "scene.png")
+    designer = ModelDesigner(
+        task,
+        vlm,
+        representation,
+        Prompts(Path(cfg.prompt.dir) if cfg.prompt.dir else None, settings),
+        budget,
+        seed=cfg.seed,
+        sampling=node(cfg.sampling, Sampling),
+        tool_kinds=kinds,
+        picture=Picture(png(picture)),
+        events=events,
+    )
+    strategy = part("evolution", cfg.evolution).create(designer=designer, budget=budget)
+    parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "executor")}
+    this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed)
+    try:
+        events.hook.run_started(run=this)
+        with part("executor", cfg.executor).create() as executor:
+            result = evolve(strategy, Bench(task_part, sim_part, cfg.seed, settings), executor, budget, events)
+        if result.best is not None:
+            best = result.best.candidate
+            save_design(best, representation, folder / "best")
+            if cfg.film:
+                save_film(task, simulator, best, cfg.seed, settings, folder / "best" / "rollout.gif")
+        events.hook.run_finished(run=this, result=result)
+    finally:
+        events.hook.run_ended()
+    return result
+
+
+def check_budget(budget: Budget) -> None:
+    """Refuse counts that make no population.
+
+    Raises:
+        UsageError: says which.
+    """
+    for name, least in (("n_agent", 1), ("n_tool", 1), ("n_action", 1), ("k_top", 1), ("n_iteration", 0)):
+        if getattr(budget, name) < least:
+            raise UsageError(f"budget.{name} must be at least {least}, got {getattr(budget, name)}")
+
+
+_failures: list[UserError] = []  # of the jobs; raised in a job, Hydra would print lines of its own around them
+
+
+@hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")  # type: ignore[untyped-decorator]
+def _job(cfg: DictConfig) -> None:
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    try:
+        result = run(cfg, folder)
+    except UserError as error:
+        _failures.append(error)
+        return
+    best = result.best
+    if best is None:
+        reasons = [e.reason for g in result.generations for e in g.evaluations]
+        why = reasons[0] if reasons else "no candidate came"
+        _failures.append(UserError(f"no candidate could be tried; the first reason: {why}"))
+        return
+    sys.stdout.write(
+        f"best reward {best.reward:.3f}, distance {best.distance_m:.2f} m, candidate {best.candidate.id}\n"
+    )
+    sys.stdout.write(f"{folder / 'best'}\n")
+
+
+def main() -> None:
+    register()
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # let Hydra's errors through; they are told in one line here
+    try:
+        _job()
+    except (HydraException, OmegaConfBaseException) as error:
+        raise explain(error, "config", [a for a in sys.argv[1:] if not a.startswith("-")]) from error
+    if _failures:
+        raise _failures[0]
+
+
+if __name__ == "__main__":
+    command(main)

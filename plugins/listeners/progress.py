@@ -1,0 +1,89 @@
+"""Tells a person at the terminal how a run goes: a bar that moves, and a line per generation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from core.design import Evaluation
+from core.hooks import hookimpl
+
+if TYPE_CHECKING:
+    from core.evolution import Generation, Result
+    from core.run import Run
+
+
+@hookimpl
+def listeners() -> Mapping[str, Callable[..., Any]]:
+    return {"progress": ProgressListener}
+
+
+class ProgressListener:
+    """Writes to standard error, so that standard output stays free for results."""
+
+    def __init__(self) -> None:
+        self._console = Console(stderr=True)
+        self._progress: Progress | None = None
+        self._population = 0
+
+    @hookimpl
+    def run_started(self, run: Run) -> None:
+        self._population = run.budget.population
+        generations = run.budget.n_iteration + 1
+        names = " ".join(f"{kind}={name}" for kind, name in run.parts.items())
+        self._console.print(f"[bold]{names}[/] seed={run.seed}", highlight=False)
+        self._console.print(f"model: {run.model}", highlight=False, markup=False)
+        self._console.print(f"{generations} generations of {self._population} candidates", highlight=False)
+        self._console.print(f"folder: {run.folder}", highlight=False, markup=False)
+
+    @hookimpl
+    def generation_started(self, index: int) -> None:
+        self._progress = Progress(
+            TextColumn(f"generation {index}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("best {task.fields[best]:.3f}"),
+            TimeElapsedColumn(),
+            console=self._console,
+            transient=True,
+            disable=not self._console.is_terminal,
+        )
+        self._progress.add_task("", total=self._population, best=0.0)
+        self._progress.start()
+
+    @hookimpl
+    def candidate_evaluated(self, evaluation: Evaluation) -> None:
+        if self._progress is not None:
+            task = self._progress.tasks[0]
+            self._progress.update(task.id, advance=1, best=max(task.fields["best"], evaluation.reward))
+
+    @hookimpl
+    def generation_finished(self, generation: Generation) -> None:
+        self._stop()
+        best, mean = generation.best, generation.mean_reward
+        rewards = (
+            "nothing could be tried" if best is None or mean is None else f"best {best.reward:.3f}  mean {mean:.3f}"
+        )
+        counts = f"{len(generation.evaluations)} candidates"
+        for status in ("rejected", "failed"):
+            if generation.count(status):
+                counts += f", {generation.count(status)} {status}"
+        self._console.print(f"generation {generation.index}  {rewards}  ({counts})", highlight=False)
+
+    @hookimpl
+    def run_finished(self, run: Run, result: Result) -> None:
+        rate = result.n_evaluations / result.wall_time_s
+        took = f"{result.n_evaluations} rollouts in {result.wall_time_s:.0f} s, {rate:.1f} per second"
+        self._console.print(took, highlight=False)
+
+    @hookimpl
+    def run_ended(self) -> None:
+        self._stop()
+
+    def _stop(self) -> None:
+        if self._progress is not None:
+            self._progress.stop()
+            self._progress = None
