@@ -1,0 +1,372 @@
+import contextlib
+import string
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core import robot
+from core.design import Component, DesignError, Tool
+from core.geometry import Box, Pose
+from core.plugins import Plugins
+from core.rules import check_tool
+from plugins.tools import urdf
+from plugins.tools.urdf import UrdfTools
+
+BOX = '<geometry><box size="0.02 0.02 0.1"/></geometry>'
+
+
+def link(name, inside=f"<collision>{BOX}</collision>"):
+    return f'<link name="{name}">{inside}</link>'
+
+
+def joint(parent, child, *, kind="fixed", origin='<origin xyz="0 0 -0.05"/>'):
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{parent}-{child}" type="{kind}">{ends}{origin}</joint>'
+
+
+def parse(text, *, gripper=False):
+    return UrdfTools().parse({"tool_urdf": text}, gripper=gripper)
+
+
+def shape(tag, geometry=BOX, origin="", material=""):
+    return f"<{tag}>{origin}{geometry}{material}</{tag}>"
+
+
+A = link("a") + joint("panda_virtual", "a")
+
+
+class _Asked:
+    """What `UrdfTools.instructions` looks at of a brief."""
+
+    def __init__(self, gripper):
+        self.gripper = gripper
+
+
+def test_is_found_by_name():
+    plugins = Plugins()
+    plugins.register(urdf, "urdf", "test")
+    assert isinstance(plugins.create("tool", "urdf"), UrdfTools)
+
+
+def test_schema_names_the_field_that_parse_reads_and_dump_writes():
+    assert set(UrdfTools().schema()) == {"tool_urdf"} == set(UrdfTools().dump(parse(A)))
+
+
+@pytest.mark.parametrize(
+    "wrap", ["{}", "<robot name='t'>{}</robot>", "<?xml version='1.0'?>\n<robot>{}</robot>", "<!-- x -->{}"]
+)
+def test_a_root_and_a_declaration_may_be_there(wrap):
+    (component,) = parse(wrap.format(A)).components
+    assert (component.name, component.parent, component.mass) == ("a", "panda_virtual", 0.005)
+    assert component.shape == Box((0.02, 0.02, 0.1))
+    np.testing.assert_allclose(component.pose.position, [0, 0, -0.05])
+
+
+def test_a_missing_origin_is_zero():
+    (component,) = parse(link("a") + joint("panda_virtual", "a", origin="")).components
+    assert component.pose == Pose()
+
+
+def test_the_order_of_elements_does_not_matter():
+    tool = parse(joint("a", "b") + link("b") + A)
+    assert [component.name for component in tool.components] == ["a", "b"]
+
+
+def test_attachments_hang_from_both_fingers():
+    text = link("l") + link("r") + joint("panda_leftfinger", "l") + joint("panda_rightfinger", "r")
+    tool = parse(text, gripper=True)
+    assert tool.gripper
+    assert [c.parent for c in tool.components] == ["panda_leftfinger", "panda_rightfinger"]
+
+
+def test_a_visual_alone_collides_too():
+    (component,) = parse(link("a", shape("visual")) + joint("panda_virtual", "a")).components
+    assert component.shape == Box((0.02, 0.02, 0.1))
+
+
+def test_mass_is_shared_by_volume():
+    boxes = shape("collision", '<geometry><box size="0.1 0.1 0.1"/></geometry>')
+    boxes += shape("collision", '<geometry><box size="0.1 0.1 0.3"/></geometry>', '<origin xyz="0 0 -0.2"/>')
+    tool = parse(link("a", f'{boxes}<inertial><mass value="0.08"/></inertial>') + joint("panda_virtual", "a"))
+    assert [c.mass for c in tool.components] == pytest.approx([0.02, 0.06])
+
+
+@pytest.mark.parametrize(
+    ("material", "color"),
+    [
+        ('<material name="m"><color rgba="1 0 0.5 0.5"/></material>', (1, 0, 0.5, 0.5)),
+        ('<material name="green"/>', (0, 1, 0, 1)),
+        ('<material name="nowhere"/>', urdf._NO_COLOR),
+        ('<material name="m"><color rgba="255 0 0 0"/></material>', (1, 0, 0, 0.2)),  # seen, whatever was written
+        ("", urdf._NO_COLOR),
+    ],
+)
+def test_color(material, color):
+    top = '<material name="green"><color rgba="0 1 0 1"/></material>'
+    both = shape("visual", material=material) + shape("collision")
+    assert parse(top + link("a", both) + joint("panda_virtual", "a")).components[0].color == color
+
+
+def test_boxes_of_a_link_and_its_children_keep_their_places():
+    turned = '<origin xyz="0 0 -0.1" rpy="0.3 -0.2 0.9"/>'
+    boxes = shape("collision", origin=turned) + shape("collision", origin='<origin xyz="0.1 0 0"/>')
+    text = link("a", boxes) + joint("panda_virtual", "a", origin='<origin xyz="0.01 0.02 0.03" rpy="1 0.5 0.2"/>')
+    text += link("b") + joint("a", "b", origin='<origin xyz="0 0.2 0" rpy="0 0 1.5"/>')
+    tool = parse(text)
+    assert [c.name for c in tool.components] == ["a", "a_2", "b"]
+    frame = Pose.xyz_rpy((0.01, 0.02, 0.03), (1, 0.5, 0.2))
+    wanted = {
+        "a": frame @ Pose.xyz_rpy((0, 0, -0.1), (0.3, -0.2, 0.9)),
+        "a_2": frame @ Pose.xyz_rpy((0.1, 0, 0)),
+        "b": frame @ Pose.xyz_rpy((0, 0.2, 0), (0, 0, 1.5)),
+    }
+    for name, (mount, pose) in tool.placed().items():
+        assert mount == "panda_virtual"
+        np.testing.assert_allclose(pose.matrix, wanted[name].matrix, atol=1e-12)
+
+
+def test_boxes_hang_from_the_box_that_they_touch():
+    row = "".join(shape("collision", origin=f'<origin xyz="0 0 {z}"/>') for z in (0, -0.1, -0.2))
+    tool = parse(
+        link("a", row) + joint("panda_virtual", "a") + link("b") + joint("a", "b", origin='<origin xyz="0 0 -0.3"/>')
+    )
+    assert [(c.name, c.parent) for c in tool.components] == [
+        ("a", "panda_virtual"),
+        ("a_2", "a"),
+        ("a_3", "a_2"),
+        ("b", "a_3"),
+    ]
+    check_tool(tool)
+
+
+def test_further_boxes_do_not_take_the_name_of_another_link():
+    tool = parse(link("a", shape("collision") * 2) + joint("panda_virtual", "a") + link("a_2") + joint("a", "a_2"))
+    assert sorted(c.name for c in tool.components) == ["a", "a_2", "a_3"]
+
+
+def test_a_link_without_boxes_is_composed_away():
+    text = link("frame", "") + joint(
+        "panda_virtual", "frame", origin='<origin xyz="0 0 -0.1" rpy="0 1.5707963267948966 0"/>'
+    )
+    (component,) = parse(text + link("a") + joint("frame", "a")).components
+    assert component.parent == "panda_virtual"
+    np.testing.assert_allclose(component.pose.position, [-0.05, 0, -0.1], atol=1e-12)
+
+
+@pytest.mark.parametrize("gripper", [False, True])
+def test_the_example_in_the_instructions_keeps_the_rules(gripper):
+    text = UrdfTools().instructions(_Asked(gripper))
+    tool = parse(text[text.index("<link name=") :], gripper=gripper)
+    check_tool(tool)
+    assert all(mount in text for mount in tool.mounts)
+    assert "None" not in text
+    assert "{" not in text
+
+
+@pytest.mark.parametrize("value", [None, 3, True, [], {"a": 1}, b"<link/>"])
+def test_a_field_of_the_wrong_type(value):
+    with pytest.raises(DesignError, match="must be a text"):
+        parse(value)
+
+
+def test_a_missing_field():
+    with pytest.raises(DesignError, match="tool_urdf is missing"):
+        UrdfTools().parse({}, gripper=False)
+
+
+LAUGHS = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
+HOSTILE = {
+    "billion laughs": (f'<!DOCTYPE r [<!ENTITY l0 "ha">{LAUGHS}]><robot>&l9;</robot>', "DOCTYPE"),
+    "external entity": ('<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><robot>&x;</robot>', "DOCTYPE"),
+    "external DTD": ('<!DOCTYPE r SYSTEM "http://example.com/r.dtd"><robot/>', "DOCTYPE"),
+    "DOCTYPE after a declaration": ("<?xml version='1.0'?><!DOCTYPE r><robot/>", "DOCTYPE"),
+    "undefined entity": (f"{A}&x;", "undefined entity"),
+    "nesting": ("<link>" * 2000 + "</link>" * 2000, "nests elements"),
+    "too many elements": ("<link/>" * 20_000, "more than 10000 elements"),
+    "too long": ("x" * 1_000_001, "1000001 characters"),
+    "a way out of the root": (f"</robot><robot>{A}", "junk after document element"),
+    "null character": ("\0", "no well-formed XML"),
+    "lone surrogate": ("\ud800", "surrogates"),
+    "not closed": (f"{A}\n<link name='b'>", "no well-formed XML: mismatched tag in line 3"),
+    "mesh": (
+        link("a", shape("collision", '<geometry><mesh filename="/etc/passwd"/></geometry>')),
+        "boxes only.*<mesh>",
+    ),
+    "package": (link("a", shape("visual", '<geometry><mesh filename="package://x/y.stl"/></geometry>')), "boxes only"),
+    "cylinder": (link("a", shape("collision", '<geometry><cylinder radius="1" length="1"/></geometry>')), "boxes only"),
+    "sphere": (link("a", shape("collision", '<geometry><sphere radius="1"/></geometry>')), "boxes only"),
+    "two shapes": (link("a", shape("collision", BOX.replace("<box", '<box size="1 1 1"/><box'))), "boxes only"),
+    "no geometry": (link("a", "<collision/>"), "found nothing"),
+    "two geometries": (link("a", f"<collision>{BOX * 2}</collision>"), "2 <geometry> elements"),
+    "no size": (link("a", "<collision><geometry><box/></geometry></collision>"), 'needs <box size="..."'),
+    "duplicate links": (A + link("a"), "two links are named 'a'"),
+    "duplicate joints": (A + link("b") + joint("panda_virtual", "a"), "two joints are named"),
+    "cycle": (link("a") + link("b") + joint("a", "b") + joint("b", "a"), "circle"),
+    "its own parent": (link("a") + joint("a", "a"), "circle"),
+    "unreachable": (A + link("b") + link("c") + joint("b", "c"), "no joint holds link 'b'"),
+    "unknown child": (A + joint("a", "ghost"), "'ghost', which is no link"),
+    "unknown parent": (link("a") + joint("ghost", "a"), "'ghost', which is neither"),
+    "hand as mount": (link("a") + joint("panda_hand", "a"), "its mount"),
+    "finger as mount of a rigid tool": (link("a") + joint("panda_leftfinger", "a"), r"its mount \(panda_virtual\)"),
+    "moves the robot": (A + joint("a", "panda_link7"), "no link of the tool"),
+    "two parents": (A + link("b") + joint("panda_virtual", "b") + joint("a", "b"), "child of two joints"),
+    "robot's link": (link("panda_link7"), "robot's own"),
+    "the mount itself": (link("panda_virtual"), "robot's own"),
+    "robot's joint": (A.replace("panda_virtual-a", "panda_joint1"), "robot's own"),
+    "name with a space": (link("a b"), "letters, digits"),
+    "long name": (link("a" * 65), "1 to 64"),
+    "empty name": (link(""), "letters, digits"),
+    "no name": ("<link/>", "a link has no name"),
+    "hinge": (link("a") + joint("panda_virtual", "a", kind="revolute"), "'revolute'; tools are rigid"),
+    "no type": (A.replace('type="fixed"', ""), "tools are rigid"),
+    "no parent": (A.replace('<parent link="panda_virtual"/>', ""), 'needs <parent link="..."'),
+    "no child": (A.replace('<child link="a"/>', "<child/>"), 'needs <child link="..."'),
+    "two origins": (A.replace('<origin xyz="0 0 -0.05"/>', "<origin/><origin/>"), "2 <origin> elements"),
+    "foreign element": (A + "<gazebo/>", "<gazebo> has no place"),
+    "massless inertial": (link("a", "<inertial/>"), 'needs <mass value="..."'),
+    "colour of three numbers": (
+        link("a", shape("visual", material='<material><color rgba="1 0 0"/></material>')),
+        "4 plain numbers, not '1 0 0'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "reason"), HOSTILE.values(), ids=HOSTILE)
+def test_hostile_text_gets_a_reason(text, reason):
+    with pytest.raises(DesignError, match=reason) as caught:
+        parse(text)
+    assert len(str(caught.value)) < 300
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "reason"),
+    [
+        ("nan 1 1", "3 plain numbers, not 'nan 1 1'"),
+        ("inf 1 1", "3 plain numbers"),
+        ("1e999 1 1", "'1e999 1 1'; metres"),
+        ("1e9 1 1", "far below 1000"),
+        ("1 1", "3 plain numbers, not '1 1'"),
+        ("1 1 1 1", "3 plain numbers"),
+        ("1,1,1", "3 plain numbers, not '1,1,1'"),
+        ("0x1 1 1", "3 plain numbers"),
+        ("1_0 1 1", "3 plain numbers"),
+        ("\N{FULLWIDTH DIGIT ONE} 1 1", "3 plain numbers"),
+        ("9" * 5000 + " 1 1", r"far below"),
+        ("", "3 plain numbers, not ''"),
+        ("${size} 1 1", "3 plain numbers"),
+    ],
+)
+@pytest.mark.parametrize("place", ["size", "xyz", "rpy"])
+def test_bad_numbers(numbers, reason, place):
+    origin = f'<origin {place}="{numbers}"/>' if place != "size" else ""
+    geometry = f'<geometry><box size="{numbers}"/></geometry>' if place == "size" else BOX
+    with pytest.raises(DesignError, match=reason) as caught:
+        parse(link("a", shape("collision", geometry, origin)) + joint("panda_virtual", "a"))
+    assert len(str(caught.value)) < 200
+
+
+@pytest.mark.parametrize("size", ["0 1 1", "-0.1 1 1"])
+def test_sides_are_positive(size):
+    with pytest.raises(DesignError, match="sides must be positive"):
+        parse(link("a", shape("collision", f'<geometry><box size="{size}"/></geometry>')))
+
+
+@pytest.mark.parametrize("mass", ["-0.1", "0", "5"])
+def test_masses_beyond_the_rules_are_caught_by_them(mass):
+    tool = parse(
+        link("a", f'{shape("collision")}<inertial><mass value="{mass}"/></inertial>') + joint("panda_virtual", "a")
+    )
+    with pytest.raises(DesignError, match="weighs"):
+        check_tool(tool)
+
+
+@pytest.mark.parametrize(
+    ("visual", "same"),
+    [
+        (shape("visual"), True),
+        (shape("visual", origin='<origin xyz="0 0.0004 0" rpy="0 0.009 0"/>'), True),
+        (shape("visual", origin='<origin xyz="0 0.0006 0"/>'), False),
+        (shape("visual", origin='<origin rpy="0 0.02 0"/>'), False),
+        (shape("visual", '<geometry><box size="0.02 0.02 0.101"/></geometry>'), False),
+        (shape("visual") * 2, False),
+    ],
+)
+def test_what_is_seen_is_what_collides(visual, same):
+    text = link("a", visual + shape("collision")) + joint("panda_virtual", "a")
+    if same:
+        assert len(parse(text).components) == 1
+    else:
+        with pytest.raises(DesignError, match="'a': its visual and collision boxes differ"):
+            parse(text)
+
+
+def test_visuals_are_matched_in_any_order():
+    red = '<material><color rgba="1 0 0 1"/></material>'
+    high, low = '<origin xyz="0 0 0.1"/>', '<origin xyz="0 0 0"/>'
+    shapes = shape("visual", origin=high, material=red) + shape("visual", origin=low)
+    shapes += shape("collision", origin=low) + shape("collision", origin=high)
+    tool = parse(link("a", shapes) + joint("panda_virtual", "a"))
+    assert [c.color for c in tool.components] == [urdf._NO_COLOR, (1, 0, 0, 1)]
+
+
+def grid(low, high):
+    """Numbers of six decimals, which URDF text of nine digits holds."""
+    return st.integers(round(low * 1e6), round(high * 1e6)).map(lambda n: n / 1e6)
+
+
+@st.composite
+def tools(draw):
+    gripper = draw(st.booleans())
+    names = draw(
+        st.lists(st.text(string.ascii_letters + "_.-0", min_size=1, max_size=64), min_size=1, max_size=6, unique=True)
+    )
+    parents = list(Tool(gripper=gripper).mounts)
+    components = []
+    for name in names:
+        xyz = [draw(grid(-0.5, 0.5)) for _ in range(3)]
+        rpy = draw(grid(-3.1, 3.1)), draw(grid(-1.5, 1.5)), draw(grid(-3.1, 3.1))
+        box = Box(tuple(draw(grid(0.001, 2)) for _ in range(3)))
+        color = tuple(draw(grid(0.2, 1)) for _ in range(4))
+        parent = draw(st.sampled_from(parents))
+        components.append(Component(name, parent, Pose.xyz_rpy(xyz, rpy), box, draw(grid(0.001, 1)), color))
+        parents.append(name)
+    return Tool(tuple(components), gripper)
+
+
+@settings(max_examples=60, deadline=None)
+@given(tools())
+def test_dump_and_parse_give_the_same_tool(tool):
+    again = UrdfTools().parse(UrdfTools().dump(tool), gripper=tool.gripper)
+    assert [(c.name, c.parent) for c in again.components] == [(c.name, c.parent) for c in tool.components]
+    before, after = tool.placed(), again.placed()
+    for component, other in zip(tool.components, again.components, strict=True):
+        np.testing.assert_allclose(other.shape.size, component.shape.size, rtol=0, atol=1e-9)
+        np.testing.assert_allclose([other.mass, *other.color], [component.mass, *component.color], rtol=0, atol=1e-9)
+        here, there = before[component.name], after[component.name]
+        assert here[0] == there[0]
+        np.testing.assert_allclose(there[1].matrix, here[1].matrix, rtol=0, atol=1e-9)
+    assert UrdfTools().dump(again) == {"tool_urdf": robot.tool_urdf(again)}
+
+
+MARKUP = [
+    *("<link name='a'>", "</link>", "<joint name='j' type='fixed'>", "</joint>", "<robot>", "</robot>"),
+    *("<collision>", "</collision>", "<visual>", "</visual>", "<geometry><box size='1 1 1'/></geometry>"),
+    *(
+        "<origin xyz='0 0 0' rpy='1 2 3'/>",
+        "<child link='a'/>",
+        "<parent link='panda_virtual'/>",
+        "<material name='m'/>",
+    ),
+    *("<inertial><mass value='1'/></inertial>", "<!DOCTYPE x>", "<![CDATA[", "]]>", "<!--", "-->", "<?x y?>"),
+    *("&amp;", "&#0;", "name='b'", "xmlns='u'", "\0", "\ud800", "\u00e9"),
+]
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.text() | st.lists(st.sampled_from(MARKUP) | st.text(max_size=5), max_size=25).map("".join), st.booleans())
+def test_any_text_is_a_tool_or_a_design_error(text, gripper):
+    with contextlib.suppress(DesignError):
+        assert parse(text, gripper=gripper).gripper == gripper
