@@ -10,7 +10,7 @@ import sqlite3
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from core.design import Evaluation
+from core.design import Candidate, Evaluation
 from core.errors import UserError
 from core.hooks import hookimpl
 from core.interfaces import Picture, Reply, Request, Text
@@ -32,11 +32,15 @@ CREATE TABLE replies (
     request_id TEXT PRIMARY KEY REFERENCES requests(id), model TEXT NOT NULL, text TEXT NOT NULL, error TEXT,
     prompt_tokens INTEGER, completion_tokens INTEGER, cost_usd REAL
 );
+CREATE TABLE strategies (
+    generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL, parents TEXT NOT NULL,
+    design TEXT NOT NULL, PRIMARY KEY (generation, agent, strategy)
+);
 CREATE TABLE evaluations (
     candidate TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL,
-    plan INTEGER NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, reward REAL NOT NULL, distance_m REAL,
-    ik_error_m REAL, ik_error_rad REAL, tracking_error_rad REAL, moved_m TEXT NOT NULL, warnings TEXT NOT NULL,
-    parents TEXT NOT NULL, design TEXT
+    plan INTEGER NOT NULL, waypoints TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, reward REAL NOT NULL,
+    distance_m REAL, ik_error_m REAL, ik_error_rad REAL, tracking_error_rad REAL, moved_m TEXT NOT NULL,
+    warnings TEXT NOT NULL
 );
 CREATE TABLE generations (number INTEGER PRIMARY KEY, summary TEXT NOT NULL);
 """
@@ -61,9 +65,7 @@ class RunStore:
         self._database.execute("PRAGMA journal_mode=WAL")
         self._database.executescript(_SCHEMA)
         self._run: Run | None = None
-
-    def close(self) -> None:
-        self._database.close()
+        self._strategies: set[tuple[int, int, int]] = set()
 
     def _insert(self, table: str, **values: Any) -> None:
         columns, marks = ", ".join(values), ", ".join("?" * len(values))
@@ -100,9 +102,7 @@ class RunStore:
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
         candidate = evaluation.candidate
         generation, agent, strategy, action = candidate.key
-        design = None
-        if candidate.tool is not None and self._run is not None:
-            design = json.dumps(dump_design(candidate, self._run.representation))
+        self._store_strategy(candidate)
         self._insert(
             "evaluations",
             candidate=candidate.id,
@@ -110,6 +110,7 @@ class RunStore:
             agent=agent,
             strategy=strategy,
             plan=action,
+            waypoints=json.dumps(candidate.plan.tolist()),
             status=evaluation.status,
             reason=evaluation.reason,
             reward=evaluation.reward,
@@ -119,8 +120,23 @@ class RunStore:
             tracking_error_rad=evaluation.tracking_error_rad,
             moved_m=json.dumps(evaluation.moved_m),
             warnings=json.dumps(evaluation.warnings),
+        )
+
+    def _store_strategy(self, candidate: Candidate) -> None:
+        """Once for all of its candidates: the design as a strategy of a designs file, without action plans."""
+        key = candidate.key[:3]
+        if key in self._strategies or candidate.tool is None or self._run is None:
+            return
+        self._strategies.add(key)
+        design = dump_design(candidate, self._run.representation) | {"action_sets": []}
+        generation, agent, strategy = key
+        self._insert(
+            "strategies",
+            generation=generation,
+            agent=agent,
+            strategy=strategy,
             parents=json.dumps(candidate.parents),
-            design=design,
+            design=json.dumps(design),
         )
 
     @hookimpl
@@ -131,6 +147,10 @@ class RunStore:
     def run_finished(self, run: Run, result: Result) -> None:
         text = json.dumps(run.report(result), indent=2) + "\n"
         (self.folder / "result.json").write_text(text, encoding="utf-8")
+
+    @hookimpl
+    def run_ended(self) -> None:
+        self._database.close()
 
 
 def summary(generation: Generation) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ class Renderer:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._client = p.connect(p.DIRECT)
+        weakref.finalize(self, p.disconnect, self._client)
         self._loaded: tuple[str, int, Tool | None] | None = None
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import weakref
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -36,6 +37,7 @@ class PyBulletSimulator(Simulator):
         self.tracking_rate = tracking_rate
         self._folder = tempfile.TemporaryDirectory(prefix="vlmgineer-")
         self._client = pybullet.connect(pybullet.DIRECT)
+        weakref.finalize(self, pybullet.disconnect, self._client)
         self._renderer: Renderer | None = None
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
