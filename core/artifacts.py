@@ -14,10 +14,10 @@ from PIL import Image as Pillow
 
 from core.design import GRIPPER_MOUNTS, Candidate, Tool
 from core.geometry import Pose
-from core.interfaces import Image, Simulator, Task, ToolRepresentation
+from core.interfaces import Image, RolloutSettings, Simulator, Task, ToolRepresentation
 from core.reading import dump_design
 from core.robot import FINGER_OPEN, assemble, tool_urdf
-from core.rollout import RolloutSettings, prepare
+from core.rollout import prepare
 
 if TYPE_CHECKING:
     import trimesh

@@ -15,7 +15,8 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 
 from core.designer import Sampling
 from core.errors import UsageError, UserError, choices
-from core.rollout import Part, RolloutSettings
+from core.interfaces import RolloutSettings
+from core.rollout import Part
 
 T = TypeVar("T")
 

@@ -17,8 +17,9 @@ from core.config import load, node, part
 from core.design import Candidate, Evaluation
 from core.errors import UsageError
 from core.evolution import evaluate_all
+from core.interfaces import RolloutSettings
 from core.reading import load_designs, read_designs
-from core.rollout import Bench, RolloutSettings
+from core.rollout import Bench
 from core.rules import SpawnRules
 
 USAGE = "usage: python -m core.evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"

@@ -4,56 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import pluggy
 
-from core.design import Candidate, Evaluation, best_first
+from core.design import Candidate, Evaluation
 from core.interfaces import Budget, EvolutionStrategy, Executor
+from core.record import Generation, Result
 
 CHUNK = 8  # candidates of one tool that travel to a worker together
 
 Evaluate = Callable[[Sequence[Candidate]], list[Evaluation]]
-
-
-@dataclass(frozen=True, eq=False)
-class Generation:
-    """One round: its number, 0 for the first sampling, and its evaluations in the order of `Candidate.key`."""
-
-    index: int
-    evaluations: tuple[Evaluation, ...]
-
-    @cached_property
-    def best(self) -> Evaluation | None:
-        """None if nothing could be tried."""
-        return next(iter(best_first(self.evaluations)), None)
-
-    @property
-    def mean_reward(self) -> float | None:
-        """Over the candidates that were tried; None if there are none."""
-        rewards = [e.reward for e in self.evaluations if e.status == "ok"]
-        return sum(rewards) / len(rewards) if rewards else None
-
-    def count(self, status: str) -> int:
-        return sum(e.status == status for e in self.evaluations)
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """What a run came to. ``best`` is of all generations; None if nothing could be tried."""
-
-    generations: tuple[Generation, ...]
-    wall_time_s: float
-
-    @cached_property
-    def best(self) -> Evaluation | None:
-        return next(iter(best_first(g.best for g in self.generations if g.best is not None)), None)
-
-    @property
-    def n_evaluations(self) -> int:
-        """Rollouts that were simulated, the ones that broke included."""
-        return sum(g.count("ok") + g.count("failed") for g in self.generations)
 
 
 def evolve(

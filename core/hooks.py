@@ -22,9 +22,8 @@ import pluggy
 
 if TYPE_CHECKING:
     from core.design import Evaluation
-    from core.evolution import Generation, Result
     from core.interfaces import Reply, Request
-    from core.run import Run
+    from core.record import Generation, Result, Run
 
 PROJECT = "vlmgineer"
 

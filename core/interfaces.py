@@ -95,6 +95,19 @@ class Rollout:
     record_hz: float = 0.0
 
 
+@dataclass
+class RolloutSettings:
+    """How a plan is executed: the least time of a segment, the pauses before and after the motion, the share of the
+    arm's velocity and acceleration limits that is used, and the longest motion, beyond which a plan is rejected.
+    """
+
+    segment_s: float = 0.5
+    settle_s: float = 0.5
+    hold_s: float = 1.0
+    speed: float = 0.95
+    max_motion_s: float = 120.0
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """A film without pictures: instants (T,) in seconds, arm joints (T, 7), fingers (T, 2), and the states, stacked

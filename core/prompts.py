@@ -19,9 +19,8 @@ from jinja2.sandbox import SandboxedEnvironment
 from core.design import Evaluation, Tool
 from core.errors import UserError, choices
 from core.geometry import Vector
-from core.interfaces import Brief, Message, Picture, Task, Text, ToolRepresentation
+from core.interfaces import Brief, Message, Picture, RolloutSettings, Task, Text, ToolRepresentation
 from core.robot import assemble
-from core.rollout import RolloutSettings
 from core.rules import MAX_WAYPOINTS
 from core.scene import Body, Goal, Part, floor, table
 from core.trajectory import plan_motion

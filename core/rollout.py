@@ -10,24 +10,11 @@ from typing import Any
 import numpy as np
 
 from core.design import Candidate, Evaluation
-from core.interfaces import Outcome, Rollout, Simulator, Task
+from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.kinematics import arm
 from core.plugins import installed
 from core.scene import State
 from core.trajectory import Motion, plan_motion
-
-
-@dataclass
-class RolloutSettings:
-    """How a plan is executed: the least time of a segment, the pauses before and after the motion, the share of the
-    arm's velocity and acceleration limits that is used, and the longest motion, beyond which a plan is rejected.
-    """
-
-    segment_s: float = 0.5
-    settle_s: float = 0.5
-    hold_s: float = 1.0
-    speed: float = 0.95
-    max_motion_s: float = 120.0
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,9 @@ left.
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
 import sys
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
 
@@ -23,60 +22,13 @@ from core.config import explain, node, part, register
 from core.design import Tool
 from core.designer import ModelDesigner, Sampling
 from core.errors import UsageError, UserError
-from core.evolution import Result, evolve
-from core.interfaces import Budget, Picture, Task, ToolRepresentation
+from core.evolution import evolve
+from core.interfaces import Budget, Picture, RolloutSettings
 from core.plugins import event_hub, installed
 from core.prompts import Prompts
-from core.rollout import Bench, RolloutSettings
-from core.store import RunStore, summary
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """What listeners are told of a run. ``parts`` are the names chosen, by kind; ``config`` is all of it, resolved."""
-
-    folder: Path
-    config: dict[str, Any]
-    parts: dict[str, str]
-    model: str
-    task: Task
-    representation: ToolRepresentation
-    budget: Budget
-    seed: int
-
-    def report(self, result: Result) -> dict[str, Any]:
-        """The content of ``result.json``."""
-        best = result.best
-        return {
-            **{kind: self.parts[kind] for kind in ("task", "sim", "vlm", "tool", "evolution")},
-            "budget": self.config["budget"]["name"],
-            "seed": self.seed,
-            "best": None
-            if best is None
-            else {
-                "reward": best.reward,
-                "distance_m": best.distance_m,
-                "generation": best.candidate.generation,
-                "candidate": best.candidate.id,
-            },
-            "generations": [summary(generation) for generation in result.generations],
-            "n_evaluations": result.n_evaluations,
-            "wall_time_s": round(result.wall_time_s, 3),
-            "rollouts_per_s": round(result.n_evaluations / result.wall_time_s, 3),
-            "versions": versions(),
-        }
-
-
-def versions() -> dict[str, str]:
-    """Of Python, of this distribution, and of all that it requires and is installed."""
-    found = {"python": sys.version.split()[0]}
-    for requirement in ["vlmgineer", *(importlib.metadata.requires("vlmgineer") or [])]:
-        name = requirement.split(";")[0].split("[")[0].rstrip("<>=!~.,0123456789 ")
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue  # an extra, or not for this platform
-    return found
+from core.record import Result, Run
+from core.rollout import Bench
+from core.store import RunStore
 
 
 def run(cfg: DictConfig, folder: Path) -> Result:

@@ -5,20 +5,19 @@ The store is a listener like any other; the loop does not know it.
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import sqlite3
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from core.design import Candidate, Evaluation
 from core.errors import UserError
 from core.hooks import hookimpl
 from core.interfaces import Picture, Reply, Request, Text
 from core.reading import dump_design
-
-if TYPE_CHECKING:
-    from core.evolution import Generation, Result
-    from core.run import Run
+from core.record import Generation, Result, Run
 
 SCHEMA_VERSION = 1
 
@@ -145,12 +144,47 @@ class RunStore:
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
-        text = json.dumps(run.report(result), indent=2) + "\n"
+        text = json.dumps(report(run, result), indent=2) + "\n"
         (self.folder / "result.json").write_text(text, encoding="utf-8")
 
     @hookimpl
     def run_ended(self) -> None:
         self._database.close()
+
+
+def report(run: Run, result: Result) -> dict[str, Any]:
+    """The content of ``result.json``."""
+    best = result.best
+    return {
+        **{kind: run.parts[kind] for kind in ("task", "sim", "vlm", "tool", "evolution")},
+        "budget": run.config["budget"]["name"],
+        "seed": run.seed,
+        "best": None
+        if best is None
+        else {
+            "reward": best.reward,
+            "distance_m": best.distance_m,
+            "generation": best.candidate.generation,
+            "candidate": best.candidate.id,
+        },
+        "generations": [summary(generation) for generation in result.generations],
+        "n_evaluations": result.n_evaluations,
+        "wall_time_s": round(result.wall_time_s, 3),
+        "rollouts_per_s": round(result.n_evaluations / result.wall_time_s, 3),
+        "versions": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of Python, of this distribution, and of all that it requires and is installed."""
+    found = {"python": sys.version.split()[0]}
+    for requirement in ["vlmgineer", *(importlib.metadata.requires("vlmgineer") or [])]:
+        name = requirement.split(";")[0].split("[")[0].rstrip("<>=!~.,0123456789 ")
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue  # an extra, or not for this platform
+    return found
 
 
 def summary(generation: Generation) -> dict[str, Any]:

@@ -12,8 +12,7 @@ from core.design import Evaluation
 from core.hooks import hookimpl
 
 if TYPE_CHECKING:
-    from core.evolution import Generation, Result
-    from core.run import Run
+    from core.record import Generation, Result, Run
 
 
 @hookimpl

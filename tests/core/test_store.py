@@ -2,17 +2,16 @@
 
 import json
 import sqlite3
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from core.design import Candidate, Component, Evaluation, Tool
 from core.errors import UserError
-from core.evolution import Generation, Result
 from core.geometry import Box, Pose
-from core.interfaces import Brief, Message, Picture, Reply, Request, Text
+from core.interfaces import Brief, Budget, Message, Picture, Reply, Request, Text
 from core.plugins import event_hub, installed
+from core.record import Generation, Result, Run
 from core.store import RunStore, summary
 from tasks.bring_cube import BringCube
 
@@ -32,7 +31,9 @@ def opened(tmp_path):
     store = RunStore(tmp_path / "run")
     events = event_hub()
     events.register(store)
-    run = SimpleNamespace(config={"seed": 0}, representation=URDF, report=lambda result: {"n": result.n_evaluations})
+    parts = {"task": "BringCube", "sim": "none", "vlm": "canned", "tool": "urdf", "evolution": "vlmgineer"}
+    config = {"budget": {"name": "quick"}}
+    run = Run(store.folder, config, parts, "a can", BringCube(), URDF, Budget(1, 1, 3, 0, 5, 0.6), 7)
     events.hook.run_started(run=run)
     yield store, events, run
     events.hook.run_ended()
@@ -104,8 +105,23 @@ def test_result_and_generations(opened):
         "n_rejected": 0,
         "n_failed": 1,
     }
-    events.hook.run_finished(run=run, result=Result((generation,), 1.0))
-    assert json.loads((store.folder / "result.json").read_text()) == {"n": 3}
+    events.hook.run_finished(run=run, result=Result((generation,), 1.5))
+    result = json.loads((store.folder / "result.json").read_text())
+    assert result.pop("versions").keys() >= {"python", "vlmgineer", "numpy", "pin"}
+    assert result == {
+        "task": "BringCube",
+        "sim": "none",
+        "vlm": "canned",
+        "tool": "urdf",
+        "evolution": "vlmgineer",
+        "budget": "quick",
+        "seed": 7,
+        "best": {"reward": 0.5, "distance_m": 2.0, "generation": 0, "candidate": "g0-a0-s0-p0"},
+        "generations": [summary(generation)],
+        "n_evaluations": 3,
+        "wall_time_s": 1.5,
+        "rollouts_per_s": 2.0,
+    }
 
 
 def test_a_folder_holds_one_run(opened):
