@@ -33,7 +33,7 @@ class Task(ABC):
 
     name: ClassVar[str]
     description: ClassVar[str]  # one paragraph, for the model
-    goals: ClassVar[tuple[Goal, ...]]  # the same for programs
+    goals: ClassVar[tuple[Goal, ...]]  # the same for programs; several: any one of them is enough
     home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))  # the end-effector's, at spawn
     camera: ClassVar[Camera] = Camera()
     success_reward: ClassVar[float] = 0.95

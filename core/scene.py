@@ -219,9 +219,10 @@ class State:
 class Goal:
     """What a task wants, told so that a program can read it: which bodies to move, and where to.
 
-    Either ``place``, where each of ``bodies`` is to end (metres, world frame; None: that coordinate is free), within
-    ``tolerance``; or ``away``, how far from where it started each is to end, in whatever direction. ``keep`` are
-    bodies to leave as they are. The reward is what counts; this is a hint for designers that can't read prose.
+    Either ``place``, where ``bodies`` are to end (metres, world frame; None: that coordinate is free), within
+    ``tolerance`` metres; or ``away``, how far from where it started each is to end, in whatever direction. With ``any``
+    one of the bodies is enough. ``keep`` are bodies to leave as they are. The reward is what counts; this is a hint
+    for designers that can't read prose.
 
     Raises:
         ValueError: neither or both of ``place`` and ``away``.
@@ -230,8 +231,9 @@ class Goal:
     bodies: tuple[str, ...]
     place: tuple[float | None, float | None, float | None] | None = None
     away: float | None = None
-    keep: tuple[str, ...] = ()
     tolerance: float = 0.0
+    any: bool = False
+    keep: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if (self.place is None) == (self.away is None):

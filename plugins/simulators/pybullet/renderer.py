@@ -6,6 +6,7 @@ import weakref
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 from PIL import Image as Pillow
 
 from core.design import Tool
@@ -17,6 +18,7 @@ from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.world import joint_numbers, load_robot
 
+_OUT_OF_SIGHT = [0.0, 0.0, -100.0]
 _OVERSAMPLING = 2  # the renderer draws hard edges; halving a picture of twice the size smooths them
 
 
@@ -39,11 +41,14 @@ class Renderer:
         gripper = tool is None or tool.gripper
         self._joints = [numbers[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if gripper else ()))]
         self._parts: list[tuple[str, Pose, int]] = []
+        self._clear: dict[int, float] = {}  # the opacity of what can be seen through
         for body in task.scene(seed).bodies:
             for part in body.visuals:
                 number = self._add(part)
                 self._parts.append((body.name, part.pose, number))
                 self._place(number, body.pose @ part.pose)
+                if part.color[3] < 1:
+                    self._clear[number] = part.color[3]
         self._loaded = (task.name, seed, tool)
 
     def _add(self, part: Part) -> int:
@@ -71,14 +76,33 @@ class Renderer:
                 self._place(number, state.pose(name) @ offset)
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
+        """A picture (height, width, 3).
+
+        The software renderer knows no transparency: what is behind see-through parts is drawn without them, and shows
+        through where they are the nearest.
+        """
         w, h = width * _OVERSAMPLING, height * _OVERSAMPLING
-        view = p.computeViewMatrix(camera.position, camera.target, [0.0, 0.0, 1.0])
-        projection = p.computeProjectionMatrixFOV(camera.fov_deg, w / h, 0.02, 10.0)
-        _, _, pixels, _, _ = p.getCameraImage(
-            w,
-            h,
-            view,
-            projection,
+        picture, numbers = self._draw(camera, w, h)
+        if self._clear:
+            poses = {n: p.getBasePositionAndOrientation(n, physicsClientId=self._client) for n in self._clear}
+            for number in poses:
+                p.resetBasePositionAndOrientation(number, _OUT_OF_SIGHT, [0, 0, 0, 1], physicsClientId=self._client)
+            behind, _ = self._draw(camera, w, h)
+            for number, pose in poses.items():
+                p.resetBasePositionAndOrientation(number, *pose, physicsClientId=self._client)
+            opacity = np.ones(max(numbers.max(), *self._clear) + 2)  # by number; the last is the background's, -1
+            opacity[list(self._clear)] = list(self._clear.values())
+            weight = opacity[numbers][..., None]
+            picture = (weight * picture + (1 - weight) * behind).astype(np.uint8)
+        return np.asarray(Pillow.fromarray(picture).resize((width, height), Pillow.Resampling.LANCZOS))
+
+    def _draw(self, camera: Camera, width: int, height: int) -> tuple[Image, npt.NDArray[np.int64]]:
+        """A picture (height, width, 3), and the number of the body that each pixel (height, width) shows, or -1."""
+        _, _, pixels, _, numbers = p.getCameraImage(
+            width,
+            height,
+            p.computeViewMatrix(camera.position, camera.target, [0.0, 0.0, 1.0]),
+            p.computeProjectionMatrixFOV(camera.fov_deg, width / height, 0.02, 10.0),
             lightDirection=[1.0, -1.0, 2.0],
             lightAmbientCoeff=0.55,
             lightDiffuseCoeff=0.5,
@@ -87,5 +111,5 @@ class Renderer:
             renderer=p.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )
-        picture = np.reshape(np.asarray(pixels, dtype=np.uint8), (h, w, 4))[..., :3]
-        return np.asarray(Pillow.fromarray(picture).resize((width, height), Pillow.Resampling.LANCZOS))
+        picture = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
+        return picture, np.reshape(np.asarray(numbers, dtype=np.int64), (height, width))

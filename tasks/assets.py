@@ -1,0 +1,57 @@
+"""Shapes that several tasks share: open boxes of boards, and round walls of convex pieces."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from core.scene import Box, Color, Mesh, Part, Pose
+
+
+def board(size: tuple[float, float, float], position: tuple[float, float, float], color: Color) -> Part:
+    """An upright box of full side lengths, its centre at a position in the body's frame."""
+    return Part(Box(size), Pose(np.array(position)), color)
+
+
+def open_box(length: float, width: float, height: float, wall: float, color: Color) -> tuple[Part, ...]:
+    """A bottom and four walls, open on top; outer lengths along x, y, z; the frame is below, in the bottom's middle."""
+    inside = height - wall
+    return (
+        board((length, width, wall), (0.0, 0.0, wall / 2), color),
+        *(
+            board((wall, width, inside), (side * (length - wall) / 2, 0.0, wall + inside / 2), color)
+            for side in (-1, 1)
+        ),
+        *(
+            board((length - 2 * wall, wall, inside), (0.0, side * (width - wall) / 2, wall + inside / 2), color)
+            for side in (-1, 1)
+        ),
+    )
+
+
+def round_wall(
+    inner: tuple[float, float], outer: tuple[float, float], bottom: float, top: float, color: Color, pieces: int = 24
+) -> tuple[Part, ...]:
+    """A wall around z as convex wedges, to be felt; radii (at the bottom, at the top) may differ, so that it leans.
+
+    The wedges' flat inner faces touch the inner radius in their middle, their corners are on the outer one.
+    """
+    step = 2 * np.pi / pieces
+    stretch = 1 / np.cos(step / 2)
+    parts = []
+    for i in range(pieces):
+        angles = np.array([i * step, (i + 1) * step])
+        points = [
+            (radius * np.cos(angle), radius * np.sin(angle), height)
+            for low, high in ((inner[0] * stretch, inner[1] * stretch), (outer[0], outer[1]))
+            for radius, height in ((low, bottom), (high, top))
+            for angle in angles
+        ]
+        parts.append(Part(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(points))), color=color))
+    return tuple(parts)
+
+
+def turned(profile: list[tuple[float, float]], color: Color, sections: int = 64) -> Part:
+    """A solid of revolution around z, to be seen: its closed outline as (radius, height) pairs, counter-clockwise."""
+    mesh = trimesh.creation.revolve(np.array([*profile, profile[0]]), sections=sections)
+    return Part(Mesh.from_trimesh(mesh), color=color)
