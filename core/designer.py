@@ -32,7 +32,8 @@ class ModelDesigner:
     """The `core.interfaces.Designer`: agents without shared history, all asked at once.
 
     Agents' seeds, temperatures and kinds of tool follow from ``seed``, the generation and the agent's number alone.
-    Of two ``tool_kinds`` each agent is given one by lot.
+    Of two ``tool_kinds`` each agent is given one by lot. Where the representation has a tool to give, agents are asked
+    for plans only.
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class ModelDesigner:
         self.picture = picture
         self.events = events
         self._spawn = SpawnRules(task, seed)
+        self._given = representation.given(task)
 
     def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
         requests = {r.id: r for r in (self._request(generation, agent, elites) for agent in range(self.budget.n_agent))}
@@ -75,13 +77,14 @@ class ModelDesigner:
     def _request(self, generation: int, agent: int, elites: Sequence[Evaluation]) -> Request:
         rng = np.random.default_rng([self.seed, generation, agent])
         kind = self.tool_kinds[int(rng.integers(len(self.tool_kinds)))]
+        gripper = self._given.gripper if self._given is not None else kind == "gripper"
         temperature = self.sampling.temperature + rng.uniform(-self.sampling.spread, self.sampling.spread)
         brief = Brief(
             task=self.task,
             scene_seed=self.seed,
             representation=self.representation,
-            gripper=kind == "gripper",
-            n_tool=self.budget.n_tool,
+            gripper=gripper,
+            n_tool=self.budget.n_tool if self._given is None else 1,
             n_action=self.budget.n_action,
             generation=generation,
             agent=agent,

@@ -258,6 +258,33 @@ class ToolRepresentation(ABC):
     def dump(self, tool: Tool) -> dict[str, Any]:
         """The fields that `parse` reads back as the same tool."""
 
+    def given(self, task: Task) -> Tool | None:
+        """The tool that is there already, so that only action plans are asked for; None: tools are designed.
+
+        Raises:
+            UserError: there is none for this task; says for which there are.
+        """
+        return None
+
+
+class GivenTools(ToolRepresentation):
+    """Tools that are there already: nothing is asked about them, nothing is written, nothing is read."""
+
+    @abstractmethod
+    def given(self, task: Task) -> Tool: ...
+
+    def instructions(self, brief: Brief) -> str:
+        return ""
+
+    def schema(self) -> dict[str, Any]:
+        return {}
+
+    def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
+        raise TypeError("a given tool is not parsed")
+
+    def dump(self, tool: Tool) -> dict[str, Any]:
+        return {}
+
 
 # --- the search -------------------------------------------------------------------------------------------------
 

@@ -1,7 +1,7 @@
 """Composes what a model is told from the templates in ``prompts/``, and says what its answer must look like.
 
-A use (first sampling, evolution) is a list of parts; a part ``NAME`` is the Jinja template ``NAME.md.j2``. What a
-template may use is in `Prompts._values`; a name that it misspells is an error, not a gap.
+A use (first sampling, evolution, plans for a given tool) is a list of parts; a part ``NAME`` is the Jinja template
+``NAME.md.j2``. What a template may use is in `Prompts._values`; a name that it misspells is an error, not a gap.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ _RULES = (
 )
 INITIAL = ("mission_initial", "procedure", *_RULES)
 EVOLUTION = ("mission_evolve", "procedure", "evolution_rules", *_RULES)
+GIVEN = ("mission_given", "procedure", *(rule for rule in _RULES if rule not in ("tool_rules", "spawn_rules")))
 
 
 class Prompts:
@@ -51,6 +52,7 @@ class Prompts:
         system: the parts of the system message; none: no system message.
         initial: the parts of a first sampling.
         evolution: the parts of a request that shows elites.
+        given: the parts of a request for action plans only, for a tool that is there already.
 
     Raises:
         UserError: the folder or a part's template is missing, or a template is not valid Jinja.
@@ -63,10 +65,12 @@ class Prompts:
         system: Sequence[str] = SYSTEM,
         initial: Sequence[str] = INITIAL,
         evolution: Sequence[str] = EVOLUTION,
+        given: Sequence[str] = GIVEN,
     ) -> None:
         self.rollout = rollout or RolloutSettings()
-        self.system, self.initial, self.evolution = tuple(system), tuple(initial), tuple(evolution)
-        self._templates = _load(folder, {*self.system, *self.initial, *self.evolution})
+        self.system, self.initial = tuple(system), tuple(initial)
+        self.evolution, self.given = tuple(evolution), tuple(given)
+        self._templates = _load(folder, {*self.system, *self.initial, *self.evolution, *self.given})
 
     def compose(self, brief: Brief, picture: Picture | None) -> tuple[Message, ...]:
         """A system message, and a user message: one text per part, then the picture.
@@ -77,6 +81,7 @@ class Prompts:
         """
         values = self._values(brief, picture)
         parts = self.evolution if brief.elites else self.initial
+        parts = self.given if values["given"] is not None else parts
         user: list[Text | Picture] = [self._render(part, values) for part in parts]
         messages = [Message("user", (*user, picture) if picture else tuple(user))]
         if self.system:
@@ -86,8 +91,10 @@ class Prompts:
     def _values(self, brief: Brief, picture: Picture | None) -> dict[str, Any]:
         """What templates may use."""
         task, representation = brief.task, brief.representation
-        bare = None if brief.gripper else Tool()
+        given = representation.given(task)
+        mounted = given if given is not None else Tool(gripper=brief.gripper)
         return {
+            "given": given,
             "brief": brief,
             "task": task,
             "picture": picture is not None,
@@ -95,7 +102,7 @@ class Prompts:
             "task_source": task.source().rstrip("\n"),
             "vocabulary": "\n\n".join(inspect.getsource(of).rstrip() for of in (Task, Part, Body, Goal, table, floor)),
             "executor": inspect.getsource(plan_motion).rstrip(),
-            "urdf": assemble(bare, visuals=False, mesh_path=lambda path: path.name).rstrip(),
+            "urdf": assemble(mounted, visuals=False, mesh_path=lambda path: path.name).rstrip(),
             "home_xyz": _numbers(task.home.position),
             "home_rpy": _numbers(task.home.rpy),
             "rollout": self.rollout,
@@ -118,13 +125,13 @@ class Prompts:
 def answer_schema(brief: Brief) -> dict[str, Any]:
     """JSON schema of the answer to ``brief``: a scene analysis, and strategies, each a tool and its action plans."""
     numbers = 7 if brief.gripper else 6
+    given = brief.representation.given(brief.task) is not None
     waypoint = _list({"type": "number"}, numbers, numbers)
     plan = _list(waypoint, 1)
     strategy: dict[str, Any] = {
         "strategy_name": {"type": "string"},
         "strategy_description": {"type": "string"},
-        "tool_name": {"type": "string"},
-        "tool_description": {"type": "string"},
+        **({} if given else {"tool_name": {"type": "string"}, "tool_description": {"type": "string"}}),
         "gripper": {"type": "boolean", "enum": [brief.gripper]},
         **brief.representation.schema(),
         "action_description": {"type": "string"},

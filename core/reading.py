@@ -75,7 +75,8 @@ def _read_strategy(
     try:
         if not isinstance(strategy, dict):
             raise DesignError(f"the strategy is {kind(strategy)}, not an object")  # noqa: TRY301
-        gripper = _read_gripper(strategy)
+        given = representation.given(spawn.task)
+        gripper = _read_gripper(strategy, given)
         base = replace(
             base,
             plan=_no_plan(gripper),
@@ -88,7 +89,7 @@ def _read_strategy(
             yield replace(base, action=action, problem=str(error))
         return
 
-    tool, tool_problem = _read_tool(strategy, representation, spawn, gripper)
+    tool, tool_problem = (given, None) if given is not None else _read_tool(strategy, representation, spawn, gripper)
     try:
         plans = _read_action_sets(strategy)
     except DesignError as error:
@@ -108,10 +109,14 @@ def _read_parents(strategy: object, elites: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(elite for elite in elites if elite in named) if isinstance(named, list) else ()
 
 
-def _read_gripper(strategy: dict[Any, Any]) -> bool:
-    gripper = strategy.get("gripper", False)
+def _read_gripper(strategy: dict[Any, Any], given: Tool | None) -> bool:
+    gripper = strategy.get("gripper", given.gripper if given is not None else False)
     if not isinstance(gripper, bool):
         raise DesignError(f"'gripper' is {kind(gripper)}; it must be true or false")
+    if given is not None and gripper != given.gripper:
+        raise DesignError(
+            f"'gripper' is {str(gripper).lower()}, but the given tool is for {str(given.gripper).lower()}"
+        )
     return gripper
 
 

@@ -269,6 +269,7 @@ class SpawnRules:
     """
 
     def __init__(self, task: Task, seed: int) -> None:
+        self.task = task
         self._joints = arm().home_for(task.home)
         self._scene = _Obstacles(
             _Solid(body.name, _geometry(part.shape), body.pose @ part.pose)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -44,6 +44,9 @@ def run(cfg: DictConfig, folder: Path) -> Result:
     task, simulator = task_part.create(), sim_part.create()
     vlm = part("vlm", cfg.vlm).create()
     representation = part("tool", cfg.tool).create()
+    given = representation.given(task)
+    if given is not None:
+        budget = replace(budget, n_tool=1)
     settings = node(cfg.rollout, RolloutSettings)
 
     events = event_hub()
@@ -52,7 +55,7 @@ def run(cfg: DictConfig, folder: Path) -> Result:
     store = RunStore(folder)
     events.register(store, "store")
     kinds = config["task"].get("tool_kinds", ["rigid"])
-    picture = simulator.render(task, seed=cfg.seed, tool=Tool(gripper=kinds == ["gripper"]))
+    picture = simulator.render(task, seed=cfg.seed, tool=given or Tool(gripper=kinds == ["gripper"]))
     save_picture(picture, folder / "scene.png")
     designer = ModelDesigner(
         task,

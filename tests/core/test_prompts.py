@@ -25,7 +25,7 @@ from core.errors import UserError
 from core.geometry import Array, Box, Pose
 from core.interfaces import Brief, Message, Picture, Task, Text, ToolRepresentation
 from core.kinematics import arm
-from core.prompts import EVOLUTION, INITIAL, SUFFIX, SYSTEM, Prompts, answer_schema, counted
+from core.prompts import EVOLUTION, GIVEN, INITIAL, SUFFIX, SYSTEM, Prompts, answer_schema, counted
 from core.robot import FINGER_OPEN, assemble
 from core.rollout import RolloutSettings
 from core.scene import Body, Goal, Scene, State, floor, table
@@ -223,7 +223,7 @@ def test_how_plans_are_executed_is_told() -> None:
 
 
 def test_each_template_is_used() -> None:
-    assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == {*SYSTEM, *INITIAL, *EVOLUTION}
+    assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN}
 
 
 def test_parts_can_be_chosen() -> None:

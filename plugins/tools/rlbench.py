@@ -1,0 +1,92 @@
+"""The four tools that people designed for RLBench's tasks, as boxes; sizes and places are about the paper's ablation's.
+
+Handles go on to the mount's origin, so that they touch the flange.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.design import RIGID_MOUNT, Component, Tool
+from core.errors import choices
+from core.geometry import Box, Pose
+from core.hooks import hookimpl
+from core.interfaces import GivenTools, Task, ToolRepresentation
+from core.scene import Color
+
+HANDLE: Color = (0.72, 0.53, 0.34, 1.0)
+HEAD: Color = (0.85, 0.30, 0.20, 1.0)
+
+
+@hookimpl
+def tool_representations() -> Mapping[str, Callable[..., ToolRepresentation]]:
+    return {"rlbench": RLBenchTools}
+
+
+def _bar(name: str, far: tuple[float, float, float], thickness: tuple[float, float]) -> Component:
+    """A bar from the mount's origin to ``far``, so that it touches the flange; its long axis is x."""
+    end = np.array(far)
+    slope = Rotation.from_euler("y", -np.arctan2(end[2], end[0]))
+    size = (float(np.linalg.norm(end)), *thickness)
+    return Component(name, RIGID_MOUNT, Pose.from_rotation(end / 2, slope), Box(size), color=HANDLE)
+
+
+def _on(bar: Component, name: str, center: tuple[float, float, float], size: tuple[float, float, float]) -> Component:
+    """A box at a place in the mount's frame, along its axes, that hangs from ``bar``."""
+    pose = bar.pose.inverse() @ Pose(np.array(center))
+    return Component(name, bar.name, pose, Box(size), color=HEAD)
+
+
+def stick() -> Tool:
+    """A bar that slopes forward and down."""
+    bar = _bar("stick", (0.379, 0.0, -0.189), (0.0128, 0.0128))
+    return Tool((bar,), name="stick", description="a bar 0.42 m long that slopes forward and down")
+
+
+def broom() -> Tool:
+    """A handle with a head across."""
+    handle = _bar("handle", (0.2, 0.0, -0.38), (0.011, 0.011))
+    head = _on(handle, "head", (0.2, 0.0, -0.38), (0.0375, 0.2625, 0.0375))
+    return Tool((handle, head), name="broom", description="a handle down to a head 0.26 m wide")
+
+
+def hockey_stick() -> Tool:
+    """A handle down to the heel of a blade; a tenth smaller than the others' scale, to start clear of the floor."""
+    scale = 0.9
+    heel, center = (0.238 * scale, 0.0, -0.51 * scale), (0.313 * scale, 0.0, -0.51 * scale)
+    handle = _bar("handle", heel, (0.021 * scale, 0.011 * scale))
+    blade = _on(handle, "blade", center, (0.15 * scale, 0.011 * scale, 0.04 * scale))
+    return Tool((handle, blade), name="hockey stick", description="a handle down to a blade 0.135 m long")
+
+
+def spatula() -> Tool:
+    """A flat head, lower than its handle."""
+    handle = Component(
+        "handle", RIGID_MOUNT, Pose(np.array([0.05, 0.0, -0.0025])), Box((0.10, 0.02, 0.005)), color=HANDLE
+    )
+    neck_pose = Pose.xyz_rpy((0.095, 0.0, -0.03), (0.0, 1.2, 0.0))
+    neck = Component("neck", "handle", handle.pose.inverse() @ neck_pose, Box((0.062, 0.02, 0.005)), color=HANDLE)
+    head = replace(_on(handle, "head", (0.2, 0.0, -0.0575), (0.22, 0.22, 0.005)), parent="neck")
+    head = replace(head, pose=neck_pose.inverse() @ Pose(np.array([0.2, 0.0, -0.0575])))
+    return Tool((handle, neck, head), name="spatula", description="a flat head 0.22 m square, lower than its handle")
+
+
+TOOLS: dict[str, Callable[[], Tool]] = {
+    "BringCube": stick,
+    "CleanTable": broom,
+    "ScoreGoal": hockey_stick,
+    "GatherSpheres": spatula,
+}
+
+
+class RLBenchTools(GivenTools):
+    """One tool for each of four tasks."""
+
+    def given(self, task: Task) -> Tool:
+        if task.name not in TOOLS:
+            raise choices("given tool for task", task.name, TOOLS, "tool=rlbench")
+        return TOOLS[task.name]()

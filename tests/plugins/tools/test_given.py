@@ -1,0 +1,74 @@
+"""The bare gripper and the given tools: plans only."""
+
+import numpy as np
+import pytest
+
+from core.design import RIGID_MOUNT, Tool
+from core.errors import UsageError
+from core.interfaces import Brief, Text
+from core.plugins import installed
+from core.prompts import Prompts, answer_schema
+from core.reading import dump_design, read_designs
+from core.rules import SpawnRules, check_tool
+from plugins.tools.rlbench import TOOLS
+from tasks.bring_cube import BringCube
+from tasks.one_book import OneBook
+
+NONE, RLBENCH = (installed().create("tool", name) for name in ("none", "rlbench"))
+
+
+@pytest.mark.parametrize("task", TOOLS)
+def test_given_tools_keep_the_rules(task):
+    tool = TOOLS[task]()
+    check_tool(tool)
+    assert not tool.gripper
+    assert tool.name
+    assert tool.description
+
+
+def test_stick_is_as_the_paper_has_it():
+    (component,) = RLBENCH.given(BringCube()).components
+    mount, pose = RLBENCH.given(BringCube()).placed()["stick"]
+    assert mount == RIGID_MOUNT
+    assert component.shape.size[0] == pytest.approx(0.4, abs=0.03)
+    np.testing.assert_allclose(pose.position, [0.2, 0.0, -0.1], atol=0.02)
+    SpawnRules(BringCube(), 0).check(RLBENCH.given(BringCube()))
+
+
+def test_no_given_tool_names_the_four():
+    with pytest.raises(UsageError, match=r"OneBook.*BringCube, CleanTable, GatherSpheres, ScoreGoal"):
+        RLBENCH.given(OneBook())
+
+
+@pytest.mark.parametrize(("representation", "numbers"), [(NONE, 7), (RLBENCH, 6)])
+def test_a_document_holds_plans_only(representation, numbers):
+    spawn = SpawnRules(BringCube(), 0)
+    plan = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0, 0.5][:numbers]]
+    (candidate,) = read_designs({"strategies": [{"action_sets": [plan]}]}, representation, spawn)
+    assert candidate.problem is None
+    assert candidate.tool.components == representation.given(BringCube()).components
+    (again,) = read_designs({"strategies": [dump_design(candidate, representation)]}, representation, spawn)
+    np.testing.assert_array_equal(again.plan, candidate.plan)
+    (wrong,) = read_designs({"strategies": [{"gripper": numbers == 6, "action_sets": [plan]}]}, representation, spawn)
+    assert "gripper" in wrong.problem
+
+
+@pytest.mark.parametrize(
+    ("representation", "words"), [(NONE, "nothing but its two-finger gripper"), (RLBENCH, "stick")]
+)
+def test_prompt_asks_for_plans_only(representation, words):
+    task = BringCube()
+    brief = Brief(task, 0, representation, representation.given(task).gripper, 1, 10, 0, 0, 0)
+    user = Prompts().compose(brief, None)[-1]
+    text = "".join(part.text for part in user.parts if isinstance(part, Text))
+    assert words in text
+    assert "tool_urdf" not in text
+    assert "Spawn rules" not in text
+    fields = answer_schema(brief)["properties"]["strategies"]["items"]["properties"]
+    assert set(fields) == {"strategy_name", "strategy_description", "gripper", "action_description", "action_sets"}
+
+
+def test_bare_gripper_is_the_hand():
+    assert NONE.given(OneBook()) == Tool(
+        gripper=True, name="bare gripper", description="the Panda's own hand with its two fingers"
+    )
