@@ -103,9 +103,15 @@ def tool_mesh(tool: Tool) -> trimesh.Trimesh:
 
 
 def save_film(
-    task: Task, simulator: Simulator, candidate: Candidate, seed: int, settings: RolloutSettings, file: Path
+    task: Task,
+    simulator: Simulator,
+    candidate: Candidate,
+    seed: int,
+    settings: RolloutSettings,
+    file: Path,
+    size: tuple[int, int] = (400, 300),
 ) -> None:
-    """Play a candidate again and write what it does as an animated GIF, in its own time.
+    """Play a candidate again and write what it does as an animated GIF, in its own time; ``size`` is width and height.
 
     Raises:
         ValueError: the rollout breaks.
@@ -115,19 +121,17 @@ def save_film(
     if outcome.recording is None:
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
     recording = outcome.recording
-    frames = [
-        Pillow.fromarray(
-            simulator.render(
-                task,
-                seed=seed,
-                tool=candidate.tool,
-                arm=recording.arm[i],
-                fingers=recording.fingers[i],
-                state=recording.states[i],
-                width=400,
-                height=300,
-            )
+    frames = []
+    for arm, fingers, state in zip(recording.arm, recording.fingers, recording.states.each(), strict=True):
+        picture = simulator.render(
+            task,
+            seed=seed,
+            tool=candidate.tool,
+            arm=arm,
+            fingers=fingers,
+            state=state,
+            width=size[0],
+            height=size[1],
         )
-        for i in range(len(recording.times))
-    ]
+        frames.append(Pillow.fromarray(picture).quantize(96, dither=Pillow.Dither.NONE))
     frames[0].save(file, save_all=True, append_images=frames[1:], duration=1000 // FILM_HZ, loop=0, optimize=True)

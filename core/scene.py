@@ -6,7 +6,7 @@ World frame: x forward from the arm's base, y left, z up; metres, kilograms, rad
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -196,6 +196,10 @@ class State:
             self.linear_velocities[index],
             self.angular_velocities[index],
         )
+
+    def each(self) -> Iterator[State]:
+        """The worlds (or instants) of the first axis, one by one."""
+        return (self[i] for i in range(len(self.positions)))
 
     @staticmethod
     def stack(states: Sequence[State]) -> State:

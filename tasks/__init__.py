@@ -9,5 +9,8 @@ from core.hooks import hookimpl
 def tasks() -> Mapping[str, str]:
     return {
         "BringCube": "tasks.bring_cube:BringCube",
+        "ElevatePlate": "tasks.elevate_plate:ElevatePlate",
+        "GatherSpheres": "tasks.gather_spheres:GatherSpheres",
+        "LiftBox": "tasks.lift_box:LiftBox",
         "OneBook": "tasks.one_book:OneBook",
     }

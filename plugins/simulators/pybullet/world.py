@@ -152,7 +152,7 @@ def add_body(client: int, folder: Path, body: Body) -> tuple[int, Pose | None]:
         basePosition=body.pose.position.tolist(),
         baseOrientation=[x, y, z, w],
         useFixedBase=body.fixed,
-        flags=p.URDF_USE_INERTIA_FROM_FILE,
+        flags=p.URDF_USE_INERTIA_FROM_FILE | p.URDF_USE_IMPLICIT_CYLINDER,
         physicsClientId=client,
     )
     p.changeDynamics(

@@ -1,0 +1,151 @@
+"""Makes what the pages show: ``python docs/build.py pictures``, and ``python docs/build.py table`` (takes hours).
+
+Pictures: of each task a still and a film of its reference solution, and a sheet of all stills. Table: rewards of doing
+nothing, of the reference solution, of the embedded designer and of the bare gripper, written into ``docs/tasks.md``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from core.artifacts import save_film, save_picture
+from core.config import load
+from core.design import Candidate, Tool
+from core.interfaces import RolloutSettings
+from core.plugins import installed
+from core.reading import load_designs, read_designs
+from core.rollout import evaluate
+from core.rules import SpawnRules
+from core.run import run
+
+DOCS = Path(__file__).parent
+IMAGES = DOCS / "images" / "tasks"
+SOLUTIONS = DOCS.parent / "tests" / "tasks" / "solutions"
+FILM_SIZE = (320, 240)
+SHEET_COLUMNS = 3
+BEGIN, END = "<!-- table -->", "<!-- end of table -->"
+
+
+def reference(name: str) -> Candidate:
+    """The reference solution of a task."""
+    plugins = installed()
+    spawn = SpawnRules(plugins.create("task", name), 0)
+    document = load_designs(SOLUTIONS / f"{name}.json")
+    return read_designs(document, plugins.create("tool", "urdf"), spawn)[0]
+
+
+def pictures(names: list[str]) -> None:
+    """Stills, films and the sheet."""
+    IMAGES.mkdir(parents=True, exist_ok=True)
+    plugins = installed()
+    simulator = plugins.create("sim", "pybullet")
+    stills = []
+    for name in names:
+        task = plugins.create("task", name)
+        still = simulator.render(task, tool=Tool())
+        save_picture(still, IMAGES / f"{name}.png")
+        stills.append(still)
+        save_film(task, simulator, reference(name), 0, RolloutSettings(), IMAGES / f"{name}.gif", FILM_SIZE)
+        print(name)
+    save_picture(sheet(names, stills), IMAGES / "all.png")
+
+
+def sheet(names: list[str], stills: list[Any]) -> Any:
+    """Stills side by side, each with its name."""
+    labelled = []
+    for name, still in zip(names, stills, strict=True):
+        small = Image.fromarray(still).resize(FILM_SIZE, Image.Resampling.LANCZOS)
+        ImageDraw.Draw(small).text((8, 6), name, fill=(40, 40, 40), font_size=16)
+        labelled.append(np.asarray(small))
+    labelled += [np.full_like(labelled[0], 255)] * (-len(labelled) % SHEET_COLUMNS)
+    rows = [np.hstack(labelled[i : i + SHEET_COLUMNS]) for i in range(0, len(labelled), SHEET_COLUMNS)]
+    return np.vstack(rows)
+
+
+def best_of_runs(name: str, seeds: list[int], *overrides: str) -> list[float]:
+    """The best reward of one run per seed."""
+    rewards = []
+    for seed in seeds:
+        with tempfile.TemporaryDirectory() as folder:
+            cfg = load("config", [f"task={name}", f"seed={seed}", "film=false", "logger=[]", *overrides])
+            best = run(cfg, Path(folder)).best
+        rewards.append(best.reward if best is not None else 0.0)
+    return rewards
+
+
+def row(name: str, seeds: list[int]) -> dict[str, Any]:
+    """One task's figures."""
+    plugins = installed()
+    task, simulator = plugins.create("task", name), plugins.create("sim", "pybullet")
+    still = Candidate(Tool(), np.array([[*task.home.position, *task.home.rpy]]))
+    nothing = evaluate(task, simulator, [still], 0, RolloutSettings())[0].reward
+    began = time.monotonic()
+    solved = evaluate(task, simulator, [reference(name)], 0, RolloutSettings())[0].reward
+    took = time.monotonic() - began
+    return {
+        "task": name,
+        "nothing": nothing,
+        "reference": solved,
+        "designer": best_of_runs(name, seeds),
+        "twice": best_of_runs(name, seeds, "budget.n_iteration=7"),
+        "gripper": best_of_runs(name, seeds, "tool=none", "budget.n_action=20"),
+        "seconds": took,
+    }
+
+
+def table(names: list[str], seeds: list[int], output: Path) -> None:
+    """Make the rows, keep them as JSON, and write them into the page."""
+    rows = []
+    for name in names:
+        rows.append(row(name, seeds))
+        print(json.dumps(rows[-1]), flush=True)
+        output.write_text(json.dumps(rows, indent=1) + "\n")
+    page = DOCS / "tasks.md"
+    text = page.read_text()
+    before, after = text[: text.index(BEGIN)], text[text.index(END) :]
+    page.write_text(f"{before}{BEGIN}\n{markdown(rows)}{after}")
+
+
+def markdown(rows: list[dict[str, Any]]) -> str:
+    """The rows as a table; several runs as mean (smallest to largest)."""
+
+    def runs(values: list[float]) -> str:
+        return (
+            f"{np.mean(values):.2f} ({min(values):.2f} to {max(values):.2f})" if len(values) > 1 else f"{values[0]:.2f}"
+        )
+
+    lines = [
+        "| task | nothing | reference | designer, quick | designer, twice | bare gripper | s per rollout |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for r in rows:
+        means = " | ".join(runs(r[key]) for key in ("designer", "twice", "gripper"))
+        lines.append(f"| {r['task']} | {r['nothing']:.3f} | {r['reference']:.3f} | {means} | {r['seconds']:.2f} |")
+    means = " | ".join(f"{np.mean([np.mean(r[key]) for r in rows]):.2f}" for key in ("designer", "twice", "gripper"))
+    lines.append(f"| **mean** | | | {means} | |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=["pictures", "table"])
+    parser.add_argument("--tasks", nargs="*", default=installed().names("task"))
+    parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
+    parser.add_argument("--output", type=Path, default=Path("table.json"))
+    given = parser.parse_args()
+    if given.what == "pictures":
+        pictures(given.tasks)
+    else:
+        table(given.tasks, given.seeds, given.output)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""ElevatePlate: a dinner plate lies on the table, and is wanted higher, still level."""
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.scene import Body, Camera, Cylinder, Goal, Part, Pose, Scene, State, floor, table
+from tasks.assets import round_wall, turned
+
+# The plate stands on a foot; beyond the foot a gap of FOOT_HEIGHT is left between it and the table.
+FOOT_RADIUS, FOOT_HEIGHT = 0.055, 0.018
+DISC_RADIUS, DISC_TOP = 0.105, 0.024  # flat, its underside on the foot
+RIM_RADIUS, RIM_TOP = 0.13, 0.036  # the rim leans outward, from the disc's edge
+RIM_INSIDE = (0.095, 0.127)  # radii of the rim's inner face, at FOOT_HEIGHT (within the disc) and at RIM_TOP
+MASS = 0.5
+START = (0.75, 0.0, 0.0)  # the plate's frame is in the middle of its foot, at the bottom
+LIFT = 0.4
+
+CHINA = (0.95, 0.95, 0.93, 1.0)
+BLUE = (0.20, 0.36, 0.62, 1.0)
+
+
+def plate() -> Body:
+    """To be seen, turned, with a hollow foot and a blue line along the rim; to be felt, two discs and a ring."""
+    slope = (RIM_TOP - FOOT_HEIGHT) / (RIM_INSIDE[1] - RIM_INSIDE[0])
+    face = RIM_INSIDE[0] + (DISC_TOP - FOOT_HEIGHT) / slope  # where the rim rises from the disc's upper face
+    china = [
+        (0.0, 0.012),
+        (FOOT_RADIUS - 0.006, 0.012),
+        (FOOT_RADIUS - 0.004, 0.0),
+        (FOOT_RADIUS, 0.0),
+        (FOOT_RADIUS, FOOT_HEIGHT),
+        (DISC_RADIUS, FOOT_HEIGHT),
+        (RIM_RADIUS, RIM_TOP),
+        (RIM_INSIDE[1], RIM_TOP),
+        (face, DISC_TOP),
+        (0.0, DISC_TOP),
+    ]
+    low, high, up = 0.115, 0.121, 0.001
+    line = [(r, FOOT_HEIGHT + (r - RIM_INSIDE[0]) * slope) for r in (low, high)]
+    line += [(r, z + up) for r, z in reversed(line)]
+
+    foot = Part(Cylinder(FOOT_RADIUS, FOOT_HEIGHT), Pose(np.array([0.0, 0.0, FOOT_HEIGHT / 2])))
+    thickness = DISC_TOP - FOOT_HEIGHT
+    disc = Part(Cylinder(DISC_RADIUS, thickness), Pose(np.array([0.0, 0.0, FOOT_HEIGHT + thickness / 2])))
+    rim = round_wall(RIM_INSIDE, (DISC_RADIUS, RIM_RADIUS), FOOT_HEIGHT, RIM_TOP, CHINA)
+    return Body("plate", Pose(np.array(START)), MASS, (turned(china, CHINA), turned(line, BLUE)), (foot, disc, *rim))
+
+
+class ElevatePlate(Task):
+    name = "ElevatePlate"
+    description = (
+        "A white dinner plate, 0.26 m across with a raised rim, 0.5 kg, stands on the table at a distance of 0.75 m. "
+        "Its foot has a radius of 0.055 m, so that all around the foot there is a gap of 0.018 m between the "
+        "plate's underside and the table. Lift the plate straight up by 0.4 m, level, and hold it there."
+    )
+    goals = (Goal(bodies=("plate",), place=(START[0], START[1], START[2] + LIFT)),)
+    camera = Camera(position=(1.45, -1.05, 0.95), target=(0.48, 0.0, 0.31))
+
+    def scene(self, seed: int) -> Scene:
+        return Scene((floor(), table(), plate()))
+
+    def reward(self, start: State, end: State) -> Array:
+        """How much of the lift is done (sum of absolute differences to the place above the start): 1 there."""
+        wanted = start.position("plate") + np.array([0.0, 0.0, LIFT])
+        left = np.abs(end.position("plate") - wanted).sum(axis=-1)
+        reward: Array = np.clip(1 - left / LIFT, 0.0, 1.0)
+        return reward

@@ -1,0 +1,74 @@
+"""GatherSpheres: thirty small spheres lie between three walls, and are wanted up in the air, all of them."""
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.scene import Body, Box, Camera, Color, Goal, Part, Pose, Scene, Sphere, State, floor, table
+
+RADIUS, MASS = 0.02, 0.005
+ROWS, COLUMNS, PITCH, JITTER = 5, 6, 0.048, 0.003  # along x, along y; each sphere is off its grid point by up to JITTER
+CONTAINER = (0.7, 0.0)  # its centre
+REACH, WALL_HEIGHT, WALL = 0.15, 0.20, 0.01  # from its centre to the middle of each of its three walls
+WANTED_HEIGHT = 0.3
+NAMES = tuple(f"sphere_{number}" for number in range(1, ROWS * COLUMNS + 1))
+
+GLASS = (0.55, 0.75, 0.85, 0.3)
+COLORS: tuple[Color, ...] = (
+    (0.88, 0.28, 0.25, 1.0),
+    (0.95, 0.66, 0.20, 1.0),
+    (0.25, 0.62, 0.38, 1.0),
+    (0.24, 0.45, 0.78, 1.0),
+    (0.60, 0.36, 0.66, 1.0),
+)
+
+
+def container() -> Body:
+    """Fixed see-through walls at -y, at +y and at +x, without a floor of their own."""
+    length, inside = 2 * REACH, 2 * REACH - WALL
+    walls = (
+        *(Part(Box((length, WALL, WALL_HEIGHT)), Pose(np.array([0.0, y, 0.0])), GLASS) for y in (-REACH, REACH)),
+        Part(Box((WALL, inside, WALL_HEIGHT)), Pose(np.array([REACH, 0.0, 0.0])), GLASS),
+    )
+    return Body("container", Pose(np.array([*CONTAINER, WALL_HEIGHT / 2])), 0.0, walls, walls, friction=0.1)
+
+
+def spheres(seed: int) -> tuple[Body, ...]:
+    """On a jittered grid, nearer to the far wall than to the open side."""
+    jitter = np.random.default_rng(seed).uniform(-JITTER, JITTER, (ROWS, COLUMNS, 2))
+    row, column = np.mgrid[:ROWS, :COLUMNS]
+    x = CONTAINER[0] + 0.015 + (row - (ROWS - 1) / 2) * PITCH + jitter[..., 0]
+    y = CONTAINER[1] + (column - (COLUMNS - 1) / 2) * PITCH + jitter[..., 1]
+    return tuple(
+        Body.of(
+            name,
+            Sphere(RADIUS),
+            (x.flat[i], y.flat[i], RADIUS),
+            mass=MASS,
+            color=COLORS[i % len(COLORS)],
+            rolling_friction=0.0005,
+        )
+        for i, name in enumerate(NAMES)
+    )
+
+
+class GatherSpheres(Task):
+    name = "GatherSpheres"
+    description = (
+        "Thirty small spheres (radius 0.02 m, 5 g each) lie on the table between three fixed see-through walls: at "
+        "y = -0.15, at y = 0.15 and, away from the robot, at x = 0.85, each 0.2 m high and 0.01 m thick and slippery. "
+        "Between them it is open toward the robot (at x = 0.55) and on top, and the table is the floor. Scoop up as "
+        "many of the spheres as possible, lift them above z = 0.3 m, and hold them there."
+    )
+    goals = (Goal(bodies=NAMES, place=(None, None, WANTED_HEIGHT + 0.05), tolerance=0.05),)
+    camera = Camera(position=(1.45, -1.0, 0.9), target=(0.48, 0.0, 0.31))
+
+    def scene(self, seed: int) -> Scene:
+        return Scene((floor(), table(), container(), *spheres(seed)))
+
+    def reward(self, start: State, end: State) -> Array:
+        """Of each sphere, how much of the way from its rest to the wanted height is done; the mean of them."""
+        rest = np.stack([start.position(name)[..., 2] for name in NAMES], axis=-1)
+        height = np.stack([end.position(name)[..., 2] for name in NAMES], axis=-1)
+        reward: Array = np.clip((height - rest) / (WANTED_HEIGHT - rest), 0.0, 1.0).mean(axis=-1)
+        return reward

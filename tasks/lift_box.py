@@ -1,0 +1,55 @@
+"""LiftBox: an open cardboard box stands on the table, too wide for a gripper; its flaps are what can be held."""
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.scene import Body, Box, Camera, Goal, Part, Pose, Scene, State, floor, table
+
+WIDTH, HEIGHT, WALL = 0.25, 0.20, 0.004  # outside, along x and y; up to the edge that the flaps hang on; cardboard
+FLAP, SLANT = 0.10, np.radians(25.0)  # how long a flap is, and by how much it rises outward
+MASS = 0.3
+CENTER = (0.68, 0.0, 0.12)  # of the box with its flaps: the body's frame
+WANTED_HEIGHT = 0.25  # for the same point
+
+CARDBOARD = (0.72, 0.53, 0.34, 1.0)
+FLAP_COLOR = (0.80, 0.62, 0.42, 1.0)
+
+
+def cardboard_box() -> Body:
+    """A bottom, four walls and four flaps, all boards. Each side is the same, turned about the vertical."""
+    inside = WIDTH - 2 * WALL
+    middle = HEIGHT / 2 - CENTER[2]
+    boards = [Part(Box((inside, inside, WALL)), Pose(np.array([0.0, 0.0, WALL / 2 - CENTER[2]])), CARDBOARD)]
+    for quarter in range(4):
+        turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, quarter * np.pi / 2))
+        wall = Pose(np.array([(WIDTH - WALL) / 2, 0.0, middle]))
+        flap = Pose.xyz_rpy((WIDTH / 2 - WALL, 0.0, HEIGHT - CENTER[2] - WALL), (0.0, -SLANT, 0.0))
+        lengthwise = WIDTH if quarter % 2 else inside
+        boards.append(Part(Box((WALL, lengthwise, HEIGHT)), turn @ wall, CARDBOARD))
+        boards.append(Part(Box((FLAP, inside, WALL)), turn @ flap @ Pose(np.array([FLAP / 2, 0.0, 0.0])), FLAP_COLOR))
+    return Body("box", Pose(np.array(CENTER)), MASS, tuple(boards), tuple(boards))
+
+
+class LiftBox(Task):
+    name = "LiftBox"
+    description = (
+        "A cardboard box, 0.25 m wide and 0.20 m high and too wide for a gripper, stands on the table in front of the "
+        "robot. It is open on top, and its four flaps, each 0.1 m long, slant outward and upward from the edges of the "
+        "walls (from z = 0.20 to z = 0.24). The box weighs 0.3 kg. Lift it straight up by 0.13 m without tilting it, "
+        "until its centre, now at z = 0.12 m, is at z = 0.25 m, and hold it there."
+    )
+    goals = (Goal(bodies=("box",), place=(CENTER[0], CENTER[1], WANTED_HEIGHT)),)
+    camera = Camera(position=(1.3, -0.95, 0.9), target=(0.48, 0.0, 0.28))
+
+    def scene(self, seed: int) -> Scene:
+        return Scene((floor(), table(), cardboard_box()))
+
+    def reward(self, start: State, end: State) -> Array:
+        """How much of the way straight up to the wanted height is done (sum of absolute differences): 1 there."""
+        wanted = start.position("box").copy()
+        wanted[..., 2] = WANTED_HEIGHT
+        whole = np.abs(wanted - start.position("box")).sum(axis=-1)
+        left = np.abs(wanted - end.position("box")).sum(axis=-1)
+        reward: Array = np.clip(1 - left / whole, 0.0, 1.0)
+        return reward

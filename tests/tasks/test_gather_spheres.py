@@ -1,0 +1,62 @@
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from core.scene import State
+from tasks.gather_spheres import CONTAINER, NAMES, RADIUS, REACH, WALL, WANTED_HEIGHT, GatherSpheres
+
+TASK = GatherSpheres()
+START = TASK.scene(0).state()
+
+
+def raised(heights):
+    """The start with its spheres at these heights, one for all or one for each."""
+    positions = START.positions.copy()
+    positions[:, 2] = heights
+    return replace(START, positions=positions)
+
+
+def test_reward_rises_in_step_with_the_spheres_lifted():
+    lifted = [raised(z) for z in np.linspace(RADIUS, WANTED_HEIGHT, 11)]
+    rewards = np.array([TASK.reward(START, end) for end in lifted])
+    assert rewards == pytest.approx(np.linspace(0, 1, 11))
+    assert TASK.reward(State.stack([START] * 11), State.stack(lifted)) == pytest.approx(rewards)
+
+
+def test_each_sphere_counts_the_same_and_higher_than_wanted_is_no_better():
+    heights = np.full(len(NAMES), RADIUS)
+    rewards = []
+    for number in range(len(NAMES)):
+        heights[number] = 0.5
+        rewards.append(float(TASK.reward(START, raised(heights))))
+    assert rewards == pytest.approx(np.arange(1, 31) / 30)
+
+
+def test_spheres_on_the_table_earn_nothing_wherever_they_are():
+    away = replace(START, positions=START.positions - np.array([0.3, 0.1, 0.0]))
+    assert TASK.reward(START, away) == 0.0
+
+
+def test_a_sphere_on_the_floor_takes_nothing_from_the_others():
+    heights = np.full(len(NAMES), WANTED_HEIGHT)
+    heights[0] = -0.6
+    assert TASK.reward(START, raised(heights)) == pytest.approx(29 / 30)
+
+
+def test_layouts_keep_clear_of_each_other_and_the_walls():
+    for seed in range(200):
+        at = TASK.scene(seed).state().positions
+        apart = np.linalg.norm(at[:, None] - at[None], axis=-1) + np.eye(len(at))
+        assert apart.min() > 2 * RADIUS
+        inner = REACH - WALL / 2 - RADIUS
+        assert (np.abs(at[:, 1] - CONTAINER[1]) < inner).all()
+        assert (at[:, 0] - CONTAINER[0] < inner).all()
+        assert (at[:, 0] - CONTAINER[0] > RADIUS - REACH).all()
+
+
+def test_layouts_follow_the_seed():
+    layouts = [TASK.scene(seed).state().positions for seed in range(20)]
+    assert all(np.array_equal(TASK.scene(seed).state().positions, layout) for seed, layout in enumerate(layouts))
+    assert all(not np.allclose(one, other) for one, other in pairwise(layouts))
