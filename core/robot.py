@@ -62,7 +62,7 @@ def _description() -> bytes:
 
 
 def _numbers(values: Iterable[float]) -> str:
-    return " ".join(f"{value + 0.0:.15g}" for value in values)
+    return " ".join(f"{round(float(value), 12) + 0.0:.15g}" for value in values)
 
 
 def _origin(parent: Any, pose: Pose) -> None:

@@ -9,8 +9,12 @@ from core.hooks import hookimpl
 def tasks() -> Mapping[str, str]:
     return {
         "BringCube": "tasks.bring_cube:BringCube",
+        "CleanTable": "tasks.clean_table:CleanTable",
+        "DislodgeCube": "tasks.dislodge_cube:DislodgeCube",
         "ElevatePlate": "tasks.elevate_plate:ElevatePlate",
         "GatherSpheres": "tasks.gather_spheres:GatherSpheres",
         "LiftBox": "tasks.lift_box:LiftBox",
+        "MoveBall": "tasks.move_ball:MoveBall",
         "OneBook": "tasks.one_book:OneBook",
+        "ScoreGoal": "tasks.score_goal:ScoreGoal",
     }

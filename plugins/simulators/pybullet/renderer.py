@@ -56,9 +56,7 @@ class Renderer:
         match part.shape:
             case Box(size=size):
                 shape = p.createVisualShape(p.GEOM_BOX, halfExtents=[side / 2 for side in size], **look)
-            case Sphere(radius=radius):
-                shape = p.createVisualShape(p.GEOM_SPHERE, radius=radius, **look)
-            case Cylinder() | Mesh():  # PyBullet's own cylinders are shaded as if they had no edges
+            case Sphere() | Cylinder() | Mesh():  # PyBullet's own spheres have corners, and its cylinders no edges
                 file = str(facets_file(part.shape, self._folder))
                 shape = p.createVisualShape(p.GEOM_MESH, fileName=file, **look)
         return int(p.createMultiBody(0, -1, shape, physicsClientId=self._client))

@@ -27,14 +27,22 @@ class PyBulletSimulator(Simulator):
         time_step: seconds.
         solver_iterations: of the contact solver, per step.
         tracking_rate: how fast a joint closes in on its target, 1/s. The gain per step follows from it, so that it
-        means
-            the same at every time step.
+            means the same at every time step.
+        separation_rate: how fast bodies that overlap in a contact are pushed apart, 1/s. PyBullet's own default, five
+            times as much, makes what is struck bounce off a fifth faster than it was struck.
     """
 
-    def __init__(self, time_step: float = 0.002, solver_iterations: int = 50, tracking_rate: float = 50.0) -> None:
+    def __init__(
+        self,
+        time_step: float = 0.002,
+        solver_iterations: int = 50,
+        tracking_rate: float = 50.0,
+        separation_rate: float = 25.0,
+    ) -> None:
         self.time_step = time_step
         self.solver_iterations = solver_iterations
         self.tracking_rate = tracking_rate
+        self.separation_rate = separation_rate
         self._folder = tempfile.TemporaryDirectory(prefix="vlmgineer-")
         self._client = pybullet.connect(pybullet.DIRECT)
         weakref.finalize(self, pybullet.disconnect, self._client)
@@ -60,6 +68,7 @@ class PyBulletSimulator(Simulator):
             time_step=self.time_step,
             solver_iterations=self.solver_iterations,
             tracking_rate=self.tracking_rate,
+            separation_rate=self.separation_rate,
         )
 
     def render(

@@ -32,6 +32,7 @@ class World:
         time_step: float,
         solver_iterations: int,
         tracking_rate: float,
+        separation_rate: float,
     ) -> None:
         self.client = client
         self.time_step = time_step
@@ -42,6 +43,7 @@ class World:
             fixedTimeStep=time_step,
             numSolverIterations=solver_iterations,
             numSubSteps=0,
+            contactERP=1.0 - float(np.exp(-separation_rate * time_step)),
             deterministicOverlappingPairs=1,
             physicsClientId=client,
         )
@@ -159,7 +161,7 @@ def add_body(client: int, folder: Path, body: Body) -> tuple[int, Pose | None]:
         number,
         -1,
         lateralFriction=np.sqrt(body.friction),  # PyBullet multiplies the two bodies'; ours is their geometric mean
-        rollingFriction=body.rolling_friction,
+        rollingFriction=body.rolling_friction / np.sqrt(0.5),  # multiplied by the other's lateral one: 0.5, mostly
         restitution=body.restitution,
         linearDamping=0.0,
         angularDamping=0.0,

@@ -1,0 +1,69 @@
+"""CleanTable: small cubes, the dust, lie about on the table and are to be swept together, away from the robot."""
+
+import numpy as np
+
+from core.geometry import Array, Pose
+from core.interfaces import Task
+from core.scene import Body, Box, Camera, Goal, Part, Scene, State, floor, table
+
+COUNT = 8
+SIDE = 0.03
+APART = 0.05  # metres between two cubes' centres, at least: more than a diagonal
+LITTER_X, LITTER_Y = (0.5, 0.9), (-0.2, 0.2)  # where the cubes' centres may lie at the start
+CIRCLE = (1.1, 0.0, SIDE / 2)  # its centre, at the height of a cube's
+RADIUS = 0.15
+INSIDE = RADIUS + 0.01  # a cube counts as swept in if its centre is within this of the circle's
+DUST = tuple(f"dust_{i}" for i in range(1, COUNT + 1))
+
+COLORS = (
+    (0.83, 0.18, 0.16, 1.0),
+    (0.93, 0.55, 0.14, 1.0),
+    (0.95, 0.82, 0.20, 1.0),
+    (0.22, 0.45, 0.80, 1.0),
+    (0.16, 0.66, 0.72, 1.0),
+    (0.52, 0.30, 0.66, 1.0),
+    (0.90, 0.45, 0.62, 1.0),
+    (0.25, 0.25, 0.28, 1.0),
+)
+
+
+def litter(seed: int) -> list[tuple[float, float, float]]:
+    """Where the cubes lie: x, y and how each is turned about z; no two touch."""
+    rng = np.random.default_rng(seed)
+    places: list[tuple[float, float, float]] = []
+    while len(places) < COUNT:
+        x, y, yaw = rng.uniform(*LITTER_X), rng.uniform(*LITTER_Y), rng.uniform(0.0, np.pi / 2)
+        if all(np.hypot(x - other[0], y - other[1]) > APART for other in places):
+            places.append((x, y, yaw))
+    return places
+
+
+class CleanTable(Task):
+    name = "CleanTable"
+    description = (
+        "Eight small coloured cubes with a side of 0.03 m and a mass of 10 g each, the dust, lie scattered on the "
+        "table, 0.5 to 0.9 m in front of the robot and up to 0.2 m to either side. Where each lies is random. Sweep "
+        "them all away from the robot, into the green circle with a radius of 0.15 m around (1.1, 0), without pushing "
+        "any off the table or past the circle."
+    )
+    goals = (Goal(bodies=DUST, place=(CIRCLE[0], CIRCLE[1], None), tolerance=RADIUS),)
+    camera = Camera(position=(1.75, -1.0, 1.15), target=(0.58, 0.0, 0.12), fov_deg=50.0)
+
+    def scene(self, seed: int) -> Scene:
+        part = (Part(Box((SIDE, SIDE, SIDE))),)
+        dust = tuple(
+            Body(name, Pose.xyz_rpy((x, y, SIDE / 2), (0.0, 0.0, yaw)), 0.01, (Part(part[0].shape, color=color),), part)
+            for name, color, (x, y, yaw) in zip(DUST, COLORS, litter(seed), strict=True)
+        )
+        circle = Body.mark("circle", (CIRCLE[0], CIRCLE[1], 0.0), RADIUS, color=(0.30, 0.68, 0.33, 1.0))
+        return Scene((floor(), table(), circle, *dust))
+
+    def reward(self, start: State, end: State) -> Array:
+        """The mean over the cubes: 1 for one in the circle, else how much nearer its centre it has come."""
+        rewards = []
+        for name in DUST:
+            left = np.linalg.norm(end.position(name) - CIRCLE, axis=-1)
+            whole = np.linalg.norm(start.position(name) - CIRCLE, axis=-1)
+            rewards.append(np.where(left <= INSIDE, 1.0, np.clip(1 - left / whole, 0.0, 1.0)))
+        reward: Array = np.mean(rewards, axis=0)
+        return reward

@@ -1,0 +1,90 @@
+"""DislodgeCube: a cube is stuck at the far end of a bent pipe, which has an opening toward the robot and one aside."""
+
+import numpy as np
+
+from core.geometry import Array, Pose
+from core.interfaces import Task
+from core.scene import Body, Box, Camera, Color, Goal, Part, Scene, State, floor, table
+
+SIDE = 0.07
+WALL = 0.01
+HEIGHT = 0.13  # of the pipe, outside; inside it is 0.11 high and the main run 0.11 wide
+NEAR, FAR = 0.9, 1.3  # main run along x: open at NEAR, closed at FAR
+RIGHT, LEFT = 0.08, 0.21  # outer faces of its side walls, along y
+BRANCH_X = 1.19  # the side branch is 0.1 wide inside, from here to the inner face of the closed end,
+BRANCH_Y = 0.01  # and 0.07 long, from the main run toward -y: open here
+CUBE = (1.24, 0.15, WALL + SIDE / 2)
+
+CLEAR: Color = (0.93, 0.95, 0.98, 0.35)
+WHITE: Color = (0.97, 0.97, 0.98, 1.0)
+Range = tuple[float, float]
+
+
+def board(x: Range, y: Range, z: Range, color: Color = CLEAR) -> Part:
+    """A board of the pipe, from and to along each axis of the world."""
+    low, high = np.transpose([x, y, z])
+    a, b, c = high - low
+    return Part(Box((a, b, c)), Pose((low + high) / 2), color)
+
+
+def rims() -> tuple[Part, ...]:
+    """White edges around the two openings, to be seen; they stand out by a millimetre."""
+    rim = (-0.001, 0.004)
+    near, aside = (NEAR + rim[0], NEAR + rim[1]), (BRANCH_Y + rim[0], BRANCH_Y + rim[1])
+    wide, high = (RIGHT, LEFT), (0.0, HEIGHT + 0.001)
+    branch = (BRANCH_X - WALL, FAR)
+    bottom, top = (0.0, WALL), (HEIGHT - WALL, HEIGHT + 0.001)
+    return (
+        *(board(near, wide, z, WHITE) for z in (bottom, top)),
+        *(board(near, y, high, WHITE) for y in ((RIGHT, RIGHT + WALL), (LEFT - WALL, LEFT))),
+        *(board(branch, aside, z, WHITE) for z in (bottom, top)),
+        *(board(x, aside, high, WHITE) for x in ((BRANCH_X - WALL, BRANCH_X), (FAR - WALL, FAR))),
+    )
+
+
+def pipe() -> Body:
+    """Eight boards, fixed; both openings have a rim."""
+    bottom, top, inside = (0.0, WALL), (HEIGHT - WALL, HEIGHT), (WALL, HEIGHT - WALL)
+    boards = (
+        board((NEAR, FAR), (RIGHT, LEFT), bottom),
+        board((NEAR, FAR), (RIGHT, LEFT), top),
+        board((NEAR, FAR), (LEFT - WALL, LEFT), inside),
+        board((NEAR, BRANCH_X), (RIGHT, RIGHT + WALL), inside),
+        board((FAR - WALL, FAR), (BRANCH_Y, LEFT - WALL), inside),  # the closed end, on to the branch's far wall
+        board((BRANCH_X - WALL, FAR), (BRANCH_Y, RIGHT), bottom),
+        board((BRANCH_X - WALL, FAR), (BRANCH_Y, RIGHT), top),
+        board((BRANCH_X - WALL, BRANCH_X), (BRANCH_Y, RIGHT), inside),
+    )
+    return Body("pipe", Pose(), 0.0, (*boards, *rims()), boards)
+
+
+class DislodgeCube(Task):
+    name = "DislodgeCube"
+    description = (
+        "A see-through square pipe, 0.11 m wide and high inside, is fixed on the table in front of the robot and a "
+        "little to its left. It runs 0.4 m along x, from an opening toward the robot at x = 0.9 to a closed end at "
+        "x = 1.3; next to the closed end a short branch, 0.1 m wide, leads to a second opening on the robot's right, "
+        "at y = 0.01. At the far end, where the branch begins, lies a red cube with a side of 0.07 m. Get it out of "
+        "the pipe, through either opening, and leave it on the table. The arm starts low above the table, so that "
+        "only a tool that lies flat starts clear of it."
+    )
+    goals = (
+        Goal(bodies=("cube",), place=(None, BRANCH_Y - SIDE / 2, None)),
+        Goal(bodies=("cube",), place=(NEAR - SIDE / 2, None, None)),
+    )
+    home = Pose(np.array([0.4, 0.0, 0.1]))
+    camera = Camera(position=(1.7, -0.95, 0.95), target=(0.68, 0.0, 0.1), fov_deg=50.0)
+
+    def scene(self, seed: int) -> Scene:
+        cube = Body.of("cube", Box((SIDE, SIDE, SIDE)), CUBE, mass=0.2, color=(0.83, 0.18, 0.16, 1.0))
+        return Scene((floor(), table(), pipe(), cube))
+
+    def reward(self, start: State, end: State) -> Array:
+        """How much of the way to an opening, along its axis, is done: that of the two of which more is. 1 is halfway
+        out or farther; a cube that has fallen off the table earns nothing.
+        """
+        began, ended = start.position("cube"), end.position("cube")
+        ahead = 1 - (ended[..., 0] - NEAR) / (began[..., 0] - NEAR)
+        aside = 1 - (ended[..., 1] - BRANCH_Y) / (began[..., 1] - BRANCH_Y)
+        reward: Array = np.where(ended[..., 2] > 0, np.clip(np.maximum(ahead, aside), 0.0, 1.0), 0.0)
+        return reward

@@ -1,0 +1,38 @@
+"""MoveBall: a ball is to go from the robot's left to its right, and to lie still there."""
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.scene import Body, Camera, Goal, Scene, Sphere, State, floor, table
+
+RADIUS = 0.08
+START = (0.6, 0.3, RADIUS)
+TARGET = (0.6, -0.3, RADIUS)
+ROLLING_FRICTION = 0.003  # metres; a soft ball on wood: pushed at 0.5 m/s, it comes to rest within 3 s
+
+
+class MoveBall(Task):
+    name = "MoveBall"
+    description = (
+        "A red ball with a radius of 0.08 m and a mass of 1 kg lies on the table 0.3 m to the robot's left. It rolls "
+        "easily and far. Bring it to the blue mark 0.3 m to the robot's right, 0.6 m away, and leave it there: the "
+        "ball counts as it is when the motion is over, and its speed, in m/s, is subtracted from the reward."
+    )
+    goals = (Goal(bodies=("ball",), place=TARGET),)
+    camera = Camera(position=(1.6, -1.2, 1.05), target=(0.5, 0.0, 0.2), fov_deg=52.0)
+
+    def scene(self, seed: int) -> Scene:
+        ball = Body.of(
+            "ball", Sphere(RADIUS), START, mass=1.0, color=(0.83, 0.18, 0.16, 1.0), rolling_friction=ROLLING_FRICTION
+        )
+        mark = Body.mark("mark", (TARGET[0], TARGET[1], 0.0), radius=0.05, color=(0.16, 0.36, 0.76, 1.0))
+        return Scene((floor(), table(), ball, mark))
+
+    def reward(self, start: State, end: State) -> Array:
+        """How much of the way from the start to the target is done (sum of absolute differences), less the speed."""
+        left = np.abs(end.position("ball") - TARGET).sum(axis=-1)
+        whole = np.abs(start.position("ball") - TARGET).sum(axis=-1)
+        speed = np.linalg.norm(end.linear_velocity("ball"), axis=-1)
+        reward: Array = np.clip(1 - left / whole - speed, 0.0, 1.0)
+        return reward

@@ -1,0 +1,101 @@
+"""ScoreGoal: a puck lies on ice to the robot's left, and belongs in a goal that is far out of reach."""
+
+import numpy as np
+import trimesh
+
+from core.geometry import Array, Pose
+from core.interfaces import Task
+from core.scene import Body, Camera, Color, Cylinder, Goal, Mesh, Part, Scene, State, floor
+from tasks.assets import board
+
+PUCK_RADIUS, PUCK_HEIGHT, PUCK_MASS = 0.038, 0.025, 0.17
+START = (0.8, 0.6, PUCK_HEIGHT / 2)
+CENTER_X, CENTER_Y = 2.0, 0.0  # the goal's middle; its mouth faces the robot
+DEPTH, WIDTH, HEIGHT = 0.254, 0.457, 0.305  # inside the goal, along x, y, z
+BAR = 0.019  # radius of the goal's bars, which stand around that inside
+NET = 0.004  # thickness of the net
+RUBBER, ICE = 0.5, 0.02  # friction: a contact has the geometric mean of both, so that anything of 0.5 meets ice at 0.1
+
+RED: Color = (0.80, 0.14, 0.14, 1.0)
+STRING: Color = (0.62, 0.67, 0.74, 1.0)
+CLEAR: Color = (0.92, 0.94, 0.97, 0.25)
+
+
+def bar(start: tuple[float, float, float], end: tuple[float, float, float]) -> Part:
+    """A round bar from one point to another, in the goal's frame."""
+    along = np.subtract(end, start)
+    length = float(np.linalg.norm(along))
+    turn = (0.0, float(np.arccos(along[2] / length)), float(np.arctan2(along[1], along[0])))
+    return Part(Cylinder(BAR, length), Pose.xyz_rpy(np.add(start, end) / 2, turn), RED)
+
+
+def strings(net: Part) -> Part:
+    """Crossed strings, to be seen, in the middle of a piece of net that is a thin board."""
+    size = np.array(net.shape.to_trimesh().extents)
+    thin = int(np.argmin(size))
+    pieces = []
+    for along in range(3):
+        across = 3 - thin - along
+        if along == thin:
+            continue
+        for at in np.linspace(-size[across] / 2, size[across] / 2, round(size[across] / 0.045) + 1)[1:-1]:
+            piece, center = np.full(3, NET), np.zeros(3)
+            piece[along], center[across] = size[along], at
+            pieces.append(trimesh.creation.box(piece).apply_translation(center))
+    return Part(Mesh.from_trimesh(trimesh.util.concatenate(pieces)), net.pose, STRING)
+
+
+def hockey_goal() -> Body:
+    """A frame of bars: two posts and a crossbar in front, a bar along the ground behind and on both sides. The net
+    hangs on both sides, behind and above.
+    """
+    front, back, side, top = -DEPTH / 2, DEPTH / 2 + BAR, WIDTH / 2 + BAR, HEIGHT + BAR
+    posts = (bar((front, -side, 0.0), (front, -side, top + BAR)), bar((front, side, 0.0), (front, side, top + BAR)))
+    bars = (
+        *posts,
+        bar((front, -side, top), (front, side, top)),
+        bar((back, -side - BAR, BAR), (back, side + BAR, BAR)),
+        bar((front, -side, BAR), (back, -side, BAR)),
+        bar((front, side, BAR), (back, side, BAR)),
+    )
+    length, middle = back - front, (front + back) / 2
+    net = (
+        board((NET, 2 * side, top), (back, 0.0, top / 2), CLEAR),
+        board((length, 2 * side, NET), (middle, 0.0, top), CLEAR),
+        board((length, NET, top), (middle, -side, top / 2), CLEAR),
+        board((length, NET, top), (middle, side, top / 2), CLEAR),
+    )
+    felt = (*bars, *net)
+    return Body("goal", Pose.xyz_rpy((CENTER_X, CENTER_Y, 0.0)), 0.0, (*felt, *map(strings, net)), felt)
+
+
+class ScoreGoal(Task):
+    name = "ScoreGoal"
+    description = (
+        "The robot stands on ice; there is no table, the ground is at z = 0. A hockey puck with a radius of 0.038 m, a "
+        "height of 0.025 m and a mass of 0.17 kg lies in front of the robot and to its left, at (0.8, 0.6). A red "
+        "hockey goal stands at (2.0, 0), far out of reach, its mouth toward the robot. The puck slides on the ice with "
+        "a friction of 0.1. Get it into the goal."
+    )
+    goals = (Goal(bodies=("puck",), place=(CENTER_X, CENTER_Y, None), tolerance=DEPTH / 2),)
+    camera = Camera(position=(1.6, -1.75, 1.5), target=(1.05, 0.3, 0.1), fov_deg=52.0)
+
+    def scene(self, seed: int) -> Scene:
+        puck = Body.of(
+            "puck",
+            Cylinder(PUCK_RADIUS, PUCK_HEIGHT),
+            START,
+            mass=PUCK_MASS,
+            color=(0.12, 0.12, 0.13, 1.0),
+            friction=RUBBER,
+        )
+        return Scene((floor(0.0, ICE), hockey_goal(), puck))
+
+    def reward(self, start: State, end: State) -> Array:
+        """1 for the puck's middle inside the goal, else how much nearer it has come to the goal's middle."""
+        x, y, z = np.moveaxis(end.position("puck") - (CENTER_X, CENTER_Y, 0.0), -1, 0)
+        inside = (np.abs(x) < DEPTH / 2) & (np.abs(y) < WIDTH / 2) & (z > 0) & (z < HEIGHT)
+        began = start.position("puck") - (CENTER_X, CENTER_Y, 0.0)
+        nearer = 1 - np.hypot(x, y) / np.hypot(began[..., 0], began[..., 1])
+        reward: Array = np.where(inside, 1.0, np.clip(nearer, 0.0, 1.0))
+        return reward

@@ -1,0 +1,76 @@
+from dataclasses import replace
+
+import coal
+import numpy as np
+import pytest
+
+from core.scene import State
+from tasks.dislodge_cube import CUBE, SIDE, DislodgeCube
+
+TASK = DislodgeCube()
+SCENE = TASK.scene(0)
+BEFORE = SCENE.state()
+LYING = CUBE[2]
+
+
+def reward(*places):
+    ends = [replace(BEFORE, positions=np.array([place], dtype=float)) for place in places]
+    return TASK.reward(State.stack([BEFORE] * len(ends)), State.stack(ends)).tolist()
+
+
+def gap(place, side=SIDE):
+    """Metres between an upright cube at a place and the pipe; negative is how deep it is in a wall."""
+    cube, at = coal.Box(side, side, side), coal.Transform3s(np.eye(3), np.array(place, dtype=float))
+    gaps = []
+    for part in SCENE["pipe"].collisions:
+        there = coal.Transform3s(np.eye(3), part.pose.position)
+        solid = coal.Box(*part.shape.size)
+        gaps.append(coal.distance(cube, at, solid, there, coal.DistanceRequest(), coal.DistanceResult()))
+    return min(gaps)
+
+
+def straight(start, end):
+    return [np.add(start, share * np.subtract(end, start)) for share in np.linspace(0, 1, 60)]
+
+
+def test_the_scene():
+    assert SCENE["pipe"].fixed
+    assert SCENE["cube"].collisions[0].shape.size == (0.07, 0.07, 0.07)
+    np.testing.assert_allclose(CUBE[:2], (1.24, 0.15))
+    boards = [part.pose.apply(part.shape.to_trimesh().vertices) for part in SCENE["pipe"].collisions]
+    np.testing.assert_allclose(np.min(boards, axis=(0, 1)), [0.9, 0.01, 0], atol=1e-9)
+    np.testing.assert_allclose(np.max(boards, axis=(0, 1)), [1.3, 0.21, 0.13], atol=1e-9)
+    assert all(0 < part.color[3] < 1 for part in SCENE["pipe"].visuals[: len(boards)])
+    np.testing.assert_allclose(TASK.home.position, [0.4, 0, 0.1])
+
+
+@pytest.mark.parametrize("end", [(0.8, 0.145), (1.24, -0.1)])
+def test_both_ways_out_are_open(end):
+    inner = (1.24, 0.145) if end[0] < 1 else (1.24, 0.15)
+    over_the_floor = LYING + 1e-4
+    assert min(gap((*place, over_the_floor)) for place in straight(inner, end)) > 0
+
+
+@pytest.mark.parametrize("end", [(1.4, 0.15, LYING), (1.24, 0.4, LYING), (1.24, 0.15, 0.3), (1.0, -0.1, LYING)])
+def test_all_other_ways_are_shut_even_to_a_small_cube(end):
+    start = (1.0, 0.145, LYING) if end[0] == 1.0 else (1.24, 0.15, 0.06)
+    assert min(gap(place, side=0.02) for place in straight(start, end)) < 0
+
+
+@pytest.mark.parametrize("way", [straight(CUBE, (0.9, 0.15, LYING)), straight(CUBE, (1.24, 0.01, LYING))])
+def test_it_rises_evenly_from_0_to_1_on_either_way(way):
+    np.testing.assert_allclose(reward(*way), np.linspace(0, 1, len(way)), atol=1e-12)
+
+
+def test_the_nearer_opening_counts():
+    assert reward((1.07, 0.15, LYING), (1.24, 0.08, LYING)) == pytest.approx([0.5, 0.5])
+    assert reward((1.07, 0.115, LYING), (1.206, 0.08, LYING)) == pytest.approx([0.5, 0.5])
+
+
+def test_outside_in_front_of_an_opening_is_out():
+    assert reward((0.8, 0.15, 0.035), (1.24, -0.05, 0.035), (0.5, -0.3, 0.035)) == [1, 1, 1]
+
+
+@pytest.mark.parametrize("place", [(1.255, 0.165, LYING), (1.24, 0.15, 0.3), (1.5, 0.3, 0.035), (1.2, -0.6, -0.59)])
+def test_deeper_in_through_a_wall_or_off_the_table_earns_nothing(place):
+    assert reward(place) == [0]

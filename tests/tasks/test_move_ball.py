@@ -1,0 +1,55 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.scene import State
+from tasks.move_ball import RADIUS, START, TARGET, MoveBall
+
+TASK = MoveBall()
+BEFORE = TASK.scene(0).state()
+STILL = (0.0, 0.0, 0.0)
+
+
+def reward(*ends):
+    """Of pairs of a place and a velocity of the ball."""
+    states = [
+        replace(BEFORE, positions=np.array([place], dtype=float), linear_velocities=np.array([velocity], dtype=float))
+        for place, velocity in ends
+    ]
+    return TASK.reward(State.stack([BEFORE] * len(states)), State.stack(states)).tolist()
+
+
+def test_the_scene():
+    ball = TASK.scene(0)["ball"]
+    assert (RADIUS, START, TARGET) == (0.08, (0.6, 0.3, 0.08), (0.6, -0.3, 0.08))
+    assert ball.mass == 1
+    assert ball.collisions[0].shape.radius == 0.08
+    assert ball.rolling_friction > 0
+    np.testing.assert_allclose(TASK.scene(0)["mark"].pose.position, [0.6, -0.3, 0])
+
+
+def test_the_share_of_the_way_that_is_done():
+    y = [0.3, 0.15, 0.0, -0.15, -0.3, -0.45]
+    np.testing.assert_allclose(
+        reward(*[((0.6, at, 0.08), STILL) for at in y]), [0, 0.25, 0.5, 0.75, 1, 0.75], atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, -1, 0), (0.6, 0, -0.8)])
+def test_speed_is_subtracted_whatever_its_direction(direction):
+    ends = [(TARGET, np.multiply(speed, direction)) for speed in (0, 0.1, 0.5, 1, 3)]
+    np.testing.assert_allclose(reward(*ends), [1, 0.9, 0.5, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("place", [(0.6, 0.4, 0.08), (1.5, 0.3, 0.08), (0.6, 0.6, -0.545), (0.6, -0.6, -0.545)])
+def test_a_ball_that_rolled_off_or_the_wrong_way_earns_nothing(place):
+    assert reward((place, STILL)) == [0]
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 3), st.tuples(*[st.floats(-1, 1)] * 3))
+def test_a_moving_ball_earns_no_more_than_a_resting_one(place, velocity):
+    resting, moving = reward((place, STILL), (place, velocity))
+    assert 0 <= moving <= resting <= 1
