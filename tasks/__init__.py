@@ -13,8 +13,11 @@ def tasks() -> Mapping[str, str]:
         "DislodgeCube": "tasks.dislodge_cube:DislodgeCube",
         "ElevatePlate": "tasks.elevate_plate:ElevatePlate",
         "GatherSpheres": "tasks.gather_spheres:GatherSpheres",
+        "HighObject": "tasks.high_object:HighObject",
         "LiftBox": "tasks.lift_box:LiftBox",
         "MoveBall": "tasks.move_ball:MoveBall",
         "OneBook": "tasks.one_book:OneBook",
         "ScoreGoal": "tasks.score_goal:ScoreGoal",
+        "SnatchCookie": "tasks.snatch_cookie:SnatchCookie",
+        "TurkeyLegs": "tasks.turkey_legs:TurkeyLegs",
     }

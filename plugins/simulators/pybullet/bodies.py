@@ -36,6 +36,7 @@ def body_urdf(body: Body, inertia: Inertia | None, folder: Path) -> str:
         _origin(element, part.pose)
         geometry = etree.SubElement(element, "geometry")
         geometry.append(_geometry(part.shape, folder))
+    etree.indent(robot)  # PyBullet's reader does not take long lines
     return etree.tostring(robot, encoding="unicode")
 
 

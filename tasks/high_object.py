@@ -1,0 +1,59 @@
+"""HighObject: a cube lies on a shelf where the arm can't reach it, and is wanted in the bin in front of the shelf."""
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor
+from tasks.assets import board, open_box
+
+SIDE = 0.05
+START = (1.2, 0.0, 0.925)
+
+SHELF_X, SHELF_DEPTH, SHELF_WIDTH, BOARD = 1.3, 0.4, 1.2, 0.03
+BOARD_HEIGHTS = (0.435, 0.885)  # of the boards' middles: the upper one's top face is at z = 0.9
+SHELF_TOP = 0.9
+
+BIN_CENTER = (0.8, 0.0, 0.05)
+BIN_LENGTH, BIN_WIDTH, BIN_HEIGHT, BIN_WALL = 0.38, 1.2, 0.1, 0.015  # along x, y, z
+OFF_THE_SHELF = 0.85  # metres, the height below which the cube has left the upper board
+
+
+def shelf() -> Body:
+    """Two boards on four posts."""
+    wood, dark = (0.72, 0.53, 0.34, 1.0), (0.45, 0.32, 0.21, 1.0)
+    boards = tuple(board((SHELF_DEPTH, SHELF_WIDTH, BOARD), (0.0, 0.0, height), wood) for height in BOARD_HEIGHTS)
+    x, y = SHELF_DEPTH / 2 - 0.02, SHELF_WIDTH / 2 + 0.02
+    corners = ((-x, -y), (-x, y), (x, -y), (x, y))
+    posts = tuple(board((0.04, 0.04, SHELF_TOP), (*corner, SHELF_TOP / 2), dark) for corner in corners)
+    return Body("shelf", Pose.xyz_rpy((SHELF_X, 0.0, 0.0)), 0.0, boards + posts, boards + posts)
+
+
+class HighObject(Task):
+    name = "HighObject"
+    description = (
+        "A green cube with a side of 0.05 m lies on the upper board of a shelf, 0.9 m high and 1.2 m in front of the "
+        "robot; the board's front edge is at x = 1.1 m. Between the robot and the shelf an open bin, 0.38 m deep (x), "
+        "1.2 m wide (y) and 0.1 m high, stands on the floor, its centre 0.8 m in front of the robot. Bring the cube "
+        "into the bin. There is no table: the robot stands on the floor."
+    )
+    goals = (Goal(bodies=("cube",), place=BIN_CENTER, tolerance=0.05),)
+    camera = Camera(position=(0.5, -1.95, 1.25), target=(0.72, 0.0, 0.5))
+
+    def scene(self, seed: int) -> Scene:
+        cube = Body.of("cube", Box((SIDE, SIDE, SIDE)), START, mass=0.1, color=(0.18, 0.62, 0.27, 1.0))
+        walls = open_box(BIN_LENGTH, BIN_WIDTH, BIN_HEIGHT, BIN_WALL, (0.33, 0.47, 0.66, 1.0))
+        the_bin = Body("bin", Pose.xyz_rpy((BIN_CENTER[0], BIN_CENTER[1], 0.0)), 0.0, walls, walls)
+        return Scene((floor(0.0), shelf(), the_bin, cube))
+
+    def reward(self, start: State, end: State) -> Array:
+        """1 in the bin; else the share of the way to its centre that is done (sum of absolute differences), and 0.2
+        more for a cube that has left the shelf's upper board.
+        """
+        cube = end.position("cube")
+        offset = np.abs(cube - BIN_CENTER)
+        inside = (offset < np.array([BIN_LENGTH / 2 - BIN_WALL, BIN_WIDTH / 2 - BIN_WALL, BIN_HEIGHT / 2])).all(axis=-1)
+        way = np.clip(1 - offset.sum(axis=-1) / np.abs(start.position("cube") - BIN_CENTER).sum(axis=-1), 0.0, 1.0)
+        near = np.minimum(way + 0.2 * (cube[..., 2] < OFF_THE_SHELF), 1.0)
+        reward: Array = np.where(inside, 1.0, near)
+        return reward

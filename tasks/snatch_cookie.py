@@ -1,0 +1,94 @@
+"""SnatchCookie: cookies lie deep in a jar, and one of them is wanted."""
+
+from functools import cache
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.scene import Body, Camera, Cylinder, Goal, Part, Pose, Scene, Sphere, State, floor, table
+from tasks.assets import round_wall, turned
+
+JAR = (0.58, 0.0)  # x, y of its middle
+BOTTOM, WALL = 0.008, 0.005  # thickness
+BODY_RADIUS, NECK_RADIUS = 0.1, 0.088  # inside
+BODY_TOP, NECK_BOTTOM, MOUTH = 0.17, 0.205, 0.25  # heights; between the first two the jar narrows
+
+COOKIES = 12
+RADIUS, THICKNESS = 0.04, 0.014
+COLUMN_X = (-0.0445, 0.0445)  # from the jar's middle, six cookies in each
+OUT_Z = 0.3  # a cookie whose centre is above this is out
+
+GLASS = (0.62, 0.80, 0.86, 0.3)
+DOUGH, CHOCOLATE = (0.80, 0.58, 0.33, 1.0), (0.24, 0.13, 0.07, 1.0)
+
+
+@cache
+def jar() -> Body:
+    """A glass jar with a neck, open on top."""
+    heights, inside = (BOTTOM, BODY_TOP, NECK_BOTTOM, MOUTH), (BODY_RADIUS, BODY_RADIUS, NECK_RADIUS, NECK_RADIUS)
+    bottom = Part(Cylinder(BODY_RADIUS + WALL, BOTTOM), Pose(np.array([0.0, 0.0, BOTTOM / 2])), GLASS)
+    walls = tuple(
+        piece
+        for i in range(3)
+        for piece in round_wall(
+            (inside[i], inside[i + 1]), (inside[i] + WALL, inside[i + 1] + WALL), heights[i], heights[i + 1], GLASS, 20
+        )
+    )
+    outer = [(0.0, 0.0)] + [(r + WALL, h) for r, h in zip(inside, (0.0, *heights[1:]), strict=True)]
+    inner = [(r, h) for r, h in zip(reversed(inside), reversed(heights), strict=True)] + [(0.0, BOTTOM)]
+    return Body("jar", Pose.xyz_rpy((*JAR, 0.0)), 0.0, (turned(outer + inner, GLASS),), (bottom, *walls), friction=0.3)
+
+
+@cache
+def look() -> tuple[Part, ...]:
+    """A cookie to be seen: a disc with a worn edge, and chocolate chips."""
+    edge, half = RADIUS - 0.002, THICKNESS / 2
+    disc = turned(
+        [(0, -half), (edge, -half), (RADIUS, 0.002 - half), (RADIUS, half - 0.002), (edge, half), (0, half)], DOUGH
+    )
+    spots = [(radius, angle) for radius, count in ((0.013, 3), (0.028, 6)) for angle in np.arange(count) * 6.3 / count]
+    on_top = [(r * np.cos(a + r), r * np.sin(a + r), half - 0.0025) for r, a in spots]
+    on_edge = [((RADIUS - 0.0025) * np.cos(a), (RADIUS - 0.0025) * np.sin(a), 0.001) for a in np.arange(7) * 0.9]
+    return disc, *(Part(Sphere(0.0035), Pose(np.array(spot)), CHOCOLATE) for spot in on_top + on_edge)
+
+
+def cookie(number: int, position: Array, yaw: float) -> Body:
+    felt = (Part(Cylinder(RADIUS, THICKNESS)),)
+    pose = Pose.xyz_rpy(position, (0.0, 0.0, yaw))
+    return Body(f"cookie_{number}", pose, 0.02, look(), felt, friction=0.8, rolling_friction=0.005)
+
+
+class SnatchCookie(Task):
+    name = "SnatchCookie"
+    description = (
+        "A glass jar stands on the table 0.58 m in front of the robot, fixed. Its mouth, 0.176 m wide, is at z = 0.25; "
+        "below the neck it is 0.2 m wide inside. Twelve cookies, flat round discs with a diameter of 0.08 m, 0.014 m "
+        "thick and 20 g in weight, lie at its bottom in two columns of six, one nearer to the robot and one farther; "
+        "the columns reach up to z = 0.093. Take one cookie out of the jar and hold it higher than z = 0.3."
+    )
+    goals = (
+        Goal(bodies=tuple(f"cookie_{i}" for i in range(1, COOKIES + 1)), place=(None, None, OUT_Z + 0.02), any=True),
+    )
+    camera = Camera(position=(1.15, -0.62, 0.68), target=(0.42, 0.0, 0.3))
+
+    def scene(self, seed: int) -> Scene:
+        """The columns stand a little askew: each off its place, and each cookie off its column."""
+        random = np.random.default_rng(seed)
+        cookies = []
+        for column, x in enumerate(COLUMN_X):
+            shift = random.uniform(-0.001, 0.001, 2)
+            for layer in range(COOKIES // 2):
+                place = np.array([JAR[0] + x, JAR[1]]) + shift + random.uniform(-0.001, 0.001, 2)
+                height = BOTTOM + (layer + 0.5) * THICKNESS + (layer + 1) * 0.0001
+                number = column * (COOKIES // 2) + layer + 1
+                cookies.append(cookie(number, np.array([*place, height]), random.uniform(-np.pi, np.pi)))
+        return Scene((floor(), table(), jar(), *cookies))
+
+    def reward(self, start: State, end: State) -> Array:
+        """1 if a cookie is out; else how far the highest one has come from where it lay to where it would be out."""
+        highest = end.positions[..., 2].argmax(axis=-1)[..., None]
+        now = np.take_along_axis(end.positions[..., 2], highest, axis=-1)[..., 0]
+        rest = np.take_along_axis(start.positions[..., 2], highest, axis=-1)[..., 0]
+        reward: Array = np.clip((now - rest) / (OUT_Z - rest), 0.0, 1.0)
+        return reward

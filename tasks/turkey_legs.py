@@ -1,0 +1,127 @@
+"""TurkeyLegs: five turkey legs lie in a pot and are wanted in the chef's box, without the pot."""
+
+from functools import cache
+
+import numpy as np
+import trimesh
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.scene import Body, Camera, Cylinder, Goal, Mesh, Part, Pose, Scene, Sphere, State, floor, table
+from tasks.assets import board, open_box, round_wall, turned
+
+POT = (0.75, -0.2)  # x, y of its middle
+POT_RADIUS, POT_HEIGHT, POT_WALL = 0.12, 0.0875, 0.004  # inside; the bottom is as thick as the wall
+HANDLE_Z, HANDLE_Y = 0.07, 0.152  # of the handles' bars, which run along x on the pot's left and right
+
+BOX = (0.8, 0.25)  # x, y of its middle
+BOX_LENGTH, BOX_WIDTH, BOX_HEIGHT, BOX_WALL = 0.525, 0.265, 0.105, 0.006  # along x, y, z
+
+LEGS = tuple(f"leg_{i}" for i in range(1, 6))
+MEAT_X = (-0.059, -0.055, -0.048, -0.038, -0.008, 0.004, 0.013, 0.02)  # along the leg, and how thick it is there
+MEAT_RADIUS = (0.004, 0.011, 0.018, 0.022, 0.022, 0.0185, 0.013, 0.006)
+BONE_RADIUS, BONE_LENGTH, BONE_X = 0.006, 0.04, 0.03
+KNOB_RADIUS, KNOB_X = 0.009, 0.051
+FACETS = 10  # of the meat as it is felt: it lies on one of them
+FACET_RADIUS = 0.022 * np.cos(np.pi / FACETS)
+RING = 0.072  # radius of the ring that the legs lie in
+
+METAL, STEEL = (0.75, 0.77, 0.80, 1.0), (0.50, 0.53, 0.57, 1.0)
+ROAST, BONE = (0.72, 0.40, 0.18, 1.0), (0.93, 0.90, 0.82, 1.0)
+
+
+@cache
+def pot() -> Body:
+    """A round pot, open on top, with a handle on either side; its frame is below its bottom's middle."""
+    outside = POT_RADIUS + POT_WALL
+    bottom = Part(Cylinder(outside, POT_WALL), Pose(np.array([0.0, 0.0, POT_WALL / 2])), METAL)
+    wall = round_wall((POT_RADIUS, POT_RADIUS), (outside, outside), POT_WALL, POT_HEIGHT, METAL, 20)
+    shell = turned(
+        [
+            (0.0, 0.0),
+            (outside, 0.0),
+            (outside, POT_HEIGHT),
+            (POT_RADIUS, POT_HEIGHT),
+            (POT_RADIUS, POT_WALL),
+            (0.0, POT_WALL),
+        ],
+        METAL,
+    )
+    handles = tuple(
+        part
+        for side in (-1, 1)
+        for part in (
+            board((0.08, 0.01, 0.008), (0.0, side * HANDLE_Y, HANDLE_Z), STEEL),
+            board((0.01, 0.036, 0.008), (-0.035, side * 0.133, HANDLE_Z), STEEL),
+            board((0.01, 0.036, 0.008), (0.035, side * 0.133, HANDLE_Z), STEEL),
+        )
+    )
+    return Body("pot", Pose.xyz_rpy((*POT, 0.0)), 1.0, (shell, *handles), (bottom, *wall, *handles), friction=0.5)
+
+
+def chefs_box() -> Body:
+    """A deep tray with a lip around its upper edge."""
+    walls = open_box(BOX_LENGTH, BOX_WIDTH, BOX_HEIGHT, BOX_WALL, METAL)
+    x, y, z = BOX_LENGTH / 2 + 0.006, BOX_WIDTH / 2 + 0.006, BOX_HEIGHT - 0.002
+    lip = (
+        *(board((0.012, BOX_WIDTH + 0.024, 0.004), (side * x, 0.0, z), STEEL) for side in (-1, 1)),
+        *(board((BOX_LENGTH, 0.012, 0.004), (0.0, side * y, z), STEEL) for side in (-1, 1)),
+    )
+    return Body("box", Pose.xyz_rpy((*BOX, 0.0)), 0.0, (*walls, *lip), (*walls, *lip))
+
+
+def leg(name: str, pose: Pose) -> Body:
+    """Meat around a bone along x, 0.12 long, that ends in a knob at +x; what is felt of the meat has flat sides."""
+    along_x = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
+    outline = [(0.0, MEAT_X[0]), *zip(MEAT_RADIUS, MEAT_X, strict=True), (0.0, MEAT_X[-1])]
+    seen = Part(turned(outline, ROAST).shape, along_x, ROAST)
+    angles = (np.arange(FACETS) + 0.5) * 2 * np.pi / FACETS - np.pi / 2
+    rings = [(x, r * np.cos(a), r * np.sin(a)) for r, x in zip(MEAT_RADIUS, MEAT_X, strict=True) for a in angles]
+    felt = Part(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(rings))))
+    bone = Part(Cylinder(BONE_RADIUS, BONE_LENGTH), Pose.xyz_rpy((BONE_X, 0.0, 0.0), along_x.rpy), BONE)
+    knob = Part(Sphere(KNOB_RADIUS), Pose.xyz_rpy((KNOB_X, 0.0, 0.0)), BONE)
+    knobs = tuple(Part(Sphere(KNOB_RADIUS - 0.002), Pose.xyz_rpy((KNOB_X, y, 0.0)), BONE) for y in (-0.003, 0.003))
+    return Body(name, pose, 0.06, (seen, bone, *knobs), (felt, bone, knob), friction=0.2, rolling_friction=0.002)
+
+
+class TurkeyLegs(Task):
+    name = "TurkeyLegs"
+    description = (
+        "A silver pot, 1 kg in weight, 0.25 m wide and 0.0875 m high, stands on the table, its middle at x = 0.75 m, "
+        "y = -0.2 m. It has a handle on its left and one on its right: bars along x at y = -0.048 m and y = -0.352 m, "
+        "z = 0.07 m, 0.08 m long and 0.01 m thick, with a gap between bar and pot. Five turkey legs, each 0.12 m long "
+        "and slippery, lie in it. To its left a chef's box, an open tray 0.525 m long (x), 0.265 m wide (y) and 0.105 "
+        "m high, is fixed to the table, its middle at x = 0.8 m, y = 0.25 m. Bring all legs into the box, but not the "
+        "pot. The end-effector starts at (0.4, -0.2, 0.2)."
+    )
+    goals = (Goal(bodies=LEGS, place=(*BOX, 0.03), tolerance=0.1),)
+    home = Pose(np.array([0.4, -0.2, 0.2]))
+    camera = Camera(position=(1.45, -0.7, 0.95), target=(0.52, 0.02, 0.17))
+
+    def scene(self, seed: int) -> Scene:
+        """The legs lie in a ring, one behind the other, turned at random as a whole, and each a little by itself."""
+        random = np.random.default_rng(seed)
+        start = random.uniform(-np.pi, np.pi)
+        height = POT_WALL + FACET_RADIUS + 0.0005
+        legs = []
+        for i, name in enumerate(LEGS):
+            angle = start + i * 2 * np.pi / len(LEGS)
+            yaw = angle + np.pi / 2 - 0.15 + random.uniform(-0.02, 0.02)
+            shift = 0.016 + random.uniform(-0.001, 0.001)  # along the leg
+            x, y = RING * np.cos(angle) + shift * np.cos(yaw), RING * np.sin(angle) + shift * np.sin(yaw)
+            legs.append(leg(name, Pose.xyz_rpy((POT[0] + x, POT[1] + y, height), (0.0, 0.0, yaw))))
+        return Scene((floor(), table(), chefs_box(), pot(), *legs))
+
+    def reward(self, start: State, end: State) -> Array:
+        """The share of the legs that is inside the box; 0.7 of it if the pot is in there too."""
+        legs = sum(inside_box(end.position(name)).astype(np.float64) for name in LEGS) / len(LEGS)
+        reward: Array = legs * np.where(inside_box(end.position("pot")), 0.7, 1.0)
+        return reward
+
+
+def inside_box(position: Array) -> Array:
+    """Whether points (..., 3) are between the box's walls and below its edge."""
+    offset = np.abs(position - np.array([*BOX, BOX_HEIGHT / 2]))
+    room = np.array([BOX_LENGTH / 2 - BOX_WALL, BOX_WIDTH / 2 - BOX_WALL, BOX_HEIGHT / 2])
+    inside: Array = (offset < room).all(axis=-1)
+    return inside

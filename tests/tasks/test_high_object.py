@@ -1,0 +1,62 @@
+"""The reward of HighObject."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.geometry import Array
+from core.scene import State
+from tasks.high_object import BIN_CENTER, START, HighObject
+
+TASK = HighObject()
+
+
+def rewards(positions: Array) -> Array:
+    """Of the cube at positions (N, 3), N worlds at once."""
+    start = TASK.scene(0).state()
+    ends = [replace(start, positions=position[None]) for position in positions]
+    return TASK.reward(State.stack([start] * len(ends)), State.stack(ends))
+
+
+def test_the_reward_rises_from_0_to_1_on_the_way_into_the_bin() -> None:
+    way = np.linspace(START, BIN_CENTER, 101)
+    reward = rewards(way)
+    assert reward[0] == 0.0
+    assert reward[-1] == 1.0
+    assert (np.diff(reward) >= 0).all()
+    assert 0.1 < reward[30] < 0.9
+
+
+def test_many_worlds_are_judged_as_each_alone() -> None:
+    way = np.linspace(START, BIN_CENTER, 7)
+    start = TASK.scene(0).state()
+    alone = [float(TASK.reward(start, replace(start, positions=position[None]))) for position in way]
+    assert rewards(way).tolist() == alone
+
+
+@pytest.mark.parametrize(
+    ("where", "expected"),
+    [
+        pytest.param((1.4, 0.3, 0.925), 0.0, id="pushed away on the shelf"),
+        pytest.param((1.6, 0.0, 0.925), 0.0, id="flying behind the shelf"),
+        pytest.param((3.0, 0.0, 0.025), 0.2, id="flung off, but down from the board"),
+    ],
+)
+def test_a_cube_that_moved_the_wrong_way_earns_no_share_of_it(
+    where: tuple[float, float, float], expected: float
+) -> None:
+    assert rewards(np.array([where]))[0] == expected
+
+
+@pytest.mark.parametrize(
+    ("where", "inside"),
+    [
+        pytest.param((0.65, 0.55, 0.04), True, id="in a corner of the bin"),
+        pytest.param((0.8, 0.0, 0.5), False, id="high above the bin"),
+        pytest.param((1.2, 0.0, 0.475), False, id="on the lower board"),
+        pytest.param((1.3, 0.0, 0.025), False, id="on the floor below the shelf"),
+    ],
+)
+def test_only_a_cube_inside_the_bin_earns_everything(where: tuple[float, float, float], inside: bool) -> None:
+    assert (rewards(np.array([where]))[0] == 1.0) == inside

@@ -1,0 +1,80 @@
+"""The reward and the layouts of SnatchCookie."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.geometry import Array
+from core.scene import State
+from tasks.snatch_cookie import BODY_RADIUS, BOTTOM, COOKIES, JAR, MOUTH, RADIUS, THICKNESS, SnatchCookie
+
+TASK = SnatchCookie()
+START = TASK.scene(0).state()
+
+
+def moved(name: str, position: Array) -> State:
+    """The layout of seed 0 with one cookie elsewhere."""
+    positions = START.positions.copy()
+    positions[START.names.index(name)] = position
+    return replace(START, positions=positions)
+
+
+def lifted(name: str, to: float) -> list[State]:
+    """One cookie on its way up to a height."""
+    here = START.position(name)
+    return [moved(name, np.array([here[0], here[1], z])) for z in np.linspace(here[2], to, 60)]
+
+
+def rewards(ends: list[State]) -> Array:
+    return TASK.reward(State.stack([START] * len(ends)), State.stack(ends))
+
+
+@pytest.mark.parametrize("name", ["cookie_6", "cookie_12", "cookie_1"])
+def test_the_reward_rises_from_0_to_1_while_a_cookie_is_lifted_out(name: str) -> None:
+    reward = rewards(lifted(name, 0.31))
+    assert reward[0] == 0.0
+    assert reward[-1] == 1.0
+    assert (np.diff(reward) >= 0).all()
+
+
+def test_half_the_way_up_earns_half() -> None:
+    rest = START.position("cookie_6")[2]
+    end = lifted("cookie_6", (rest + 0.3) / 2)[-1]
+    assert TASK.reward(START, end) == pytest.approx(0.5)
+
+
+def test_many_worlds_are_judged_as_each_alone() -> None:
+    ends = lifted("cookie_6", 0.31) + lifted("cookie_7", 0.25)
+    assert rewards(ends).tolist() == [float(TASK.reward(START, end)) for end in ends]
+
+
+@pytest.mark.parametrize(
+    "where",
+    [
+        pytest.param((JAR[0] - 0.045, 0.0, 0.06), id="pressed down"),
+        pytest.param((0.4, 0.3, THICKNESS / 2), id="on the table"),
+        pytest.param((2.0, 1.0, -0.6), id="flung to the floor"),
+    ],
+)
+def test_a_cookie_that_ends_low_earns_nothing(where: tuple[float, float, float]) -> None:
+    assert rewards([moved("cookie_6", np.array(where))])[0] == 0.0
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_cookies_lie_in_the_jar_and_in_nothing_else(seed: int) -> None:
+    positions = TASK.scene(seed).state().positions
+    assert len(positions) == COOKIES
+    from_the_middle = np.linalg.norm(positions[:, :2] - JAR, axis=1) + RADIUS
+    assert from_the_middle.max() < BODY_RADIUS
+    assert positions[:, 2].min() - THICKNESS / 2 >= BOTTOM
+    assert positions[:, 2].max() < MOUTH
+    apart = np.abs(positions[:, None] - positions[None])
+    clear = (np.linalg.norm(apart[..., :2], axis=-1) > 2 * RADIUS) | (apart[..., 2] > THICKNESS)
+    assert clear[~np.eye(COOKIES, dtype=bool)].all()
+
+
+def test_the_layout_follows_the_seed() -> None:
+    layouts = [TASK.scene(seed).state().positions for seed in (3, 3, 4)]
+    assert np.array_equal(layouts[0], layouts[1])
+    assert not np.array_equal(layouts[0], layouts[2])
