@@ -1,0 +1,92 @@
+"""Many oriented boxes as arrays, and which of them overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from core.geometry import Array, Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """Boxes in one frame: centres (N, 3), axes (N, 3, 3) with the boxes' own x, y, z as columns, half sides (N, 3)."""
+
+    centers: Array
+    axes: Array
+    halves: Array
+
+    @classmethod
+    def of(cls, placed: Iterable[tuple[Pose, Array]]) -> Boxes:
+        """From poses and full side lengths (3,)."""
+        pairs = list(placed)
+        return cls(
+            np.array([pose.position for pose, _ in pairs]).reshape(-1, 3),
+            np.array([pose.rotation.as_matrix() for pose, _ in pairs]).reshape(-1, 3, 3),
+            np.array([np.asarray(size) / 2 for _, size in pairs]).reshape(-1, 3),
+        )
+
+    @classmethod
+    def join(cls, several: Iterable[Boxes]) -> Boxes:
+        parts = [*several, cls.of(())]
+        return cls(
+            np.concatenate([part.centers for part in parts]),
+            np.concatenate([part.axes for part in parts]),
+            np.concatenate([part.halves for part in parts]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.centers)
+
+    def __getitem__(self, chosen: npt.NDArray[np.intp] | npt.NDArray[np.bool_]) -> Boxes:
+        return Boxes(self.centers[chosen], self.axes[chosen], self.halves[chosen])
+
+    @property
+    def reaches(self) -> Array:
+        """Half sides (N, 3) of the boxes along the frame's axes that hold them."""
+        reaches: Array = np.einsum("nij,nj->ni", np.abs(self.axes), self.halves)
+        return reaches
+
+    @property
+    def lower(self) -> Array:
+        return self.centers - self.reaches
+
+    @property
+    def upper(self) -> Array:
+        return self.centers + self.reaches
+
+    def carried(self, positions: Array, rotations: Array) -> Boxes:
+        """The boxes at each of K poses, positions (K, 3) and rotation matrices (K, 3, 3): K * N boxes."""
+        centers = np.einsum("kij,nj->kni", rotations, self.centers) + positions[:, None]
+        axes = np.einsum("kij,njl->knil", rotations, self.axes)
+        halves = np.broadcast_to(self.halves, centers.shape)
+        return Boxes(centers.reshape(-1, 3), axes.reshape(-1, 3, 3), halves.reshape(-1, 3))
+
+
+def overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:
+    """How many pairs, one box of each, are closer than ``margin`` metres (negative: overlap by more)."""
+    near = (a.lower[:, None] - margin < b.upper) & (b.lower - margin < a.upper[:, None])
+    first, second = np.nonzero(near.all(axis=-1))
+    depth, _ = separations(a[first], b[second])
+    return int((depth < margin).sum())
+
+
+def separations(a: Boxes, b: Boxes) -> tuple[Array, Array]:
+    """Pair by pair, (N,): the gap along the axis that separates the two best (negative: by how much they overlap), and
+    that axis (N, 3), from a to b. The candidates are the face normals and the edge products, as ever for boxes."""
+    crosses = np.cross(a.axes.transpose(0, 2, 1)[:, :, None], b.axes.transpose(0, 2, 1)[:, None]).reshape(-1, 9, 3)
+    axes = np.concatenate([a.axes.transpose(0, 2, 1), b.axes.transpose(0, 2, 1), crosses], axis=1)
+    lengths = np.linalg.norm(axes, axis=-1, keepdims=True)
+    parallel = lengths[..., 0] < 1e-6
+    axes = axes / np.where(parallel[..., None], 1.0, lengths)
+    between = np.einsum("nki,ni->nk", axes, b.centers - a.centers)
+    extents = np.einsum("nkj,nj->nk", np.abs(axes @ a.axes), a.halves)
+    extents += np.einsum("nkj,nj->nk", np.abs(axes @ b.axes), b.halves)
+    gaps = np.where(parallel, -np.inf, np.abs(between) - extents)
+    best = np.argmax(gaps, axis=1)
+    rows = np.arange(len(gaps))
+    signs = np.where(between[rows, best] < 0, -1.0, 1.0)
+    return gaps[rows, best], axes[rows, best] * signs[:, None]

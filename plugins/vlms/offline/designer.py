@@ -1,0 +1,108 @@
+"""The embedded designer's door: requests in, JSON replies out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from core.design import Tool
+from core.geometry import Array
+from core.interfaces import VLM, Brief, Reply, Request
+from core.rules import SpawnRules
+from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
+from plugins.vlms.offline.invent import Use, Workshop
+from plugins.vlms.offline.recognize import recognize
+from plugins.vlms.offline.sight import NothingToMove, Sight
+
+_DIGITS = 5  # hundredths of a millimetre
+
+
+class OfflineDesigner(VLM):
+    """Designs tools and plans by classical means, from the scene's geometry and the task's goals.
+
+    No language model is asked: it reads a request's brief, not its messages, and answers with the document that a model
+    is asked for. The same brief gets the same answer.
+    """
+
+    model = "offline (embedded designer, no language model)"
+
+    def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
+        for request in requests:
+            try:
+                yield Reply(request.id, json.dumps(answer(request.brief), indent=1), self.model)
+            except NothingToMove as error:
+                yield Reply(request.id, "", self.model, error=str(error))
+
+
+def answer(brief: Brief) -> dict[str, Any]:
+    """The document for one brief.
+
+    Raises:
+        NothingToMove: see `Sight.of`.
+    """
+    sight = Sight.of(brief)
+    spawn = SpawnRules(brief.task, brief.scene_seed)
+    workshop = Workshop(sight, spawn, brief.gripper, np.random.default_rng(brief.seed))
+    given = brief.representation.given(brief.task)
+    elites = elites_with(brief.elites, brief.gripper)
+    strategies = []
+    for _ in range(brief.n_tool):
+        if given is not None:
+            strategies.append(_given(brief, given, elites, workshop))
+        elif elites:
+            strategies.append(_offspring(brief, elites, workshop))
+        else:
+            strategies.append(_fresh(brief, workshop))
+    moving = sum(len(goal.bodies) for goal in sight.goals)
+    analysis = f"{len(sight.things)} bodies can be felt; to be moved: {moving}."
+    return {"scene_analysis": analysis, "strategies": strategies}
+
+
+def _fresh(brief: Brief, workshop: Workshop) -> dict[str, Any]:
+    made = workshop.invent()
+    more = [workshop.use(made.tool, lambda _: (made.head, made.at)) for _ in range(brief.n_action - 1)]
+    name, description = f"{made.head.use} with {made.tool.name}", f"The {made.head.kind} {made.use.text}."
+    strategy = _strategy(brief, name, description, made.tool, [made.use, *more])
+    if brief.elites:  # none of this kind of tool
+        strategy["strategy_description"] += " A fresh design: no elite has this kind of tool."
+        strategy["parents"] = [brief.elites[0].candidate.id]
+    return strategy
+
+
+def _offspring(brief: Brief, elites: Sequence[Elite], workshop: Workshop) -> dict[str, Any]:
+    child = breed(elites, brief.n_action, workshop)
+    return _strategy(brief, child.name, child.description, child.tool, child.uses) | {"parents": list(child.parents)}
+
+
+def _given(brief: Brief, tool: Tool, elites: Sequence[Elite], workshop: Workshop) -> dict[str, Any]:
+    """Plans for a tool that is there already."""
+    rng = workshop.rng
+    if elites:
+        elite = elites[int(rng.integers(len(elites)))]
+        uses = offspring_plans(elite, tool, brief.n_action, workshop)
+        return _strategy(brief, "the given tool", f"Plans varied from {elite.id}.", tool, uses) | {
+            "parents": [elite.id]
+        }
+    uses = [workshop.use(tool, lambda errand: recognize(tool, errand, rng)) for _ in range(brief.n_action)]
+    return _strategy(brief, "the given tool", f"It {uses[0].text}.", tool, uses)
+
+
+def _strategy(brief: Brief, name: str, description: str, tool: Tool, uses: Sequence[Use]) -> dict[str, Any]:
+    named = {"tool_name": tool.name, "tool_description": tool.description}
+    return {
+        "strategy_name": name,
+        "strategy_description": description,
+        **({} if brief.representation.given(brief.task) is not None else named),
+        "gripper": tool.gripper,
+        **brief.representation.dump(tool),
+        "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),
+        "action_sets": [_numbers(use.plan) for use in uses],
+    }
+
+
+def _numbers(plan: Array) -> list[list[float]]:
+    rows: list[list[float]] = (np.round(plan, _DIGITS) + 0.0).tolist()
+    return rows

@@ -1,0 +1,151 @@
+"""From the scene to a fresh tool and plans for it: try a few, keep one that nothing speaks against."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from core.design import DesignError, Tool
+from core.geometry import Array, Pose
+from core.rules import SpawnRules, check_tool
+from plugins.vlms.offline.boxes import Boxes
+from plugins.vlms.offline.clamps import build_clamp, sample_clamp
+from plugins.vlms.offline.heads import Head
+from plugins.vlms.offline.plans import Path, collisions, reach_error
+from plugins.vlms.offline.sight import Errand, Sight
+from plugins.vlms.offline.sizing import sample_head
+from plugins.vlms.offline.tools import STYLES, build, tool_boxes
+from plugins.vlms.offline.ways import head_path
+
+_TOOL_TRIES = 12
+_PLAN_TRIES = 5
+_MOUNTS = 40  # places for the end-effector that are compared
+_MISS_M = 0.005  # of inverse kinematics, that is no fault
+_UNLAWFUL = 1000.0
+
+A = TypeVar("A")
+
+
+@dataclass(frozen=True, eq=False)
+class Use:
+    """A plan, and what is said of it."""
+
+    plan: Array
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Invention:
+    """A fresh tool, the head that it was built around, where that is in the frame of panda_virtual, and a first use."""
+
+    tool: Tool
+    head: Head
+    at: Pose
+    use: Use
+
+
+class Workshop:
+    """What is needed to invent for one scene."""
+
+    def __init__(self, sight: Sight, spawn: SpawnRules, gripper: bool, rng: np.random.Generator) -> None:
+        self.sight = sight
+        self.spawn = spawn
+        self.gripper = gripper
+        self.rng = rng
+
+    def accepts(self, tool: Tool) -> bool:
+        """Whether the tool keeps the rules."""
+        try:
+            check_tool(tool)
+            self.spawn.check(tool)
+        except DesignError:
+            return False
+        return True
+
+    def invent(self) -> Invention:
+        """A fresh tool; with more care or with less, since the doubtful ones are not always the worst."""
+        return _least_faulty(self._invent_once, int(self.rng.integers(2, _TOOL_TRIES + 1)))
+
+    def use(self, tool: Tool, see: Callable[[Errand], tuple[Head, Pose]]) -> Use:
+        """A plan for a tool; ``see`` says which head it has, and where, for an errand."""
+        return _least_faulty(lambda: self._use_once(tool, see), _PLAN_TRIES)
+
+    def _invent_once(self) -> tuple[Invention, float]:
+        errands = self.sight.errands(self.rng)
+        largest = max(errands, key=lambda errand: len(errand.things))
+        clamps = self.gripper and self.rng.random() < 0.5
+        head = (sample_clamp if clamps else sample_head)(largest, self.rng)
+        path, text = head_path(errands, head, self.rng)
+        at = self._mount(path, head)
+        thickness = float(self.rng.uniform(0.012, 0.024))
+        style = STYLES[int(self.rng.choice(len(STYLES), p=[0.6, 0.2, 0.2]))]
+        tool = build_clamp(head, at, thickness) if clamps else build(head, at, style, thickness, self.gripper)
+        plan = path.plan(at, self.gripper)
+        fault = 0.0 if self.accepts(tool) else _UNLAWFUL
+        return Invention(tool, head, at, Use(plan, text)), fault + self._fault(tool, plan, path, errands)
+
+    def _use_once(self, tool: Tool, see: Callable[[Errand], tuple[Head, Pose]]) -> tuple[Use, float]:
+        errands = self.sight.errands(self.rng)
+        head, at = see(errands[0])
+        path, text = head_path(errands, head, self.rng)
+        plan = path.plan(at, tool.gripper)
+        return Use(plan, text), self._fault(tool, plan, path, errands)
+
+    def _fault(self, tool: Tool, plan: Array, path: Path, errands: Sequence[Errand]) -> float:
+        """0 if the arm gets to all waypoints and the tool hits nothing that it should not; else how bad it is."""
+        moved = {id(thing): thing for errand in errands for thing in errand.things}
+        others = Boxes.join(thing.boxes for thing in self.sight.things if id(thing) not in moved)
+        wanted = Boxes.join(thing.boxes for thing in moved.values())
+        hits = collisions(plan, path.touching, tool_boxes(tool), self.sight.home, wanted, others)
+        miss = reach_error(plan)
+        return hits + (100.0 * miss if miss > _MISS_M else 0.0)
+
+    def _mount(self, path: Path, head: Head) -> Pose:
+        """Where the head should sit in the frame of panda_virtual for the arm to be comfortable all along the path."""
+        rng, home = self.rng, self.sight.home.position
+        start = path.poses[1]
+        turn = float(rng.choice([0.0, np.pi / 4, -np.pi / 4, np.pi / 2, -np.pi / 2], p=[0.6, 0.1, 0.1, 0.1, 0.1]))
+        yaw = turn + rng.normal(0.0, 0.15) * (rng.random() < 0.5)
+        if head.use == "clamp":
+            yaw = float(start.rpy[2])
+        # The head hangs low enough for what carries it, and no lower than the home pose allows above what is there.
+        least = float(head.hold[2]) + (0.18 if self.gripper else 0.03)
+        tops = self.sight.boxes.upper[:, 2]
+        beneath = float(tops[tops < home[2]].max(initial=min(pose.position[2] for pose in path.poses)))
+        most = max(least + 0.02, min(home[2] - beneath - 0.015, 0.45))
+        best: tuple[float, Pose] | None = None
+        for _ in range(_MOUNTS):
+            angle, radius, drop = rng.uniform(-0.9, 0.9), rng.uniform(0.32, 0.66), rng.uniform(least, most)
+            place = (radius * np.cos(angle), radius * np.sin(angle), start.position[2] + drop)
+            at = Pose.xyz_rpy(place, (0.0, 0.0, yaw)).inverse() @ start
+            back = at.inverse()
+            strain = _strain(np.array([(pose @ back).position for pose in path.poses]))
+            cost = 20.0 * strain + float(np.hypot(*at.position[:2])) + rng.uniform(0.0, 0.15)
+            if best is None or cost < best[0]:
+                best = cost, at
+        assert best is not None
+        return best[1]
+
+
+def _least_faulty(make: Callable[[], tuple[A, float]], tries: int) -> A:
+    """The first that is made without fault, or of some tries the least faulty."""
+    best, least = make()
+    for _ in range(tries - 1):
+        if least == 0.0:
+            break
+        other, fault = make()
+        if fault < least:
+            best, least = other, fault
+    return best
+
+
+def _strain(points: Array) -> float:
+    """How far points (N, 3) of the end-effector are out of the arm's comfortable workspace, in metres."""
+    ground = np.hypot(points[:, 0], points[:, 1])
+    stretch = np.linalg.norm(points - np.array([0.0, 0.0, 0.33]), axis=1)  # from the shoulder
+    strain = np.maximum(0.0, ground - 0.68) + np.maximum(0.0, 0.3 - ground)
+    strain += np.maximum(0.0, 0.1 - points[:, 2]) + np.maximum(0.0, stretch - 0.75)
+    return float(strain.max())

@@ -1,0 +1,109 @@
+"""Tools: a head, and a shaft that carries it from the mount."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, get_args
+
+import numpy as np
+
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
+from core.geometry import Array, Box, Pose
+from core.robot import FINGER_OPEN
+from plugins.vlms.offline.boxes import Boxes
+from plugins.vlms.offline.heads import Head
+
+Style = Literal["gantry", "slope", "elbow"]
+STYLES: tuple[Style, ...] = get_args(Style)
+
+_SHAFT = (0.30, 0.33, 0.38, 1.0)
+_HEADS = ((0.90, 0.49, 0.13, 1.0), (0.16, 0.50, 0.73, 1.0), (0.18, 0.63, 0.42, 1.0), (0.75, 0.22, 0.17, 1.0))
+
+_FINGER_Z = -0.0584  # the fingers' frames below panda_virtual, with the hand on
+_TIP = np.array([0.0, FINGER_OPEN + 0.0076, -0.105])  # the right fingertip, open; the left one's y is negative
+
+MOUNTS: dict[str, Pose] = {
+    RIGID_MOUNT: Pose(),
+    GRIPPER_MOUNTS[0]: Pose.xyz_rpy((0.0, -FINGER_OPEN, _FINGER_Z), (np.pi, 0.0, 0.0)),
+    GRIPPER_MOUNTS[1]: Pose.xyz_rpy((0.0, FINGER_OPEN, _FINGER_Z), (np.pi, 0.0, 0.0)),
+}
+"""The mounts in the frame of panda_virtual, with the fingers open."""
+
+
+class Assembly:
+    """Puts boxes together that are placed in the frame of panda_virtual."""
+
+    def __init__(self, gripper: bool, thickness: float) -> None:
+        self.gripper = gripper
+        self.thickness = thickness
+        self._poses = dict(MOUNTS)
+        self._components: list[Component] = []
+
+    def add(self, name: str, parent: str, pose: Pose, size: Sequence[float], color: tuple[float, ...] = _SHAFT) -> str:
+        x, y, z = (float(side) for side in size)
+        red, green, blue, opacity = color
+        local = self._poses[parent].inverse() @ pose
+        self._components.append(Component(name, parent, local, Box((x, y, z)), color=(red, green, blue, opacity)))
+        self._poses[name] = pose
+        return name
+
+    def bar(self, name: str, parent: str, start: Array, end: Array) -> str:
+        """A square bar between two points; half its thickness longer at each end, unless it is upright."""
+        way = end - start
+        length = float(np.linalg.norm(way))
+        if np.hypot(way[0], way[1]) < 0.02 * length:
+            return self.add(name, parent, Pose((start + end) / 2), (self.thickness, self.thickness, length))
+        rpy = (0.0, -np.arcsin(way[2] / length), np.arctan2(way[1], way[0]))
+        size = (length + self.thickness, self.thickness, self.thickness)
+        return self.add(name, parent, Pose.xyz_rpy((start + end) / 2, rpy), size)
+
+    def head(self, head: Head, parent: str, at: Pose) -> None:
+        """The head's pieces, the head at the pose ``at``."""
+        names: list[str] = []
+        for piece, color in zip(head.pieces, [_HEADS[0], *_HEADS[1:] * len(head.pieces)], strict=False):
+            joined = names[piece.parent] if names else parent
+            names.append(self.add(piece.name, joined, at @ piece.pose, piece.size, color))
+
+    def shaft(self, style: Style, hold: Array, *, left: bool) -> str:
+        """From the mount (with a gripper: the left finger or the right one) to the point ``hold``, (3,); the last bar's
+        name."""
+        t = self.thickness
+        if self.gripper:
+            tip = _TIP * np.array([1.0, -1.0 if left else 1.0, 1.0])
+            name = "left_" if left else "right_"
+            mount = GRIPPER_MOUNTS[0 if left else 1]
+            root = self.add(name + "sleeve", mount, Pose(tip - np.array([0.0, 0.0, 0.012])), (0.02, 0.018, 0.024))
+            start = tip - np.array([0.0, 0.0, 0.024 + t / 2])
+        else:
+            name = ""
+            start = np.array([0.0, 0.0, -t / 2])
+            root = self.add("socket", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.006])), (0.05, 0.05, 0.012))
+        if np.hypot(*(hold - start)[:2]) < 0.02:
+            return self.bar(name + "post", root, np.array([*hold[:2], start[2]]), hold)
+        if style == "slope":
+            return self.bar(name + "shaft", root, start, hold)
+        corner = np.array([*hold[:2], start[2]]) if style == "gantry" else np.array([*start[:2], hold[2] + t / 2])
+        first = self.bar(name + "boom" if style == "gantry" else name + "post", root, start, corner)
+        return self.bar(name + "drop" if style == "gantry" else name + "arm", first, corner, hold)
+
+    def tool(self, name: str, description: str) -> Tool:
+        return Tool(tuple(self._components), self.gripper, name, description)
+
+
+def tool_boxes(tool: Tool) -> Boxes:
+    """The components in the frame of panda_virtual, with the fingers open."""
+    placed = tool.placed()
+    return Boxes.of((MOUNTS[placed[c.name][0]] @ placed[c.name][1], np.array(c.shape.size)) for c in tool.components)
+
+
+def build(head: Head, at: Pose, style: Style, thickness: float, gripper: bool) -> Tool:
+    """The tool whose head sits at the pose ``at`` in the frame of panda_virtual."""
+    assembly = Assembly(gripper, thickness)
+    flush = np.array([0.008 - thickness / 2, 0.0, 0.0])  # the shaft's front with the head's face
+    last = assembly.shaft(style, at.apply(head.hold + flush), left=True)
+    assembly.head(head, last, at)
+    reach = float(np.linalg.norm(at.position))
+    shaft = {"gantry": "a boom and a drop", "slope": "a sloping shaft", "elbow": "a post and a low arm"}[style]
+    carrier = "the left finger" if gripper else "the flange"
+    text = f"{head.kind} {head.width:.3f} m wide, {reach:.2f} m from {carrier}, carried by {shaft}"
+    return assembly.tool(f"{style}_{head.kind}", text)
