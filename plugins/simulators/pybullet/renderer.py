@@ -102,6 +102,7 @@ class Renderer:
             p.computeViewMatrix(camera.position, camera.target, [0.0, 0.0, 1.0]),
             p.computeProjectionMatrixFOV(camera.fov_deg, width / height, 0.02, 10.0),
             lightDirection=[1.0, -1.0, 2.0],
+            lightDistance=4.0,  # nearer, the shadow map ends within the picture
             lightAmbientCoeff=0.55,
             lightDiffuseCoeff=0.5,
             lightSpecularCoeff=0.05,

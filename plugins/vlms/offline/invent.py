@@ -116,7 +116,7 @@ class Workshop:
         tops = self.sight.boxes.upper[:, 2]
         beneath = float(tops[tops < home[2]].max(initial=min(pose.position[2] for pose in path.poses)))
         most = max(least + 0.02, min(home[2] - beneath - 0.015, 0.45))
-        best: tuple[float, Pose] | None = None
+        places: list[tuple[float, Pose]] = []
         for _ in range(_MOUNTS):
             angle, radius, drop = rng.uniform(-0.9, 0.9), rng.uniform(0.32, 0.66), rng.uniform(least, most)
             place = (radius * np.cos(angle), radius * np.sin(angle), start.position[2] + drop)
@@ -124,10 +124,8 @@ class Workshop:
             back = at.inverse()
             strain = _strain(np.array([(pose @ back).position for pose in path.poses]))
             cost = 20.0 * strain + float(np.hypot(*at.position[:2])) + rng.uniform(0.0, 0.15)
-            if best is None or cost < best[0]:
-                best = cost, at
-        assert best is not None
-        return best[1]
+            places.append((cost, at))
+        return min(places, key=lambda place: place[0])[1]
 
 
 def _least_faulty(make: Callable[[], tuple[A, float]], tries: int) -> A:
