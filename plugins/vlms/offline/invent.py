@@ -22,6 +22,7 @@ from plugins.vlms.offline.ways import head_path
 
 _TOOL_TRIES = 12
 _PLAN_TRIES = 5
+_MOST_TRIES = 60
 _MOUNTS = 40  # places for the end-effector that are compared
 _MISS_M = 0.005  # of inverse kinematics, that is no fault
 _UNLAWFUL = 1000.0
@@ -129,10 +130,10 @@ class Workshop:
 
 
 def _least_faulty(make: Callable[[], tuple[A, float]], tries: int) -> A:
-    """The first that is made without fault, or of some tries the least faulty."""
+    """The first that is made without fault, or of some tries the least faulty; of many, while none keeps the rules."""
     best, least = make()
-    for _ in range(tries - 1):
-        if least == 0.0:
+    for count in range(1, _MOST_TRIES):
+        if least == 0.0 or (count >= tries and least < _UNLAWFUL):
             break
         other, fault = make()
         if fault < least:

@@ -87,7 +87,8 @@ def _lifter(errand: Errand, m: _Measures, rng: np.random.Generator) -> Head:
         tine = m.across * rng.uniform(0.08, 0.2)
         return fork(m.across * rng.uniform(0.4, 0.7), depth, height, tine, 0.002, int(rng.integers(2, 5)))
     rail = 0.0 if rng.random() < 0.3 else m.tall * rng.uniform(0.1, 0.6)
-    return scoop(m.across + rng.uniform(0.005, 0.04), depth, height, rail, rng.uniform(0.001, 0.003))
+    width = min(m.across + rng.uniform(0.005, 0.04), max(m.widest, 0.6 * m.across))
+    return scoop(width, depth, height, rail, rng.uniform(0.001, 0.003))
 
 
 def _overhang(errand: Errand) -> tuple[float, float] | None:

@@ -1,0 +1,234 @@
+"""The embedded designer: valid, blind, reproducible, evolving, and of some use."""
+
+import json
+import re
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from core.design import Candidate, Evaluation
+from core.geometry import Box, Cylinder, Pose, Sphere
+from core.interfaces import Brief, Request, Task
+from core.plugins import installed
+from core.prompts import answer_schema
+from core.reading import parse_reply, read_designs
+from core.rollout import RolloutSettings, evaluate
+from core.rules import SpawnRules
+from core.scene import Body, Goal, Part, Scene, floor, table
+from plugins.vlms.offline.designer import OfflineDesigner
+
+RED = (0.8, 0.2, 0.2, 1.0)
+URDF = installed().create("tool", "urdf")
+
+
+class CubeTask(Task):
+    name = "Fetch"
+    description = "A cube has to come nearer."
+    goals: ClassVar = (Goal(("cube",), place=(0.6, 0.1, 0.035)),)
+
+    def scene(self, seed):
+        return Scene(
+            (floor(), table(), Body.of("cube", Box((0.07, 0.07, 0.07)), (0.95, -0.1, 0.035), mass=1.0, color=RED))
+        )
+
+    def reward(self, start, end):
+        def left(state):
+            return np.abs(state.position("cube") - np.array(self.goals[0].place)).sum(axis=-1)
+
+        return np.clip(1 - left(end) / left(start), 0.0, 1.0)
+
+
+class RenamedCubeTask(CubeTask):
+    name = "Other"
+    description = "Quite another story."
+    goals: ClassVar = (Goal(("thing",), place=(0.6, 0.1, 0.035)),)
+
+    def scene(self, seed):
+        ground, desk, cube = super().scene(seed).bodies
+        return Scene((replace(ground, name="g"), replace(desk, name="d"), replace(cube, name="thing")))
+
+
+class BallTask(CubeTask):
+    goals: ClassVar = (Goal(("ball",), place=(0.6, -0.3, None)),)
+
+    def scene(self, seed):
+        ball = Body.of("ball", Sphere(0.08), (0.6, 0.3, 0.08), mass=1.0, color=RED)
+        return Scene((floor(), table(), ball))
+
+
+class SweepTask(CubeTask):
+    goals: ClassVar = (Goal(tuple(f"crumb_{i}" for i in range(8)), place=(1.1, 0.0, None), tolerance=0.15),)
+
+    def scene(self, seed):
+        spots = np.random.default_rng(seed).permutation(
+            [(0.5 + 0.09 * i, 0.1 * j) for i in range(4) for j in (-1, 0, 1)]
+        )
+        crumbs = (
+            Body.of(f"crumb_{i}", Box((0.03, 0.03, 0.03)), (*spots[i], 0.015), mass=0.02, color=RED) for i in range(8)
+        )
+        return Scene((floor(), table(), *crumbs))
+
+
+class PlateTask(CubeTask):
+    goals: ClassVar = (Goal(("plate",), place=(0.75, 0.0, 0.4)),)
+
+    def scene(self, seed):
+        foot = Part(Cylinder(0.07, 0.01), Pose(np.array([0.0, 0.0, 0.005])))
+        rim = Part(Cylinder(0.12, 0.006), Pose(np.array([0.0, 0.0, 0.015])))
+        plate = Body("plate", Pose(np.array([0.75, 0.0, 0.0])), 0.5, (foot, rim), (foot, rim))
+        return Scene((floor(), table(), plate))
+
+
+class SlotTask(CubeTask):
+    """The middle one of three upright boards has to leave; its neighbours touch it."""
+
+    goals: ClassVar = (Goal(("board_1",), away=0.15, keep=("board_0", "board_2")),)
+
+    def scene(self, seed):
+        boards = (
+            Body.of(f"board_{i}", Box((0.25, 0.04, 0.17)), (0.6, 0.0405 * (i - 1), 0.085), mass=0.8, color=RED)
+            for i in range(3)
+        )
+        return Scene((floor(), table(), *boards))
+
+
+TASKS = (CubeTask, BallTask, SweepTask, PlateTask, SlotTask)
+
+
+def brief(task, *, gripper=False, n_tool=2, n_action=3, seed=7, elites=(), representation=URDF):
+    return Brief(task, 0, representation, gripper, n_tool, n_action, 1 if elites else 0, 0, seed, tuple(elites))
+
+
+def reply(given):
+    request = Request("r", given, (), answer_schema(given), 1.0)
+    (only,) = OfflineDesigner().complete([request])
+    assert only.request_id == "r"
+    assert only.error is None
+    return only
+
+
+def candidates(given):
+    return read_designs(
+        parse_reply(reply(given).text),
+        given.representation,
+        SpawnRules(given.task, 0),
+        generation=given.generation,
+        elites=tuple(elite.candidate.id for elite in given.elites),
+    )
+
+
+def elite(candidate, reward):
+    return Evaluation(candidate, "ok", reward=reward, distance_m=1.0, moved_m={"cube": 0.3})
+
+
+def numbers(candidate):
+    tool = [(c.parent, c.pose.matrix.tolist(), c.shape.size) for c in candidate.tool.components]
+    return tool, candidate.plan.tolist()
+
+
+def test_it_says_that_it_is_no_language_model():
+    assert "no language model" in OfflineDesigner.model
+    assert reply(brief(CubeTask())).model == OfflineDesigner.model
+    assert isinstance(installed().create("vlm", "offline"), OfflineDesigner)
+
+
+def test_same_seed_same_reply():
+    assert reply(brief(CubeTask())).text == reply(brief(CubeTask())).text
+    assert reply(brief(CubeTask())).text != reply(brief(CubeTask(), seed=8)).text
+
+
+@pytest.mark.parametrize(("n_tool", "n_action"), [(1, 1), (3, 2)])
+def test_counts_and_fields_are_as_asked(n_tool, n_action):
+    given = brief(CubeTask(), n_tool=n_tool, n_action=n_action)
+    document = json.loads(reply(given).text)
+    fields = answer_schema(given)["properties"]["strategies"]["items"]["required"]
+    assert len(document["strategies"]) == n_tool
+    for strategy in document["strategies"]:
+        assert set(strategy) == set(fields)
+        assert len(strategy["action_sets"]) == n_action
+
+
+@pytest.mark.parametrize("gripper", [False, True])
+@pytest.mark.parametrize("task", TASKS)
+def test_designs_keep_the_rules(task, gripper):
+    designs = candidates(brief(task(), gripper=gripper, n_tool=8, n_action=2))
+    assert len(designs) == 16
+    assert sum(design.problem is not None for design in designs) <= 1, [design.problem for design in designs]
+    assert all(design.plan.shape[1] == (7 if gripper else 6) for design in designs if design.problem is None)
+
+
+def test_fresh_designs_differ():
+    designs = candidates(brief(CubeTask(), n_tool=6, n_action=3))
+    assert len({json.dumps(numbers(design)) for design in designs}) == len(designs)
+    assert len({json.dumps(numbers(design)[0]) for design in designs}) == 6
+
+
+def test_it_is_blind_to_names():
+    assert reply(brief(CubeTask())).text == reply(brief(RenamedCubeTask())).text
+
+
+def test_offspring_differ_from_their_parents_and_name_them():
+    parents = [replace(c, strategy=i) for i, c in enumerate(candidates(brief(CubeTask(), n_tool=3, n_action=1)))]
+    elites = [elite(parent, 0.9 - 0.1 * i) for i, parent in enumerate(parents)]
+    given = brief(CubeTask(), n_tool=8, n_action=3, seed=3, elites=elites)
+    known = {parent.id: numbers(parent) for parent in parents}
+    document = json.loads(reply(given).text)
+    for strategy in document["strategies"]:
+        assert 1 <= len(strategy["parents"]) <= 2
+        assert set(strategy["parents"]) <= set(known)
+        assert re.search("mutation|crossover", strategy["strategy_name"])
+    children = candidates(given)
+    assert sum(child.problem is not None for child in children) == 0
+    for child in children:
+        assert all(json.dumps(numbers(child)[0]) != json.dumps(tool) for tool, _ in known.values())
+    assert any("crossover" in strategy["strategy_name"] for strategy in document["strategies"])
+
+
+def test_elites_of_the_other_kind_are_not_remounted():
+    (parent,) = candidates(brief(CubeTask(), n_tool=1, n_action=1))
+    children = candidates(brief(CubeTask(), gripper=True, elites=[elite(parent, 0.9)]))
+    assert all(child.tool.gripper and child.plan.shape[1] == 7 for child in children)
+
+
+def test_a_task_without_goals_gets_designs_all_the_same():
+    class Aimless(CubeTask):
+        goals = ()
+
+    assert [design.problem for design in candidates(brief(Aimless(), n_tool=1, n_action=1))] == [None]
+
+
+def test_a_scene_where_nothing_can_move_gets_an_error():
+    class Bare(CubeTask):
+        goals = ()
+
+        def scene(self, seed):
+            return Scene((floor(), table()))
+
+    given = brief(Bare())
+    (only,) = OfflineDesigner().complete([Request("r", given, (), {}, 1.0)])
+    assert "no body that can move" in only.error
+    assert only.text == ""
+
+
+@pytest.mark.parametrize("name", ["none", "rlbench"])
+def test_given_tools_get_plans_only(name):
+    task = installed().create("task", "BringCube")
+    representation = installed().create("tool", name)
+    given = brief(task, representation=representation, gripper=representation.given(task).gripper, n_tool=1, n_action=4)
+    document = json.loads(reply(given).text)
+    assert set(document["strategies"][0]) == set(answer_schema(given)["properties"]["strategies"]["items"]["required"])
+    designs = candidates(given)
+    assert [design.problem for design in designs] == [None] * 4
+
+
+def rewards(task, designs: list[Candidate]) -> list[float]:
+    simulator = installed().create("sim", "pybullet")
+    return [evaluation.reward for evaluation in evaluate(task, simulator, designs, 0, RolloutSettings())]
+
+
+@pytest.mark.parametrize("gripper", [False, True])
+def test_a_fresh_population_makes_real_progress(gripper):
+    pytest.importorskip("pybullet")
+    assert max(rewards(CubeTask(), candidates(brief(CubeTask(), gripper=gripper, n_tool=5, n_action=2)))) > 0.6
