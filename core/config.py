@@ -151,6 +151,16 @@ def first_line(error: BaseException) -> str:
     return str(error).strip().partition("\n")[0]
 
 
+def check_seed(seed: int) -> None:
+    """Refuse a negative seed, which no generator takes.
+
+    Raises:
+        UsageError: says so.
+    """
+    if seed < 0:
+        raise UsageError(f"seed must be 0 or greater, got {seed}")
+
+
 def node(config: DictConfig, of: type[T]) -> T:
     """A typed node of a configuration as the dataclass that it is an instance of."""
     made = OmegaConf.to_object(config)

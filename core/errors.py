@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable
 
 
@@ -12,6 +13,17 @@ class UserError(Exception):
 
 class UsageError(UserError):
     """A command was told something that it doesn't understand."""
+
+
+def check_positive(where: str, **numbers: float) -> None:
+    """Refuse numbers that are not finite and greater than 0.
+
+    Raises:
+        UsageError: says which.
+    """
+    for name, number in numbers.items():
+        if not (math.isfinite(number) and number > 0):
+            raise UsageError(f"{where}{name} must be greater than 0, got {number}")
 
 
 def choices(kind: str, wrong: str, possible: Iterable[str], where: str = "") -> UsageError:

@@ -13,7 +13,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.cli import arguments, command, write_bytes
-from core.config import load, node, part
+from core.config import check_seed, load, node, part
 from core.design import Candidate, Evaluation
 from core.errors import UsageError
 from core.evolution import evaluate_all
@@ -31,8 +31,10 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     Raises:
         UserError: the file can't be used, or a part or setting can't be had.
     """
+    check_seed(cfg.seed)
     document = load_designs(Path(cfg.designs))
     task_part, sim_part = part("task", cfg.task, without=("tool_kinds", "paper")), part("sim", cfg.sim)
+    sim_part.create()  # a wrong setting is said here, once, rather than by each worker
     representation = part("tool", cfg.tool).create()
     candidates = read_designs(document, representation, SpawnRules(task_part.create(), cfg.seed))
     bench = Bench(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.design import Candidate, Evaluation, Tool
+from core.errors import UsageError, check_positive
 from core.geometry import Array, Pose
 from core.scene import Camera, Goal, Scene, State
 
@@ -106,6 +107,14 @@ class RolloutSettings:
     hold_s: float = 1.0
     speed: float = 0.95
     max_motion_s: float = 120.0
+
+    def __post_init__(self) -> None:
+        check_positive("rollout.", segment_s=self.segment_s, speed=self.speed, max_motion_s=self.max_motion_s)
+        for name, seconds in (("settle_s", self.settle_s), ("hold_s", self.hold_s)):
+            if not 0 <= seconds <= 60:
+                raise UsageError(f"rollout.{name} must be between 0 and 60 seconds, got {seconds}")
+        if self.speed > 1:
+            raise UsageError(f"rollout.speed is a share of the arm's limits, at most 1, got {self.speed}")
 
 
 @dataclass(frozen=True, eq=False)

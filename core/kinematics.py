@@ -75,14 +75,17 @@ class Arm:
         q = np.clip(seed, self.lower, self.upper)
         error = miss(q)
         cost, damping = float(error @ error), 1e-4
-        for _ in range(_MAX_STEPS):
+        for count in range(_MAX_STEPS):
             if cost < _POSITION_TOLERANCE**2:
                 break
             jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL) * weight[:, None]
             gradient = jacobian.T @ error
             held = ((q <= self.lower) & (gradient < 0)) | ((q >= self.upper) & (gradient > 0))
             jacobian[:, held] = 0.0
-            step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + damping * np.eye(6), error)
+            # What the pose leaves free drifts home, away from the joint limits; only at first, so that it converges.
+            idle = np.where(held, 0.0, (0.05 if count < 4 else 0.0) * (self.home - q))
+            square = jacobian @ jacobian.T + damping * np.eye(6)
+            step = idle + jacobian.T @ np.linalg.solve(square, error - jacobian @ idle)
             trial = np.clip(q + np.clip(step, -0.5, 0.5), self.lower, self.upper)
             trial_error = miss(trial)
             trial_cost = float(trial_error @ trial_error)

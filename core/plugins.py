@@ -90,6 +90,12 @@ class Plugins:
                 self.failures.append(Failure(name, distribution, reason))
 
     def _offer(self, offer: Offer) -> None:
+        if not isinstance(offer.factory, str) and not callable(offer.factory):
+            reason = (
+                f"{offer.kind} {offer.name!r} is {offer.factory!r}; it must be callable, or a text 'module:attribute'"
+            )
+            self.failures.append(Failure(offer.entry_point, offer.distribution, reason))
+            return
         taken = self.offers.get((offer.kind, offer.name))
         if taken is not None:
             reason = f"{offer.kind} {offer.name!r} is taken by {taken.entry_point} of {taken.distribution}"

@@ -11,13 +11,14 @@ from omegaconf import DictConfig
 
 from core.artifacts import png
 from core.cli import arguments, command, write_bytes
-from core.config import load, part
+from core.config import check_seed, load, part
 from core.design import Tool
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from core.interfaces import Image, Task
 from core.reading import load_designs, read_designs
 from core.rules import SpawnRules
 
+MAX_PIXELS = 4096
 USAGE = "usage: python -m core.render task=NAME [designs=FILE strategy=N] [seed=N] [width=W height=H] [output=FILE.png]"
 
 
@@ -27,6 +28,10 @@ def render(cfg: DictConfig) -> Image:
     Raises:
         UserError: a part, a setting, or the tool can't be had.
     """
+    check_seed(cfg.seed)
+    for name, pixels in (("width", cfg.width), ("height", cfg.height)):
+        if not 1 <= pixels <= MAX_PIXELS:
+            raise UsageError(f"{name} must be between 1 and {MAX_PIXELS}, got {pixels}")
     task = part("task", cfg.task, without=("tool_kinds", "paper")).create()
     simulator = part("sim", cfg.sim).create()
     tool = None if cfg.designs is None else _tool(cfg, task)

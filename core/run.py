@@ -18,12 +18,12 @@ from omegaconf.errors import OmegaConfBaseException
 
 from core.artifacts import png, save_design, save_film, save_picture
 from core.cli import command
-from core.config import explain, node, part, register
+from core.config import check_seed, explain, node, part, register
 from core.design import Tool
 from core.designer import ModelDesigner, Sampling
 from core.errors import UsageError, UserError
 from core.evolution import evolve
-from core.interfaces import Budget, Picture, RolloutSettings
+from core.interfaces import Budget, Executor, Picture, RolloutSettings
 from core.plugins import event_hub, installed
 from core.prompts import Prompts
 from core.record import Result, Run
@@ -40,6 +40,7 @@ def run(cfg: DictConfig, folder: Path) -> Result:
     config = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True))
     budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
     check_budget(budget)
+    check_seed(cfg.seed)
     task_part, sim_part = part("task", cfg.task, without=("tool_kinds", "paper")), part("sim", cfg.sim)
     task, simulator = task_part.create(), sim_part.create()
     vlm = part("vlm", cfg.vlm).create()
@@ -48,6 +49,8 @@ def run(cfg: DictConfig, folder: Path) -> Result:
     if given is not None:
         budget = replace(budget, n_tool=1)
     settings = node(cfg.rollout, RolloutSettings)
+
+    executor: Executor = part("executor", cfg.executor).create()
 
     events = event_hub()
     for name, options in config["logger"].items():
@@ -74,7 +77,7 @@ def run(cfg: DictConfig, folder: Path) -> Result:
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed)
     try:
         events.hook.run_started(run=this)
-        with part("executor", cfg.executor).create() as executor:
+        with executor:
             result = evolve(strategy, Bench(task_part, sim_part, cfg.seed, settings), executor, budget, events)
         if result.best is not None:
             best = result.best.candidate

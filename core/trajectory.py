@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 from scipy.spatial.transform import Rotation, Slerp
 
 from core.geometry import Array, Pose
@@ -68,7 +68,7 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
 
     times, targets, fingers = [np.zeros(1)], [knots[0]], [np.full(1, FINGER_OPEN)]
     for i, segment in enumerate(knots[1:]):
-        path = CubicSpline(np.linspace(0.0, 1.0, len(segment)), segment, axis=0)
+        path = _joined(segment, arm)
         instants, along = _time(path, arm, segment_s, speed)
         times.append(times[-1][-1] + instants)
         targets.append(np.clip(path(along), arm.lower, arm.upper))
@@ -82,6 +82,16 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
     return Motion(trajectory, distance, float(worst[0]), float(worst[1]))
 
 
+def _joined(knots: Array, arm: Arm) -> PPoly:
+    """Joints over s in [0, 1] through knots (K, 7): smooth; where that would swing past a limit, without overshoot."""
+    s = np.linspace(0.0, 1.0, len(knots))
+    path = CubicSpline(s, knots, axis=0)
+    between = path(np.linspace(0.0, 1.0, 8 * len(knots)))
+    if ((between < arm.lower) | (between > arm.upper)).any():
+        return PchipInterpolator(s, knots, axis=0)
+    return path
+
+
 def _path(positions: Array, rotations: Rotation) -> tuple[Array, Rotation]:
     """Knots from one pose to the next, both included: positions (K, 3) and K rotations."""
     length = float(np.linalg.norm(positions[1] - positions[0]))
@@ -92,7 +102,7 @@ def _path(positions: Array, rotations: Rotation) -> tuple[Array, Rotation]:
     return points, Slerp([0.0, 1.0], rotations)(along)
 
 
-def _time(path: CubicSpline, arm: Arm, segment_s: float, speed: float) -> tuple[Array, Array]:
+def _time(path: PPoly, arm: Arm, segment_s: float, speed: float) -> tuple[Array, Array]:
     """When to be where along ``path`` (joints over s in [0, 1]), at rest at both ends: instants (S,) in seconds, and
     s (S,).
 
@@ -101,9 +111,11 @@ def _time(path: CubicSpline, arm: Arm, segment_s: float, speed: float) -> tuple[
     squared path speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths",
     IJRR 1985; half of each acceleration limit for the path's bend, half for the change of speed).
     """
-    s = np.linspace(0.0, 1.0, 2 * max(20, len(path.x)) + 1)
+    cells = len(path.x) - 1
+    s = np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)  # the knots, where it bends most, are among them
     step = s[1]
-    slope, curve = np.abs(path(s, 1)), np.abs(path(s, 2))
+    slope = np.abs(path(s, 1))
+    curve = np.maximum(np.abs(path(s, 2)), np.abs(path(np.maximum(s - 1e-9, 0.0), 2)))  # on both sides of a knot
     half = ACCELERATION_LIMITS * speed / 2
     with np.errstate(divide="ignore"):
         fastest = np.minimum((arm.velocity_limits * speed / slope).min(axis=1) ** 2, (half / curve).min(axis=1))

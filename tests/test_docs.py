@@ -41,7 +41,7 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
 
 @pytest.mark.parametrize("line", commands())
 def test_command(line: str, tmp_path: Path):
-    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    (tmp_path / "tests").symlink_to(ROOT / "tests")
     words = shlex.split(line)[1:]
     if words[1] == "core.run" and "--help" not in words:
         words += SMALL

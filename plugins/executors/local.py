@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from pebble import ProcessExpired, ProcessPool
 
-from core.errors import UserError
+from core.errors import UsageError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Executor
 
@@ -36,8 +36,10 @@ class LocalExecutor(Executor):
 
     def __init__(self, workers: int | None = None, timeout_s: float | None = None) -> None:
         if workers is not None and workers < 1:
-            raise UserError(f"executor.workers must be at least 1, got {workers}")
+            raise UsageError(f"executor.workers must be at least 1, got {workers}")
         self.workers = workers if workers is not None else _cores()
+        if timeout_s is not None:
+            check_positive("executor.", timeout_s=timeout_s)
         self._timeout_s = timeout_s
         self._pool: ProcessPool | None = None
 

@@ -29,10 +29,10 @@ class Renderer:
         self._folder = folder
         self._client = p.connect(p.DIRECT)
         weakref.finalize(self, p.disconnect, self._client)
-        self._loaded: tuple[str, int, Tool | None] | None = None
+        self._loaded: tuple[Task, int, Tool | None] | None = None
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
-        if self._loaded == (task.name, seed, tool):
+        if self._loaded is not None and self._loaded[0] is task and self._loaded[1:] == (seed, tool):
             return
         client = self._client
         p.resetSimulation(physicsClientId=client)
@@ -49,7 +49,7 @@ class Renderer:
                 self._place(number, body.pose @ part.pose)
                 if part.color[3] < 1:
                     self._clear[number] = part.color[3]
-        self._loaded = (task.name, seed, tool)
+        self._loaded = (task, seed, tool)
 
     def _add(self, part: Part) -> int:
         look = {"rgbaColor": part.color, "specularColor": [0.1, 0.1, 0.1], "physicsClientId": self._client}

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from core.design import Tool
+from core.errors import UsageError, check_positive
 from core.geometry import Array
 from core.interfaces import Image, JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
 from core.kinematics import arm as panda_arm
@@ -18,6 +19,8 @@ from core.scene import Camera, State
 from plugins.simulators.pybullet.engine import pybullet
 from plugins.simulators.pybullet.renderer import Renderer
 from plugins.simulators.pybullet.world import World
+
+MAX_TIME_STEP = 0.02
 
 
 class PyBulletSimulator(Simulator):
@@ -39,6 +42,15 @@ class PyBulletSimulator(Simulator):
         tracking_rate: float = 50.0,
         separation_rate: float = 25.0,
     ) -> None:
+        check_positive(
+            "sim.",
+            time_step=time_step,
+            solver_iterations=solver_iterations,
+            tracking_rate=tracking_rate,
+            separation_rate=separation_rate,
+        )
+        if time_step > MAX_TIME_STEP:
+            raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts would break")
         self.time_step = time_step
         self.solver_iterations = solver_iterations
         self.tracking_rate = tracking_rate

@@ -1,0 +1,129 @@
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, best_first
+from core.geometry import Box, Pose
+
+LEFT, RIGHT = GRIPPER_MOUNTS
+
+
+def box(name, parent=RIGID_MOUNT, at=(0, 0, 0), rpy=(0, 0, 0), mass=0.005):
+    return Component(name, parent, Pose.xyz_rpy(at, rpy), Box((0.1, 0.1, 0.1)), mass)
+
+
+# --- tools ------------------------------------------------------------------------------------------------------
+
+
+def test_placed_follows_the_chain_of_parents():
+    a, b, c = (
+        box("a", at=(0.1, 0, 0), rpy=(0, 0, 1)),
+        box("b", "a", (0, 0.2, 0), (0.5, 0, 0)),
+        box("c", "b", (0, 0, 0.3)),
+    )
+    placed = Tool((a, b, c)).placed()
+    assert list(placed) == ["a", "b", "c"]
+    assert {mount for mount, _ in placed.values()} == {RIGID_MOUNT}
+    np.testing.assert_allclose(placed["c"][1].matrix, a.pose.matrix @ b.pose.matrix @ c.pose.matrix, atol=1e-12)
+
+
+def test_attachments_are_placed_in_the_frame_of_their_own_finger():
+    placed = Tool((box("l", LEFT), box("r", RIGHT, (1, 0, 0)), box("rr", "r", (1, 0, 0))), gripper=True).placed()
+    assert [mount for mount, _ in placed.values()] == [LEFT, RIGHT, RIGHT]
+    assert placed["rr"][1].position.tolist() == [2, 0, 0]
+
+
+def test_the_bare_arm_is_a_tool_of_nothing():
+    assert Tool().placed() == {}
+    assert Tool().mass == 0
+    assert Tool().mounts == (RIGID_MOUNT,)
+    assert Tool(gripper=True).mounts == GRIPPER_MOUNTS
+
+
+def test_mass():
+    assert Tool((box("a", mass=0.1), box("b", mass=0.2))).mass == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("components", "gripper", "reason"),
+    [
+        ([box("a"), box("a")], False, "two parts of the tool are named 'a'"),
+        ([box(RIGID_MOUNT)], False, "two parts of the tool are named 'panda_virtual'"),
+        ([box("a", "b"), box("b")], False, "'a' hangs from 'b', which is neither a component before it"),
+        ([box("a", "a")], False, "'a' hangs from 'a'"),
+        ([box("a", "panda_link8")], False, r"'a' hangs from 'panda_link8'.*the mount \(panda_virtual\)"),
+        ([box("a", LEFT)], False, r"'a' hangs from 'panda_leftfinger'.*\(panda_virtual\)"),
+        ([box("a")], True, r"'a' hangs from 'panda_virtual'.*\(panda_leftfinger or panda_rightfinger\)"),
+    ],
+)
+def test_what_is_no_tool(components, gripper, reason):
+    with pytest.raises(DesignError, match=reason):
+        Tool(tuple(components), gripper)
+
+
+# --- candidates -------------------------------------------------------------------------------------------------
+
+
+def candidate(*key):
+    generation, agent, strategy, action = key
+    return Candidate(Tool(), np.zeros((1, 6)), generation, agent, strategy, action)
+
+
+def test_ids_tell_generation_agent_strategy_and_plan():
+    assert candidate(0, 3, 1, 7).id == "g0-a3-s1-p7"
+    assert candidate(0, 3, 1, 7).key == (0, 3, 1, 7)
+
+
+keys = st.tuples(*[st.integers(0, 200)] * 4)
+
+
+@given(keys, keys)
+def test_ids_are_one_to_one_with_keys(one, other):
+    assert (candidate(*one).id == candidate(*other).id) == (one == other)
+
+
+def ok(reward, distance, key=(0, 0, 0, 0)):
+    return Evaluation(candidate(*key), "ok", reward=reward, distance_m=distance)
+
+
+def test_best_first_by_reward_then_distance_then_key():
+    order = [
+        ok(0.9, 3.0, (1, 0, 0, 0)),
+        ok(0.5, 0.1, (2, 0, 0, 0)),
+        ok(0.5, 0.2, (0, 1, 9, 9)),
+        ok(0.5, 0.2, (0, 2, 0, 0)),
+        ok(0.5, 0.2, (0, 10, 0, 0)),  # keys are numbers, not texts
+        ok(0.5, math.nan, (0, 0, 0, 0)),
+        ok(0.0, 0.0, (0, 0, 0, 1)),
+    ]
+    for seed in range(20):
+        shuffled = [order[i] for i in np.random.default_rng(seed).permutation(len(order))]
+        assert best_first(shuffled) == order
+
+
+def test_what_was_not_tried_is_not_among_the_best():
+    rejected = Evaluation(candidate(0, 0, 0, 0), "rejected", reason="a rule")
+    failed = Evaluation(candidate(0, 0, 0, 1), "failed", reward=1.0, reason="it broke")
+    good = ok(0.1, 1.0, (0, 0, 0, 2))
+    assert best_first([rejected, failed, good]) == [good]
+    assert best_first([rejected]) == []
+
+
+rewards = st.floats(0, 1)
+distances = st.one_of(st.just(math.nan), st.floats(0, 10))
+
+
+@given(st.lists(st.tuples(rewards, distances, keys), unique_by=lambda e: e[2], max_size=8), st.randoms())
+def test_the_order_does_not_depend_on_arrival(entries, random):
+    evaluations = [ok(*entry) for entry in entries]
+    shuffled = random.sample(evaluations, len(evaluations))
+    found = best_first(shuffled)
+    assert found == best_first(evaluations)
+    for better, worse in itertools.pairwise(found):
+        assert better.reward >= worse.reward
+        if better.reward == worse.reward and not math.isnan(worse.distance_m):
+            assert better.distance_m <= worse.distance_m

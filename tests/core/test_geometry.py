@@ -1,0 +1,203 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from core.geometry import Box, Cylinder, Mesh, Pose, Sphere, frozen_array
+
+lengths = st.floats(-10, 10)
+vectors = st.tuples(lengths, lengths, lengths)
+angles = st.floats(-math.pi, math.pi)
+turns = st.tuples(angles, angles, angles)
+poses = st.builds(Pose.xyz_rpy, vectors, turns)
+
+
+def turn(axis, angle):
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array(
+        {
+            "x": [[1, 0, 0], [0, c, -s], [0, s, c]],
+            "y": [[c, 0, s], [0, 1, 0], [-s, 0, c]],
+            "z": [[c, -s, 0], [s, c, 0], [0, 0, 1]],
+        }[axis]
+    )
+
+
+# --- poses ------------------------------------------------------------------------------------------------------
+
+
+@given(vectors, turns)
+def test_roll_pitch_yaw_are_turns_about_the_fixed_axes_as_in_urdf(xyz, rpy):
+    roll, pitch, yaw = rpy
+    matrix = Pose.xyz_rpy(xyz, rpy).matrix
+    np.testing.assert_allclose(matrix[:3, :3], turn("z", yaw) @ turn("y", pitch) @ turn("x", roll), atol=1e-12)
+    np.testing.assert_array_equal(matrix[:, 3], [*xyz, 1])
+    np.testing.assert_array_equal(matrix[3], [0, 0, 0, 1])
+
+
+@given(poses, poses)
+def test_composition_is_the_product_of_the_matrices(a, b):
+    np.testing.assert_allclose((a @ b).matrix, a.matrix @ b.matrix, atol=1e-11)
+
+
+@given(poses)
+def test_the_inverse_undoes(pose):
+    np.testing.assert_allclose(pose.inverse().matrix, np.linalg.inv(pose.matrix), atol=1e-11)
+    np.testing.assert_allclose((pose.inverse() @ pose).matrix, np.eye(4), atol=1e-11)
+
+
+@given(poses, st.lists(vectors, min_size=1, max_size=4))
+def test_apply_moves_points_as_the_matrix_does(pose, points):
+    homogeneous = np.column_stack([points, np.ones(len(points))])
+    np.testing.assert_allclose(pose.apply(points), (homogeneous @ pose.matrix.T)[:, :3], atol=1e-11)
+    np.testing.assert_allclose(pose.apply(points[0]), pose.apply(points)[0], atol=1e-12)
+
+
+def test_apply_keeps_leading_axes():
+    points = np.arange(24.0).reshape(2, 4, 3)
+    pose = Pose.xyz_rpy((1, 2, 3), (0.1, 0.2, 0.3))
+    assert pose.apply(points).shape == (2, 4, 3)
+    np.testing.assert_allclose(pose.apply(points)[1, 2], pose.apply(points[1, 2]))
+
+
+@given(poses)
+def test_there_and_back_by_matrix(pose):
+    np.testing.assert_allclose(Pose.from_matrix(pose.matrix).matrix, pose.matrix, atol=1e-12)
+
+
+@given(vectors, turns)
+def test_there_and_back_by_roll_pitch_yaw(xyz, rpy):
+    assume(abs(rpy[1]) < math.pi / 2 - 1e-3)  # beyond, other angles name the same orientation
+    pose = Pose.xyz_rpy(xyz, rpy)
+    difference = np.subtract(pose.rpy, rpy)
+    np.testing.assert_allclose(np.angle(np.exp(1j * difference)), 0, atol=1e-9)
+
+
+def test_quaternions_are_scalar_first_and_of_length_one():
+    quarter = Pose.xyz_rpy((0, 0, 0), (0, 0, math.pi / 2))
+    np.testing.assert_allclose(np.abs(quarter.quaternion), [math.sqrt(0.5), 0, 0, math.sqrt(0.5)], atol=1e-12)
+    np.testing.assert_allclose(Pose(np.zeros(3), np.array([0.0, 0, 3, 0])).quaternion, [0, 0, 1, 0])
+    np.testing.assert_allclose(Pose(np.zeros(3), np.array([0.0, 0, 3, 0])).apply([1, 2, 3]), [-1, 2, -3], atol=1e-12)
+
+
+def test_poses_cannot_be_changed():
+    position = np.array([1.0, 2.0, 3.0])
+    pose = Pose(position)
+    position[0] = 9
+    assert pose.position[0] == 1
+    for array in (pose.position, pose.quaternion):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 5
+
+
+def test_equal_poses_are_one_key():
+    one, same, other = (Pose.xyz_rpy((1, 0, x), (0, 0, 1)) for x in (0, 0, 1e-9))
+    assert one == same
+    assert hash(one) == hash(same)
+    assert len({one, same, other}) == 2
+    assert one != "a pose"
+
+
+@pytest.mark.parametrize(
+    ("position", "quaternion", "reason"),
+    [
+        ([0, 0], [1, 0, 0, 0], r"shape \(3,\), got \(2,\)"),
+        ([0, 0, 0], [1, 0, 0], r"shape \(4,\), got \(3,\)"),
+        ([0, 0, math.nan], [1, 0, 0, 0], "finite"),
+        ([0, 0, math.inf], [1, 0, 0, 0], "finite"),
+        ([0, 0, 0], [math.nan, 0, 0, 0], "finite"),
+        ([0, 0, 0], [0, 0, 0, 0], "length zero"),
+    ],
+)
+def test_what_is_no_pose(position, quaternion, reason):
+    with pytest.raises(ValueError, match=reason):
+        Pose(np.array(position), np.array(quaternion))
+
+
+def test_frozen_arrays_are_copies():
+    values = np.ones(2)
+    array = frozen_array(values)
+    values[0] = 7
+    assert array.tolist() == [1, 1]
+    assert array.dtype == np.float64
+
+
+# --- shapes -----------------------------------------------------------------------------------------------------
+
+sides = st.floats(0.001, 10)
+
+
+@given(st.tuples(sides, sides, sides))
+def test_boxes_are_full_lengths_about_their_centre(size):
+    mesh = Box(size).to_trimesh()
+    np.testing.assert_allclose(mesh.bounds, [np.divide(size, -2), np.divide(size, 2)])
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(Box(size).volume)
+    assert Box(size).volume == pytest.approx(math.prod(size))
+
+
+def test_box_sizes_become_floats():
+    assert Box((1, 2, np.float64(3))) == Box((1.0, 2.0, 3.0))
+    assert all(type(side) is float for side in Box((1, 2, np.float64(3))).size)
+
+
+@given(sides)
+def test_spheres(radius):
+    mesh = Sphere(radius).to_trimesh()
+    assert mesh.is_watertight
+    np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), radius)
+    assert mesh.volume == pytest.approx(4 / 3 * math.pi * radius**3, rel=0.01)
+
+
+@given(sides, sides)
+def test_cylinders_stand_along_z(radius, length):
+    mesh = Cylinder(radius, length).to_trimesh()
+    assert mesh.is_watertight
+    np.testing.assert_allclose(mesh.bounds[:, 2], [-length / 2, length / 2])
+    np.testing.assert_allclose(mesh.bounds[:, :2], [[-radius] * 2, [radius] * 2], rtol=1e-9)
+    assert mesh.volume == pytest.approx(math.pi * radius**2 * length, rel=0.01)
+
+
+def test_meshes_keep_their_triangles():
+    corner = Mesh(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    mesh = corner.to_trimesh()
+    assert mesh.volume == pytest.approx(1 / 6)
+    again = Mesh.from_trimesh(mesh)
+    np.testing.assert_array_equal(again.vertices, corner.vertices)
+    np.testing.assert_array_equal(again.faces, corner.faces)
+    for array in (corner.vertices, corner.faces):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0, 0] = 1
+
+
+@pytest.mark.parametrize("length", [0, -1, math.nan, math.inf])
+@pytest.mark.parametrize(
+    ("shape", "name"),
+    [
+        (lambda x: Box((x, 1, 1)), "x"),
+        (lambda x: Box((1, 1, x)), "z"),
+        (lambda x: Sphere(x), "radius"),
+        (lambda x: Cylinder(x, 1), "radius"),
+        (lambda x: Cylinder(1, x), "length"),
+    ],
+)
+def test_what_is_no_shape(shape, name, length):
+    with pytest.raises(ValueError, match=f"^{name} must be a positive length"):
+        shape(length)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "reason"),
+    [
+        (np.zeros((3, 2)), [[0, 1, 2]], r"vertices \(V, 3\)"),
+        (np.zeros((3, 3)), [[0, 1]], r"faces \(F, 3\)"),
+        (np.zeros((3, 3)), [[0, 1, 3]], "vertex that is not there"),
+        (np.zeros((3, 3)), [[0, 1, -1]], "vertex that is not there"),
+        (np.full((3, 3), np.nan), [[0, 1, 2]], "finite"),
+    ],
+)
+def test_what_is_no_mesh(vertices, faces, reason):
+    with pytest.raises(ValueError, match=reason):
+        Mesh(vertices, faces)

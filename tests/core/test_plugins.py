@@ -1,0 +1,412 @@
+import ast
+import graphlib
+import importlib.metadata
+import inspect
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+
+from core import plugins
+from core.errors import UsageError, UserError
+from core.hooks import PROJECT, Events, Parts, hookimpl
+from core.interfaces import EvolutionStrategy, Executor, Simulator, Task, ToolRepresentation
+from core.plugins import KINDS, Plugins, installed
+
+ROOT = Path(__file__).parents[2]
+INTERFACES = {
+    "task": Task,
+    "sim": Simulator,
+    "tool": ToolRepresentation,
+    "evolution": EvolutionStrategy,
+    "executor": Executor,
+}
+BUILT_IN = sorted(installed().offers)
+GIVEN = {"evolution": ("designer", "budget")}  # what the program gives; the rest are settings
+
+
+class Engine:
+    """A part with settings."""
+
+    def __init__(self, grid: int, time_step: float = 0.01, walls: list[str] | None = None) -> None:
+        self.grid, self.time_step, self.walls = grid, time_step, walls
+
+
+class Offering:
+    """A plugin, as a stranger might write it."""
+
+    def __init__(self, **parts):
+        for hook in KINDS.values():
+            if hook in parts:
+                setattr(self, hook, hookimpl(self._hook(parts[hook])))
+
+    @staticmethod
+    def _hook(offered):
+        def hook():
+            if isinstance(offered, Exception):
+                raise offered
+            return offered
+
+        return hook
+
+
+@pytest.fixture
+def found(monkeypatch):
+    """No plugins at all, until the test registers some."""
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **_: [])
+    return Plugins()
+
+
+# --- discovery --------------------------------------------------------------------------------------------------
+
+
+def test_the_projects_own_parts_come_by_entry_points():
+    assert not installed().failures
+    entries = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"][PROJECT]
+    offers = installed().offers
+    own = {offer.entry_point for offer in offers.values() if offer.distribution == "vlmgineer"}
+    assert own == set(entries)
+    expected = {
+        ("task", "BringCube"),
+        ("task", "OneBook"),
+        ("sim", "pybullet"),
+        ("vlm", "offline"),
+        ("tool", "urdf"),
+        ("evolution", "vlmgineer"),
+        ("evolution", "sampling"),
+        ("executor", "local"),
+        ("logger", "progress"),
+    }
+    assert expected <= set(offers)
+
+
+def test_plugins_are_found_once_per_process():
+    assert installed() is installed()
+
+
+@pytest.mark.parametrize(("kind", "name"), [key for key in BUILT_IN if key[0] in INTERFACES])
+def test_each_part_is_what_its_kind_says(kind, name):
+    assert issubclass(installed().factory(kind, name), INTERFACES[kind])
+
+
+@pytest.mark.parametrize(("kind", "name"), BUILT_IN)
+def test_the_configs_are_the_factories_own_defaults(kind, name):
+    parameters = inspect.signature(installed().factory(kind, name)).parameters
+    defaults = {key: p.default for key, p in parameters.items() if key not in GIVEN.get(kind, ())}
+    document = yaml.safe_load((ROOT / "conf" / kind / f"{name}.yaml").read_text())
+    if kind == "logger":  # several at once: the name is the key
+        assert document == {name: defaults}
+        return
+    assert document.pop("name") == name
+    if kind == "task":
+        assert document.keys() >= {"tool_kinds", "paper"}
+        document = {key: value for key, value in document.items() if key not in ("tool_kinds", "paper")}
+    assert document == defaults
+
+
+def test_every_config_names_a_part_that_there_is():
+    for kind in KINDS:
+        for file in (ROOT / "conf" / kind).glob("*.yaml"):
+            names = yaml.safe_load(file.read_text())
+            for name in names if kind == "logger" else [names["name"]]:
+                assert (kind, name) in installed().offers, file
+
+
+def test_an_import_that_fails_is_remembered_and_hurts_nobody(monkeypatch):
+    def entry(name, value):
+        return importlib.metadata.EntryPoint(name, value, PROJECT)
+
+    entries = [
+        entry("broken", "no_such_module_anywhere"),
+        entry("worse", "tasks:no_such_attribute"),
+        entry("good", "tasks"),
+    ]
+    asked = []
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **how: asked.append(how) or entries)
+    found = Plugins()
+    assert asked == [{"group": PROJECT}]
+    assert "BringCube" in found.names("task")
+    assert [failure.entry_point for failure in found.failures] == ["broken", "worse"]
+    assert "ModuleNotFoundError: No module named 'no_such_module_anywhere'" in found.failures[0].reason
+    assert "no_such_attribute" in found.failures[1].reason
+    with pytest.raises(
+        UserError, match=r"no sim 'pybullet'; possible: none; plugin 'broken' failed to load: import failed"
+    ):
+        found.factory("sim", "pybullet")
+
+
+def test_an_import_that_raises_whatever_it_likes(monkeypatch, tmp_path):
+    (tmp_path / "moody.py").write_text("raise RuntimeError('not today')")
+    monkeypatch.syspath_prepend(tmp_path)
+    entry = importlib.metadata.EntryPoint("moody", "moody", PROJECT)
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **_: [entry])
+    (failure,) = Plugins().failures
+    assert failure.reason == "import failed: RuntimeError: not today"
+
+
+# --- a stranger's plugin ----------------------------------------------------------------------------------------
+
+
+def test_a_registered_part_can_be_made(found):
+    found.register(Offering(simulators={"grid": Engine}), "mine", "my-package")
+    assert found.names("sim") == ["grid"]
+    assert not found.failures
+    engine = found.create("sim", "grid", {"grid": 3, "time_step": 1, "walls": ["a"]})
+    assert (engine.grid, engine.time_step, engine.walls) == (3, 1.0, ["a"])
+    assert isinstance(engine.time_step, float)
+    assert found.create("sim", "grid", grid=7).grid == 7  # given by the program
+
+
+def test_a_factory_may_be_named(found):
+    found.register(Offering(simulators={"grid": f"{__name__}:Engine"}), "mine", "my-package")
+    assert found.create("sim", "grid", {"grid": 3}).grid == 3
+
+
+def test_a_factory_may_be_a_function(found):
+    def make(size: int = 2) -> Engine:
+        return Engine(size)
+
+    found.register(Offering(simulators={"grid": make}), "mine", "my-package")
+    assert found.create("sim", "grid", {"size": 5}).grid == 5
+    with pytest.raises(UsageError, match=r"no setting 'grid' in sim=grid; possible: size"):
+        found.create("sim", "grid", {"grid": 5})
+
+
+def test_a_name_that_is_taken_stays_with_the_first(found):
+    found.register(Offering(simulators={"grid": Engine}), "first", "one")
+    found.register(Offering(simulators={"grid": Task, "other": Engine}), "second", "two")
+    assert found.factory("sim", "grid") is Engine
+    assert found.names("sim") == ["grid", "other"]
+    (failure,) = found.failures
+    assert (failure.entry_point, failure.distribution) == ("second", "two")
+    assert failure.reason == "sim 'grid' is taken by first of one"
+
+
+def test_one_name_may_be_of_two_kinds(found):
+    found.register(Offering(simulators={"grid": Engine}, executors={"grid": Engine}), "mine", "my-package")
+    assert found.names("sim") == found.names("executor") == ["grid"]
+    assert not found.failures
+
+
+@pytest.mark.parametrize(
+    ("offered", "reason"),
+    [
+        (RuntimeError("oh no"), "RuntimeError: oh no"),
+        (["grid"], "ValueError"),
+        (5, "TypeError"),
+        ("grid", "ValueError"),
+    ],
+)
+def test_a_hook_that_fails_takes_only_itself_along(found, offered, reason):
+    found.register(Offering(simulators=offered, executors={"grid": Engine}), "mine", "my-package")
+    (failure,) = found.failures
+    assert failure.reason.startswith("hook 'simulators' failed: ")
+    assert reason in failure.reason
+    assert found.names("sim") == []
+    assert found.names("executor") == ["grid"]
+
+
+def test_a_hook_may_offer_nothing(found):
+    found.register(Offering(simulators=None, tasks={}), "mine", "my-package")
+    assert not found.failures
+    assert not found.offers
+
+
+def test_a_plugin_without_hooks_offers_nothing(found):
+    found.register(object(), "mine", "my-package")
+    assert not found.offers
+
+
+def test_a_hook_with_the_wrong_signature_is_a_failure(found):
+    class Wrong:
+        @hookimpl
+        def simulators(self, extra):
+            return {"grid": Engine}
+
+    found.register(Wrong(), "mine", "my-package")
+    (failure,) = found.failures
+    assert "extra" in failure.reason
+    assert not found.offers
+
+
+@pytest.mark.parametrize("factory", [5, None, {"a": 1}])
+def test_what_cannot_be_called_is_no_factory(found, factory):
+    """Told where it is offered, or at the latest in one line where it is asked for."""
+    found.register(Offering(simulators={"grid": factory}), "mine", "my-package")
+    with pytest.raises(UserError, match="grid"):
+        found.create("sim", "grid")
+
+
+@pytest.mark.parametrize(
+    ("factory", "reason"),
+    [
+        ("no_such_module:Engine", "No module named 'no_such_module'"),
+        (f"{__name__}:Motor", "Motor"),
+        (f"{__name__}", ""),
+        ("", ""),
+    ],
+)
+def test_a_named_factory_that_cannot_be_imported(found, factory, reason):
+    found.register(Offering(simulators={"grid": factory}), "mine", "my-package")
+    with pytest.raises(UserError, match=r"sim 'grid' of my-package can't be imported: ") as error:
+        found.create("sim", "grid")
+    assert reason in str(error.value)
+
+
+# --- settings ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ({"grid": 1, "timestep": 1}, r"'timestep' in sim=grid \(did you mean 'time_step'\?\); possible: grid, ti"),
+        ({"time_step": 0.1}, "sim=grid: setting 'grid' is needed; settings: grid, time_step, walls"),
+        ({"grid": 1, "time_step": "fast"}, "sim=grid: setting 'time_step' can't be 'fast': .*valid number"),
+        ({"grid": 1.5}, "sim=grid: setting 'grid' can't be 1.5: .*integer"),
+        ({"grid": 1, "walls": "north"}, "sim=grid: setting 'walls' can't be 'north': .*list"),
+        ({"grid": None}, "sim=grid: setting 'grid' can't be None"),
+    ],
+)  # fmt: skip
+def test_settings_are_checked_against_the_signature(found, settings, reason):
+    found.register(Offering(simulators={"grid": Engine}), "mine", "my-package")
+    with pytest.raises(UsageError, match=reason) as error:
+        found.create("sim", "grid", settings)
+    assert "\n" not in str(error.value)
+
+
+def test_what_the_program_gives_is_no_setting(found):
+    found.register(Offering(simulators={"grid": Engine}), "mine", "my-package")
+    with pytest.raises(UsageError, match="no setting 'grid' in sim=grid; possible: time_step, walls"):
+        found.create("sim", "grid", {"grid": 1}, grid=2)
+
+
+def test_a_name_that_nobody_offers():
+    with pytest.raises(
+        UserError, match=r"no task 'OneBok' \(did you mean 'OneBook'\?\); possible: BringCube, .*OneBook"
+    ):
+        installed().create("task", "OneBok")
+    with pytest.raises(UserError, match=r"no sim 'unreal'; possible: .*pybullet"):
+        installed().factory("sim", "unreal")
+
+
+def test_events_reach_listeners():
+    heard = []
+
+    class Listener:
+        @hookimpl
+        def generation_started(self, index):
+            heard.append(index)
+
+    hub = plugins.event_hub()
+    hub.register(Listener())
+    hub.hook.generation_started(index=3)
+    hub.hook.run_ended()  # nobody listens
+    assert heard == [3]
+
+
+def test_listeners_that_hear_of_what_never_happens_are_told():
+    class Listener:
+        @hookimpl
+        def generation_started(self, number):
+            pass
+
+    with pytest.raises(Exception, match="number"):
+        plugins.event_hub().register(Listener())
+
+
+# --- the house's rules ------------------------------------------------------------------------------------------
+
+
+def modules(folder):
+    for file in sorted((ROOT / folder).rglob("*.py")):
+        yield file, ast.parse(file.read_text(encoding="utf-8"))
+
+
+def imported(tree, runtime_only=False):
+    """Full names of the modules that a file imports, inside functions too."""
+    for node in ast.walk(tree):
+        if runtime_only and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            node.body = []
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            yield node.module
+
+
+def test_the_core_knows_no_plugin_no_engine_and_no_model():
+    forbidden = {
+        *("plugins", "tasks", "tests"),
+        *(
+            "pybullet",
+            "pybullet_data",
+            "mujoco",
+            "mujoco_warp",
+            "warp",
+            "genesis",
+            "jax",
+            "isaacsim",
+            "newton",
+            "sapien",
+        ),
+        *("openai", "anthropic", "google", "litellm", "llm", "requests", "httpx", "torch"),
+    }
+    seen = 0
+    for file, tree in modules("core"):
+        seen += 1
+        for name in imported(tree):
+            assert name.partition(".")[0] not in forbidden, f"{file} imports {name}"
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                assert not node.value.startswith(("plugins.", "tasks.")), f"{file} names {node.value}"
+    assert seen > 10
+
+
+def test_the_core_imports_without_circles():
+    graph = {}
+    for file, tree in modules("core"):
+        graph[f"core.{file.stem}"] = {name for name in imported(tree, runtime_only=True) if name.startswith("core.")}
+    order = list(graphlib.TopologicalSorter(graph).static_order())  # raises where there is a circle
+    floors = ["geometry", "scene", "interfaces", "plugins", "rollout"], ["robot", "kinematics", "trajectory", "rollout"]
+    for floor in floors:
+        places = [order.index(f"core.{name}") for name in floor]
+        assert places == sorted(places)
+
+
+def test_plugins_do_not_know_each_other():
+    for file, tree in modules("plugins"):
+        own = ".".join(file.relative_to(ROOT).with_suffix("").parts[:3])
+        for name in imported(tree):
+            if name.split(".")[0] in ("plugins", "tasks"):
+                assert name == own or name.startswith(f"{own}."), f"{file} imports {name}"
+
+
+def test_tasks_are_scenes_and_numpy():
+    """No engine: a task is read by people, by models and by every simulator."""
+    allowed = {"core", "tasks", "numpy", "scipy", "trimesh", *sys.stdlib_module_names}
+    for file, tree in modules("tasks"):
+        for name in imported(tree):
+            assert name.partition(".")[0] in allowed, f"{file} imports {name}"
+
+
+def test_every_kind_has_a_hook_and_every_event_a_word():
+    hooks = {name for name in vars(Parts) if not name.startswith("_")}
+    assert set(KINDS.values()) == hooks
+    for spec in (Parts, Events):
+        for name, function in vars(spec).items():
+            if not name.startswith("_"):
+                assert function.__doc__, name
+
+
+def test_python_m_core_plugins_lists_every_part(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    found = Plugins()
+    found.register(Offering(simulators=RuntimeError("oh no")), "mine", "my-package")
+    monkeypatch.setattr(plugins, "installed", lambda: found)
+    plugins.main()
+    out = capsys.readouterr().out
+    for kind, name in BUILT_IN:
+        assert any(line.split()[:2] == [kind, name] for line in out.splitlines()), (kind, name)
+    assert "failed mine (my-package): hook 'simulators' failed: RuntimeError: oh no" in out

@@ -1,0 +1,145 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.design import Candidate, Evaluation, Tool
+from core.interfaces import Budget
+from core.plugins import installed
+from plugins.strategies.vlmgineer import select
+
+
+def earned(reward, strategy=0, action=0, *, generation=0, agent=0, distance=1.0, status="ok"):
+    candidate = Candidate(Tool(), np.zeros((1, 6)), generation, agent, strategy, action)
+    return Evaluation(candidate, status, reward=reward, distance_m=distance)
+
+
+class Recorder:
+    """A designer that remembers what it was asked for."""
+
+    def __init__(self):
+        self.asked = []
+
+    def design(self, generation, elites=()):
+        self.asked.append((generation, [elite.candidate.id for elite in elites]))
+        return iter([Candidate(Tool(), np.zeros((1, 6)), generation)])
+
+
+def strategy(name, k_top=5, reward_save=0.5, **settings):
+    designer = Recorder()
+    budget = Budget(2, 2, 2, 3, k_top, reward_save)
+    return installed().create("evolution", name, settings, designer=designer, budget=budget), designer
+
+
+def rewards(evaluations):
+    return [evaluation.reward for evaluation in evaluations]
+
+
+# --- elites -----------------------------------------------------------------------------------------------------
+
+
+def test_the_best_come_first():
+    found = select([earned(0.6, 0), earned(0.9, 1), earned(0.7, 2)], 5, 0.0)
+    assert rewards(found) == [0.9, 0.7, 0.6]
+
+
+def test_no_more_than_k_top():
+    assert rewards(select([earned(r / 10, r) for r in range(10)], 3, 0.0)) == [0.9, 0.8, 0.7]
+
+
+def test_only_what_earned_more_than_reward_save():
+    assert rewards(select([earned(0.61, 0), earned(0.6, 1), earned(0.59, 2)], 5, 0.6)) == [0.61]
+
+
+def test_one_of_each_tool():
+    found = select([earned(0.8, 0, 0), earned(0.9, 0, 1), earned(0.7, 1, 0), earned(0.85, 0, 0, agent=1)], 5, 0.0)
+    assert [e.candidate.id for e in found] == ["g0-a0-s0-p1", "g0-a1-s0-p0", "g0-a0-s1-p0"]
+
+
+def test_one_tools_plans_crowd_out_the_others_before_they_are_thinned():
+    """As in the method: first the k_top highest, then one per tool."""
+    same_tool = [earned(0.9, 0, action) for action in range(3)]
+    assert rewards(select([*same_tool, earned(0.8, 1)], 3, 0.0)) == [0.9]
+
+
+def test_ties_go_to_the_shorter_way():
+    found = select([earned(0.9, 0, 0, distance=2.0), earned(0.9, 0, 1, distance=1.0)], 5, 0.0)
+    assert [e.candidate.action for e in found] == [1]
+
+
+def test_what_was_not_tried_is_no_elite():
+    assert select([earned(1.0, status="rejected"), earned(1.0, status="failed")], 5, 0.0) == []
+
+
+evaluations = st.lists(
+    st.builds(earned, st.floats(0, 1), st.integers(0, 3), st.integers(0, 3), agent=st.integers(0, 2)), max_size=30
+)
+
+
+@given(evaluations, st.integers(1, 6), st.floats(0, 1))
+def test_elites(candidates, k_top, reward_save):
+    found = select(candidates, k_top, reward_save)
+    assert len(found) <= k_top
+    assert all(e.reward > reward_save for e in found)
+    assert len({e.candidate.key[:3] for e in found}) == len(found)
+    assert rewards(found) == sorted(rewards(found), reverse=True)
+    best = max(rewards(candidates), default=0)
+    assert rewards(found[:1]) == ([best] if best > reward_save else [])
+
+
+# --- strategies -------------------------------------------------------------------------------------------------
+
+
+def test_offspring_of_the_elites_is_asked_for():
+    search, designer = strategy("vlmgineer")
+    assert [c.generation for c in search.ask()] == [0]
+    search.tell([earned(0.9, 0), earned(0.6, 1), earned(0.4, 2)])
+    assert [c.generation for c in search.ask()] == [1]
+    assert designer.asked == [(0, []), (1, ["g0-a0-s0-p0", "g0-a0-s1-p0"])]
+
+
+def test_a_fresh_sampling_where_nobody_passes():
+    search, designer = strategy("vlmgineer")
+    search.ask()
+    search.tell([earned(0.5), earned(0.1, 1)])
+    search.ask()
+    search.tell([])
+    search.ask()
+    assert designer.asked == [(0, []), (1, []), (2, [])]
+
+
+@pytest.mark.parametrize(
+    ("elites_from", "parents"), [("generation", ["g1-a0-s0-p0"]), ("run", ["g0-a0-s0-p0", "g1-a0-s0-p0"])]
+)
+def test_where_elites_come_from(elites_from, parents):
+    search, designer = strategy("vlmgineer", elites_from=elites_from)
+    search.ask()
+    search.tell([earned(0.9)])
+    search.ask()
+    search.tell([earned(0.7, generation=1)])
+    search.ask()
+    assert designer.asked[-1] == (2, parents)
+
+
+def test_elites_of_the_run_outlive_a_bad_generation():
+    for elites_from, parents in (("generation", []), ("run", ["g0-a0-s0-p0"])):
+        search, designer = strategy("vlmgineer", elites_from=elites_from)
+        search.ask()
+        search.tell([earned(0.9)])
+        search.ask()
+        search.tell([earned(0.1, generation=1)])
+        search.ask()
+        assert designer.asked[-1] == (2, parents)
+
+
+def test_elites_come_from_two_places_only():
+    with pytest.raises(Exception, match="elites_from"):
+        strategy("vlmgineer", elites_from="dreams")
+
+
+def test_sampling_never_evolves():
+    search, designer = strategy("sampling", reward_save=0.0)
+    for _ in range(3):
+        search.ask()
+        search.tell([earned(1.0)])
+    assert designer.asked == [(0, []), (1, []), (2, [])]

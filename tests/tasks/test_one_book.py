@@ -1,0 +1,64 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tasks.one_book import LENGTH, PULLED_OUT, OneBook
+
+TASK = OneBook()
+BEFORE = TASK.scene(0).state()
+
+
+def reward(**shifts):
+    """Of a world in which books have moved by (3,)."""
+    positions = BEFORE.positions.copy()
+    for name, shift in shifts.items():
+        positions[BEFORE.names.index(name)] += shift
+    return float(TASK.reward(BEFORE, replace(BEFORE, positions=positions)))
+
+
+def test_the_scene():
+    scene = TASK.scene(0)
+    books = [scene[f"book_{i}"] for i in range(1, 6)]
+    assert scene.free == tuple(books)
+    np.testing.assert_allclose(np.diff([book.pose.position[1] for book in books]), 0.04)
+    assert books[2].pose.position[1] == 0
+    for book in books:
+        x, y, z = book.collisions[0].shape.size
+        assert x == LENGTH == 0.27
+        assert y < 0.04  # they stand side by side, and not in each other
+        assert 0.15 < z < 0.23
+        assert book.pose.position[2] == pytest.approx(z / 2)
+    assert min(b.collisions[0].shape.size[2] for b in books[3:]) > max(b.collisions[0].shape.size[2] for b in books[:3])
+    assert scene["holder_left"].fixed
+    assert scene["holder_right"].fixed
+
+
+def test_pulled_out_far_enough():
+    assert pytest.approx(np.hypot(0.14, 0.044)) == PULLED_OUT
+    assert reward(book_3=(-0.15, 0, 0)) == 1
+    assert reward(book_3=(0.15, 0, 0)) == 1  # any direction
+    assert reward(book_3=(0, 0, 0.2)) == 1
+
+
+def test_part_of_the_way():
+    assert reward(book_3=(-0.07, 0, 0)) == pytest.approx(0.07 / PULLED_OUT)
+
+
+@given(st.floats(0, 0.5))
+def test_what_the_others_moved_is_taken_off(shift):
+    due = np.exp(-2 * shift)
+    assert reward(book_3=(-0.2, 0, 0), book_2=(shift, 0, 0), book_4=(0, 0, shift)) == pytest.approx(due)
+    partial = np.clip(0.1 / PULLED_OUT - (1 - due), 0, 1)
+    assert reward(book_3=(0.1, 0, 0), book_1=(shift, 0, 0), book_5=(0, shift, 0)) == pytest.approx(partial)
+
+
+def test_all_books_moved_or_toppled_earns_little():
+    shove = dict.fromkeys((f"book_{i}" for i in range(1, 6)), (0.4, 0, 0))
+    assert reward(**shove) < 0.25
+    topple = dict.fromkeys((f"book_{i}" for i in range(1, 6)), (0, 0.1, -0.06))
+    assert reward(**topple) < 0.5
+    others = dict.fromkeys(("book_1", "book_2", "book_4", "book_5"), (0.1, 0, 0))
+    assert reward(**others) == 0

@@ -1,0 +1,318 @@
+"""What must hold for every task that is installed, whoever wrote it."""
+
+import hashlib
+import itertools
+import json
+import math
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import coal
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.design import Tool
+from core.geometry import Box, Cylinder, Mesh, Sphere
+from core.interfaces import JointTrajectory, Rollout, RolloutSettings
+from core.kinematics import arm
+from core.plugins import installed
+from core.reading import load_designs, read_designs
+from core.robot import FINGER_OPEN
+from core.rollout import evaluate
+from core.rules import SpawnRules
+from core.scene import State
+
+ROOT = Path(__file__).parents[2]
+TASKS = installed().names("task")
+RANDOM_LAYOUT = {"CleanTable", "GatherSpheres", "SnatchCookie", "TurkeyLegs"}
+SIMULATOR = "pybullet"
+
+# n_agent, n_tool, n_action, k_top, reward_save, n_iteration
+PAPER = {
+    **dict.fromkeys(
+        ("BringCube", "CleanTable", "DislodgeCube", "ElevatePlate", "GatherSpheres", "MoveBall"),
+        (20, 10, 10, 5, 0.6, 3),
+    ),
+    "HighObject": (20, 10, 10, 5, 0.5, 3),
+    "LiftBox": (30, 15, 15, 5, 0.1, 3),
+    "OneBook": (20, 10, 10, 5, 0.4, 3),
+    "ScoreGoal": (20, 10, 10, 5, 0.4, 3),
+    "SnatchCookie": (5, 5, 5, 5, 0.3, 3),
+    "TurkeyLegs": (30, 10, 15, 5, 0.2, 4),
+}
+
+every_task = pytest.mark.parametrize("name", TASKS)
+
+
+@cache
+def task_of(name):
+    return installed().create("task", name)
+
+
+@cache
+def simulator():
+    return installed().create("sim", SIMULATOR)
+
+
+@cache
+def idle(name):
+    """The outcome of five seconds in which the bare arm stays home."""
+    task = task_of(name)
+    still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.array([FINGER_OPEN]))
+    (outcome,) = simulator().rollout(task, [Rollout(Tool(), still, settle_s=0.5, hold_s=5.0)])
+    assert outcome.error is None
+    return outcome
+
+
+# --- what a task says of itself ---------------------------------------------------------------------------------
+
+
+def test_there_are_tasks():
+    assert {"BringCube", "OneBook"} <= set(TASKS)
+
+
+@every_task
+def test_names_and_words(name):
+    task = task_of(name)
+    assert task.name == name
+    assert task.description.endswith(".")
+    assert "\n" not in task.description
+    assert len(task.description) > 80
+    assert 0.5 < task.success_reward <= 1
+    assert f"class {name}(Task):" in task.source()  # the file that a model is shown
+    assert "def reward" in task.source()
+
+
+@every_task
+def test_the_config_has_the_papers_parameters(name):
+    config = yaml.safe_load((ROOT / "conf" / "task" / f"{name}.yaml").read_text())
+    keys = ("n_agent", "n_tool", "n_action", "k_top", "reward_save", "n_iteration")
+    assert config["name"] == name
+    assert config["tool_kinds"]
+    assert set(config["tool_kinds"]) <= {"rigid", "gripper"}
+    if name in PAPER:
+        assert config["paper"] == dict(zip(keys, PAPER[name], strict=True))
+    assert set(config["paper"]) == set(keys)
+
+
+@every_task
+def test_goals_are_about_bodies_that_move(name):
+    task = task_of(name)
+    free = {body.name for body in task.scene(0).free}
+    assert task.goals
+    for goal in task.goals:
+        assert goal.bodies
+        assert {*goal.bodies, *goal.keep} <= free
+        assert not {*goal.bodies} & {*goal.keep}
+
+
+@every_task
+def test_all_that_matters_is_in_the_picture(name):
+    task = task_of(name)
+    position, target = np.array(task.camera.position), np.array(task.camera.target)
+    forward = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(forward, [0, 0, 1])
+    right /= np.linalg.norm(right)
+    up = np.cross(right, forward)
+    places = [body.pose.position for body in task.scene(0).bodies if not body.fixed or not body.collisions]
+    for point in [*places, task.home.position]:
+        way = point - position
+        depth = way @ forward
+        assert depth > 0
+        half = math.tan(math.radians(task.camera.fov_deg / 2))
+        assert abs(way @ up) < half * depth
+        assert abs(way @ right) < half * depth * 4 / 3
+
+
+# --- the scene --------------------------------------------------------------------------------------------------
+
+
+def layout(name, seed):
+    """A digest of where everything stands and what it is."""
+    digest = hashlib.sha256()
+    for body in task_of(name).scene(seed).bodies:
+        digest.update(f"{body.name} {body.mass} {body.friction} {body.rolling_friction} {body.restitution}".encode())
+        digest.update(body.pose.matrix.tobytes())
+        for part in (*body.visuals, *body.collisions):
+            digest.update(part.pose.matrix.tobytes())
+            shape = part.shape
+            digest.update(shape.vertices.tobytes() if isinstance(shape, Mesh) else repr(shape).encode())
+    return digest.hexdigest()
+
+
+@every_task
+def test_only_random_layouts_look_at_the_seed(name):
+    layouts = {layout(name, seed) for seed in range(4)}
+    assert len(layouts) == (4 if name in RANDOM_LAYOUT else 1)
+
+
+def test_a_seed_gives_the_same_scene_in_every_process():
+    code = (
+        "import json; from tests.tasks.test_tasks import TASKS, layout;"
+        "print(json.dumps({name: [layout(name, 0), layout(name, 3)] for name in TASKS}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == {name: [layout(name, 0), layout(name, 3)] for name in TASKS}
+
+
+def solids(body):
+    """What can be felt of a body, for Coal: geometry, transform, centre and radius of a ball around it."""
+    found = []
+    for part in body.collisions:
+        match part.shape:
+            case Box(size):
+                geometry = coal.Box(*size)
+            case Sphere(radius):
+                geometry = coal.Sphere(radius)
+            case Cylinder(radius, length):
+                geometry = coal.Cylinder(radius, length)
+            case Mesh():
+                hull = part.shape.to_trimesh().convex_hull
+                points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+                points.extend(np.asarray(hull.vertices, dtype=float))
+                faces.extend(coal.Triangle(*(int(i) for i in face)) for face in hull.faces)
+                geometry = coal.Convex(points, faces)
+        pose = body.pose @ part.pose
+        vertices = pose.apply(part.shape.to_trimesh().vertices)
+        centre = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
+        around = np.linalg.norm(vertices - centre, axis=1).max()
+        found.append((geometry, coal.Transform3s(pose.rotation.as_matrix(), pose.position), centre, around))
+    return found
+
+
+@every_task
+@pytest.mark.parametrize("seed", [0, 1])
+def test_nothing_stands_inside_another(name, seed):
+    scene = task_of(name).scene(seed)
+    felt = {body.name: solids(body) for body in scene.bodies if body.collisions}
+    pairs = 0
+    for one, other in itertools.combinations(felt, 2):
+        if scene[one].fixed and scene[other].fixed:
+            continue
+        for (a, at_a, c_a, r_a), (b, at_b, c_b, r_b) in itertools.product(felt[one], felt[other]):
+            if np.linalg.norm(c_a - c_b) > r_a + r_b:
+                continue
+            pairs += 1
+            gap = coal.distance(a, at_a, b, at_b, coal.DistanceRequest(), coal.DistanceResult())
+            assert gap > -5e-5, f"{one} is {-1000 * gap:.2f} mm inside {other}"
+    assert pairs > 0
+
+
+@every_task
+def test_the_bare_arm_starts_clear_of_the_scene(name):
+    """Otherwise it would push things aside in the first instant, or be pushed."""
+    placed, start = task_of(name).scene(0).state(), idle(name).start
+    assert np.linalg.norm(start.positions - placed.positions, axis=-1).max() < 5e-3
+    assert idle(name).tracking_error_rad < 2e-3
+
+
+@every_task
+def test_what_is_left_alone_stays_where_it_is(name):
+    start, end = idle(name).start, idle(name).end
+    assert np.linalg.norm(end.positions - start.positions, axis=-1).max() < 2e-3
+    turned = [(start.pose(body).rotation.inv() * end.pose(body).rotation).magnitude() for body in start.names]
+    assert math.degrees(max(turned)) < 2
+    assert np.abs(end.linear_velocities).max() < 0.02
+
+
+# --- the reward -------------------------------------------------------------------------------------------------
+
+
+def moved(state, shifts):
+    """A state with bodies shifted (3,) by name."""
+    positions = state.positions.copy()
+    for name, shift in shifts.items():
+        positions[state.names.index(name)] += shift
+    return State(state.names, positions, state.quaternions, state.linear_velocities, state.angular_velocities)
+
+
+def ways(task, start):
+    """For each goal the shifts that lead its bodies straight there."""
+    for goal in task.goals:
+        if goal.place is None:
+            yield dict.fromkeys(goal.bodies, np.array([-1.05 * goal.away, 0.0, 0.0]))
+            continue
+        shifts = {}
+        for body in goal.bodies:
+            here = start.position(body)
+            there = [h if t is None else t for h, t in zip(here, goal.place, strict=True)]
+            shifts[body] = there - here
+        yield shifts
+
+
+@every_task
+def test_doing_nothing_earns_nothing(name):
+    reward = task_of(name).reward(idle(name).start, idle(name).end)
+    assert np.shape(reward) == ()
+    assert 0 <= reward < 0.02
+
+
+@every_task
+@settings(max_examples=50)
+@given(data=st.data())
+def test_the_reward_rises_from_0_to_1_on_the_way_to_the_goal(name, data):
+    task = task_of(name)
+    start = task.scene(0).state()
+    for shifts in ways(task, start):
+
+        def reward(share, shifts=shifts):
+            return float(task.reward(start, moved(start, {body: share * shift for body, shift in shifts.items()})))
+
+        less, more = sorted(data.draw(st.tuples(st.floats(0, 1), st.floats(0, 1))))
+        assert reward(0) == pytest.approx(0, abs=1e-9)
+        assert reward(1) >= 0.95
+        assert 0 <= reward(less) <= reward(more) + 1e-9 <= 1 + 1e-9
+        assert any(0.02 < reward(share) < 0.98 for share in np.linspace(0, 1, 50))  # progress counts
+
+
+@every_task
+@settings(max_examples=25)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_many_worlds_earn_what_each_would_alone_and_between_0_and_1(name, seed):
+    task, rng = task_of(name), np.random.default_rng(seed)
+    start = task.scene(0).state()
+    ends = []
+    for _ in range(4):
+        positions = start.positions + rng.normal(scale=rng.choice([0.01, 0.3, 3.0]), size=start.positions.shape)
+        quaternions = rng.normal(size=start.quaternions.shape)
+        quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
+        velocities = rng.normal(scale=rng.choice([0.0, 1.0, 10.0]), size=start.positions.shape)
+        ends.append(State(start.names, positions, quaternions, velocities, velocities))
+    starts = State.stack([start] * 4)
+    together = np.asarray(task.reward(starts, State.stack(ends)))
+    assert together.shape == (4,)
+    assert ((together >= 0) & (together <= 1)).all()
+    np.testing.assert_allclose(together, [task.reward(start, end) for end in ends], atol=1e-12)
+    films = State.stack([State.stack(ends[:2]), State.stack(ends[2:])])
+    twice = State.stack([State.stack([start] * 2)] * 2)
+    np.testing.assert_allclose(task.reward(twice, films), together.reshape(2, 2), atol=1e-12)
+
+
+@every_task
+def test_everything_flung_far_away_earns_little(name):
+    task = task_of(name)
+    start = task.scene(0).state()
+    far = moved(start, dict.fromkeys(start.names, np.array([50.0, -50.0, -0.6])))
+    assert float(task.reward(start, far)) <= 0.2
+
+
+# --- solutions --------------------------------------------------------------------------------------------------
+
+
+@every_task
+def test_the_reference_solution_solves_it(name):
+    task = task_of(name)
+    document = load_designs(Path(__file__).parent / "solutions" / f"{name}.json")
+    candidates = read_designs(document, installed().create("tool", "urdf"), SpawnRules(task, 0))
+    assert [candidate.problem for candidate in candidates] == [None] * len(candidates)
+    evaluations = evaluate(task, simulator(), candidates, 0, RolloutSettings())
+    best = max(evaluations, key=lambda e: e.reward)
+    assert best.status == "ok"
+    assert best.reward >= 0.95
+    assert best.reward >= task.success_reward
+    assert best.distance_m > 0.05

@@ -1,0 +1,270 @@
+"""The commands as a user runs them."""
+
+import csv
+import json
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+from PIL import Image
+
+ROOT = Path(__file__).parents[1]
+SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"
+TINY = [
+    "task=BringCube",
+    "budget.n_agent=1",
+    "budget.n_tool=2",
+    "budget.n_action=2",
+    "budget.n_iteration=1",
+    "film=false",
+    "seed=5",
+]
+
+
+def call(folder, command, *words):
+    """``python -m core.COMMAND words...`` in a folder."""
+    return subprocess.run(
+        [sys.executable, "-m", f"core.{command}", *words], cwd=folder, capture_output=True, text=True, timeout=240
+    )
+
+
+# --- mistakes ---------------------------------------------------------------------------------------------------
+
+MISTAKES = [
+    ("run", ["task=OneBok"], "no task 'OneBok' (did you mean 'OneBook'?); possible: BringCube, "),
+    ("run", ["sim=bullet"], "no sim 'bullet' (did you mean 'pybullet'?); possible: "),
+    ("run", ["vlm=oracle"], "no vlm 'oracle'; possible: offline"),
+    ("run", ["budget.n_agnet=3"], "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "),
+    ("run", ["budget.n_agent=two"], "Value 'two' of type 'str' could not be converted to Integer"),
+    ("run", ["budget.n_agent=0"], "budget.n_agent must be at least 1, got 0"),
+    ("run", ["sim.time_step=a"], "sim=pybullet: setting 'time_step' can't be 'a': "),
+    ("run", ["sim.timestep=1"], "no key 'timestep' in sim (did you mean 'time_step'?); possible: "),
+    ("run", ["executor.workers=0"], "executor.workers must be at least 1, got 0"),
+    ("run", ["seed=-1"], "seed"),
+    ("run", ["prompt.dir=no_such_folder"], "no_such_folder"),
+    ("evaluate", [], "no designs file given; usage: "),
+    ("evaluate", ["--designs", "x"], "can't read '--designs'; usage: "),
+    ("evaluate", ["designs=missing.json"], "no designs file missing.json"),
+    ("evaluate", ["designs=malformed.json"], "malformed.json is malformed JSON at line 2, column 3"),
+    ("evaluate", ["designs=empty.json"], "empty.json: 'strategies' is empty"),
+    ("evaluate", [f"designs={SOLUTION}", "output=."], "can't write"),
+    ("evaluate", [f"designs={SOLUTION}", "sim.time_step=0"], "time_step"),
+    ("evaluate", [f"designs={SOLUTION}", "rollout.segment_s=0"], "segment_s"),
+    ("evaluate", [f"designs={SOLUTION}", "rollout.hold_s=-1"], "hold_s"),
+    ("render", [f"designs={SOLUTION}", "strategy=1"], "has 1 strategies; there is no strategy=1"),
+    ("render", ["task=OneBok"], "no task 'OneBok' (did you mean 'OneBook'?)"),
+    ("render", ["width=0"], "width"),
+]
+
+
+@pytest.mark.parametrize(("command", "words", "said"), MISTAKES, ids=[" ".join([c, *w[-1:]]) for c, w, _ in MISTAKES])
+def test_a_mistake_is_one_line_that_says_what_is_wrong(tmp_path, command, words, said):
+    (tmp_path / "malformed.json").write_text('{"strategies": [\n  oh no]}')
+    (tmp_path / "empty.json").write_text('{"strategies": []}')
+    done = call(tmp_path, command, *words)
+    assert done.returncode in (1, 2)
+    assert "Traceback" not in done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ")
+    assert said in line
+    assert not done.stdout
+
+
+def test_help(tmp_path):
+    for command in ("evaluate", "render"):
+        done = call(tmp_path, command, "--help")
+        assert done.returncode == 0
+        assert done.stdout.startswith(f"usage: python -m core.{command} task=NAME")
+    assert "task: BringCube, " in call(tmp_path, "run", "--help").stdout
+
+
+# --- python -m core.evaluate, core.render, core.plugins ---------------------------------------------------------
+
+
+def test_evaluate_writes_what_each_plan_earned(tmp_path):
+    good = json.loads(SOLUTION.read_text())["strategies"][0]
+    off = good | {"tool_urdf": good["tool_urdf"].replace('type="fixed"', 'type="revolute"')}
+    plans = [*good["action_sets"], [[0.5, 0, 0.5, 0, 0, 0]], [[9, 0, 0, 0, 0, 0]]]
+    document = {"strategies": [good | {"action_sets": plans}, off]}
+    (tmp_path / "designs.json").write_text(json.dumps(document))
+    done = call(tmp_path, "evaluate", "task=BringCube", "designs=designs.json", "output=out/rewards.json")
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    records = json.loads((tmp_path / "out" / "rewards.json").read_text())
+    assert all({"strategy", "plan", "reward", "distance_m", "status", "reason"} <= set(record) for record in records)
+    assert [(r["strategy"], r["plan"]) for r in records] == [(0, 0), (0, 1), (0, 2), (1, 0)]
+    assert [r["status"] for r in records] == ["ok", "ok", "rejected", "rejected"]
+    solved, idle, far, loose = records
+    assert solved["reward"] >= 0.95
+    assert 0.3 < solved["distance_m"] < 1.0
+    assert solved["reason"] == ""
+    assert idle["reward"] < 0.02
+    assert idle["distance_m"] == 0
+    assert "waypoint 1" in far["reason"]
+    assert "revolute" in loose["reason"]
+    assert far["reward"] == loose["reward"] == 0
+    assert far["distance_m"] is None
+    for word in ("strategy", "reward", "ok", "rejected"):
+        assert word in done.stdout
+
+
+def test_render_writes_a_picture_of_the_size_asked_for(tmp_path):
+    done = call(tmp_path, "render", "task=OneBook", "width=120", "height=90", "output=pictures/plain.png")
+    assert done.returncode == 0, done.stderr
+    tool = [f"designs={ROOT / 'tests/tasks/solutions/OneBook.json'}", "output=tool.png"]
+    assert call(tmp_path, "render", "task=OneBook", "width=120", "height=90", *tool).returncode == 0
+    plain, mounted = (np.asarray(Image.open(tmp_path / name)) for name in ("pictures/plain.png", "tool.png"))
+    assert plain.shape == mounted.shape == (90, 120, 3)
+    assert (plain != mounted).any()
+
+
+def test_plugins_lists_what_there_is(tmp_path):
+    done = call(tmp_path, "plugins")
+    assert done.returncode == 0
+    listed = [line.split()[:2] for line in done.stdout.splitlines()]
+    for part in (
+        ["task", "BringCube"],
+        ["sim", "pybullet"],
+        ["vlm", "offline"],
+        ["tool", "urdf"],
+        ["executor", "local"],
+    ):
+        assert part in listed
+    assert "failed" not in done.stdout
+
+
+# --- python -m core.run -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory):
+    """A run folder, and what the command said."""
+    folder = tmp_path_factory.mktemp("tiny") / "run"
+    done = call(folder.parent, "run", *TINY, f"hydra.run.dir={folder}", "executor.workers=2")
+    assert done.returncode == 0, done.stderr
+    return folder, done
+
+
+def result_of(folder):
+    return json.loads((folder / "result.json").read_text())
+
+
+def test_a_run_says_what_it_came_to(tiny):
+    folder, done = tiny
+    best = result_of(folder)["best"]
+    said, where = done.stdout.splitlines()
+    assert f"{best['reward']:.3f}" in said
+    assert best["candidate"] in said
+    assert where == str(folder / "best")
+    assert "Traceback" not in done.stderr
+
+
+def test_the_result(tiny):
+    result = result_of(tiny[0])
+    assert list(result) == [
+        *("task", "sim", "vlm", "tool", "evolution", "budget", "seed", "best", "generations"),
+        *("n_evaluations", "wall_time_s", "rollouts_per_s", "versions"),
+    ]
+    assert [result[key] for key in ("task", "sim", "vlm", "tool", "evolution", "budget", "seed")] == [
+        *("BringCube", "pybullet", "offline", "urdf", "vlmgineer", "quick", 5)
+    ]
+    assert set(result["best"]) == {"reward", "distance_m", "generation", "candidate"}
+    assert 0 <= result["best"]["reward"] <= 1
+    assert result["best"]["distance_m"] >= 0
+    assert result["best"]["candidate"].startswith(f"g{result['best']['generation']}-a0-s")
+    figures = ("index", "best_reward", "mean_reward", "n_candidates", "n_rejected", "n_failed")
+    assert [tuple(generation) for generation in result["generations"]] == [figures] * 2
+    assert [generation["index"] for generation in result["generations"]] == [0, 1]
+    assert max(generation["best_reward"] for generation in result["generations"]) == result["best"]["reward"]
+    assert all(generation["n_candidates"] == 4 for generation in result["generations"])
+    tried = sum(generation["n_candidates"] - generation["n_rejected"] for generation in result["generations"])
+    assert result["n_evaluations"] == tried
+    assert result["rollouts_per_s"] == pytest.approx(tried / result["wall_time_s"], rel=0.01)
+    assert {"python", "vlmgineer", "pybullet", "numpy"} <= set(result["versions"])
+
+
+def test_the_run_folder(tiny):
+    folder, _ = tiny
+    assert {path.name for path in (folder / ".hydra").iterdir()} == {"config.yaml", "hydra.yaml", "overrides.yaml"}
+    assert Image.open(folder / "scene.png").format == "PNG"
+    for generation in (0, 1):
+        reply = (folder / "replies" / f"g{generation}-a0.txt").read_text()
+        assert len(json.loads(reply)["strategies"]) == 2
+        assert "BringCube" in (folder / "requests" / f"g{generation}-a0.md").read_text()
+    assert not (folder / "best" / "rollout.gif").exists()
+    with sqlite3.connect(folder / "run.sqlite") as database:
+        rows = database.execute("SELECT status, reward, distance_m, candidate FROM evaluations").fetchall()
+    assert len(rows) == 8
+    best = min((-reward, distance, candidate) for status, reward, distance, candidate in rows if status == "ok")
+    assert best[2] == result_of(folder)["best"]["candidate"]
+
+
+def test_the_best_design_can_be_taken_away(tiny):
+    best = tiny[0] / "best"
+    names = {path.name for path in best.iterdir()}
+    assert names == {"tool.urdf", "robot.urdf", "tool.stl", "waypoints.csv", "design.json", "meshes"}
+    (strategy,) = json.loads((best / "design.json").read_text())["strategies"]
+    with (best / "waypoints.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header[:6] == ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"]
+    assert [[float(x) for x in row] for row in rows] == strategy["action_sets"][0]
+    tool = pin.buildModelFromUrdf(str(best / "tool.urdf"))
+    printed = trimesh.load_mesh(best / "tool.stl")
+    links = [frame.name for frame in tool.frames if frame.name.endswith("_joint")]
+    assert len(printed.faces) == 12 * len(links)
+    assert 20 < printed.extents.max() < 2000  # millimetres
+
+
+def test_the_best_robot_can_be_loaded_from_anywhere(tiny, tmp_path):
+    """Meshes are named relative to the file, so that the folder can travel."""
+    folder = (tiny[0] / "best").rename(tmp_path / "moved")
+    try:
+        text = (folder / "robot.urdf").read_text()
+        assert str(tiny[0]) not in text
+        assert 'filename="/' not in text
+        model = pin.buildModelFromUrdf(str(folder / "robot.urdf"))
+        assert model.nq in (7, 9)
+        for kind in (pin.GeometryType.COLLISION, pin.GeometryType.VISUAL):
+            shapes = pin.buildGeomFromUrdf(model, str(folder / "robot.urdf"), kind, package_dirs=str(folder))
+            assert len(shapes.geometryObjects) > 8
+        bullet = pytest.importorskip("pybullet")
+        client = bullet.connect(bullet.DIRECT)
+        robot = bullet.loadURDF(str(folder / "robot.urdf"), useFixedBase=True, physicsClientId=client)
+        felt = [bullet.getCollisionShapeData(robot, i, physicsClientId=client) for i in range(-1, 7)]
+        assert all(felt)
+        bullet.disconnect(client)
+    finally:
+        folder.rename(tiny[0] / "best")
+
+
+def test_the_best_design_earns_the_same_again(tiny, tmp_path):
+    words = ["task=BringCube", "seed=5", f"designs={tiny[0] / 'best' / 'design.json'}", "output=again.json"]
+    assert call(tmp_path, "evaluate", *words).returncode == 0
+    (again,) = json.loads((tmp_path / "again.json").read_text())
+    best = result_of(tiny[0])["best"]
+    assert again["reward"] == pytest.approx(best["reward"], abs=1e-9)
+    assert again["distance_m"] == pytest.approx(best["distance_m"], abs=1e-9)
+
+
+def test_the_same_seed_gives_the_same_result_whatever_the_number_of_workers(tiny, tmp_path):
+    folder = tmp_path / "run"
+    done = call(tmp_path, "run", *TINY, f"hydra.run.dir={folder}", "executor.workers=1")
+    assert done.returncode == 0, done.stderr
+    one, other = result_of(tiny[0]), result_of(folder)
+    for result in (one, other):
+        del result["wall_time_s"], result["rollouts_per_s"]
+    assert one == other
+    assert (folder / "best" / "design.json").read_bytes() == (tiny[0] / "best" / "design.json").read_bytes()
+
+
+def test_a_folder_with_a_run_is_not_written_over(tiny):
+    before = (tiny[0] / "result.json").read_bytes()
+    done = call(tiny[0].parent, "run", *TINY, f"hydra.run.dir={tiny[0]}")
+    assert done.returncode in (1, 2)
+    assert "already holds a run" in done.stderr
+    assert (tiny[0] / "result.json").read_bytes() == before
