@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import pluggy
@@ -16,6 +16,7 @@ from core.reading import parse_reply, read_designs
 from core.rules import SpawnRules
 
 ToolKind = Literal["rigid", "gripper"]
+TOOL_KINDS: tuple[ToolKind, ...] = get_args(ToolKind)
 
 
 @dataclass

@@ -20,8 +20,8 @@ from core.artifacts import png, save_design, save_film, save_picture
 from core.cli import command
 from core.config import check_seed, explain, node, part, register
 from core.design import Tool
-from core.designer import ModelDesigner, Sampling
-from core.errors import UsageError, UserError
+from core.designer import TOOL_KINDS, ModelDesigner, Sampling
+from core.errors import UsageError, UserError, choices
 from core.evolution import evolve
 from core.interfaces import Budget, Executor, Picture, RolloutSettings
 from core.plugins import event_hub, installed
@@ -51,20 +51,18 @@ def run(cfg: DictConfig, folder: Path) -> Result:
     settings = node(cfg.rollout, RolloutSettings)
 
     executor: Executor = part("executor", cfg.executor).create()
-
-    events = event_hub()
-    for name, options in config["logger"].items():
-        events.register(installed().create("logger", name, options or {}), name)
-    store = RunStore(folder)
-    events.register(store, "store")
-    kinds = config["task"].get("tool_kinds", ["rigid"])
+    prompts = Prompts(Path(cfg.prompt.dir) if cfg.prompt.dir else None, settings)
+    kinds = config["task"].get("tool_kinds") or ["rigid"]
+    for kind in kinds:
+        if kind not in TOOL_KINDS:
+            raise choices("tool kind", str(kind), TOOL_KINDS, "task.tool_kinds")
     picture = simulator.render(task, seed=cfg.seed, tool=given or Tool(gripper=kinds == ["gripper"]))
-    save_picture(picture, folder / "scene.png")
+    events = event_hub()
     designer = ModelDesigner(
         task,
         vlm,
         representation,
-        Prompts(Path(cfg.prompt.dir) if cfg.prompt.dir else None, settings),
+        prompts,
         budget,
         seed=cfg.seed,
         sampling=node(cfg.sampling, Sampling),
@@ -73,6 +71,10 @@ def run(cfg: DictConfig, folder: Path) -> Result:
         events=events,
     )
     strategy = part("evolution", cfg.evolution).create(designer=designer, budget=budget)
+    for name, options in config["logger"].items():
+        events.register(installed().create("logger", name, options or {}), name)
+    events.register(RunStore(folder), "store")  # from here on the folder is this run's
+    save_picture(picture, folder / "scene.png")
     parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "executor")}
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed)
     try:

@@ -38,6 +38,7 @@ def call(folder, command, *words):
 MISTAKES = [
     ("run", ["task=OneBok"], "no task 'OneBok' (did you mean 'OneBook'?); possible: BringCube, "),
     ("run", ["sim=bullet"], "no sim 'bullet' (did you mean 'pybullet'?); possible: "),
+    ("run", ["task.tool_kinds=[rigd]"], "no tool kind 'rigd' in task.tool_kinds (did you mean 'rigid'?); possible: "),
     ("run", ["vlm=oracle"], "no vlm 'oracle'; possible: offline"),
     ("run", ["budget.n_agnet=3"], "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "),
     ("run", ["budget.n_agent=two"], "Value 'two' of type 'str' could not be converted to Integer"),
