@@ -85,3 +85,46 @@ def test_rod_stays_inside(name, angle, run_up):
     # The rod's own half thickness keeps its middle from the wall; the arm bends a little. It may not get through.
     assert beyond.max() < 0.003, f"the rod's middle came {beyond.max() * 1000:.0f} mm beyond the wall's inner face"
     assert beyond.max() > -0.03, "the rod never met the wall"
+
+
+BAR_LONG = 0.6
+BAR = Tool(
+    (
+        Component("post", "panda_virtual", Pose(np.array([0.0, 0.0, -0.03])), Box((0.03, 0.03, 0.06))),
+        Component("bar", "post", Pose(np.array([BAR_LONG / 2, 0.0, -0.03 + THICK / 2])), Box((BAR_LONG, THICK, THICK))),
+    )
+)
+TIP = np.array([BAR_LONG, 0.0, -0.06 + THICK / 2])
+
+
+@settings(max_examples=6)
+@given(aside=st.sampled_from([-0.12, 0.0, 0.12]), up=st.sampled_from([0.0, 0.12]), ahead=st.sampled_from([0.0, 0.1]))
+def test_bar_stays_in_the_pipe(aside, up, ahead):
+    """Put in at the near opening, then driven aside, up, or on."""
+    if not (aside or up or ahead):
+        return
+    task = installed().create("task", "DislodgeCube")
+    pipe = task.scene(0)["pipe"]
+    (x, y, z), (dx, dy, dz) = (1.1, 0.145, 0.065), (ahead, aside, up)
+    way = [(x - 0.28, y, z + 0.1), (x - 0.28, y, z), (x, y, z), (x + dx, y + dy, z + dz)]
+    plan = np.array([[*(np.array(point) - TIP), 0.0, 0.0, 0.0] for point in way])
+    alone = Alone(pipe)
+    motion = plan_motion(plan, alone.home, arm())
+    assert motion.ik_error_m < 0.001
+    (outcome,) = SIMULATOR.rollout(alone, [Rollout(BAR, motion.trajectory, hold_s=1.0, record_hz=200.0)])
+    assert outcome.error is None
+    tips = np.array([arm().forward(q).apply(TIP) for q in outcome.recording.arm])
+    low = int(np.argmax(tips[:, 2] < 0.1))  # from here on it is before or in the pipe
+    inside = tips[low:][tips[low:, 0] > 0.95]
+    assert len(inside)
+    assert inside[:, 1].min() > 0.09 - 0.003
+    assert inside[:, 1].max() < 0.20 + 0.003
+    assert inside[:, 2].max() < 0.12 + 0.003
+    assert np.linalg.norm(tips[-1] - way[-1]) > 0.02 or not (aside or up), "it came to where a wall is in the way"
+
+
+class Alone(Walled):
+    """A body where it stands."""
+
+    def __init__(self, body) -> None:
+        self.body = body
