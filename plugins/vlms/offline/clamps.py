@@ -19,11 +19,10 @@ def sample_clamp(errand: Errand, rng: np.random.Generator) -> Head:
     tall = float(errand.upper[2] - errand.lower[2])
     gap = left - right + rng.uniform(0.01, min(0.06, 2 * FINGER_OPEN - 0.01))
     thick = rng.uniform(0.006, 0.014)
-    size = (
-        max(0.012, (front - rear) * rng.uniform(0.3, 1.2)),
-        thick,
-        float(np.clip(tall * rng.uniform(0.5, 1.3), 0.02, 0.12)),
-    )
+    long = (front - rear) * rng.uniform(0.3, 1.2)
+    if errand.deep:  # there is little room beside them
+        gap, thick, long = left - right + rng.uniform(0.006, 0.025), thick / 2, (front - rear) * rng.uniform(0.15, 0.4)
+    size = (max(0.012, long), thick, float(np.clip(tall * rng.uniform(0.5, 1.3), 0.02, 0.12)))
     pieces = tuple(
         Piece(f"{name}_pad", Pose(np.array([0.0, side * (gap + thick) / 2, size[2] / 2])), size)
         for name, side in (("left", -1.0), ("right", 1.0))

@@ -159,12 +159,15 @@ def vary(plan: Array, elite: Elite, sight: Sight, rng: np.random.Generator) -> t
 
 def _missing(elite: Elite, sight: Sight) -> float:
     """Metres by which the elite moved its bodies too little (negative: too far), in the mean; 0 if nobody can say."""
-    missing = []
+    options = []
     for goal in sight.goals:
+        missing = []
         for name in goal.bodies:
             if goal.place is None or name not in elite.moved_m:
                 continue
             here = sight.things[sight.names.index(name)].position
             wanted = np.array([h if w is None else w for h, w in zip(here, goal.place, strict=True)])
             missing.append(float(np.linalg.norm(wanted - here)) - elite.moved_m[name])
-    return float(np.mean(missing)) if missing else 0.0
+        if missing:
+            options.append(min(missing) if goal.any else float(np.mean(missing)))
+    return min(options, key=abs, default=0.0)

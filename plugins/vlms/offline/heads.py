@@ -13,7 +13,7 @@ import numpy as np
 
 from core.geometry import Array, Pose
 
-Use = Literal["push", "surround", "scoop", "hook", "clamp"]
+Use = Literal["push", "surround", "scoop", "hook", "clamp", "pour"]
 
 
 @dataclass(frozen=True, eq=False)

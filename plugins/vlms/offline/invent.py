@@ -15,9 +15,10 @@ from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.clamps import build_clamp, sample_clamp
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.plans import Path, collisions, reach_error
+from plugins.vlms.offline.pour import AT, build_fork, handles, sample_fork
 from plugins.vlms.offline.sight import Errand, Sight
 from plugins.vlms.offline.sizing import sample_head
-from plugins.vlms.offline.tools import STYLES, build, tool_boxes
+from plugins.vlms.offline.tools import HAND, STYLES, build, tool_boxes
 from plugins.vlms.offline.ways import head_path
 
 _TOOL_TRIES = 12
@@ -26,6 +27,7 @@ _MOST_TRIES = 60
 _MOUNTS = 40  # places for the end-effector that are compared
 _MISS_M = 0.005  # of inverse kinematics, that is no fault
 _UNLAWFUL = 1000.0
+_HAND_M = 0.068  # the hand's height
 
 A = TypeVar("A")
 
@@ -77,34 +79,74 @@ class Workshop:
     def _invent_once(self) -> tuple[Invention, float]:
         errands = self.sight.errands(self.rng)
         largest = max(errands, key=lambda errand: len(errand.things))
-        clamps = self.gripper and self.rng.random() < 0.5
-        head = (sample_clamp if clamps else sample_head)(largest, self.rng)
+        head = self._head(largest)
         path, text = head_path(errands, head, self.rng)
-        at = self._mount(path, head)
+        at = AT if head.use == "pour" else self._mount(path, head, largest)
+        tool = self._build(head, at, path, largest)
+        use, fault = self._planned(tool, at, path, text, errands)
+        return Invention(tool, head, at, use), fault + (0.0 if self.accepts(tool) else _UNLAWFUL)
+
+    def _head(self, errand: Errand) -> Head:
+        grips = handles(errand.holder) if errand.holder is not None and not self.gripper else None
+        if grips is not None and self.rng.random() < 0.8:
+            return sample_fork(grips, self.rng)
+        clamps = self.gripper and self.rng.random() < (0.9 if errand.deep and errand.shift[2] > 0.03 else 0.5)
+        return (sample_clamp if clamps else sample_head)(errand, self.rng)
+
+    def _build(self, head: Head, at: Pose, path: Path, errand: Errand) -> Tool:
+        if head.use == "pour":
+            return build_fork(head)
         thickness = float(self.rng.uniform(0.012, 0.024))
-        style = STYLES[int(self.rng.choice(len(STYLES), p=[0.6, 0.2, 0.2]))]
-        tool = build_clamp(head, at, thickness) if clamps else build(head, at, style, thickness, self.gripper)
-        plan = path.plan(at, self.gripper)
-        fault = 0.0 if self.accepts(tool) else _UNLAWFUL
-        return Invention(tool, head, at, Use(plan, text)), fault + self._fault(tool, plan, path, errands)
+        style = STYLES[int(self.rng.choice(len(STYLES), p=[0.6, 0.2, 0.2, 0.0]))]
+        if head.use == "clamp":
+            return build_clamp(head, at, min(thickness, 0.012) if errand.deep else thickness)
+        if not self._is_high(path):
+            return build(head, at, style, thickness, self.gripper)
+        tall = float(errand.upper[2] - errand.lower[2])  # the jib passes over the bodies
+        top = float(at.position[2] + max(tall + thickness, head.hold[2]) + self.rng.uniform(0.01, 0.06))
+        bend = float(self.rng.uniform(0.25, 0.6))
+        return build(head, at, "riser", thickness, self.gripper, bend=bend, top=top)
 
     def _use_once(self, tool: Tool, see: Callable[[Errand], tuple[Head, Pose]]) -> tuple[Use, float]:
         errands = self.sight.errands(self.rng)
         head, at = see(errands[0])
         path, text = head_path(errands, head, self.rng)
-        plan = path.plan(at, tool.gripper)
-        return Use(plan, text), self._fault(tool, plan, path, errands)
+        return self._planned(tool, at, path, text, errands)
 
-    def _fault(self, tool: Tool, plan: Array, path: Path, errands: Sequence[Errand]) -> float:
+    def _planned(self, tool: Tool, at: Pose, path: Path, text: str, errands: Sequence[Errand]) -> tuple[Use, float]:
+        """The plan by which the head at the pose ``at`` goes along the path, and its fault; what is high is reached
+        upward first, from a distance if need be.
+        """
+        plan, touching, home = path.plan(at, tool.gripper), list(path.touching), self.sight.home.position
+        fault = self._fault(tool, plan, touching, errands)
+        if fault == 0.0 or not self._is_high(path):
+            return Use(plan, text), fault
+        tried = [(fault, plan)]
+        for radius in (float(np.hypot(*home[:2])), 0.4, 0.3):
+            rows = np.repeat(plan[:1], 2, axis=0)
+            rows[:, :2] *= radius / max(float(np.hypot(*plan[0, :2])), 1e-6)
+            rows[0, 2] = home[2]
+            longer = np.vstack([rows, plan])
+            tried.append((self._fault(tool, longer, [False, False, *touching], errands), longer))
+        fault, plan = min(tried, key=lambda one: one[0])
+        return Use(plan, text), fault
+
+    def _is_high(self, path: Path) -> bool:
+        """Whether the head works higher than the end-effector's home."""
+        return bool(min(pose.position[2] for pose in path.poses) > self.sight.home.position[2])
+
+    def _fault(self, tool: Tool, plan: Array, touching: Sequence[bool], errands: Sequence[Errand]) -> float:
         """0 if the arm gets to all waypoints and the tool hits nothing that it should not; else how bad it is."""
         moved = {id(thing): thing for errand in errands for thing in errand.things}
+        moved |= {id(errand.holder): errand.holder for errand in errands if errand.holder is not None}
         others = Boxes.join(thing.boxes for thing in self.sight.things if id(thing) not in moved)
         wanted = Boxes.join(thing.boxes for thing in moved.values())
-        hits = collisions(plan, path.touching, tool_boxes(tool), self.sight.home, wanted, others)
+        solids = Boxes.join([tool_boxes(tool), HAND]) if tool.gripper else tool_boxes(tool)
+        hits = collisions(plan, touching, solids, self.sight.home, wanted, others)
         miss = reach_error(plan)
         return hits + (100.0 * miss if miss > _MISS_M else 0.0)
 
-    def _mount(self, path: Path, head: Head) -> Pose:
+    def _mount(self, path: Path, head: Head, errand: Errand) -> Pose:
         """Where the head should sit in the frame of panda_virtual for the arm to be comfortable all along the path."""
         rng, home = self.rng, self.sight.home.position
         start = path.poses[1]
@@ -117,10 +159,19 @@ class Workshop:
         tops = self.sight.boxes.upper[:, 2]
         beneath = float(tops[tops < home[2]].max(initial=min(pose.position[2] for pose in path.poses)))
         most = max(least + 0.02, min(home[2] - beneath - 0.015, 0.45))
+        if self._is_high(path):
+            least, most = -0.45, 0.0
+        straight = head.use == "clamp" and errand.deep
+        if straight:  # the hand stays above what the fingers reach into
+            lowest = min(pose.position[2] for pose in path.poses)
+            most = max(least, home[2] - beneath - 0.003)
+            least = min(most, errand.clear_z - lowest + (_HAND_M if self.gripper else 0.005))
         places: list[tuple[float, Pose]] = []
         for _ in range(_MOUNTS):
             angle, radius, drop = rng.uniform(-0.9, 0.9), rng.uniform(0.32, 0.66), rng.uniform(least, most)
             place = (radius * np.cos(angle), radius * np.sin(angle), start.position[2] + drop)
+            if straight:
+                place = (start.position[0], start.position[1], start.position[2] + drop)
             at = Pose.xyz_rpy(place, (0.0, 0.0, yaw)).inverse() @ start
             back = at.inverse()
             strain = _strain(np.array([(pose @ back).position for pose in path.poses]))

@@ -28,9 +28,16 @@ class Path:
     touching: list[bool] = field(default_factory=list)
 
     def go(
-        self, position: Array, heading: float, *, pitch: float = 0.0, grip: float = 0.0, touch: bool = False
+        self,
+        position: Array,
+        heading: float,
+        *,
+        pitch: float = 0.0,
+        roll: float = 0.0,
+        grip: float = 0.0,
+        touch: bool = False,
     ) -> None:
-        self.poses.append(Pose.xyz_rpy(position, (0.0, pitch, heading)))
+        self.poses.append(Pose.xyz_rpy(position, (roll, pitch, heading)))
         self.grips.append(grip)
         self.touching.append(touch)
 

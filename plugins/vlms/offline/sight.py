@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
-from core.geometry import Array, Box, Pose
+from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
 from core.scene import Body, Goal
 from plugins.vlms.offline.boxes import Boxes, overlaps
 
 UP = np.array([0.0, 0.0, 1.0])
+_DEEP_M = 0.05
 _SUPPORT_M = 0.006  # bodies are lifted by this when asking what blocks them: what they rest on does not
 
 
@@ -23,23 +25,43 @@ class NothingToMove(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Thing:
-    """A body that can be felt: corners (V, 3) of its parts, a box around each part, and the point a goal speaks of."""
+    """A body that can be felt: corners (V, 3) of its parts, boxes around them, and the point a goal speaks of."""
 
     points: Array
     boxes: Boxes
     position: Array
+    fixed: bool
 
     @classmethod
     def of(cls, body: Body) -> Thing:
         points, placed = [], []
         for part in body.collisions:
             pose = body.pose @ part.pose
-            vertices = np.asarray(part.shape.to_trimesh().vertices)
-            middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-            size = np.array(part.shape.size) if isinstance(part.shape, Box) else np.ptp(vertices, axis=0)
-            points.append(pose.apply(vertices))
-            placed.append((pose @ Pose(middle), np.maximum(size, 1e-4)))
-        return cls(np.concatenate(points), Boxes.of(placed), body.pose.position)
+            points.append(pose.apply(np.asarray(part.shape.to_trimesh().vertices)))
+            placed += [(pose @ around, np.maximum(size, 1e-4)) for around, size in _boxes_around(part.shape)]
+        return cls(np.concatenate(points), Boxes.of(placed), body.pose.position, body.fixed)
+
+
+def _boxes_around(shape: Shape) -> list[tuple[Pose, Array]]:
+    """Poses and full sides (3,) of upright boxes around a shape, in its frame: for a cylinder four, an octagon
+    together; for a mesh the narrowest.
+    """
+    if isinstance(shape, Box):
+        return [(Pose(), np.array(shape.size))]
+    if isinstance(shape, Cylinder):
+        size = np.array([2 * shape.radius, 2 * shape.radius * np.tan(np.pi / 8), shape.length])
+        return [(Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, k * np.pi / 4)), size) for k in range(4)]
+    vertices = np.asarray(shape.to_trimesh().vertices)
+    yaws = [0.0]
+    if isinstance(shape, Mesh):
+        flat = vertices[:, :2]
+        edges = np.diff(flat[ConvexHull(flat).simplices], axis=1)[:, 0]
+        yaws += list(np.arctan2(edges[:, 1], edges[:, 0]))
+    turns = [Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw)) for yaw in yaws]
+    turned = [turn.inverse().apply(vertices) for turn in turns]
+    best = min(range(len(yaws)), key=lambda i: float(np.prod(np.ptp(turned[i], axis=0))))
+    lower, upper = turned[best].min(axis=0), turned[best].max(axis=0)
+    return [(turns[best] @ Pose((lower + upper) / 2), upper - lower)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +72,7 @@ class Errand:
     shift: Array
     others: Boxes  # all else that can be felt
     clear_z: float  # height over everything near the way
+    holder: Thing | None = None  # what is loose and has them in it
 
     @cached_property
     def points(self) -> Array:
@@ -118,14 +141,31 @@ class Errand:
         """Whether there is a roof over the bodies."""
         return self.headroom < 0.5
 
-    def blocked(self, shift: Array) -> bool:
-        """Whether something stands where the bodies would pass."""
+    @property
+    def deep(self) -> bool:
+        """Whether what is near stands much higher than the bodies: they are reached from straight above."""
+        return self.clear_z - float(self.upper[2]) > _DEEP_M
+
+    def blocked(self, shift: Array, start: Array | None = None, margin: float = 0.0) -> bool:
+        """Whether something stands where the bodies would pass, or closer; they are moved by ``start`` first."""
         steps = max(2, int(np.ceil(np.linalg.norm(shift) / 0.03)))
-        way = np.linspace(0.0, 1.0, steps)[1:, None] * shift
+        way = np.linspace(0.0, 1.0, steps)[1:, None] * shift + (np.zeros(3) if start is None else start)
         lifted = way + _SUPPORT_M * UP
         shrunk = Boxes(self.boxes.centers, self.boxes.axes, self.boxes.halves - 0.001)
         turns = np.broadcast_to(np.eye(3), (len(lifted), 3, 3))
-        return overlaps(shrunk.carried(lifted, turns), self.others) > 0
+        return overlaps(shrunk.carried(lifted, turns), self.others, margin) > 0
+
+    def detour(self) -> Array:
+        """The least step (3,) aside, once they are off the ground, after which nothing is over the bodies; none if
+        nothing helps.
+        """
+        angles = np.arange(8) * np.pi / 4
+        steps = [r * np.array([np.cos(a), np.sin(a), 0.0]) for r in (0.01, 0.02, 0.03, 0.04, 0.06) for a in angles]
+        rise = max(float(self.shift[2]), 0.05)
+        for aside in (np.zeros(3), *steps):
+            if not self.blocked(rise * UP, aside + 0.02 * UP, 0.006):
+                return aside
+        return np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,15 +198,24 @@ class Sight:
         return Boxes.join(thing.boxes for thing in self.things)
 
     def errands(self, rng: np.random.Generator) -> list[Errand]:
-        """One way to see what is to be done: for every goal its bodies, in lanes where they are many."""
+        """One way to see what is to be done: for one of the goals its bodies, in lanes where they are many, or one of
+        them where one is enough.
+        """
+        goal = self.goals[int(rng.integers(len(self.goals))) if len(self.goals) > 1 else 0]
+        things = [self.things[self.names.index(name)] for name in goal.bodies]
+        if goal.any and len(things) > 1:
+            things = [self._easiest(things, rng)]
         errands: list[Errand] = []
-        for goal in self.goals:
-            things = [self.things[self.names.index(name)] for name in goal.bodies]
-            for lane in _lanes(things, goal, rng):
-                errand = self._errand(lane, np.zeros(3))
-                shift = self._shift(errand, goal, rng)
-                errands.append(self._errand(lane, shift))
+        for lane in _lanes(things, goal, rng):
+            shift = self._shift(self._errand(lane, np.zeros(3)), goal, rng)
+            errands.append(self._errand(lane, shift))
         return errands
+
+    def _easiest(self, things: list[Thing], rng: np.random.Generator) -> Thing:
+        """One that nothing lies on; of several, one of the highest."""
+        free = [thing for thing in things if self._errand([thing], np.zeros(3)).headroom > 0.03] or things
+        tops = np.array([thing.points[:, 2].max() for thing in free])
+        return free[int(rng.choice(np.flatnonzero(tops > tops.max() - 0.005)))]
 
     def _errand(self, things: list[Thing], shift: Array) -> Errand:
         others = Boxes.join(thing.boxes for thing in self.things if thing not in things)
@@ -176,7 +225,17 @@ class Sight:
         high = np.maximum(points, points + shift).max(axis=0)[:2] + reach
         boxes = self.boxes
         near = ((boxes.lower[:, :2] < high) & (boxes.upper[:, :2] > low)).all(axis=1)
-        return Errand(tuple(things), shift, others, float(boxes.upper[near, 2].max()))
+        return Errand(tuple(things), shift, others, float(boxes.upper[near, 2].max()), self._holder(things))
+
+    def _holder(self, things: list[Thing]) -> Thing | None:
+        """A loose body around all of them, that stands lower than they lie."""
+        inside = np.array([thing.position for thing in things])
+        for other in self.things:
+            lower, upper = other.points.min(axis=0), other.points.max(axis=0)
+            around = (inside > lower).all() and (inside < upper).all()
+            if around and not other.fixed and all(other is not thing for thing in things):
+                return other
+        return None
 
     def _shift(self, errand: Errand, goal: Goal, rng: np.random.Generator) -> Array:
         if goal.place is None:

@@ -33,7 +33,8 @@ def sample_head(errand: Errand, rng: np.random.Generator) -> Head:
     tall = float(errand.upper[2] - errand.lower[2])
     measures = _Measures(front - rear, left - right, tall, errand.rooms(errand.heading))
     rises, falls = errand.shift[2] > 0.03, errand.shift[2] < -0.1
-    barred = errand.length > 0.03 and errand.blocked(errand.shift)
+    # What falls is pushed on the level and goes down by itself.
+    barred = errand.length > 0.03 and errand.blocked(errand.shift * np.array([1.0, 1.0, float(not falls)]))
     if rises or (barred and rng.random() < 0.8) or (falls and rng.random() < 0.3):
         return _lifter(errand, measures, rng)
     if rng.random() < (0.8 if errand.covered else 0.08):

@@ -13,7 +13,7 @@ from core.robot import FINGER_OPEN
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.heads import Head
 
-Style = Literal["gantry", "slope", "elbow"]
+Style = Literal["gantry", "slope", "elbow", "riser"]
 STYLES: tuple[Style, ...] = get_args(Style)
 
 _SHAFT = (0.30, 0.33, 0.38, 1.0)
@@ -21,6 +21,14 @@ _HEADS = ((0.90, 0.49, 0.13, 1.0), (0.16, 0.50, 0.73, 1.0), (0.18, 0.63, 0.42, 1
 
 _FINGER_Z = -0.0584  # the fingers' frames below panda_virtual, with the hand on
 _TIP = np.array([0.0, FINGER_OPEN + 0.0076, -0.105])  # the right fingertip, open; the left one's y is negative
+
+HAND = Boxes.of(
+    [
+        (Pose(np.array([0.0, 0.0, -0.033])), np.array([0.064, 0.206, 0.066])),
+        *((Pose(np.array([0.0, side * _TIP[1], -0.086])), np.array([0.022, 0.016, 0.054])) for side in (-1, 1)),
+    ]
+)
+"""The hand with its fingers open, in the frame of panda_virtual."""
 
 MOUNTS: dict[str, Pose] = {
     RIGID_MOUNT: Pose(),
@@ -64,9 +72,10 @@ class Assembly:
             joined = names[piece.parent] if names else parent
             names.append(self.add(piece.name, joined, at @ piece.pose, piece.size, color))
 
-    def shaft(self, style: Style, hold: Array, *, left: bool) -> str:
+    def shaft(self, style: Style, hold: Array, *, left: bool, bend: float = 0.5, top: float = 0.0) -> str:
         """From the mount (with a gripper: the left finger or the right one) to the point ``hold``, (3,); the last bar's
-        name."""
+        name. A riser goes up at the share ``bend`` of the way, to the height ``top``, and comes down on ``hold``.
+        """
         t = self.thickness
         if self.gripper:
             tip = _TIP * np.array([1.0, -1.0 if left else 1.0, 1.0])
@@ -79,12 +88,21 @@ class Assembly:
             start = np.array([0.0, 0.0, -t / 2])
             root = self.add("socket", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.006])), (0.05, 0.05, 0.012))
         if np.hypot(*(hold - start)[:2]) < 0.02:
-            return self.bar(name + "post", root, np.array([*hold[:2], start[2]]), hold)
+            return self.bar(name + "post", root, np.array([*hold[:2], start[2] + t / 2]), hold)
         if style == "slope":
             return self.bar(name + "shaft", root, start, hold)
-        corner = np.array([*hold[:2], start[2]]) if style == "gantry" else np.array([*start[:2], hold[2] + t / 2])
-        first = self.bar(name + "boom" if style == "gantry" else name + "post", root, start, corner)
-        return self.bar(name + "drop" if style == "gantry" else name + "arm", first, corner, hold)
+        if style == "riser":
+            foot = np.array([*(start + bend * (hold - start))[:2], start[2]])
+            boom = self.bar(name + "boom", root, start, foot)
+            riser = self.bar(name + "riser", boom, foot, np.array([*foot[:2], top]))
+            jib = self.bar(name + "jib", riser, np.array([*foot[:2], top]), np.array([*hold[:2], top]))
+            return self.bar(name + "drop", jib, np.array([*hold[:2], top]), hold)
+        if style == "gantry":
+            corner = np.array([*hold[:2], start[2]])
+            return self.bar(name + "drop", self.bar(name + "boom", root, start, corner), corner, hold)
+        corner = np.array([*start[:2], hold[2] + t / 2])
+        post = self.bar(name + "post", root, start + np.array([0.0, 0.0, t / 2]), corner)
+        return self.bar(name + "arm", post, corner, hold)
 
     def tool(self, name: str, description: str) -> Tool:
         return Tool(tuple(self._components), self.gripper, name, description)
@@ -96,14 +114,23 @@ def tool_boxes(tool: Tool) -> Boxes:
     return Boxes.of((MOUNTS[placed[c.name][0]] @ placed[c.name][1], np.array(c.shape.size)) for c in tool.components)
 
 
-def build(head: Head, at: Pose, style: Style, thickness: float, gripper: bool) -> Tool:
-    """The tool whose head sits at the pose ``at`` in the frame of panda_virtual."""
+def build(
+    head: Head, at: Pose, style: Style, thickness: float, gripper: bool, *, bend: float = 0.5, top: float = 0.0
+) -> Tool:
+    """The tool whose head sits at the pose ``at`` in the frame of panda_virtual; for ``bend`` and ``top`` see
+    `Assembly.shaft`.
+    """
     assembly = Assembly(gripper, thickness)
     flush = np.array([0.008 - thickness / 2, 0.0, 0.0])  # the shaft's front with the head's face
-    last = assembly.shaft(style, at.apply(head.hold + flush), left=True)
+    last = assembly.shaft(style, at.apply(head.hold + flush), left=True, bend=bend, top=top)
     assembly.head(head, last, at)
     reach = float(np.linalg.norm(at.position))
-    shaft = {"gantry": "a boom and a drop", "slope": "a sloping shaft", "elbow": "a post and a low arm"}[style]
+    shaft = {
+        "gantry": "a boom and a drop",
+        "slope": "a sloping shaft",
+        "elbow": "a post and a low arm",
+        "riser": "a riser and a jib",
+    }[style]
     carrier = "the left finger" if gripper else "the flange"
     text = f"{head.kind} {head.width:.3f} m wide, {reach:.2f} m from {carrier}, carried by {shaft}"
     return assembly.tool(f"{style}_{head.kind}", text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,10 @@ import numpy as np
 from core.geometry import Array
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.plans import Path
+from plugins.vlms.offline.pour import pour
 from plugins.vlms.offline.sight import UP, Errand
+
+Way = Callable[[Path, Errand, Head, np.random.Generator], str]
 
 _BEYOND_M = 1.3  # from the base: what has to go there is flung
 _FALL_M = 0.1  # what has to go down by more is pushed over an edge
@@ -147,6 +150,8 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     lift = 0.0 if drags else max(errand.shift[2], errand.clear_z - errand.lower[2] if errand.length > 0.03 else 0.0)
     lift += 0.0 if drags else rng.uniform(0.0, 0.03)
     if not drags:
+        aside = _step_aside(path, errand, yaw, grip=1.0) if rises else np.zeros(3)
+        at, over_ground = at + aside, over_ground + aside
         path.stroke(at + lift * UP, yaw, 0.3, grip=1.0)
     path.stroke(over_ground + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
     if not rises:
@@ -157,10 +162,22 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     return f"closes the fingers and {verb} by {np.linalg.norm(errand.shift):.2f} m"
 
 
+def _step_aside(path: Path, errand: Errand, yaw: float, *, grip: float = 0.0) -> Array:
+    """Off the ground, and from under what is over the bodies; the step (3,) aside."""
+    aside, at = errand.detour(), path.poses[-1].position
+    if aside.any():
+        path.stroke(at + 0.02 * UP, yaw, 0.2, grip=grip)
+        path.stroke(at + aside + 0.04 * UP, yaw, 0.1, grip=grip)
+    return aside
+
+
 def head_path(errands: Sequence[Errand], head: Head, rng: np.random.Generator) -> tuple[Path, str]:
     """The head's way through all errands, and what it does there."""
+    if head.use == "pour":  # all at once
+        errands = errands[:1]
     path, texts = Path(), []
-    ways = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
+    ways: dict[str, Way] = {"push": push, "surround": push, "scoop": scoop, "hook": hook}
+    ways |= {"clamp": clamp, "pour": pour}
     for errand in errands:
         texts.append(ways[head.use](path, errand, head, rng))
     return path, "; then ".join(dict.fromkeys(texts))

@@ -15,9 +15,13 @@ from core.plugins import installed
 from core.prompts import answer_schema
 from core.reading import parse_reply, read_designs
 from core.rollout import RolloutSettings, evaluate
-from core.rules import SpawnRules
+from core.rules import SpawnRules, check_tool
 from core.scene import Body, Goal, Part, Scene, floor, table
+from plugins.vlms.offline import heads
 from plugins.vlms.offline.designer import OfflineDesigner
+from plugins.vlms.offline.pour import handles
+from plugins.vlms.offline.sight import Sight
+from plugins.vlms.offline.tools import STYLES, build
 
 RED = (0.8, 0.2, 0.2, 1.0)
 URDF = installed().create("tool", "urdf")
@@ -94,7 +98,75 @@ class SlotTask(CubeTask):
         return Scene((floor(), table(), *boards))
 
 
-TASKS = (CubeTask, BallTask, SweepTask, PlateTask, SlotTask)
+class ShelfTask(CubeTask):
+    """A cube on a board that is higher than the end-effector's home has to fall into what stands before it."""
+
+    goals: ClassVar = (Goal(("cube",), place=(0.85, 0.0, 0.03)),)
+
+    def scene(self, seed):
+        board = Body.of("board", Box((0.3, 0.8, 0.03)), (1.25, 0.0, 0.685), mass=0.0, color=RED)
+        cube = Body.of("cube", Box((0.05, 0.05, 0.05)), (1.18, 0.0, 0.725), mass=0.1, color=RED)
+        return Scene((floor(), table(), board, cube))
+
+    def reward(self, start, end):
+        cube = end.position("cube")
+        return ((cube[..., 2] < 0.1) & (cube[..., 0] > 0.6) & (cube[..., 0] < 1.05)).astype(float)
+
+
+def walls(name, length, width, height, *, mass, more=()):
+    """A box without a lid, 5 mm thick, its frame below, in the middle."""
+    x, y, z = (length - 0.005) / 2, (width - 0.005) / 2, (height + 0.005) / 2
+    boxes = [
+        ((length, width, 0.005), (0, 0, 0.0025)),
+        *(((0.005, width, height - 0.005), (side * x, 0, z)) for side in (-1, 1)),
+        *(((length - 0.01, 0.005, height - 0.005), (0, side * y, z)) for side in (-1, 1)),
+        *more,
+    ]
+    parts = tuple(Part(Box(size), Pose(np.array(at, dtype=float))) for size, at in boxes)
+    return Body(name, Pose(), mass, parts, parts)
+
+
+def at(body, x, y):
+    return replace(body, pose=Pose(np.array([x, y, 0.0])))
+
+
+class DeepTask(CubeTask):
+    """One of two stacked discs has to leave a deep box."""
+
+    goals: ClassVar = (Goal(("lower", "upper"), place=(None, None, 0.35), any=True),)
+
+    def scene(self, seed):
+        discs = (
+            Body.of(name, Cylinder(0.03, 0.03), (0.6, 0.0, height), mass=0.05, color=RED, friction=0.8)
+            for name, height in (("lower", 0.0205), ("upper", 0.051))
+        )
+        return Scene((floor(), table(), at(walls("well", 0.2, 0.2, 0.2, mass=0.0), 0.6, 0.0), *discs))
+
+    def reward(self, start, end):
+        return np.clip(end.positions[..., 2].max(axis=-1) / 0.3, 0.0, 1.0)
+
+
+class PanTask(CubeTask):
+    """Dice in a loose pan with handles have to get into a box."""
+
+    goals: ClassVar = (Goal(("die_0", "die_1", "die_2"), place=(0.75, 0.25, 0.02), tolerance=0.1),)
+    home = Pose(np.array([0.4, -0.2, 0.25]))
+
+    def scene(self, seed):
+        bars = [((0.07, 0.02, 0.008), (0, side * 0.11, 0.056)) for side in (-1, 1)]
+        dice = (
+            Body.of(f"die_{i}", Box((0.02, 0.02, 0.02)), (0.72 + 0.04 * i, -0.2, 0.0155), mass=0.02, color=RED)
+            for i in range(3)
+        )
+        pan = at(walls("pan", 0.2, 0.2, 0.06, mass=0.5, more=bars), 0.76, -0.2)
+        return Scene((floor(), table(), pan, at(walls("box", 0.4, 0.26, 0.08, mass=0.0), 0.75, 0.25), *dice))
+
+    def reward(self, start, end):
+        dice = np.stack([end.position(f"die_{i}") for i in range(3)], axis=-2)
+        return (np.abs(dice - [0.75, 0.25, 0.04]) < [0.2, 0.13, 0.06]).all(axis=-1).mean(axis=-1)
+
+
+TASKS = (CubeTask, BallTask, SweepTask, PlateTask, SlotTask, ShelfTask, DeepTask, PanTask)
 
 
 def brief(task, *, gripper=False, n_tool=2, n_action=3, seed=7, elites=(), representation=URDF):
@@ -132,6 +204,87 @@ def test_it_says_that_it_is_no_language_model():
     assert "no language model" in OfflineDesigner.model
     assert reply(brief(CubeTask())).model == OfflineDesigner.model
     assert isinstance(installed().create("vlm", "offline"), OfflineDesigner)
+
+
+def sight(task):
+    return Sight.of(brief(task))
+
+
+def test_of_several_goals_one_is_chosen():
+    class Choice(CubeTask):
+        goals = (Goal(("cube",), place=(0.6, None, None)), Goal(("cube",), place=(None, 0.3, None)))
+
+    shifts = [sight(Choice()).errands(np.random.default_rng(seed)) for seed in range(12)]
+    assert {len(errands) for errands in shifts} == {1}
+    assert {int(np.argmax(np.abs(errands[0].shift))) for errands in shifts} == {0, 1}
+
+
+def test_where_one_body_is_enough_the_uppermost_is_taken():
+    for seed in range(8):
+        (errand,) = sight(DeepTask()).errands(np.random.default_rng(seed))
+        assert [thing.position[2] for thing in errand.things] == [0.051]
+        assert errand.deep
+
+
+def test_only_a_loose_body_holds_others():
+    def holder(task):
+        return sight(task).errands(np.random.default_rng(0))[0].holder
+
+    assert np.allclose(holder(PanTask()).position, (0.76, -0.2, 0.0))
+    assert holder(DeepTask()) is None
+    assert holder(CubeTask()) is None
+
+
+def test_handles_are_measured():
+    pan = sight(PanTask()).errands(np.random.default_rng(0))[0].holder
+    found = handles(pan)
+    assert np.allclose((found.base, found.outer, found.low, found.high), (0.1, 0.12, 0.052, 0.06))
+    assert np.allclose((found.heading, found.rear, found.reach), (0.0, -0.1, 0.035))
+    assert handles(sight(CubeTask()).things[-1]) is None
+
+
+def test_a_body_in_the_way_is_stepped_around():
+    class Roof(CubeTask):
+        goals: ClassVar = (Goal(("cube",), place=(None, None, 0.4)),)
+
+        def scene(self, seed):
+            ground, desk, cube = super().scene(seed).bodies
+            return Scene(
+                (ground, desk, cube, Body.of("roof", Box((0.1, 0.5, 0.02)), (1.03, 0, 0.3), mass=0, color=RED))
+            )
+
+    (errand,) = sight(Roof()).errands(np.random.default_rng(0))
+    assert errand.blocked(errand.shift)
+    assert errand.detour()[0] < -0.009
+    assert not errand.blocked(errand.shift, errand.detour())
+    (free,) = sight(CubeTask()).errands(np.random.default_rng(0))
+    assert not free.detour().any()
+
+
+def test_what_is_high_is_reached_by_a_riser():
+    for design in candidates(brief(ShelfTask(), n_tool=4, n_action=1)):
+        names = [component.name for component in design.tool.components]
+        assert "riser" in names
+        assert design.plan[-1, 2] < 0.75
+
+
+@pytest.mark.parametrize("gripper", [False, True])
+@pytest.mark.parametrize("style", STYLES)
+def test_every_shaft_carries_every_head(style, gripper):
+    made = (
+        heads.blade(0.1, 0.05, 0.01),
+        heads.cage(0.1, 0.05, 0.05, 0.005),
+        heads.wedge(0.1, 0.8, 0.05, 0.005),
+        heads.rake(0.1, 0.05, 0.005, 0.02),
+        heads.pen(0.1, 0.1, 0.05, 0.005),
+        heads.scoop(0.1, 0.1, 0.05, 0.02, 0.002),
+        heads.fork(0.08, 0.1, 0.05, 0.02, 0.003, count=3),
+        heads.hook(0.15, 0.03, 0.03, 0.005, 0.002, np.array([0.0, 1.0, 0.0])),
+    )
+    for head in made:
+        for drop in (0.25, -0.3):
+            tool = build(head, Pose(np.array([0.3, 0.05, -drop])), style, 0.015, gripper, top=0.4 - drop)
+            check_tool(tool)
 
 
 def test_same_seed_same_reply():
@@ -232,3 +385,9 @@ def rewards(task, designs: list[Candidate]) -> list[float]:
 def test_a_fresh_population_makes_real_progress(gripper):
     pytest.importorskip("pybullet")
     assert max(rewards(CubeTask(), candidates(brief(CubeTask(), gripper=gripper, n_tool=5, n_action=2)))) > 0.6
+
+
+@pytest.mark.parametrize(("task", "gripper"), [(ShelfTask, False), (DeepTask, True), (PanTask, False)])
+def test_high_deep_and_held_bodies_are_brought_too(task, gripper):
+    pytest.importorskip("pybullet")
+    assert max(rewards(task(), candidates(brief(task(), gripper=gripper, n_tool=4, n_action=1)))) > 0.9
