@@ -81,7 +81,7 @@ def best_by_generation(name: str, seed: int, *overrides: str) -> list[float]:
 
 
 def row(name: str, seeds: list[int], gripper_seeds: list[int]) -> dict[str, Any]:
-    """One task's figures. A run of eight generations begins as the run of four of the same seed does: one gives both."""
+    """One task's figures. A run of eight generations begins as the run of four of its seed does: one gives both."""
     plugins = installed()
     task, simulator = plugins.create("task", name), plugins.create("sim", "pybullet")
     still = Candidate(Tool(), np.array([[*task.home.position, *task.home.rpy]]))
