@@ -1,0 +1,204 @@
+"""One call through LiteLLM: what it takes, what it sends, what comes back. Retries and limits are not its business."""
+
+from __future__ import annotations
+
+import base64
+import importlib
+import logging
+import os
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from core.errors import UserError
+from core.interfaces import Message, Picture, Request
+
+_log = logging.getLogger(__name__)
+
+# Servers of one's own, which hold any model to a schema, and whose answers have no price.
+_LOCAL = ("ollama", "ollama_chat", "hosted_vllm", "lm_studio", "llamafile")
+
+# Read by LiteLLM when it is imported: its tables come from the package, not from the network, and no .env file is read.
+_AT_IMPORT = {
+    "LITELLM_LOCAL_MODEL_COST_MAP": "True",
+    "LITELLM_LOCAL_ANTHROPIC_BETA_HEADERS": "True",
+    "LITELLM_MODE": "PRODUCTION",
+}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a model said and why it stopped ("stop", "length", "content_filter"...). Numbers that nobody knows are
+    None.
+    """
+
+    text: str
+    model: str
+    finish: str
+    prompt_tokens: int | None
+    completion_tokens: int | None
+    cost_usd: float | None
+
+
+def load() -> ModuleType:
+    """LiteLLM, kept from writing to the terminal and from fetching anything but answers.
+
+    Raises:
+        UserError: it is not installed.
+    """
+    os.environ.update(_AT_IMPORT)
+    try:
+        litellm = importlib.import_module("litellm")
+    except ModuleNotFoundError as error:
+        if error.name != "litellm":
+            raise
+        raise UserError("language models need LiteLLM; install it with: pip install 'vlmgineer[models]'") from error
+    for name, value in {"suppress_debug_info": True, "telemetry": False, "disable_hf_tokenizer_download": True}.items():
+        setattr(litellm, name, value)
+    for logger in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
+        logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
+    return litellm
+
+
+class Client:
+    """Calls ``model``; see `LanguageModel` for the settings.
+
+    Raises:
+        UserError: LiteLLM is not installed, does not know the provider, or finds no API key.
+    """
+
+    def __init__(self, model: str, api_base: str | None, timeout_s: float, max_output_tokens: int | None) -> None:
+        self._litellm = load()
+        try:
+            self._bare, self._provider, *_ = self._litellm.get_llm_provider(model, api_base=api_base)
+        except self._litellm.BadRequestError as error:
+            raise UserError(
+                f"vlm.model={model}: LiteLLM knows no such provider; write provider/model, "
+                "such as gemini/gemini-2.5-pro, or openai/NAME with vlm.api_base for a server that speaks OpenAI's API"
+            ) from error
+        self.model = model
+        self._settings: dict[str, Any] = {"timeout": timeout_s, "num_retries": 0, "max_retries": 0}
+        if max_output_tokens is not None:
+            self._settings["max_tokens"] = max_output_tokens
+        if api_base is not None:
+            self._settings["api_base"] = api_base
+        missing = self._missing_keys()
+        if missing and api_base is None:
+            raise UserError(f"vlm.model={model} needs an API key; set the environment variable {' or '.join(missing)}")
+        if missing:
+            self._settings["api_key"] = "none"  # clients refuse to call without one, servers of one's own don't care
+        self._schema_lock = threading.Lock()
+        self._takes = {"temperature": self._accepts(temperature=0.7), "seed": self._accepts(seed=1)}
+        self._takes["response_format"] = self._provider in _LOCAL or bool(
+            self._litellm.supports_response_schema(model=model)
+        )
+        left_out = [name for name, taken in self._takes.items() if not taken]
+        if left_out:
+            _log.warning(
+                "%s takes no %s: left out of its requests",
+                model,
+                ", no ".join(left_out).replace("response_format", "JSON schema"),
+            )
+
+    def _missing_keys(self) -> list[str]:
+        """The environment variables of which one must hold the key, if none does."""
+        if self._provider in _LOCAL:
+            return []
+        # Other credentials (AWS, Google Cloud) may be in files that only the provider's own library knows.
+        missing = self._litellm.validate_environment(self.model)["missing_keys"]
+        return sorted(name for name in missing if name.endswith("_API_KEY"))
+
+    def _accepts(self, **parameter: Any) -> bool:
+        try:
+            self._litellm.utils.get_optional_params(
+                model=self._bare, custom_llm_provider=self._provider, drop_params=False, **parameter
+            )
+        except self._litellm.UnsupportedParamsError:
+            return False
+        return True
+
+    def ask(self, request: Request) -> Answer:
+        """One call, one answer. A schema that the provider refuses is left out from then on: the prompt tells it too.
+
+        Raises:
+            Exception: whatever LiteLLM raises.
+        """
+        with_schema = self._takes["response_format"]
+        try:
+            return self._call(request, with_schema)
+        except self._litellm.BadRequestError as error:
+            if not (with_schema and _is_about_schema(str(error))):
+                raise
+        with self._schema_lock:
+            if self._takes["response_format"]:
+                self._takes["response_format"] = False
+                _log.warning("%s refused the JSON schema of the answer: left out of its requests", self.model)
+        return self._call(request, False)
+
+    def _call(self, request: Request, with_schema: bool) -> Answer:
+        settings = dict(self._settings)
+        if self._takes["temperature"]:
+            settings["temperature"] = min(request.temperature, self._hottest())
+        if self._takes["seed"]:
+            settings["seed"] = request.brief.seed
+        if with_schema:
+            settings["response_format"] = {
+                "type": "json_schema",
+                "json_schema": {"name": "designs", "schema": request.schema, "strict": True},
+            }
+        response = self._litellm.completion(
+            model=self.model, messages=render(request.messages), drop_params=True, **settings
+        )
+        choice = response.choices[0] if response.choices else None
+        usage = getattr(response, "usage", None)
+        return Answer(
+            text=writable(choice.message.content or "") if choice else "",
+            model=response.model or self.model,
+            finish=(choice.finish_reason if choice else None) or "none given",
+            prompt_tokens=getattr(usage, "prompt_tokens", None) or None,
+            completion_tokens=getattr(usage, "completion_tokens", None) or None,
+            cost_usd=self._cost(response),
+        )
+
+    def _hottest(self) -> float:
+        """The highest temperature that the provider takes."""
+        return 1.0 if self._provider == "anthropic" or "claude" in self._bare else 2.0
+
+    def _cost(self, response: Any) -> float | None:
+        """In US dollars, from the price list that comes with LiteLLM, which has 0 where it knows no price."""
+        if self._provider in _LOCAL:
+            return None
+        try:
+            return float(self._litellm.completion_cost(completion_response=response, model=self.model)) or None
+        except Exception:  # a model that the list does not have; the class of the error varies
+            return None
+
+
+def render(messages: Sequence[Message]) -> list[dict[str, Any]]:
+    """Messages as LiteLLM takes them: one text where there is no picture, else parts; pictures are data URLs."""
+    return [{"role": message.role, "content": _content(message)} for message in messages]
+
+
+def _content(message: Message) -> str | list[dict[str, Any]]:
+    parts: list[dict[str, Any]] = []
+    for part in message.parts:
+        if isinstance(part, Picture):
+            url = "data:image/png;base64," + base64.b64encode(part.png).decode()
+            parts.append({"type": "image_url", "image_url": {"url": url}})
+        else:
+            parts.append({"type": "text", "text": part.text})
+    if any(part["type"] != "text" for part in parts):
+        return parts
+    return "".join(part["text"] for part in parts)
+
+
+def writable(text: str) -> str:
+    """``text`` with question marks for halves of surrogate pairs, which JSON can carry and files can't."""
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
+def _is_about_schema(message: str) -> bool:
+    told = message.lower()
+    return any(word in told for word in ("schema", "response_format", "output_format", "too many states"))

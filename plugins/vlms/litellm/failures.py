@@ -1,0 +1,110 @@
+"""What to do when a call fails: how long to wait before another try, what to say, and how to keep keys out of it."""
+
+from __future__ import annotations
+
+import os
+import queue
+import random
+import re
+import threading
+from collections.abc import Callable
+from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
+from typing import TypeVar
+from urllib.parse import quote
+
+T = TypeVar("T")
+
+FIRST_WAIT_S = 1.0
+LONGEST_WAIT_S = 60.0
+PATIENCE_S = 300.0  # a server that wants a longer wait than this means a quota for the day
+LONGEST_MESSAGE = 400
+
+_SECRET = ("_API_KEY", "_ACCESS_KEY", "_ACCESS_KEY_ID", "_TOKEN", "_SECRET", "_PASSWORD")
+
+
+class TimedOut(Exception):
+    """A call took longer than it may."""
+
+
+def within(seconds: float, call: Callable[[], T]) -> T:
+    """The result of ``call``, in a thread that is abandoned when it takes longer.
+
+    A client's own time-out starts anew with each byte that a server drips; this one does not.
+
+    Raises:
+        TimedOut: it took longer.
+        Exception: what ``call`` raised.
+    """
+    results: queue.SimpleQueue[tuple[T, None] | tuple[None, Exception]] = queue.SimpleQueue()
+
+    def work() -> None:
+        try:
+            results.put((call(), None))
+        except Exception as error:
+            results.put((None, error))
+
+    threading.Thread(target=work, daemon=True).start()
+    try:
+        result, error = results.get(timeout=seconds)
+    except queue.Empty:
+        raise TimedOut(f"no answer within {seconds:g} s") from None
+    if error is not None:
+        raise error
+    return result  # type: ignore[return-value]
+
+
+def pause(error: Exception, tries: int) -> float | None:
+    """Seconds to wait before the next try after ``tries``; None: another try would fare no better."""
+    status = _status(error)
+    if not isinstance(error, TimedOut) and status not in (408, 429) and status < 500:
+        return None
+    if "insufficient_quota" in str(error):
+        return None
+    asked = _retry_after(error)
+    if asked is not None:
+        return asked if asked <= PATIENCE_S else None
+    # Spread out, so that agents that were refused together do not come back together.
+    return min(LONGEST_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries - 1, 10)) * random.uniform(0.75, 1.25)  # noqa: S311
+
+
+def _status(error: Exception) -> int:
+    """The HTTP status, or what LiteLLM puts in its place (500 for a broken connection); 0: none."""
+    status = getattr(error, "status_code", 0)
+    return int(status) if isinstance(status, int | str) and str(status).isdigit() else 0
+
+
+def _retry_after(error: Exception) -> float | None:
+    """Seconds that the server asks to wait: in a header, as seconds or a date, or in the body, as Google does."""
+    headers = getattr(error, "litellm_response_headers", None)
+    if headers is None:
+        headers = getattr(getattr(error, "response", None), "headers", None)
+    told = str((headers or {}).get("retry-after", "")).strip()
+    if re.fullmatch(r"\d+(\.\d+)?", told):
+        return float(told)
+    if told:
+        try:
+            return max(0.0, (parsedate_to_datetime(told) - datetime.now(UTC)).total_seconds())
+        except (ValueError, TypeError):
+            return None
+    body = re.search(r'"retryDelay":\s*"(\d+(?:\.\d+)?)s"', str(error))
+    return float(body.group(1)) if body else None
+
+
+def explain(error: Exception) -> str:
+    """The error in one line, without keys."""
+    text, *_ = scrub(str(error)).partition("Traceback (most recent call last)")
+    if not isinstance(error, TimedOut):
+        name = f"{type(error).__name__}: "
+        text = name + text.replace("litellm.", "").replace(name, "")
+    text = "".join(character for character in " ".join(text.split()) if character.isprintable())
+    return text if len(text) <= LONGEST_MESSAGE else text[: LONGEST_MESSAGE - 3] + "..."
+
+
+def scrub(text: str) -> str:
+    """``text`` without the values of environment variables that hold keys, tokens and the like."""
+    secrets = {value for name, value in os.environ.items() if name.upper().endswith(_SECRET) and len(value) >= 8}
+    for secret in sorted(secrets, key=len, reverse=True):
+        for written in (secret, quote(secret, safe="")):
+            text = text.replace(written, "***")
+    return text

@@ -1,0 +1,208 @@
+"""Models on the loopback interface: they speak OpenAI's, Google's and Ollama's protocols, and misbehave if told to."""
+
+from __future__ import annotations
+
+import base64
+import json
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any, cast
+
+from core.interfaces import Brief, Message, Picture, Request, Text
+
+LONGEST_BODY = 10_000_000
+
+PNG = b"\x89PNG\r\n" + bytes(range(256))
+SCHEMA = {
+    "type": "object",
+    "properties": {"numbers": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}},
+    "required": ["numbers"],
+    "additionalProperties": False,
+}
+
+
+def request(agent: int, temperature: float = 1.25) -> Request:
+    """What an agent asks; the agent can be told from the text, its seed is 100 more."""
+    brief: Any = Brief(cast(Any, None), 0, cast(Any, None), False, 1, 1, 0, agent, 100 + agent)
+    user = Message("user", (Text(f"I am agent {agent}.\n\n"), Text("Design."), Picture(PNG)))
+    return Request(f"g0-a{agent}", brief, (Message("system", (Text("Be brief."),)), user), SCHEMA, temperature)
+
+
+@dataclass(frozen=True)
+class Say:
+    """Answer with a text, as the protocol has it; ``finish`` as the protocol writes it, None: an ordinary end."""
+
+    text: str = "{}"
+    finish: str | None = None
+    after_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Send:
+    """Answer with these very bytes."""
+
+    body: str
+    status: int = 200
+    headers: tuple[tuple[str, str], ...] = ()
+    type: str = "application/json"
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Break the connection without an answer."""
+
+
+@dataclass(frozen=True)
+class Stall:
+    """Answer with nothing, or with a blank ten times a second, until the server is closed."""
+
+    drip: bool = False
+
+
+Act = Say | Send | Reset | Stall
+
+
+@dataclass(frozen=True)
+class Call:
+    """What came: the path, the headers in lower case, the document; ``texts`` and ``pictures`` of the user's message,
+    the system message, and the time it came at.
+    """
+
+    path: str
+    headers: dict[str, str]
+    body: dict[str, Any]
+    protocol: str
+    system: str
+    texts: list[str]
+    pictures: list[bytes]
+    at: float
+
+
+@dataclass
+class Server:
+    url: str
+    calls: list[Call] = field(default_factory=list)
+    closing: threading.Event = field(default_factory=threading.Event)
+
+
+@contextmanager
+def serving(script: Callable[[Call], Act]) -> Iterator[Server]:
+    """A server that does for each call what ``script`` says; it lives as long as the context."""
+    server = Server("")
+    lock = threading.Lock()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            call = _read(self)
+            with lock:
+                server.calls.append(call)
+                act = script(call)
+            _act(self, act, call, server.closing)
+
+        def log_message(self, format: str, *args: Any) -> None: ...
+
+    class Quiet(ThreadingHTTPServer):
+        daemon_threads = True
+        request_queue_size = 64
+
+        def handle_error(self, request: Any, client_address: Any) -> None: ...  # a client that hung up
+
+    with Quiet(("127.0.0.1", 0), Handler) as http:
+        server.url = f"http://127.0.0.1:{http.server_port}"
+        thread = threading.Thread(target=http.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.closing.set()
+            http.shutdown()
+            thread.join()
+
+
+def _read(handler: BaseHTTPRequestHandler) -> Call:
+    length = int(handler.headers["Content-Length"])
+    assert length <= LONGEST_BODY
+    body = json.loads(handler.rfile.read(length))
+    headers = {name.lower(): value for name, value in handler.headers.items()}
+    came = handler.path, headers, body
+    if ":generateContent" in handler.path:
+        system = "".join(part["text"] for part in body.get("system_instruction", {}).get("parts", []))
+        parts = [part for content in body["contents"] for part in content["parts"]]
+        data = [part["inline_data"]["data"] for part in parts if "inline_data" in part]
+        return Call(
+            *came, "google", system, [p["text"] for p in parts if "text" in p], _decoded(data), time.monotonic()
+        )
+    messages = {message["role"]: message for message in body["messages"]}
+    system, content = messages.get("system", {}).get("content", ""), messages["user"]["content"]
+    if handler.path == "/api/chat":
+        data = messages["user"].get("images", [])
+        return Call(*came, "ollama", system, [content], _decoded(data), time.monotonic())
+    assert handler.path.endswith("/chat/completions"), handler.path
+    parts = [{"type": "text", "text": content}] if isinstance(content, str) else content
+    urls = [part["image_url"]["url"] for part in parts if part["type"] == "image_url"]
+    assert all(url.startswith("data:image/png;base64,") for url in urls)
+    texts = [part["text"] for part in parts if part["type"] == "text"]
+    return Call(*came, "openai", system, texts, _decoded([u.partition(",")[2] for u in urls]), time.monotonic())
+
+
+def _decoded(data: list[str]) -> list[bytes]:
+    return [base64.b64decode(text, validate=True) for text in data]
+
+
+def _act(handler: BaseHTTPRequestHandler, act: Act, call: Call, closing: threading.Event) -> None:
+    if isinstance(act, Reset):
+        # No lingering: closing sends a reset.
+        handler.connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        handler.connection.close()
+        handler.close_connection = True
+        return
+    if isinstance(act, Stall):
+        if act.drip:
+            handler.send_response(200)
+            handler.send_header("Content-Type", "application/json")
+            handler.send_header("Content-Length", "1000000")
+            handler.end_headers()
+        while not closing.wait(0.1):
+            if act.drip:
+                handler.wfile.write(b" ")
+        handler.close_connection = True
+        return
+    if isinstance(act, Say):
+        closing.wait(act.after_s)
+        act = Send(json.dumps(_document(act, call)))
+    body = act.body.encode()
+    handler.send_response(act.status)
+    handler.send_header("Content-Type", act.type)
+    handler.send_header("Content-Length", str(len(body)))
+    for name, value in act.headers:
+        handler.send_header(name, value)
+    handler.end_headers()
+    handler.wfile.write(body)
+
+
+def _document(say: Say, call: Call) -> dict[str, Any]:
+    """An answer of 7 tokens to a prompt of 1000."""
+    if call.protocol == "google":
+        candidate = {"content": {"role": "model", "parts": [{"text": say.text}]}, "finishReason": say.finish or "STOP"}
+        usage = {"promptTokenCount": 1000, "candidatesTokenCount": 7, "totalTokenCount": 1007}
+        return {"candidates": [candidate], "usageMetadata": usage, "modelVersion": "gemini-2.5-pro"}
+    message = {"role": "assistant", "content": say.text}
+    if call.protocol == "ollama":
+        counts = {"prompt_eval_count": 1000, "eval_count": 7}
+        return {"model": "m", "message": message, "done": True, "done_reason": say.finish or "stop", **counts}
+    choice = {"index": 0, "message": message, "finish_reason": say.finish or "stop"}
+    usage = {"prompt_tokens": 1000, "completion_tokens": 7, "total_tokens": 1007}
+    return {
+        "id": "1",
+        "object": "chat.completion",
+        "created": 1,
+        "model": call.body["model"],
+        "choices": [choice],
+        "usage": usage,
+    }

@@ -1,0 +1,424 @@
+"""Language models through LiteLLM, against servers on the loopback interface that speak the providers' protocols."""
+
+import json
+import logging
+import os
+import re
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from core.config import load
+from core.errors import UsageError, UserError
+from core.plugins import installed
+from core.run import run
+from plugins.vlms.litellm import failures, vlms
+from plugins.vlms.litellm.model import LanguageModel
+from tests.plugins.vlms.servers import PNG, SCHEMA, Reset, Say, Send, Stall, request, serving
+
+ROOT = Path(__file__).parents[3]
+KEYS = {"openai": "sk-planted/0123456789", "google": "AIza-planted+0123456789"}
+PROTOCOLS = {
+    "openai": ("openai/gpt-4.1", "/v1"),
+    "google": ("gemini/gemini-2.5-pro", ""),
+    "ollama": ("ollama_chat/m", ""),
+}
+
+
+@pytest.fixture(autouse=True)
+def surroundings(monkeypatch):
+    for name in [n for n in os.environ if n.endswith("_API_KEY") or n.lower().endswith("_proxy")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("OPENAI_API_KEY", KEYS["openai"])
+    monkeypatch.setenv("GEMINI_API_KEY", KEYS["google"])
+    monkeypatch.setattr(failures, "FIRST_WAIT_S", 0.05)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def warm():
+    """LiteLLM imports parts of itself at a first call, which may take longer than the time-outs below."""
+    with serving(lambda call: Say()) as server:
+        for model, path in PROTOCOLS.values():
+            list(LanguageModel(model, server.url + path).complete([request(0)]))
+
+
+def agent_of(call):
+    return int(re.search(r"I am agent (\d+)\.", "".join(call.texts)).group(1))
+
+
+def ask(server, protocol, agents=1, **settings):
+    """The replies by agent, and the model they came from."""
+    model, path = PROTOCOLS[protocol]
+    replies = list(
+        LanguageModel(model, server.url + path, **settings).complete([request(agent) for agent in range(agents)])
+    )
+    assert len(replies) == agents
+    return {int(reply.request_id.removeprefix("g0-a")): reply for reply in replies}
+
+
+def in_turn(*acts):
+    """For each agent the first act, then the next; the last one again and again."""
+    tries = {}
+
+    def script(call):
+        agent = agent_of(call)
+        tries[agent] = tries.get(agent, 0) + 1
+        return acts[min(tries[agent], len(acts)) - 1]
+
+    return script
+
+
+# --- what is sent, what comes back ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_what_is_asked_arrives(protocol):
+    with serving(lambda call: Say('{"numbers": [1, 2]}')) as server:
+        reply = ask(server, protocol)[0]
+    (call,) = server.calls
+    assert call.protocol == protocol
+    assert call.pictures == [PNG]
+    assert call.system == "Be brief."
+    assert "".join(call.texts).replace("\n", "") == "I am agent 0.Design."
+    sent = call.body
+    if protocol == "openai":
+        assert sent["response_format"]["json_schema"]["schema"] == SCHEMA
+        assert call.headers["authorization"] == f"Bearer {KEYS['openai']}"
+    elif protocol == "google":
+        sent = sent["generationConfig"]
+        assert sent["response_json_schema"] == SCHEMA
+        assert call.headers["x-goog-api-key"] == KEYS["google"]
+    else:
+        assert sent["format"] == SCHEMA
+        sent = sent["options"]
+    assert (sent["temperature"], sent["seed"]) == (1.25, 100)
+    assert (reply.text, reply.error) == ('{"numbers": [1, 2]}', None)
+    assert (reply.prompt_tokens, reply.completion_tokens) == (1000, 7)
+    if protocol == "ollama":
+        assert reply.cost_usd is None
+    else:
+        assert 0.001 < reply.cost_usd < 0.01
+
+
+def test_unknown_price_is_not_zero_and_unknown_model_gets_no_schema():
+    with serving(lambda call: Say()) as server:
+        (reply,) = LanguageModel("openai/my-own", server.url + "/v1").complete([request(0)])
+    assert reply.cost_usd is None
+    assert "response_format" not in server.calls[0].body
+
+
+def test_vllm_is_sent_the_schema_whatever_the_model_and_no_key_of_others():
+    with serving(lambda call: Say()) as server:
+        (reply,) = LanguageModel("hosted_vllm/who/what-8B", server.url + "/v1").complete([request(0)])
+    (call,) = server.calls
+    assert (call.body["model"], reply.cost_usd) == ("who/what-8B", None)
+    assert call.body["response_format"]["json_schema"]["schema"] == SCHEMA
+    assert not any(key in json.dumps(call.headers) for key in KEYS.values())
+
+
+def test_what_a_model_does_not_take_is_left_out_and_said_once(caplog):
+    with serving(lambda call: Say()) as server:
+        vlm = LanguageModel("openai/gpt-5", server.url + "/v1")
+        replies = list(vlm.complete([request(0), request(1)]))
+    assert [reply.error for reply in replies] == [None, None]
+    assert not any("temperature" in call.body for call in server.calls)
+    assert [record.message for record in caplog.records] == [
+        "openai/gpt-5 takes no temperature: left out of its requests"
+    ]
+
+
+def test_temperature_is_clipped_to_what_claude_takes():
+    with serving(lambda call: Say()) as server:
+        list(LanguageModel("openai/claude-of-some-proxy", server.url + "/v1").complete([request(0, temperature=1.5)]))
+    assert server.calls[0].body["temperature"] == 1.0
+
+
+def test_schema_that_is_refused_is_left_out(caplog):
+    def script(call):
+        refused = Send('{"error": {"message": "the schema has too many states for serving"}}', 400)
+        return refused if "response_json_schema" in call.body["generationConfig"] else Say("{}")
+
+    with serving(script) as server:
+        vlm = LanguageModel("gemini/gemini-2.5-pro", server.url, concurrency=1)
+        replies = list(vlm.complete([request(0), request(1)]))
+    assert [reply.error for reply in replies] == [None, None]
+    assert len(server.calls) == 3
+    assert len([record for record in caplog.records if record.levelno == logging.WARNING]) == 1
+
+
+# --- together, within limits ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("protocol", ["openai", "google"])
+def test_agents_are_asked_at_once(protocol):
+    began = time.monotonic()
+    with serving(lambda call: Say(f"{agent_of(call)}", after_s=0.3)) as server:
+        replies = ask(server, protocol, agents=20)
+    assert {agent: reply.text for agent, reply in replies.items()} == {agent: str(agent) for agent in range(20)}
+    assert time.monotonic() - began < 0.5 * 20 * 0.3
+
+
+def test_replies_come_as_they_arrive():
+    with serving(lambda call: Say("{}", after_s=1.0 if agent_of(call) == 0 else 0.0)) as server:
+        model, path = PROTOCOLS["openai"]
+        replies = [
+            reply.request_id for reply in LanguageModel(model, server.url + path).complete([request(0), request(1)])
+        ]
+    assert replies == ["g0-a1", "g0-a0"]
+
+
+def test_no_more_calls_than_allowed_wait_at_once():
+    with serving(lambda call: Say("{}", after_s=0.2)) as server:
+        ask(server, "openai", agents=6, concurrency=2)
+    at = sorted(call.at for call in server.calls)
+    assert all(later - earlier >= 0.19 for earlier, later in zip(at, at[2:], strict=False))
+
+
+def test_no_more_calls_than_allowed_begin_in_a_minute():
+    with serving(lambda call: Say("{}")) as server:
+        ask(server, "openai", agents=6, requests_per_minute=600)
+    at = sorted(call.at for call in server.calls)
+    assert at[-1] - at[0] >= 0.45
+
+
+# --- what goes wrong --------------------------------------------------------------------------------------------
+
+ECHO = " ".join(KEYS.values())
+BUSY = Send(json.dumps({"error": {"message": f"slow down, {ECHO}"}}), 429)
+BROKEN = Send('{"error": {"message": "oops"}}', 500)
+FINE = Say('{"fine": true}')
+CUT = '{"strategies": [{"tool_na'
+SAFETY = {"openai": "content_filter", "google": "SAFETY"}
+LENGTH = {"openai": "length", "google": "MAX_TOKENS"}
+
+
+def cases(protocol):
+    """By agent: what the server does at each try, what the error is like (None: there is none), the text, how many
+    calls there are.
+    """
+    blocked = Send('{"promptFeedback": {"blockReason": "SAFETY"}, "usageMetadata": {"promptTokenCount": 9}}')
+    html = Send(f"<html>log in, {ECHO}</html>", type="text/html")
+    return [
+        ([FINE], None, FINE.text, 1),
+        ([BUSY, FINE], None, FINE.text, 2),
+        ([BROKEN, FINE], None, FINE.text, 2),
+        ([Send("<html>bad gateway</html>", 502, type="text/html"), FINE], None, FINE.text, 2),
+        ([Reset(), FINE], None, FINE.text, 2),
+        ([Reset()], r"\(after 3 tries\)", "", 3),
+        ([BUSY], r"RateLimitError: .*slow down.*\(after 3 tries\)", "", 3),
+        ([Stall()], r"no answer within 1 s \(after 3 tries\)", "", 3),
+        ([Stall(drip=True), FINE], None, FINE.text, 2),
+        ([Send(json.dumps({"error": {"message": f"bad key {ECHO}"}}), 401)], "AuthenticationError: .*bad key", "", 1),
+        ([Send('{"error": {"message": "no such model"}}', 404)], "no such model", "", 1),
+        ([Send('{"error": {"code": "insufficient_quota", "message": "insufficient_quota"}}', 429)], "quota", "", 1),
+        ([Say("", SAFETY[protocol])], "safety filter blocked", "", 1),
+        ([blocked] if protocol == "google" else [Say("", SAFETY[protocol])], "safety filter blocked", "", 1),
+        ([Say("")], r"the reply is empty \(finish reason: stop\)", "", 1),
+        ([Say(CUT, LENGTH[protocol])], None, CUT, 1),
+        ([Say("", LENGTH[protocol])], "length limit was reached before any text", "", 1),
+        ([Say("half a pair: \ud83d")], None, "half a pair: ?", 1),
+        ([Send(json.dumps({"error": {"message": "half a pair: \ud83d"}}), 400)], "half a pair: ", "", 1),
+        ([html], "Error: .", "", None),
+        ([Send("null")], "Error: .", "", None),
+        ([Send("[1]")], "Error: .", "", None),
+        ([Send('{"choices": [], "candidates": []}')], ".", "", None),
+        ([FINE], None, FINE.text, 1),
+    ]
+
+
+@pytest.mark.parametrize("protocol", ["openai", "google"])
+def test_each_fault_costs_its_own_reply_only_and_no_key_is_told(protocol, caplog):
+    wanted = cases(protocol)
+    scripts = [in_turn(*acts) for acts, *_ in wanted]
+    with serving(lambda call: scripts[agent_of(call)](call)) as server:
+        replies = ask(server, protocol, agents=len(wanted), concurrency=len(wanted), timeout_s=1.0, retries=2)
+    calls = [agent_of(call) for call in server.calls]
+    for agent, (acts, error, text, tries) in enumerate(wanted):
+        reply = replies[agent]
+        assert reply.text == text, acts
+        assert (reply.error is None) == (error is None), (acts, reply)
+        assert error is None or re.search(error, reply.error), (acts, reply.error)
+        assert tries is None or calls.count(agent) == tries, acts
+        told = reply.error or ""
+        assert told.isprintable()
+        assert "Traceback" not in told
+        assert "planted" not in told
+    assert "planted" not in caplog.text
+    assert "cut off the reply" in caplog.text
+
+
+@pytest.mark.parametrize("protocol", ["openai", "google"])
+def test_wait_that_a_server_asks_for_is_kept(protocol):
+    hint = '{"error": {"message": "slow", "details": [{"retryDelay": "0.5s"}]}}'
+    busy = Send(hint, 429) if protocol == "google" else Send("{}", 429, (("Retry-After", "0.5"),))
+    with serving(in_turn(busy, FINE)) as server:
+        assert ask(server, protocol)[0].error is None
+    first, second = (call.at for call in server.calls)
+    assert 0.5 <= second - first < 2.0
+
+
+def test_a_wait_of_hours_is_not_kept():
+    with serving(lambda call: Send("{}", 429, (("Retry-After", "7200"),))) as server:
+        reply = ask(server, "openai")[0]
+    assert reply.error.startswith("RateLimitError")
+    assert len(server.calls) == 1
+
+
+def test_a_mistake_in_the_handling_of_a_fault_is_told_and_leaves_nobody_waiting(monkeypatch):
+    monkeypatch.setattr("plugins.vlms.litellm.model.pause", lambda error, tries: 1 / 0)
+    with serving(lambda call: BROKEN) as server:
+        assert ask(server, "openai")[0].error == "ZeroDivisionError: division by zero"
+
+
+def test_nobody_there():
+    (reply,) = LanguageModel("openai/gpt-4.1", "http://127.0.0.1:9/v1", retries=1).complete([request(0)])
+    assert reply.error.endswith("(after 2 tries)")
+
+
+# --- made or refused --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("model", "variable"),
+    [
+        ("gemini/gemini-2.5-pro", "GEMINI_API_KEY or GOOGLE_API_KEY"),
+        ("openai/gpt-4.1", "OPENAI_API_KEY"),
+        ("anthropic/claude-sonnet-4-6", "ANTHROPIC_API_KEY"),
+        ("mistral/mistral-large-latest", "MISTRAL_API_KEY"),
+    ],
+)
+def test_missing_key_is_said_at_once(model, variable, monkeypatch):
+    for name in ("OPENAI_API_KEY", "GEMINI_API_KEY"):
+        monkeypatch.delenv(name)
+    with pytest.raises(UserError) as error:
+        LanguageModel(model)
+    assert str(error.value) == f"vlm.model={model} needs an API key; set the environment variable {variable}"
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_server_of_ones_own_needs_no_key(protocol, monkeypatch):
+    for name in ("OPENAI_API_KEY", "GEMINI_API_KEY"):
+        monkeypatch.delenv(name)
+    with serving(lambda call: FINE) as server:
+        assert ask(server, protocol)[0].text == FINE.text
+
+
+def test_unknown_provider(capfd):
+    with pytest.raises(UserError, match=r"vlm.model=foo/bar: LiteLLM knows no such provider; write provider/model"):
+        LanguageModel("foo/bar")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_missing_package(monkeypatch):
+    monkeypatch.setitem(sys.modules, "litellm", None)
+    with pytest.raises(UserError, match=r"install it with: pip install 'vlmgineer\[models\]'"):
+        LanguageModel("openai/gpt-4.1")
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"model": ""},
+        {"concurrency": 0},
+        {"timeout_s": 0.0},
+        {"retries": -1},
+        {"requests_per_minute": 0.0},
+        {"max_output_tokens": 0},
+    ],
+)
+def test_settings_that_make_no_sense(settings):
+    with pytest.raises(UsageError, match=rf"vlm\.{next(iter(settings))}"):
+        LanguageModel(**{"model": "openai/gpt-4.1", **settings})
+
+
+@pytest.mark.parametrize("name", vlms())
+def test_each_name_has_a_configuration_that_fits(name, monkeypatch):
+    monkeypatch.setenv("ANTHROPIC_API_KEY", "planted-for-anthropic")
+    config = load("config", [f"vlm={name}", *(["vlm.model=openai/gpt-4.1"] if name == "litellm" else [])])
+    settings = dict(config.vlm)
+    vlm = installed().create("vlm", settings.pop("name"), settings)
+    assert vlm.model == config.vlm.model
+
+
+def test_the_name_without_a_model_of_its_own_asks_for_one():
+    settings = dict(load("config", ["vlm=litellm"]).vlm)
+    with pytest.raises(UsageError, match=r"vlm\.model is empty; give a model as LiteLLM writes it"):
+        installed().create("vlm", settings.pop("name"), settings)
+
+
+# --- the process ------------------------------------------------------------------------------------------------
+
+
+def python(code, *arguments):
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def test_discovery_does_not_import_litellm():
+    code = "import sys; from core.plugins import installed; assert 'gemini' in installed().names('vlm'); "
+    process = python(code + "assert 'litellm' not in sys.modules")
+    assert process.wait(timeout=60) == 0, process.stderr.read()
+
+
+CALL_TWICE = """
+import socket, sys
+sent_to = set()
+def watched(function):
+    def call(*arguments, **named):
+        sent_to.add(arguments[0] if isinstance(arguments[0], str) else arguments[1][0])
+        return function(*arguments, **named)
+    return call
+socket.getaddrinfo = watched(socket.getaddrinfo)
+socket.socket.connect = watched(socket.socket.connect)
+from tests.plugins.vlms.servers import request
+from plugins.vlms.litellm.model import LanguageModel
+vlm = LanguageModel(sys.argv[1], sys.argv[2])
+for reply in vlm.complete([request(0), request(1)]):
+    print(reply.text, reply.error, sent_to, flush=True)
+list(vlm.complete([request(2), request(3)]))
+"""
+
+
+def test_only_calls_go_over_the_network_nothing_is_printed_and_an_interrupt_waits_for_no_server():
+    with serving(lambda call: FINE if agent_of(call) < 2 else Stall()) as server:
+        process = python(CALL_TWICE, "gemini/gemini-2.5-pro", server.url)
+        deadline = time.monotonic() + 60
+        while len(server.calls) < 4 and process.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        interrupted = time.monotonic()
+        out, err = process.communicate(timeout=30)
+    assert out.splitlines() == ["{\"fine\": true} None {'127.0.0.1'}"] * 2
+    assert err.startswith("Traceback")
+    assert err.endswith("KeyboardInterrupt\n")
+    assert time.monotonic() - interrupted < 5
+
+
+def test_run_with_a_model_on_a_server_earns_what_its_answers_earn(tmp_path):
+    small = ["budget.n_agent=2", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1", "film=false"]
+    common = [*small, "executor.workers=1", "logger={}"]
+    offline = run(load("config", ["vlm=offline", *common]), tmp_path / "offline")
+    # The embedded designer's answers, served in the order in which one caller at a time asks for them.
+    ids = ["g0-a0", "g0-a1", "g1-a0", "g1-a1"]
+    answers = iter([Say((tmp_path / "offline" / "replies" / f"{name}.txt").read_text()) for name in ids])
+    with serving(lambda call: next(answers)) as server:
+        model = ["vlm=litellm", "vlm.model=openai/gpt-4.1", f"vlm.api_base={server.url}/v1", "vlm.concurrency=1"]
+        served = run(load("config", [*model, *common]), tmp_path / "served")
+    assert len(server.calls) == len(ids)
+    assert served.best.reward == offline.best.reward
+    assert served.best.candidate.id == offline.best.candidate.id
+    rewards = [[e.reward for g in result.generations for e in g.evaluations] for result in (offline, served)]
+    assert rewards[0] == rewards[1]
+    assert server.calls[0].pictures == [(tmp_path / "served" / "scene.png").read_bytes()]
+    schema = json.loads((tmp_path / "served" / "requests" / "g1-a1.schema.json").read_text())
+    assert server.calls[3].body["response_format"]["json_schema"]["schema"] == schema
+    with sqlite3.connect(tmp_path / "served" / "run.sqlite") as database:
+        rows = database.execute("SELECT request_id, prompt_tokens, cost_usd > 0 FROM replies ORDER BY 1").fetchall()
+    database.close()
+    assert rows == [(name, 1000, 1) for name in ids]
