@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import queue
+import threading
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -68,12 +70,34 @@ class ModelDesigner:
         requests = {r.id: r for r in (self._request(generation, agent, elites) for agent in range(self.budget.n_agent))}
         for request in requests.values():
             self.events.hook.request_composed(request=request)
-        for reply in self.vlm.complete(list(requests.values())):
-            request = requests.pop(reply.request_id)
-            self.events.hook.reply_received(request=request, reply=reply)
-            yield from self._read(request, reply)
-        for request in requests.values():
-            yield self._lost(request.brief, "no reply came")
+        missing = set(requests)
+        for reply in self._replies(requests):
+            missing.discard(reply.request_id)
+            yield from self._read(requests[reply.request_id], reply)
+        for request_id in sorted(missing):
+            yield self._lost(requests[request_id].brief, "no reply came")
+
+    def _replies(self, requests: Mapping[str, Request]) -> Iterator[Reply]:
+        """Replies as they arrive. Each is told to the listeners at once, so that it is on disk even if nobody comes
+        to read it; for that they are listened for in a thread of their own, while candidates of earlier ones are
+        tried.
+        """
+        arrived: queue.SimpleQueue[Reply | Exception | None] = queue.SimpleQueue()
+
+        def listen() -> None:
+            try:
+                for reply in self.vlm.complete(list(requests.values())):
+                    self.events.hook.reply_received(request=requests[reply.request_id], reply=reply)
+                    arrived.put(reply)
+            except Exception as error:  # to be raised where somebody sees it
+                arrived.put(error)
+            arrived.put(None)
+
+        threading.Thread(target=listen, name="replies", daemon=True).start()
+        while (reply := arrived.get()) is not None:
+            if isinstance(reply, Exception):
+                raise reply
+            yield reply
 
     def _request(self, generation: int, agent: int, elites: Sequence[Evaluation]) -> Request:
         rng = np.random.default_rng([self.seed, generation, agent])

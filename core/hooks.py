@@ -92,7 +92,7 @@ class Events:
 
     @hookspec
     def reply_received(self, request: Request, reply: Reply) -> None:
-        """A model answered; nobody has read the text yet."""
+        """A model answered; nobody has read the text yet. This one is called from another thread than the others."""
 
     @hookspec
     def candidate_evaluated(self, evaluation: Evaluation) -> None:

@@ -9,6 +9,7 @@ import importlib.metadata
 import json
 import sqlite3
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,9 @@ class RunStore:
         folder.mkdir(parents=True, exist_ok=True)
         for name in ("requests", "replies"):
             (folder / name).mkdir(exist_ok=True)
-        self._database = sqlite3.connect(file)
+        self._lock = threading.Lock()  # replies come from a thread of their own
+        self._open = True
+        self._database = sqlite3.connect(file, check_same_thread=False)
         self._database.execute("PRAGMA journal_mode=WAL")
         self._database.executescript(_SCHEMA)
         self._run: Run | None = None
@@ -68,7 +71,7 @@ class RunStore:
 
     def _insert(self, table: str, **values: Any) -> None:
         columns, marks = ", ".join(values), ", ".join("?" * len(values))
-        with self._database:
+        with self._lock, self._database:
             self._database.execute(f"INSERT INTO {table} ({columns}) VALUES ({marks})", list(values.values()))  # noqa: S608
 
     @hookimpl
@@ -95,7 +98,8 @@ class RunStore:
     @hookimpl
     def reply_received(self, reply: Reply) -> None:
         (self.folder / "replies" / f"{reply.request_id}.txt").write_text(reply.text, encoding="utf-8")
-        self._insert("replies", **vars(reply))
+        if self._open:  # one that comes after the end of an interrupted run is kept as a file
+            self._insert("replies", **vars(reply))
 
     @hookimpl
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
@@ -149,7 +153,9 @@ class RunStore:
 
     @hookimpl
     def run_ended(self) -> None:
-        self._database.close()
+        with self._lock:
+            self._open = False
+            self._database.close()
 
 
 def report(run: Run, result: Result) -> dict[str, Any]:
