@@ -9,6 +9,7 @@ are optional, and whatever else it holds is ignored.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +26,7 @@ from core.rules import WAYPOINT, SpawnRules, check_plan, check_tool, kind
 MAX_NAME = 200
 MAX_DESCRIPTION = 5000
 
+_SEPARATORS = re.compile(r"[\s,]*")
 _EXPECTED = 'expected an object {"strategies": [...]} with at least one strategy'
 
 # Models break lines inside texts, hence not strict. NaN and its like become texts, which no rule takes for a number.
@@ -178,7 +180,8 @@ def parse_reply(text: str) -> object:
     """The JSON document in a model's reply, with or without a fence or chatter around it.
 
     It is the first object that has strategies; failing that, the first object. ``NaN`` and ``Infinity`` are read as
-    texts.
+    texts. Of a document that is cut off or malformed from some strategy on, those before are kept, and a text that
+    says so stands for the rest, to be rejected with that as its reason.
 
     Raises:
         DesignError: there is no object, or it is malformed; with line and column.
@@ -203,10 +206,33 @@ def parse_reply(text: str) -> object:
             first = found if first is None else first
         start = text.find("{", end)
     if failure is not None:
+        saved = _save_complete(text)
+        if saved is not None:
+            return saved
         raise failure[1]
     if first is None:
         raise DesignError(f"the reply has no JSON object; {_EXPECTED}")
     return first
+
+
+def _save_complete(text: str) -> dict[str, Any] | None:
+    """The strategies before the first one that can't be read; None: there are none."""
+    opening = re.search(r'"strategies"\s*:\s*\[', text)
+    if opening is None:
+        return None
+    strategies: list[Any] = []
+    at = opening.end()
+    while (at := _SEPARATORS.match(text, at).end()) < len(text):  # type: ignore[union-attr]
+        try:
+            strategy, at = _DECODER.raw_decode(text, at)
+        except (ValueError, RecursionError):
+            break
+        strategies.append(strategy)
+    if not strategies:
+        return None
+    complete = text.startswith("]", at)  # then only commas were wrong
+    line = text.count("\n", 0, at) + 1
+    return {"strategies": strategies if complete else [*strategies, f"cut off or malformed at line {line}"]}
 
 
 def _why(error: Exception) -> str:

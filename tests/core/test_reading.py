@@ -277,11 +277,26 @@ def test_a_reply_without_an_object(reply):
 
 
 def test_malformed_json_is_located_at_its_outermost_object():
-    with pytest.raises(DesignError, match=r"malformed at line 3, column 3: Expecting"):
-        parse_reply('{"strategies": [\n  {"length": 1}\n  {"length": 2}]}')
-    cut = json.dumps({"strategies": [STRATEGY, STRATEGY]}, indent=1)[:-30]
+    with pytest.raises(DesignError, match=r"malformed at line 2, column 15: Expecting"):
+        parse_reply('{"strategies": [\n  {"length": 1;}\n  {"length": 2}]}')
+    cut = json.dumps({"strategies": [STRATEGY]}, indent=1)[:-30]
     with pytest.raises(DesignError, match=r"malformed at line \d+, column \d+"):
         parse_reply(f"Here {{it}} is:\n{cut}")
+
+
+def test_of_a_reply_that_is_cut_off_the_complete_strategies_are_kept():
+    whole = json.dumps({"scene_analysis": "x", "strategies": [STRATEGY, STRATEGY, STRATEGY]}, indent=1)
+    candidates = read_designs(parse_reply(f"Here it is:\n```json\n{whole[: -len(whole) // 4]}"), Rod(), SPAWN)
+    assert [c.problem is None for c in candidates] == [True] * 4 + [False]
+    assert "cut off or malformed at line" in candidates[-1].problem
+
+
+@pytest.mark.parametrize("between", ["\n", ",,", ", ,"])
+@pytest.mark.parametrize("end", ["]}", ",]}", "]"])
+def test_wrong_commas_between_strategies_cost_nothing(between, end):
+    strategy = json.dumps(STRATEGY)
+    candidates = read_designs(parse_reply('{"strategies": [' + strategy + between + strategy + end), Rod(), SPAWN)
+    assert [c.problem for c in candidates] == [None] * 4
 
 
 @pytest.mark.parametrize("constant", ["NaN", "Infinity", "-Infinity", "1e999"])
