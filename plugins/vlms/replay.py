@@ -1,0 +1,52 @@
+"""A past run's replies once more: other simulators or settings on the same designs, at no cost."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+from core.errors import UsageError, UserError
+from core.hooks import hookimpl
+from core.interfaces import VLM, Reply, Request
+
+
+@hookimpl
+def vlms() -> Mapping[str, Callable[..., VLM]]:
+    return {"replay": Replay}
+
+
+class Replay(VLM):
+    """Answers each request as the request of the same generation and agent was answered in a past run.
+
+    With other elites, as another simulator may choose them, later generations' replies don't know of them; the designs
+    are tried all the same.
+
+    Args:
+        run: the past run's folder.
+
+    Raises:
+        UserError: it holds no run.
+    """
+
+    def __init__(self, run: str = "") -> None:
+        if not run:
+            raise UsageError("vlm.run is empty; give the folder of a past run, such as vlm.run=runs/BringCube/...")
+        file = Path(run) / "run.sqlite"
+        if not file.is_file():
+            raise UserError(f"vlm.run={run} is no run folder: there is no run.sqlite in it")
+        try:
+            with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as database:
+                rows = database.execute("SELECT request_id, text, model, error FROM replies").fetchall()
+        except sqlite3.DatabaseError as error:
+            raise UserError(f"vlm.run={run}: the run's store can't be read: {error}") from error
+        self._replies = {row[0]: Reply(*row) for row in rows}
+        models = sorted({reply.model for reply in self._replies.values()})
+        self.model = f"replay of {', '.join(models) or 'nothing'} from {run}"
+
+    def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
+        missing = Reply("", "", self.model, error="the past run has no reply to this request")
+        for request in requests:
+            yield self._replies.get(request.id, replace(missing, request_id=request.id))
