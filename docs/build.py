@@ -122,7 +122,7 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 
     def runs(values: list[float]) -> str:
         return (
-            f"{np.mean(values):.2f} ({min(values):.2f} to {max(values):.2f})" if len(values) > 1 else f"{values[0]:.2f}"
+            f"{np.mean(values):.3f} ({min(values):.3f} to {max(values):.3f})" if len(values) > 1 else f"{values[0]:.3f}"
         )
 
     lines = [
@@ -133,7 +133,7 @@ def markdown(rows: list[dict[str, Any]]) -> str:
         means = " | ".join(runs(r[key]) for key in ("first", "designer", "twice", "gripper"))
         lines.append(f"| {r['task']} | {r['nothing']:.3f} | {r['reference']:.3f} | {means} | {r['seconds']:.2f} |")
     means = " | ".join(
-        f"{np.mean([np.mean(r[key]) for r in rows]):.2f}" for key in ("first", "designer", "twice", "gripper")
+        f"{np.mean([np.mean(r[key]) for r in rows]):.3f}" for key in ("first", "designer", "twice", "gripper")
     )
     lines.append(f"| **mean** | | | {means} | |")
     return "\n".join(lines) + "\n"
