@@ -12,8 +12,9 @@ import numpy as np
 from core.design import Tool
 from core.errors import UsageError, check_positive
 from core.geometry import Array
-from core.interfaces import Image, JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
+from core.interfaces import Image, Outcome, Rollout, Simulator, Task
 from core.kinematics import arm as panda_arm
+from core.playback import play
 from core.robot import FINGER_OPEN
 from core.scene import Camera, State
 from plugins.simulators.pybullet.engine import pybullet
@@ -66,7 +67,7 @@ class PyBulletSimulator(Simulator):
     def _one(self, task: Task, job: Rollout) -> Outcome:
         try:
             world = self._world(task, job)
-            return _play(world, job)
+            return play(world, job)
         except pybullet.error as error:
             return Outcome(None, None, error=f"PyBullet: {error}")
 
@@ -105,43 +106,3 @@ class PyBulletSimulator(Simulator):
         self._renderer.load(task, seed, tool)
         self._renderer.pose(arm, fingers, state if state is not None else task.scene(seed).state())
         return self._renderer.shoot(camera or task.camera, width, height)
-
-
-def _play(world: World, job: Rollout) -> Outcome:
-    """Settle, move, hold."""
-    trajectory, dt = job.trajectory, world.time_step
-    settle, hold = round(job.settle_s / dt), round(job.hold_s / dt)
-    moving = int(np.ceil(trajectory.duration / dt))
-    times: Array = np.arange(-settle, moving + hold, dtype=np.float64) * dt
-    every = max(1, round(1 / (job.record_hz * dt))) if job.record_hz > 0 else 0
-    arm, fingers, speeds, finger_speeds = _targets(trajectory, times, dt)
-
-    film: list[tuple[float, Array, Array, State]] = []
-    start = world.state() if settle == 0 else None
-    lag = 0.0
-    for k in range(len(times)):
-        if every and k % every == 0:
-            film.append((float(times[k]), *world.joints(), world.state()))
-        world.step(arm[k], fingers[k], speeds[k], finger_speeds[k])
-        if k == settle - 1:
-            start = world.state()
-        if k >= settle and k % 10 == 0:
-            lag = max(lag, float(np.abs(world.joints()[0] - arm[k]).max()))
-    if every:
-        film.append((float(times[-1] + dt), *world.joints(), world.state()))
-    end = world.state()
-    if not all(np.isfinite(x).all() for x in (end.positions, end.quaternions, end.linear_velocities)):
-        return Outcome(None, None, error="the simulation blew up: a body's state is not finite")
-    return Outcome(start, end, lag, recording=_recording(film) if film else None)
-
-
-def _targets(trajectory: JointTrajectory, times: Array, dt: float) -> tuple[Array, Array, Array, Array]:
-    """Targets at the end of each step that begins at ``times``, and the speeds that lead there."""
-    arm, fingers = trajectory.sample(times + dt)
-    before_arm, before_fingers = trajectory.sample(times)
-    return arm, fingers, (arm - before_arm) / dt, (fingers - before_fingers) / dt
-
-
-def _recording(film: list[tuple[float, Array, Array, State]]) -> Recording:
-    times, arms, fingers, states = zip(*film, strict=True)
-    return Recording(np.array(times), np.array(arms), np.array(fingers), State.stack(states))

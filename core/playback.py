@@ -1,0 +1,80 @@
+"""A job played in one world: settle, move, hold. The same for every engine that steps one world at a time."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import JointTrajectory, Outcome, Recording, Rollout
+from core.scene import State
+
+_LAG_EVERY = 10  # steps between two looks at how far the arm is behind
+
+
+class World(Protocol):
+    """An engine's world with scene and robot in it, the robot at the trajectory's first targets."""
+
+    time_step: float
+
+    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+        """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one
+        time step.
+        """
+        ...
+
+    def joints(self) -> tuple[Array, Array]:
+        """Arm (7,) and fingers (2,) as they are; fingers are 0 where there are none."""
+        ...
+
+    def state(self) -> State:
+        """Of the free bodies."""
+        ...
+
+
+def play(world: World, job: Rollout) -> Outcome:
+    """Settle, move, hold."""
+    trajectory, dt = job.trajectory, world.time_step
+    settle, times = schedule(job, dt)
+    every = max(1, round(1 / (job.record_hz * dt))) if job.record_hz > 0 else 0
+    arm, fingers, speeds, finger_speeds = targets(trajectory, times, dt)
+
+    film: list[tuple[float, Array, Array, State]] = []
+    start = world.state() if settle == 0 else None
+    lag = 0.0
+    for k in range(len(times)):
+        if every and k % every == 0:
+            film.append((float(times[k]), *world.joints(), world.state()))
+        world.step(arm[k], fingers[k], speeds[k], finger_speeds[k])
+        if k == settle - 1:
+            start = world.state()
+        if k >= settle and k % _LAG_EVERY == 0:
+            lag = max(lag, float(np.abs(world.joints()[0] - arm[k]).max()))
+    if every:
+        film.append((float(times[-1] + dt), *world.joints(), world.state()))
+    end = world.state()
+    if not all(np.isfinite(x).all() for x in (end.positions, end.quaternions, end.linear_velocities)):
+        return Outcome(None, None, error="the simulation blew up: a body's state is not finite")
+    return Outcome(start, end, lag, recording=_recording(film) if film else None)
+
+
+def schedule(job: Rollout, dt: float) -> tuple[int, Array]:
+    """The number of steps that settle, and the instants (S,) at which steps begin; 0 is the motion's first."""
+    settle, hold = round(job.settle_s / dt), round(job.hold_s / dt)
+    moving = int(np.ceil(job.trajectory.duration / dt))
+    return settle, np.arange(-settle, moving + hold, dtype=np.float64) * dt
+
+
+def targets(trajectory: JointTrajectory, times: Array, dt: float) -> tuple[Array, Array, Array, Array]:
+    """Targets at the end of each step that begins at ``times`` (S,), and the speeds that lead there: arm (S, 7),
+    fingers (S,), arm speeds (S, 7), finger speeds (S,).
+    """
+    arm, fingers = trajectory.sample(times + dt)
+    before_arm, before_fingers = trajectory.sample(times)
+    return arm, fingers, (arm - before_arm) / dt, (fingers - before_fingers) / dt
+
+
+def _recording(film: list[tuple[float, Array, Array, State]]) -> Recording:
+    times, arms, fingers, states = zip(*film, strict=True)
+    return Recording(np.array(times), np.array(arms), np.array(fingers), State.stack(states))
