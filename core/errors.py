@@ -15,6 +15,10 @@ class UsageError(UserError):
     """A command was told something that it doesn't understand."""
 
 
+class LimitReached(UserError):
+    """What a run may spend is spent: no further request is sent, and the run ends with its best so far."""
+
+
 def check_positive(where: str, **numbers: float) -> None:
     """Refuse numbers that are not finite and greater than 0.
 
