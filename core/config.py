@@ -97,12 +97,20 @@ class RenderConfig(BenchConfig):
     height: int = 480
 
 
+@dataclass
+class ConformanceConfig:
+    """What ``python -m core.conformance`` may be told."""
+
+    sim: dict[str, Any] = MISSING
+
+
 def register() -> None:
     """Make the schemas known to Hydra; the primary configs in ``conf/`` start from them."""
     store = ConfigStore.instance()
     store.store("run_schema", RunConfig)
     store.store("evaluate_schema", EvaluateConfig)
     store.store("render_schema", RenderConfig)
+    store.store("conformance_schema", ConformanceConfig)
 
 
 def load(name: str, overrides: Sequence[str]) -> DictConfig:

@@ -36,6 +36,8 @@ class World(Protocol):
 def play(world: World, job: Rollout) -> Outcome:
     """Settle, move, hold."""
     trajectory, dt = job.trajectory, world.time_step
+    if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
+        return Outcome(None, None, error="the trajectory's targets are not finite")
     settle, times = schedule(job, dt)
     every = max(1, round(1 / (job.record_hz * dt))) if job.record_hz > 0 else 0
     arm, fingers, speeds, finger_speeds = targets(trajectory, times, dt)

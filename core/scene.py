@@ -42,7 +42,8 @@ class Body:
 
     ``visuals`` are seen, ``collisions`` are felt (a `Mesh` there means its convex hull; hollow things are several
     convex parts; no collisions: a mark that nothing touches). The friction coefficient of a contact is the geometric
-    mean of the two bodies' ``friction``, in every engine. ``rolling_friction`` is the torsional arm in metres.
+    mean of the two bodies' ``friction``, in every engine. ``rolling_friction`` is the torsional arm in metres. The
+    restitution of a contact is the product of the two bodies'; the arm and its tools have none.
 
     Raises:
         ValueError: a negative mass, or a free body without collision parts.

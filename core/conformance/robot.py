@@ -1,0 +1,152 @@
+"""The arm and the hand: they follow, they hold, they yield, and go through nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.conformance.worlds import BARE, GREY, HAND, cube, end, expect, film, motion, move, stick, still, tip, wait
+from core.design import Component, Tool
+from core.geometry import Array, Box, Pose
+from core.interfaces import Simulator
+from core.kinematics import arm
+from core.robot import FINGER_OPEN
+from core.scene import Body, table
+
+_THROUGH = 0.003  # metres that an engine's contacts may give way
+
+
+def _lowest(tool: Tool, joints: Array) -> float:
+    """Height of the lowest corner of a rigid tool over joints (T, 7), metres."""
+    placed = tool.placed()
+    corners = np.concatenate([placed[c.name][1].apply(c.shape.to_trimesh().vertices) for c in tool.components])
+    return min(float(arm().forward(q).apply(corners)[:, 2].min()) for q in joints)
+
+
+def _pressed_down(simulator: Simulator, tool: Tool, x: float, y: float, below: float) -> None:
+    outcome = move(simulator, [[x, y, 0.32, 0, 0, 0], [x, y, below, 0, 0, 0]], table(), tool=tool, record_hz=100)
+    joints = film(outcome).arm
+    deepest = _lowest(tool, joints)
+    expect(deepest > -_THROUGH, f"a tool was pushed {-1000 * deepest:.1f} mm into the table")
+    last = _lowest(tool, joints[-1:])
+    expect(last < 0.005, f"a tool told to press on the table ended {1000 * last:.1f} mm above it")
+    lag = outcome.tracking_error_rad
+    expect(lag > 0.01, f"the table keeps the arm from its targets, but the tracking error is {lag:.4f} rad")
+
+
+def check_tool_stops_at_the_table(simulator: Simulator) -> None:
+    _pressed_down(simulator, stick(0.3), 0.5, 0.0, 0.25)
+    _pressed_down(simulator, stick(0.3), 0.6, 0.2, 0.25)
+
+
+def check_thin_blade_stops_at_the_table(simulator: Simulator) -> None:
+    shaft = stick(0.28).components[0]
+    blade = Component("blade", "stick", Pose(np.array([0.05, 0.0, -0.14])), Box((0.15, 0.1, 0.003)))
+    _pressed_down(simulator, Tool((shaft, blade)), 0.5, 0.0, 0.23)
+
+
+def check_body_is_not_pushed_through_the_table(simulator: Simulator) -> None:
+    plan = [[0.5, 0, 0.45, 0, 0, 0], [0.5, 0, 0.3, 0, 0, 0]]
+    outcome = move(simulator, plan, table(), cube(at=(0.5, 0, 0.05)), tool=stick(0.3), record_hz=100)
+    lowest = film(outcome).states.position("cube")[:, 2].min()
+    expect(lowest > 0.05 - _THROUGH, f"a cube under the tool was pushed {1000 * (0.05 - lowest):.1f} mm into the table")
+
+
+def check_tool_stops_at_a_wall(simulator: Simulator) -> None:
+    wall = Body.of("wall", Box((0.4, 0.02, 0.4)), (0.5, 0.0, 0.2), mass=0.0, color=GREY)
+    plan = [[0.5, -0.2, 0.4, 0, 0, 0], [0.5, 0.2, 0.4, 0, 0, 0]]
+    joints = film(move(simulator, plan, wall, tool=stick(0.25), record_hz=100)).arm
+    tips = tip(joints, (0.0, 0.0, -0.25))[:, 1]
+    begun = int(np.argmin(tips))
+    expect(tips[begun] < -0.15, "the tool did not come to where its sweep begins")
+    beyond = tips[begun:].max()  # half the wall and half the stick are 0.02
+    expect(beyond < 0.0, f"a tool swept at a wall 0.02 m thick came {1000 * (beyond + 0.02):.0f} mm into it")
+
+
+def check_joints_hold_against_gravity(simulator: Simulator) -> None:
+    for name, tool in (("nothing", BARE), ("the hand", HAND), ("a stick of 1 kg", stick(0.3, mass=1.0))):
+        outcome = wait(simulator, seconds=3.0, tool=tool, record_hz=20)
+        sag = np.abs(film(outcome).arm - still().arm[0]).max()
+        expect(sag < 2e-3, f"with {name} mounted the arm at rest is {sag:.4f} rad off its targets; at most 0.002")
+        lag = outcome.tracking_error_rad
+        expect(lag < 2e-3, f"with {name} mounted the tracking error at rest is {lag:.4f} rad; at most 0.002")
+
+
+def check_arm_follows_its_trajectory(simulator: Simulator) -> None:
+    plan = [[0.6, 0.2, 0.3, 0, 0.3, 0], [0.5, -0.2, 0.4, 0, 0, 0.5]]
+    outcome = move(simulator, plan, record_hz=100)
+    recording = film(outcome)
+    targets, _ = motion(plan).sample(recording.times)
+    miss = float(np.abs(recording.arm - targets).max())
+    expect(miss < 0.02, f"without contact the arm was {miss:.4f} rad off its trajectory; at most 0.02")
+    lag = outcome.tracking_error_rad
+    told = f"the tracking error is {lag:.4f} rad, the recording's largest miss {miss:.4f} rad"
+    expect(abs(lag - miss) < max(2e-3, 0.5 * miss), told)
+    there = arm().forward(recording.arm[-1]).position
+    gap = np.abs(there - plan[-1][:3]).max()
+    expect(gap < 1e-3, f"the end-effector ended {1000 * gap:.1f} mm from its last waypoint")
+
+
+def check_joint_torques_are_limited(simulator: Simulator) -> None:
+    """A bar of 0.3 m on the last joint (12 Nm) pushes a block with 40 N at most."""
+    bar = Component("bar", "panda_virtual", Pose(np.array([0.15, 0.0, -0.15])), Box((0.3, 0.02, 0.02)))
+    post = Component("post", "panda_virtual", Pose(np.array([0.0, 0.0, -0.07])), Box((0.02, 0.02, 0.14)))
+    plan = [[0.5, 0, 0.2, 0, 0, 0.6], [0.5, 0, 0.2, 0, 0, 0.0], [0.5, 0, 0.2, 0, 0, -0.6]]
+    for mass, goes in ((3.0, True), (20.0, False)):  # friction holds 15 N, and 98 N
+        block = Body.of("block", Box((0.08, 0.08, 0.1)), (0.76, -0.06, 0.05), mass=mass, color=GREY)
+        outcome = move(simulator, plan, table(), block, tool=Tool((post, bar)))
+        way = float(np.linalg.norm(end(outcome).position("block")[:2] - [0.76, -0.06]))
+        if goes:
+            expect(way > 0.05, f"the last joint has the torque to push a block of {mass} kg; it went {way:.3f} m")
+        else:
+            expect(way < 0.01, f"the last joint has no torque to push a block of {mass} kg; it went {way:.3f} m")
+
+
+def check_fingers_go_where_they_are_told(simulator: Simulator) -> None:
+    for grip in (0.0, 0.5, 1.0):
+        fingers = film(move(simulator, [[0.5, 0, 0.5, 0, 0, 0, grip]], tool=HAND, record_hz=10)).fingers
+        opened = np.abs(fingers[0] - FINGER_OPEN).max()
+        expect(opened < 1e-3, f"the fingers begin {1000 * opened:.1f} mm from open")
+        miss = np.abs(fingers[-1] - FINGER_OPEN * (1 - grip)).max()
+        expect(miss < 1e-3, f"at grip {grip} the fingers are {1000 * miss:.1f} mm from where they should be")
+
+
+_OVER = 0.1034 + 0.02  # the hand above the middle of what the fingertips hold
+
+
+def check_gripper_lifts_a_cube(simulator: Simulator) -> None:
+    plan: list[list[float]] = [[0.5, 0, _OVER, 0, 0, 0, 0], [0.5, 0, _OVER, 0, 0, 0, 1], [0.5, 0, 0.4, 0, 0, 0, 1]]
+    held = cube(at=(0.5, 0, 0.02), side=0.04, mass=0.2)
+    outcome = move(simulator, plan, table(), held, tool=HAND, record_hz=10, hold_s=2.0)
+    height, due = end(outcome).position("cube")[2], 0.4 - _OVER + 0.02
+    expect(abs(height - due) < 0.01, f"a gripped cube should have been lifted to {due:.3f} m; it is at {height:.3f} m")
+    gap = np.abs(film(outcome).fingers[-1] - 0.02).max()
+    expect(gap < 2e-3, f"fingers that hold a cube of 0.04 m should be 0.02 m from the middle; {1000 * gap:.1f} mm off")
+    dropped = move(simulator, [*plan, [0.5, 0, 0.4, 0, 0, 0, 0]], table(), held, tool=HAND, hold_s=2.0)
+    height = end(dropped).position("cube")[2]
+    expect(abs(height - 0.02) < 1e-3, f"a cube let go should lie on the table at 0.02 m; it is at {height:.3f} m")
+
+
+def check_gripper_squeezes_as_hard_as_the_hand_can(simulator: Simulator) -> None:
+    """Twice 70 N at a friction of sqrt(1.0 * 0.5) hold 10 kg against gravity: 4 kg are lifted, 16 kg are not."""
+    plan = [[0.5, 0, _OVER, 0, 0, 0, 0], [0.5, 0, _OVER, 0, 0, 0, 1], [0.5, 0, 0.2, 0, 0, 0, 1]]
+    for mass, rises in ((4.0, True), (16.0, False)):
+        held = cube(at=(0.5, 0, 0.02), side=0.04, mass=mass)
+        height = end(move(simulator, plan, table(), held, tool=HAND)).position("cube")[2]
+        if rises:
+            expect(height > 0.08, f"the hand can hold {mass} kg; the cube is at {height:.3f} m instead of 0.1")
+        else:
+            expect(height < 0.04, f"the hand can't hold {mass} kg, and lifted it to {height:.3f} m")
+
+
+CHECKS = (
+    check_tool_stops_at_the_table,
+    check_thin_blade_stops_at_the_table,
+    check_body_is_not_pushed_through_the_table,
+    check_tool_stops_at_a_wall,
+    check_joints_hold_against_gravity,
+    check_arm_follows_its_trajectory,
+    check_joint_torques_are_limited,
+    check_fingers_go_where_they_are_told,
+    check_gripper_lifts_a_cube,
+    check_gripper_squeezes_as_hard_as_the_hand_can,
+)

@@ -1,0 +1,144 @@
+"""What the checks put before a simulator: small worlds, sticks for tools, an arm that waits or moves."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from core.design import Component, Tool
+from core.geometry import Array, Box, Pose, Shape, Vector
+from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
+from core.kinematics import arm
+from core.robot import FINGER_OPEN
+from core.scene import Body, Color, Part, Scene, State
+from core.trajectory import plan_motion
+
+GREY: Color = (0.5, 0.5, 0.5, 1.0)
+FAR = (3.0, 3.0, 0.0)  # from the arm
+HOME = Pose(np.array([0.5, 0.0, 0.5]))
+GRAVITY = 9.81
+BARE = Tool()
+HAND = Tool(gripper=True)
+
+
+class Bodies(Task):
+    """A task of these bodies, in which nothing is earned."""
+
+    description = "Bodies."
+    goals = ()
+
+    def __init__(self, *bodies: Body, name: str = "Bodies") -> None:
+        self.name = name  # type: ignore[misc]  # a class variable elsewhere
+        self._scene = Scene(bodies)
+
+    def scene(self, seed: int) -> Scene:
+        return self._scene
+
+    def reward(self, start: State, end: State) -> Array:
+        return np.zeros(start.positions.shape[:-2])
+
+
+def expect(condition: object, message: str) -> None:
+    """Like assert, also where asserts are switched off.
+
+    Raises:
+        AssertionError: with the message.
+    """
+    if not condition:
+        raise AssertionError(message)
+
+
+def cube(name: str = "cube", at: Vector = (0.0, 0.0, 0.0), side: float = 0.1, mass: float = 1.0) -> Body:
+    return Body.of(name, Box((side, side, side)), at, mass=mass, color=GREY)
+
+
+def part(shape: Shape, *at: float) -> Part:
+    return Part(shape, Pose(np.array(at or (0.0, 0.0, 0.0))))
+
+
+def compound(name: str, *parts: Part, at: Vector, mass: float, rpy: Vector = (0.0, 0.0, 0.0)) -> Body:
+    return Body(name, Pose.xyz_rpy(at, rpy), mass, parts, parts)
+
+
+def slope(tilt: float, friction: float) -> Body:
+    """A fixed slope, far from the arm, that falls ``tilt`` radians toward +x; its frame is in the middle of a slab 0.1
+    thick.
+    """
+    return Body.of("slope", Box((4.0, 1.0, 0.1)), FAR, mass=0.0, color=GREY, rpy=(0.0, tilt, 0.0), friction=friction)
+
+
+def stick(length: float, mass: float = 0.005) -> Tool:
+    """A rigid tool: a box 0.02 m wide that hangs down from the flange."""
+    pose = Pose(np.array([0.0, 0.0, -length / 2]))
+    return Tool((Component("stick", "panda_virtual", pose, Box((0.02, 0.02, length)), mass),))
+
+
+@lru_cache(maxsize=1)
+def still() -> JointTrajectory:
+    """The arm stays home, the fingers open."""
+    return JointTrajectory(np.zeros(1), arm().home_for(HOME)[None], np.array([FINGER_OPEN]))
+
+
+def motion(plan: object) -> JointTrajectory:
+    """From home through waypoints (N, 6) or (N, 7), see `core.design.Candidate`."""
+    return plan_motion(np.array(plan, dtype=np.float64), HOME, arm()).trajectory
+
+
+def wait(
+    simulator: Simulator,
+    *bodies: Body,
+    seconds: float = 1.0,
+    settle_s: float = 0.0,
+    record_hz: float = 0.0,
+    tool: Tool = BARE,
+) -> Outcome:
+    """What becomes of bodies while the arm stays home."""
+    return run(simulator, bodies, Rollout(tool, still(), 0, settle_s, seconds, record_hz))
+
+
+def move(
+    simulator: Simulator,
+    plan: object,
+    *bodies: Body,
+    tool: Tool = BARE,
+    record_hz: float = 0.0,
+    hold_s: float = 0.5,
+) -> Outcome:
+    """What comes of a motion through waypoints."""
+    return run(simulator, bodies, Rollout(tool, motion(plan), 0, 0.1, hold_s, record_hz))
+
+
+def run(simulator: Simulator, bodies: tuple[Body, ...], job: Rollout) -> Outcome:
+    """One job in a world of these bodies; it may not break."""
+    (outcome,) = simulator.rollout(Bodies(*bodies), [job])
+    expect(outcome.error is None, f"a rollout broke: {outcome.error}")
+    return outcome
+
+
+def start(outcome: Outcome) -> State:
+    expect(outcome.start is not None, "an outcome without an error has no start state")
+    assert outcome.start is not None
+    return outcome.start
+
+
+def end(outcome: Outcome) -> State:
+    expect(outcome.end is not None, "an outcome without an error has no end state")
+    assert outcome.end is not None
+    return outcome.end
+
+
+def film(outcome: Outcome) -> Recording:
+    expect(outcome.recording is not None, "record_hz was given, and nothing was recorded")
+    assert outcome.recording is not None
+    return outcome.recording
+
+
+def angle_between(one: Pose, other: Pose) -> float:
+    """Radians."""
+    return float((one.rotation.inv() * other.rotation).magnitude())
+
+
+def tip(joints: Array, point: Vector) -> Array:
+    """Where points of the end-effector's frame are in the world, over joints (T, 7): (T, 3)."""
+    return np.array([arm().forward(q).apply(point) for q in joints])
