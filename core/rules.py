@@ -1,16 +1,10 @@
-"""What every design must keep, whatever representation wrote it: limits of tools and plans, and a clear spawn.
-
-Distances between solids are Coal's; a mesh counts as its convex hull, as it does for every engine.
-"""
+"""What every design must keep, whatever representation wrote it: limits of tools and plans, and a clear spawn."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import coal
 import numpy as np
@@ -19,10 +13,11 @@ import trimesh
 from lxml import etree
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
-from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Array, Box, Cylinder, Pose
 from core.interfaces import Task
 from core.kinematics import arm
 from core.robot import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, assemble
+from core.solids import Solid, Solids, body_solids, hull, signed_distance, solid_geometry
 
 MAX_COMPONENTS = 100
 MIN_SIDE_M = 0.0005
@@ -45,60 +40,13 @@ _TOUCH_M = 1e-5  # as exactly as inverse kinematics finds the home pose
 _CARRIER = "panda_link7"  # has the flange
 
 
-@dataclass(frozen=True, eq=False)
-class _Solid:
-    """A shape of Coal's and where it stands in some frame; ``name`` is the link's or body's that it belongs to."""
-
-    name: str
-    geometry: Any
-    pose: Pose
-
-    @property
-    def transform(self) -> Any:
-        return coal.Transform3s(self.pose.rotation.as_matrix(), self.pose.position)
-
-    def bounds(self) -> tuple[Array, Array]:
-        """Centre (3,) and half lengths (3,) of a box along the frame's axes that holds it."""
-        self.geometry.computeLocalAABB()
-        local = self.geometry.aabb_local
-        half = np.abs(self.pose.rotation.as_matrix()) @ ((local.max_ - local.min_) / 2)
-        return self.pose.apply((local.max_ + local.min_) / 2), half
-
-
-def _hull(mesh: trimesh.Trimesh) -> Any:
-    hull = mesh.convex_hull
-    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    points.extend(np.asarray(hull.vertices, dtype=np.float64))
-    faces.extend(coal.Triangle(*(int(corner) for corner in face)) for face in hull.faces)
-    return coal.Convex(points, faces)
-
-
-def _geometry(shape: Shape) -> Any:
-    match shape:
-        case Box(size):
-            return coal.Box(*size)
-        case Sphere(radius):
-            return coal.Sphere(radius)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Mesh():
-            return _hull(shape.to_trimesh())
-
-
-def _signed_distance(a: _Solid, b: _Solid) -> float:
-    """Metres between two solids in one frame; negative is how deep one is in the other."""
-    return float(
-        coal.distance(a.geometry, a.transform, b.geometry, b.transform, coal.DistanceRequest(), coal.DistanceResult())
-    )
-
-
 def box_gap(a: Box, pose_a: Pose, b: Box, pose_b: Pose) -> float:
     """Metres between two boxes, both poses in one frame; 0 if they touch or overlap."""
-    return max(0.0, _signed_distance(_Solid("", _geometry(a), pose_a), _Solid("", _geometry(b), pose_b)))
+    return max(0.0, signed_distance(Solid("", solid_geometry(a), pose_a), Solid("", solid_geometry(b), pose_b)))
 
 
 @lru_cache(maxsize=2)
-def _robot_solids(gripper: bool) -> tuple[_Solid, ...]:
+def _robot_solids(gripper: bool) -> tuple[Solid, ...]:
     """The collision shapes of the robot without a tool, each in the frame of its link."""
     solids = []
     robot = etree.fromstring(assemble(Tool(gripper=gripper), visuals=False))
@@ -108,14 +56,14 @@ def _robot_solids(gripper: bool) -> tuple[_Solid, ...]:
             if box is not None:
                 geometry = coal.Box(*_floats(box.get("size")))
             elif mesh is not None:
-                geometry = _hull(trimesh.load_mesh(mesh.get("filename")))
+                geometry = hull(trimesh.load_mesh(mesh.get("filename")))
             else:
                 raise ValueError(
                     f"the robot's description: {link.get('name')} has a shape that is neither box nor mesh"
                 )
             origin = collision.find("origin")
             pose = Pose() if origin is None else Pose.xyz_rpy(_floats(origin.get("xyz")), _floats(origin.get("rpy")))
-            solids.append(_Solid(str(link.get("name")), geometry, pose))
+            solids.append(Solid(str(link.get("name")), geometry, pose))
     return tuple(solids)
 
 
@@ -157,22 +105,22 @@ def _check_component(component: Component) -> None:
         )
 
 
-def _mount_solids(mount: str) -> list[_Solid]:
+def _mount_solids(mount: str) -> list[Solid]:
     if mount == RIGID_MOUNT:
-        return [_Solid(mount, _geometry(FLANGE), Pose())]
+        return [Solid(mount, solid_geometry(FLANGE), Pose())]
     return [solid for solid in _robot_solids(True) if solid.name == mount]
 
 
 def _check_contacts(tool: Tool) -> None:
     mounts = {mount: _mount_solids(mount) for mount in tool.mounts}
-    geometries = {component.name: _geometry(component.shape) for component in tool.components}
+    geometries = {component.name: solid_geometry(component.shape) for component in tool.components}
     for component in tool.components:
-        solid = _Solid(component.name, geometries[component.name], component.pose)
+        solid = Solid(component.name, geometries[component.name], component.pose)
         on_mount = component.parent in mounts
         parents = (
-            mounts[component.parent] if on_mount else [_Solid(component.parent, geometries[component.parent], Pose())]
+            mounts[component.parent] if on_mount else [Solid(component.parent, geometries[component.parent], Pose())]
         )
-        gap = min(_signed_distance(solid, parent) for parent in parents)
+        gap = min(signed_distance(solid, parent) for parent in parents)
         if gap > (MAX_MOUNT_GAP_M if on_mount else MAX_GAP_M):
             what = "its mount " if on_mount else "its parent "
             raise DesignError(
@@ -243,21 +191,6 @@ def shorten(text: str, length: int = 40) -> str:
 # --- the spawn --------------------------------------------------------------------------------------------------
 
 
-class _Obstacles:
-    """Solids that stand still in the world; bounding boxes tell quickly which of them can be near."""
-
-    def __init__(self, solids: Iterable[_Solid]) -> None:
-        self._solids = tuple(solids)
-        bounds = [solid.bounds() for solid in self._solids]
-        self._centers = np.array([center for center, _ in bounds]).reshape(-1, 3)
-        self._halves = np.array([half for _, half in bounds]).reshape(-1, 3)
-
-    def near(self, solid: _Solid) -> list[_Solid]:
-        center, half = solid.bounds()
-        close = (np.abs(self._centers - center) <= self._halves + half + _TOUCH_M).all(axis=1)
-        return [self._solids[i] for i in np.flatnonzero(close)]
-
-
 class SpawnRules:
     """Where a tool may not be when a rollout of ``task`` with the scene of ``seed`` begins: in the arm, or at a body.
 
@@ -271,12 +204,8 @@ class SpawnRules:
     def __init__(self, task: Task, seed: int) -> None:
         self.task = task
         self._joints = arm().home_for(task.home)
-        self._scene = _Obstacles(
-            _Solid(body.name, _geometry(part.shape), body.pose @ part.pose)
-            for body in task.scene(seed).bodies
-            for part in body.collisions
-        )
-        self._robots: dict[bool, tuple[_Obstacles, dict[str, Pose]]] = {}
+        self._scene = Solids(solid for body in task.scene(seed).bodies for solid in body_solids(body))
+        self._robots: dict[bool, tuple[Solids, dict[str, Pose]]] = {}
 
     def check(self, tool: Tool) -> None:
         """Refuse a tool that starts inside the arm, the scene, or its own other half.
@@ -287,22 +216,22 @@ class SpawnRules:
         robot, frames = self._robot(tool.gripper)
         placed = tool.placed()
         solids = {
-            c.name: _Solid(c.name, _geometry(c.shape), frames[placed[c.name][0]] @ placed[c.name][1])
+            c.name: Solid(c.name, solid_geometry(c.shape), frames[placed[c.name][0]] @ placed[c.name][1])
             for c in tool.components
         }
         _check_two_halves(solids, placed)
         for component in tool.components:
             mount, solid = placed[component.name][0], solids[component.name]
             carrier = mount if tool.gripper else _CARRIER
-            for link in robot.near(solid):
-                depth = 0.0 if link.name == carrier else -_signed_distance(solid, link)
+            for link in robot.near(solid, _TOUCH_M):
+                depth = 0.0 if link.name == carrier else -signed_distance(solid, link)
                 if depth > MAX_ARM_OVERLAP_M:
                     raise DesignError(
                         f"component {component.name!r} starts {depth * 1000:.1f} mm inside the arm ({link.name}); "
                         "move it away from the arm, or bend the tool around it"
                     )
-            for body in self._scene.near(solid):
-                depth = -_signed_distance(solid, body)
+            for body in self._scene.near(solid, _TOUCH_M):
+                depth = -signed_distance(solid, body)
                 if depth > -_TOUCH_M:
                     how = f"{depth * 1000:.1f} mm inside" if depth > _TOUCH_M else "touching"
                     raise DesignError(
@@ -310,20 +239,20 @@ class SpawnRules:
                         "shorten or turn the tool so that it starts clear of everything"
                     )
 
-    def _robot(self, gripper: bool) -> tuple[_Obstacles, dict[str, Pose]]:
+    def _robot(self, gripper: bool) -> tuple[Solids, dict[str, Pose]]:
         """The robot's solids, and the world poses of its links."""
         if gripper not in self._robots:
             frames = _link_frames(self._joints, gripper)
-            solids = (_Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in _robot_solids(gripper))
-            self._robots[gripper] = _Obstacles(solids), frames
+            solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in _robot_solids(gripper))
+            self._robots[gripper] = Solids(solids), frames
         return self._robots[gripper]
 
 
-def _check_two_halves(solids: dict[str, _Solid], placed: dict[str, tuple[str, Pose]]) -> None:
+def _check_two_halves(solids: dict[str, Solid], placed: dict[str, tuple[str, Pose]]) -> None:
     """What moves with one finger must start clear of what moves with the other."""
     for one, other in itertools.combinations(solids, 2):
         if placed[one][0] != placed[other][0]:
-            depth = -_signed_distance(solids[one], solids[other])
+            depth = -signed_distance(solids[one], solids[other])
             if depth > MAX_ARM_OVERLAP_M:
                 raise DesignError(
                     f"components {one!r} and {other!r}, on different fingers, start {depth * 1000:.1f} mm inside each "
