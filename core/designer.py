@@ -127,20 +127,18 @@ class ModelDesigner:
             yield self._lost(brief, f"the model gave no answer: {reply.error}")
             return
         try:
-            candidates = read_designs(
+            yield from read_designs(
                 parse_reply(reply.text),
                 self.representation,
                 self._spawn,
                 generation=brief.generation,
                 agent=brief.agent,
                 elites=tuple(elite.candidate.id for elite in brief.elites),
+                n_tool=brief.n_tool,
+                n_action=brief.n_action,
             )
         except DesignError as error:
             yield self._lost(brief, f"the reply can't be read: {error}")
-            return
-        for candidate in candidates:
-            if candidate.strategy < brief.n_tool and candidate.action < brief.n_action:
-                yield candidate
 
     @staticmethod
     def _lost(brief: Brief, problem: str) -> Candidate:

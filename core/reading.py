@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,19 @@ from core.rules import WAYPOINT, SpawnRules, check_plan, check_tool, kind
 MAX_NAME = 200
 MAX_DESCRIPTION = 5000
 
+MAX_REPLY = 5_000_000  # characters: some ten times what the longest answer of a model takes
+MAX_MALFORMED = 100  # strategies of a malformed reply, or
+MAX_SAVED = 1000  # sound ones; what comes after so many is not looked at
+
 _SEPARATORS = re.compile(r"[\s,]*")
+_OPENING = re.compile(r'"strategies"\s*:\s*\[')
+_STRATEGY = re.compile(r'\{\s*"(?:parents|strategy_name)"\s*:')  # how one begins, by the schema
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+
+# A text (to its end, or the reply's), or what JSON does not allow: a comment, or a comma before a bracket that closes.
+# Possessive, so that no text of whatever kind is gone over twice.
+_LOOSE = re.compile(r'"(?:[^"\\]++|\\.)*+(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)|,(?=\s*[]}])', re.DOTALL)
+
 _EXPECTED = 'expected an object {"strategies": [...]} with at least one strategy'
 
 # Models break lines inside texts, hence not strict. NaN and its like become texts, which no rule takes for a number.
@@ -41,8 +53,11 @@ def read_designs(
     generation: int = 0,
     agent: int = 0,
     elites: tuple[str, ...] = (),
+    n_tool: int | None = None,
+    n_action: int | None = None,
 ) -> list[Candidate]:
-    """One candidate per action plan, in order, numbered by strategy and action from 0.
+    """One candidate per action plan, in order, numbered by strategy and action from 0; of the first ``n_tool``
+    strategies, and of each the first ``n_action`` plans (None: of all).
 
     A design that breaks a rule gives candidates with a `Candidate.problem`: all of the strategy's if the tool is at
     fault, and a single one where the plans can't be counted. Candidates of a strategy share one tool. Of the
@@ -52,9 +67,9 @@ def read_designs(
         DesignError: the document has no strategies at all.
     """
     candidates: list[Candidate] = []
-    for number, strategy in enumerate(_strategies(document)):
+    for number, strategy in enumerate(_strategies(document)[:n_tool]):
         base = Candidate(None, _no_plan(False), generation, agent, number, parents=_read_parents(strategy, elites))
-        candidates += _read_strategy(strategy, base, representation, spawn)
+        candidates += _read_strategy(strategy, base, representation, spawn, n_action)
     return candidates
 
 
@@ -72,9 +87,11 @@ def _strategies(document: object) -> list[Any]:
 
 
 def _read_strategy(
-    strategy: object, base: Candidate, representation: ToolRepresentation, spawn: SpawnRules
+    strategy: object, base: Candidate, representation: ToolRepresentation, spawn: SpawnRules, n_action: int | None
 ) -> Iterator[Candidate]:
     try:
+        if isinstance(strategy, Unread):
+            raise DesignError(strategy.reason)  # noqa: TRY301
         if not isinstance(strategy, dict):
             raise DesignError(f"the strategy is {kind(strategy)}, not an object")  # noqa: TRY301
         given = representation.given(spawn.task)
@@ -87,7 +104,7 @@ def _read_strategy(
             action_description=_read_text(strategy, "action_description", MAX_DESCRIPTION),
         )
     except DesignError as error:
-        for action in range(_count_plans(strategy)):
+        for action in range(_count_plans(strategy))[:n_action]:
             yield replace(base, action=action, problem=str(error))
         return
 
@@ -97,10 +114,10 @@ def _read_strategy(
     except DesignError as error:
         yield replace(base, tool=tool, problem=tool_problem or str(error))
         return
-    for action, raw in enumerate(plans):
+    for action, raw in enumerate(plans[:n_action]):
         plan, plan_problem = base.plan, None
         try:
-            plan = check_plan(raw, gripper=gripper)
+            plan = check_plan(_with_numbers(raw), gripper=gripper)
         except DesignError as error:
             plan_problem = f"action plan {action + 1}: {error}"
         yield replace(base, tool=tool, plan=plan, action=action, problem=tool_problem or plan_problem)
@@ -163,6 +180,19 @@ def _read_action_sets(strategy: dict[Any, Any]) -> list[Any]:
     return plans
 
 
+def _with_numbers(plan: object) -> object:
+    """``plan`` with numbers for the texts in its waypoints that are plain decimal numbers."""
+    if not isinstance(plan, list):
+        return plan
+    return [[_as_number(v) for v in waypoint] if isinstance(waypoint, list) else waypoint for waypoint in plan]
+
+
+def _as_number(value: object) -> object:
+    if isinstance(value, str) and len(value) < 100 and _NUMBER.fullmatch(value.strip()):
+        return float(value)
+    return value
+
+
 def _count_plans(strategy: object) -> int:
     """How many candidates a strategy that can't be read stands for."""
     plans = strategy.get("action_sets") if isinstance(strategy, dict) else None
@@ -176,20 +206,32 @@ def _no_plan(gripper: bool) -> Array:
 # --- text and files ---------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class Unread:
+    """Stands for a strategy that could not be read, and says why."""
+
+    reason: str
+
+
 def parse_reply(text: str) -> object:
     """The JSON document in a model's reply, with or without a fence or chatter around it.
 
     It is the first object that has strategies; failing that, the first object. ``NaN`` and ``Infinity`` are read as
-    texts. Of a document that is cut off or malformed from some strategy on, those before are kept, and a text that
-    says so stands for the rest, to be rejected with that as its reason.
+    texts. Where the document is malformed, its strategies are read one by one: comments and commas too many are
+    overlooked, and in the place of each strategy that is cut off or malformed all the same stands an `Unread`. Beyond
+    `MAX_REPLY` characters a reply counts as cut off.
 
     Raises:
-        DesignError: there is no object, or it is malformed; with line and column.
+        DesignError: there is no object, or it is malformed and no strategy in it is sound; with line and column.
     """
+    text = text[:MAX_REPLY]
     first: object = None
     failure: tuple[int, DesignError] | None = None
     start = text.find("{")
-    while start >= 0:
+    # A failure costs a count of all lines before it; so many can be had within a second or two.
+    for _ in range(100 + 1_000_000_000 // max(1, len(text))):
+        if start < 0:
+            break
         try:
             found, end = _DECODER.raw_decode(text, start)
         except json.JSONDecodeError as error:
@@ -206,7 +248,7 @@ def parse_reply(text: str) -> object:
             first = found if first is None else first
         start = text.find("{", end)
     if failure is not None:
-        saved = _save_complete(text)
+        saved = _save_sound(text)
         if saved is not None:
             return saved
         raise failure[1]
@@ -215,24 +257,47 @@ def parse_reply(text: str) -> object:
     return first
 
 
-def _save_complete(text: str) -> dict[str, Any] | None:
-    """The strategies before the first one that can't be read; None: there are none."""
-    opening = re.search(r'"strategies"\s*:\s*\[', text)
+def _save_sound(text: str) -> dict[str, Any] | None:
+    """The strategies of a malformed document, read one by one; None: none of them is sound."""
+    opening = _OPENING.search(text)
     if opening is None:
         return None
     strategies: list[Any] = []
-    at = opening.end()
-    while (at := _SEPARATORS.match(text, at).end()) < len(text):  # type: ignore[union-attr]
+    malformed = 0
+    at, end = opening.end(), len(text)
+    loosened = False
+    while (at := _SEPARATORS.match(text, at).end()) < end and text[at] != "]":  # type: ignore[union-attr]
         try:
             strategy, at = _DECODER.raw_decode(text, at)
         except (ValueError, RecursionError):
-            break
-        strategies.append(strategy)
-    if not strategies:
+            if not loosened:
+                text, loosened = text[:at] + _LOOSE.sub(_blank, text[at:]), True
+                continue
+            malformed += 1
+            strategies.append(_unread(text, at))
+            following = _STRATEGY.search(text, at + 1)
+            if following is None or malformed == MAX_MALFORMED:
+                break
+            at = following.start()
+        else:
+            strategies.append(strategy)
+            if len(strategies) >= MAX_SAVED:
+                break
+    if len(strategies) == malformed:
         return None
-    complete = text.startswith("]", at)  # then only commas were wrong
+    if at >= end and not malformed:
+        strategies.append(_unread(text, at))
+    return {"strategies": strategies}
+
+
+def _unread(text: str, at: int) -> Unread:
     line = text.count("\n", 0, at) + 1
-    return {"strategies": strategies if complete else [*strategies, f"cut off or malformed at line {line}"]}
+    return Unread(f"the strategy is cut off or malformed (it begins at line {line} of the reply)")
+
+
+def _blank(found: re.Match[str]) -> str:
+    """A text as it is; else as many blanks, and the line breaks, so that places stay what they are."""
+    return found[0] if found[0].startswith('"') else re.sub(r"[^\n]", " ", found[0])
 
 
 def _why(error: Exception) -> str:

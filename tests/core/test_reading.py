@@ -1,5 +1,6 @@
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from core.design import Component, DesignError, Tool
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Task, ToolRepresentation
-from core.reading import clean, dump_design, load_designs, parse_reply, read_designs
+from core.reading import MAX_SAVED, clean, dump_design, load_designs, parse_reply, read_designs
 from core.rules import SpawnRules
 from core.scene import Body, Scene, table
 
@@ -288,7 +289,95 @@ def test_of_a_reply_that_is_cut_off_the_complete_strategies_are_kept():
     whole = json.dumps({"scene_analysis": "x", "strategies": [STRATEGY, STRATEGY, STRATEGY]}, indent=1)
     candidates = read_designs(parse_reply(f"Here it is:\n```json\n{whole[: -len(whole) // 4]}"), Rod(), SPAWN)
     assert [c.problem is None for c in candidates] == [True] * 4 + [False]
-    assert "cut off or malformed at line" in candidates[-1].problem
+    assert re.search(r"cut off or malformed \(it begins at line \d+ of the reply\)", candidates[-1].problem)
+
+
+def test_a_reply_cut_off_between_strategies_says_so():
+    whole = '{"strategies": [' + json.dumps(STRATEGY) + ",\n"
+    *good, cut = read_designs(parse_reply(whole), Rod(), SPAWN)
+    assert [c.problem for c in good] == [None, None]
+    assert "cut off or malformed (it begins at line 2 of the reply)" in cut.problem
+
+
+def test_strategies_after_a_malformed_one_are_kept():
+    first, *_ = whole = [json.dumps({**STRATEGY, "strategy_name": str(n)}) for n in range(4)]
+    broken = whole[1].replace("[[", "[[;", 1)
+    text = '{"strategies": [' + ",\n".join([first, broken, broken, whole[3]]) + "]}"
+    candidates = read_designs(parse_reply(text), Rod(), SPAWN)
+    assert [(c.strategy, c.problem is None) for c in candidates] == [
+        *([(0, True)] * 2), (1, False), (2, False), *([(3, True)] * 2)
+    ]  # fmt: skip
+    assert candidates[-1].strategy_name == "3"
+    assert "line 2 " in candidates[2].problem
+    assert "line 3 " in candidates[3].problem
+
+
+@pytest.mark.parametrize(
+    "loose",
+    [
+        TEXT.replace("]", ", ]").replace("}]", ",\n}]"),
+        TEXT.replace("]", '] // up ] "\n'),
+        TEXT.replace("[[0", "/* it's \" a\ncomment */ [[0", 1),
+        'Say " and {' + TEXT.replace("]", ",]"),
+    ],
+)
+def test_comments_and_commas_too_many_are_overlooked(loose):
+    tricky = loose.replace("'{a}'", "'{a},] /* // */'")  # within a text they stay
+    assert parse_reply(tricky)["strategies"] == [
+        {
+            **DOCUMENT["strategies"][0],
+            "tool_urdf": DOCUMENT["strategies"][0]["tool_urdf"].replace("{a}", "{a},] /* // */"),
+        }
+    ]
+
+
+def test_numbers_may_be_texts():
+    plans = [
+        [[" 0.5", "0", "4e-1", "-0.10", ".5", "+1."]],
+        [["0.5", "0", "0.4", "pi/2", "0", "0"]],
+        [["1e999", *"00000"]],
+    ]
+    good, bad, far = read({**STRATEGY, "action_sets": plans})
+    np.testing.assert_array_equal(good.plan, [[0.5, 0, 0.4, -0.1, 0.5, 1.0]])
+    assert bad.problem == "action plan 2: waypoint 1: roll must be a number, not the text 'pi/2'"
+    assert "a finite number is needed" in far.problem
+
+
+def test_no_more_is_read_than_was_asked_for():
+    rods = Rod()
+    document = {
+        "strategies": [{**STRATEGY, "action_sets": [PLAN] * 5}, {**STRATEGY, "gripper": 1, "action_sets": [1] * 5}] * 3
+    }
+    candidates = read_designs(document, rods, SPAWN, n_tool=2, n_action=3)
+    assert [c.key[2:] for c in candidates] == [(s, p) for s in range(2) for p in range(3)]
+    assert rods.parsed == 1
+
+
+HUGE = 20_000_000
+
+
+@pytest.mark.parametrize(
+    "endless",
+    [
+        *("x", "{", "[", '"', "9", "/*", ", ", '{"', '\\"', '{"a":'),
+        *('{"strategies": [', '{"strategies": [],', '{"strategies": [{"strategy_name": 1, '),
+    ],
+)
+@pytest.mark.parametrize("before", ["", '{"strategies": ['])
+def test_twenty_megabytes_of_anything_are_read_or_refused(before, endless):
+    try:
+        document = parse_reply(before + endless * (HUGE // len(endless)))
+    except DesignError as error:
+        document, reason = {}, str(error)
+        assert len(reason) < 300
+    assert len(document.get("strategies", ())) <= MAX_SAVED
+
+
+def test_of_twenty_megabytes_the_sound_strategies_at_the_front_are_kept():
+    strategy = json.dumps(STRATEGY)
+    text = '{"strategies": [' + ", ".join([strategy] * 3) + ', {"strategy_name": "' + "x" * HUGE
+    candidates = read_designs(parse_reply(text), Rod(), SPAWN)
+    assert [c.problem is None for c in candidates] == [True] * 6 + [False]
 
 
 @pytest.mark.parametrize("between", ["\n", ",,", ", ,"])
