@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from core.design import Evaluation, best_first
-from core.interfaces import Budget, Task, ToolRepresentation
+from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What listeners are told of a run. ``parts`` are the names chosen, by kind; ``config`` is all of it, resolved."""
+    """What listeners are told of a run. ``parts`` are the names chosen, by kind; ``config`` is all of it, resolved.
+
+    ``simulator`` is the main process's own, idle while listeners are told something: with ``settings`` a listener can
+    play a candidate again, to see what it does.
+    """
 
     folder: Path
     config: dict[str, Any]
@@ -23,6 +27,8 @@ class Run:
     representation: ToolRepresentation
     budget: Budget
     seed: int
+    simulator: Simulator | None = None
+    settings: RolloutSettings = field(default_factory=RolloutSettings)
 
 
 @dataclass(frozen=True, eq=False)

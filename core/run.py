@@ -76,7 +76,7 @@ def run(cfg: DictConfig, folder: Path) -> Result:
     events.register(RunStore(folder), "store")  # from here on the folder is this run's
     save_picture(picture, folder / "scene.png")
     parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "executor")}
-    this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed)
+    this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     try:
         events.hook.run_started(run=this)
         with executor:
