@@ -1,16 +1,25 @@
-"""Worker processes on this machine."""
+"""Worker processes on this machine.
+
+Each worker has a pipe of its own, and a thread here that waits at its end. Workers share no lock and no queue, so that
+one that dies, however and whenever, is noticed at once and takes nothing along but its chunk.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
+import queue
+import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from typing import TypeVar
+from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from typing import Any, TypeVar
 
-from pebble import ProcessExpired, ProcessPool
-
-from core.errors import UsageError, check_positive
+from core.errors import UsageError, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Executor
 
@@ -19,6 +28,11 @@ B = TypeVar("B")
 
 # A library's threads inside several workers only fight for the same cores; read when a worker imports it.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_STARTS = 3  # tries to get a chunk into a process
+_START_S = 120.0  # for each
+
+_spawn = multiprocessing.get_context("spawn")
+_reaping = threading.Lock()  # of two threads that wait for one process, one would not learn its exit code
 
 
 @hookimpl
@@ -27,7 +41,7 @@ def executors() -> Mapping[str, Callable[..., Executor]]:
 
 
 class LocalExecutor(Executor):
-    """A pool of long-lived processes, started when the first chunk comes. One that dies takes along its own chunk only.
+    """Long-lived processes, started when there are chunks for them. One that dies takes along its own chunk only.
 
     Args:
         workers: how many; None: as many as there are cores.
@@ -41,43 +55,211 @@ class LocalExecutor(Executor):
         if timeout_s is not None:
             check_positive("executor.", timeout_s=timeout_s)
         self._timeout_s = timeout_s
-        self._pool: ProcessPool | None = None
+        self._pool: list[_Worker] = []
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        running: dict[Future[B], A] = {}
-        for chunk in chunks:
-            while len(running) >= 2 * self.workers:  # one in work and one waiting for each worker
-                yield from self._finished(running)
-            running[self._schedule(function, chunk)] = chunk
-        while running:
-            yield from self._finished(running)
+        """See `Executor.map`. ``chunks`` is read in a thread of its own, so that results come while the next chunk is
+        awaited.
+        """
+        self._pool = self._pool or [_Worker(self._timeout_s) for _ in range(self.workers)]
+        ready: queue.SimpleQueue[tuple[A] | None] = queue.SimpleQueue()
+        results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = queue.SimpleQueue()
+        room = threading.Semaphore(2 * self.workers)  # for chunks from being read to their results being taken
+        stop = threading.Event()
 
-    def _schedule(self, function: Callable[[A], B], chunk: A) -> Future[B]:
-        if self._pool is None:
-            os.environ.update(_ONE_THREAD)
-            self._pool = ProcessPool(self.workers, context=multiprocessing.get_context("spawn"))
-        future: Future[B] = self._pool.schedule(function, args=[chunk], timeout=self._timeout_s)
-        return future
-
-    @staticmethod
-    def _finished(running: dict[Future[B], A]) -> Iterator[tuple[A, B | Exception]]:
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in done:
-            chunk = running.pop(future)
+        def read() -> None:
             try:
-                yield chunk, future.result()
-            except ProcessExpired as error:
-                yield chunk, RuntimeError(f"the worker process died (exit code {error.exitcode})")
-            except TimeoutError:
-                yield chunk, RuntimeError("the rollout took longer than executor.timeout_s and was given up")
-            except Exception as error:  # raised by the function, in the worker
-                yield chunk, error
+                source = iter(chunks)
+                while room.acquire() and not stop.is_set():
+                    ready.put((next(source),))
+            except StopIteration:
+                pass
+            except Exception as error:  # to be raised where somebody sees it
+                results.put(_Raised(error))
+            for _ in range(self.workers):
+                ready.put(None)
+
+        def serve(worker: _Worker) -> None:
+            try:
+                while (taken := ready.get()) is not None and not stop.is_set():
+                    (chunk,) = taken
+                    results.put((chunk, worker.call(function, chunk)))
+            except Exception as error:
+                results.put(_Raised(error))
+            results.put(None)
+
+        threading.Thread(target=read, name="chunks", daemon=True).start()
+        for worker in self._pool:
+            threading.Thread(target=serve, args=[worker], name="worker", daemon=True).start()
+        serving = self.workers
+        try:
+            while serving:
+                result = results.get()
+                if result is None:
+                    serving -= 1
+                elif isinstance(result, _Raised):
+                    raise result.error
+                else:
+                    room.release()
+                    yield result
+        finally:
+            stop.set()
+            room.release()
 
     def close(self) -> None:
-        if self._pool is not None:
-            self._pool.stop()
-            self._pool.join()
-            self._pool = None
+        for worker in self._pool:
+            worker.kill()
+        for worker in self._pool:
+            worker.close()
+        self._pool = []
+
+
+@dataclass(frozen=True)
+class _Raised:
+    error: Exception
+
+
+class _Died(Exception):
+    """A process ended; says how."""
+
+
+class _Worker:
+    """One process, started when it is needed, and anew when it died."""
+
+    def __init__(self, timeout_s: float | None) -> None:
+        self._timeout_s = timeout_s
+        self._calling = threading.Lock()
+        self._process: SpawnProcess | None = None
+        self._pipe: Connection[Any, Any] | None = None
+        self._closed = False
+
+    def call(self, function: Callable[[A], B], chunk: A) -> B | Exception:
+        """What ``function`` makes of ``chunk`` in the process, or an exception that says why nothing came of it.
+
+        Raises:
+            UserError: no process could be made to take the chunk.
+        """
+        job = pickle.dumps((function, chunk))
+        with self._calling:
+            try:
+                self._hand_over(job)
+                result = self._receive(self._timeout_s)
+            except _Died as death:
+                return RuntimeError(str(death))
+            except TimeoutError:
+                self._bury()
+                return RuntimeError("the rollout took longer than executor.timeout_s and was given up")
+            return result  # type: ignore[no-any-return]
+
+    def _hand_over(self, job: bytes) -> None:
+        """Until the process says that it has the job.
+
+        Raises:
+            UserError: it never does.
+        """
+        for attempt in range(1, _STARTS + 1):
+            if self._process is None or not self._process.is_alive():
+                self._start()
+            try:
+                assert self._pipe is not None
+                self._pipe.send_bytes(job)
+                self._receive(_START_S)
+            except (_Died, OSError) as failure:  # a time-out among them
+                self._bury()
+                if attempt == _STARTS or self._closed:
+                    why = str(failure) or f"they take longer than {_START_S:.0f} s to start"
+                    raise UserError(f"worker processes can't be used: {why}") from failure
+            else:
+                return
+
+    def _start(self) -> None:
+        self._bury()
+        os.environ.update(_ONE_THREAD)
+        with _reaping:
+            if self._closed:
+                raise _Died("the executor is closed")
+            resource_tracker.ensure_running()  # or it is started below, and lets signals through again
+            # The process inherits it: Ctrl-C is not for it, not even while it starts.
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            self._pipe, theirs = _spawn.Pipe()
+            self._process = _spawn.Process(target=_work, args=[theirs], name="worker", daemon=True)
+            self._process.start()
+            theirs.close()
+
+    def _receive(self, timeout_s: float | None) -> Any:
+        """What the process sends next.
+
+        Raises:
+            TimeoutError: nothing came in time.
+        """
+        process, pipe = self._process, self._pipe
+        assert process is not None
+        assert pipe is not None
+        if not wait([pipe, process.sentinel], timeout_s):
+            raise TimeoutError
+        try:
+            if pipe.poll():  # a child of the dead process may hold the pipe's other end, so that reading would not end
+                return pipe.recv()
+        except (EOFError, OSError):
+            pass
+        self._bury()
+        raise _Died(f"the worker process died (exit code {process.exitcode})")
+
+    def _bury(self) -> None:
+        """End the process, whatever it does, and leave nothing of it."""
+        if self._process is not None:
+            self._process.kill()
+            with _reaping:
+                self._process.join()
+            self._process = None
+        if self._pipe is not None:
+            self._pipe.close()
+            self._pipe = None
+
+    def kill(self) -> None:
+        """End the process for good; whoever waits for it learns that it died."""
+        with _reaping:
+            self._closed = True
+            if self._process is not None:
+                self._process.kill()
+
+    def close(self) -> None:
+        """See that it is gone, after `kill`."""
+        with self._calling:
+            self._bury()
+
+
+def _work(pipe: Connection[Any, Any]) -> None:
+    """A worker process's life: job after job, until the pipe ends because the other process closed it or is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+
+    def listen() -> None:
+        try:
+            while True:
+                jobs.put(pipe.recv_bytes())
+        except (EOFError, OSError):
+            os._exit(0)
+
+    # In a thread, so that the end is heard in the middle of a job too.
+    threading.Thread(target=listen, name="jobs", daemon=True).start()
+    while True:
+        function, chunk = pickle.loads(jobs.get())  # noqa: S301  # from the process that started this one
+        pipe.send(None)
+        try:
+            result = pickle.dumps(function(chunk))
+        except Exception as error:
+            result = pickle.dumps(_portable(error))
+        pipe.send_bytes(result)
+
+
+def _portable(error: Exception) -> Exception:
+    """``error``, or what is left of it where it can't travel."""
+    try:
+        pickle.loads(pickle.dumps(error))  # noqa: S301
+    except Exception:  # whatever its class does
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
 
 
 def _cores() -> int:

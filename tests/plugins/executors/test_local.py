@@ -1,5 +1,8 @@
 import os
 import signal
+import subprocess
+import sys
+import threading
 import time
 
 import pytest
@@ -30,11 +33,30 @@ def misfortune(chunk):
             raise ValueError("this chunk is bad")
         case "exit":
             os._exit(3)
+        case "leave":
+            os._exit(0)  # as a library does that calls C's exit
+        case "system exit":
+            sys.exit("enough")
+        case "unreadable":
+            raise Unreadable("a", "b")
+        case "unwritable":
+            return threading.Lock()
         case "kill":
             os.kill(os.getpid(), signal.SIGKILL)
         case "hang":
             time.sleep(60)
     return chunk
+
+
+def refuse(pipe):
+    os._exit(7)
+
+
+class Unreadable(Exception):
+    """Like many: it can be written into a pipe, and not be read from it."""
+
+    def __init__(self, one, other):
+        super().__init__(f"{one} and {other}")
 
 
 def alive(pid):
@@ -43,6 +65,14 @@ def alive(pid):
     except ProcessLookupError:
         return False
     return True
+
+
+def gone(pids, seconds=20.0):
+    """Whether processes that may be in the middle of ending do end."""
+    deadline = time.monotonic() + seconds
+    while any(alive(pid) for pid in pids) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return not any(alive(pid) for pid in pids)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -76,6 +106,108 @@ def test_what_befalls_a_chunk_befalls_no_other():
     assert "died" in str(found["kill"])
     assert "executor.timeout_s" in str(found["hang"])
     assert all(isinstance(found[name], Exception) for name in ("exit", "kill", "hang"))
+
+
+@pytest.mark.parametrize(
+    ("fate", "why"),
+    [("leave", "died (exit code 0)"), ("system exit", "died (exit code 1)"), ("unreadable", "Unreadable: a and b")],
+)
+def test_a_chunk_that_ends_its_worker_in_an_odd_way_is_not_waited_for(fate, why):
+    """A pool that expects no exit code 0, or an exception that can't travel, would wait for ever."""
+    with executor(workers=1) as pool:
+        found = {chunk[0]: result for chunk, result in pool.map(misfortune, [["a"], [fate], ["b"]])}
+    assert found["a"] == ["a"]
+    assert found["b"] == ["b"]
+    assert isinstance(found[fate], Exception)
+    assert why in str(found[fate])
+
+
+def test_a_result_that_cannot_travel_costs_its_chunk_only():
+    with executor(workers=1) as pool:
+        (unwritable, after) = [result for _, result in pool.map(misfortune, [["unwritable"], ["b"]])]
+    assert isinstance(unwritable, TypeError)
+    assert after == ["b"]
+
+
+def test_a_worker_that_dies_while_it_has_no_work_breaks_nothing():
+    """As when the machine is out of memory while a model is thinking: the pools of openevolve #246 and #395 broke."""
+    with executor(workers=2) as pool:
+        for pid in {pid for _, pid in pool.map(who, [[i] for i in range(8)])}:
+            os.kill(pid, signal.SIGKILL)
+        assert sorted(pool.map(double, [[1], [2], [3]])) == [([1], [2]), ([2], [4]), ([3], [6])]
+
+
+def test_a_chunk_that_takes_too_long_does_not_hold_up_the_end():
+    """openevolve #399: the run hung after a time-out."""
+    with executor(workers=1, timeout_s=1.0) as pool:
+        for _ in range(2):
+            (only,) = pool.map(misfortune, [["hang"]])
+            assert "executor.timeout_s" in str(only[1])
+        assert list(pool.map(double, [[1]])) == [([1], [2])]
+
+
+def test_processes_that_cannot_be_used_end_the_run(monkeypatch):
+    monkeypatch.setattr("plugins.executors.local._work", refuse)
+    with executor(workers=2) as pool, pytest.raises(UserError, match="exit code 7"):
+        list(pool.map(double, [[1], [2]]))
+
+
+def test_results_come_while_the_next_chunk_is_awaited():
+    """A model may think for minutes; what is tried meanwhile has to get to the disk."""
+    first_came = threading.Event()
+
+    def chunks():
+        yield [1]
+        assert first_came.wait(60)
+        yield [2]
+
+    with executor(workers=1) as pool:
+        results = pool.map(double, chunks())
+        assert next(results) == ([1], [2])
+        first_came.set()
+        assert next(results) == ([2], [4])
+
+
+def test_what_is_wrong_with_the_chunks_is_said():
+    def chunks():
+        yield [1]
+        raise UserError("no more ideas")
+
+    with executor(workers=2) as pool, pytest.raises(UserError, match="no more ideas"):
+        list(pool.map(double, chunks()))
+
+
+PARENT = """
+import os, signal, sys, time
+from core.plugins import installed
+from tests.plugins.executors.test_local import misfortune, who
+
+if __name__ == "__main__":
+    pool = installed().create("executor", "local", {"workers": 2})
+    results = pool.map(who, ([i] for i in range(6)))
+    print(*{pid for _, pid in results}, flush=True)
+    for _ in pool.map(misfortune, [["hang"], ["hang"]]):
+        pass
+"""
+
+
+def test_workers_do_not_outlive_a_process_that_was_killed(tmp_path):
+    (tmp_path / "parent.py").write_text(PARENT)
+    parent = subprocess.Popen([sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, text=True)
+    workers = [int(pid) for pid in parent.stdout.readline().split()]
+    assert workers
+    assert all(alive(pid) for pid in workers)
+    parent.kill()
+    parent.wait()
+    assert gone(workers)
+
+
+def test_a_worker_takes_no_notice_of_an_interrupt():
+    """Ctrl-C reaches every process at the terminal; what it means is for the main one to say."""
+    with executor(workers=1) as pool:
+        ((_, pid),) = pool.map(who, [[0]])
+        os.kill(pid, signal.SIGINT)
+        assert list(pool.map(who, [[0]])) == [([0], pid)]
 
 
 def test_chunks_are_read_no_faster_than_they_are_needed():
