@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 
@@ -71,6 +73,11 @@ class Tool:
     def mass(self) -> float:
         return sum(component.mass for component in self.components)
 
+    @cached_property
+    def content(self) -> str:
+        """Names what is simulated: the same for equal tools, whatever they are called."""
+        return _digest(_content(replace(self, name="", description="")))
+
     def placed(self) -> dict[str, tuple[str, Pose]]:
         """For each component its mount and its pose in that mount's frame."""
         placed: dict[str, tuple[str, Pose]] = {mount: (mount, Pose()) for mount in self.mounts}
@@ -112,6 +119,30 @@ class Candidate:
         """For example ``g0-a3-s1-p7``: generation, agent, strategy, plan."""
         return "g{}-a{}-s{}-p{}".format(*self.key)
 
+    @cached_property
+    def content(self) -> str:
+        """Names what is tried: the same for candidates whose tools and plans are the same to the last bit, whatever
+        else is said about them, in every process.
+        """
+        return _digest((self.tool and self.tool.content, _content(self.plan)))
+
+
+def _digest(content: object) -> str:
+    return hashlib.blake2b(repr(content).encode(), digest_size=16).hexdigest()
+
+
+def _content(value: object) -> object:
+    """A value as nested tuples. Fields that have their default are left out, so that a new one changes nothing."""
+    if is_dataclass(value):
+        named = [(field, getattr(value, field.name)) for field in fields(value)]
+        told = [(f.name, _content(v)) for f, v in named if not (type(v) is type(f.default) and v == f.default)]
+        return type(value).__name__, *told
+    if isinstance(value, np.ndarray):
+        return value.shape, value.dtype.str, value.tobytes()
+    if isinstance(value, tuple):
+        return tuple(_content(item) for item in value)
+    return value
+
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
@@ -121,7 +152,7 @@ class Evaluation:
     why, else is empty. ``distance_m`` is the way of the end-effector's origin from the first waypoint to the last.
     ``ik_error_m`` and ``ik_error_rad`` are the largest misses of the inverse kinematics along the plan,
     ``tracking_error_rad`` how far a joint fell behind its target. ``moved_m`` is how far each free body ended from
-    where it started. Without a rollout, numbers are nan.
+    where it started. Without a rollout, numbers are nan. ``details`` is what else a fitness has to say, for JSON.
     """
 
     candidate: Candidate
@@ -134,6 +165,7 @@ class Evaluation:
     tracking_error_rad: float = float("nan")
     moved_m: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    details: dict[str, Any] = field(default_factory=dict)
 
     @property
     def rank(self) -> tuple[float, float, tuple[int, int, int, int]]:

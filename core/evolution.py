@@ -2,71 +2,158 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import pluggy
 
 from core.design import Candidate, Evaluation
+from core.errors import LimitReached
 from core.interfaces import Budget, EvolutionStrategy, Executor
-from core.record import Generation, Result
+from core.record import INTERRUPTED, Generation, Result
 
 CHUNK = 8  # candidates of one tool that travel to a worker together
 
 Evaluate = Callable[[Sequence[Candidate]], list[Evaluation]]
+Known = Callable[[Candidate], Evaluation | None]
 
 
 def evolve(
-    strategy: EvolutionStrategy, evaluate: Evaluate, executor: Executor, budget: Budget, events: pluggy.PluginManager
+    strategy: EvolutionStrategy,
+    evaluate: Evaluate,
+    executor: Executor,
+    budget: Budget,
+    events: pluggy.PluginManager,
+    known: Known | None = None,
 ) -> Result:
     """Run ``budget.n_iteration`` + 1 generations, fewer if the best reward reaches ``budget.stop_reward``.
 
-    ``evaluate`` is called in the executor's workers, with candidates of one tool.
+    ``evaluate`` is called in the executor's workers, with candidates of one tool; not for those whose evaluation is
+    ``known``. A limit that is reached while candidates are asked for, and an interrupt, end the loop with what there is
+    (`Result.stopped`).
     """
     began = time.monotonic()
+    trials = Trials(evaluate, executor, known)
+    asked = _UntilLimit(strategy)
+    came: list[list[Evaluation]] = []  # by generation
     generations: list[Generation] = []
-    for index in range(budget.n_iteration + 1):
-        events.hook.generation_started(index=index)
-        evaluations = []
-        for evaluation in evaluate_all(strategy.ask(), evaluate, executor):
-            events.hook.candidate_evaluated(evaluation=evaluation)
-            evaluations.append(evaluation)
-        evaluations.sort(key=lambda e: e.candidate.key)
-        strategy.tell(evaluations)
-        generation = Generation(index, tuple(evaluations))
-        generations.append(generation)
-        events.hook.generation_finished(generation=generation)
-        best = generation.best
-        if budget.stop_reward is not None and best is not None and best.reward >= budget.stop_reward:
-            break
-    return Result(tuple(generations), time.monotonic() - began)
+    try:
+        for index in range(budget.n_iteration + 1):
+            events.hook.generation_started(index=index)
+            came.append([])
+            for evaluation in trials(asked):
+                events.hook.candidate_evaluated(evaluation=evaluation)
+                came[-1].append(evaluation)
+            if asked.limit is not None:
+                break
+            generation = _generation(index, came[-1])
+            strategy.tell(generation.evaluations)
+            generations.append(generation)
+            events.hook.generation_finished(generation=generation)
+            best = generation.best
+            if budget.stop_reward is not None and best is not None and best.reward >= budget.stop_reward:
+                break
+        stopped = asked.limit
+    except KeyboardInterrupt:  # whoever called sees it in the result
+        stopped = INTERRUPTED
+    for index in range(len(generations), len(came)):  # the one that was cut short
+        if came[index]:
+            generations.append(_generation(index, came[index]))
+    return Result(tuple(generations), time.monotonic() - began, stopped)
+
+
+def _generation(index: int, evaluations: Iterable[Evaluation]) -> Generation:
+    return Generation(index, tuple(sorted(evaluations, key=lambda e: e.candidate.key)))
+
+
+class _UntilLimit:
+    """A strategy's candidates, again and again, until a limit is reached, which is kept."""
+
+    def __init__(self, strategy: EvolutionStrategy) -> None:
+        self._strategy = strategy
+        self.limit: str | None = None
+
+    def __iter__(self) -> Iterator[Candidate]:
+        try:
+            yield from self._strategy.ask()
+        except LimitReached as limit:
+            self.limit = str(limit)
 
 
 def evaluate_all(candidates: Iterable[Candidate], evaluate: Evaluate, executor: Executor) -> Iterator[Evaluation]:
-    """Of all candidates, as they finish. Where a chunk breaks, its candidates are tried again one by one."""
-    broken: list[list[Candidate]] = []
-    rejected: list[Evaluation] = []
+    """Of all candidates, as they finish."""
+    return Trials(evaluate, executor)(candidates)
 
-    def tryable() -> Iterator[Candidate]:
-        for candidate in candidates:
-            if candidate.problem is None:
-                yield candidate
+
+class Trials:
+    """Evaluates candidates in an executor's workers.
+
+    Of candidates with the same `Candidate.content`, however far apart they come, one is tried; the others earn what it
+    earned. Where a chunk breaks, its candidates are tried again one by one. What is ``known`` is not tried at all.
+    """
+
+    def __init__(self, evaluate: Evaluate, executor: Executor, known: Known | None = None) -> None:
+        self._evaluate = evaluate
+        self._executor = executor
+        self._known = known or (lambda _: None)
+        self._lock = threading.Lock()  # executors may read chunks in a thread of their own
+        self._earned: dict[str, Evaluation] = {}
+        self._waiting: dict[str, list[Candidate]] = {}  # for the one of the same content that is being tried
+
+    def __call__(self, candidates: Iterable[Candidate]) -> Iterator[Evaluation]:
+        """Of all candidates, as they finish."""
+        settled: deque[Evaluation] = deque()
+        broken: list[list[Candidate]] = []
+        for chunk, result in self._executor.map(self._evaluate, _chunks(self._untried(candidates, settled))):
+            yield from _drained(settled)
+            if isinstance(result, Exception):
+                broken += [[candidate] for candidate in chunk]
             else:
-                rejected.append(Evaluation(candidate, "rejected", reason=candidate.problem))
+                yield from self._results(chunk, result)
+        for chunk, result in self._executor.map(self._evaluate, broken):
+            if isinstance(result, Exception):
+                result = [Evaluation(chunk[0], "failed", reason=f"{type(result).__name__}: {result}")]
+            yield from self._results(chunk, result)
+        yield from _drained(settled)
 
-    for chunk, result in executor.map(evaluate, _chunks(tryable())):
-        yield from rejected
-        rejected.clear()
-        if isinstance(result, Exception):
-            broken += [[candidate] for candidate in chunk]
-        else:
-            yield from result
-    yield from rejected
-    for chunk, result in executor.map(evaluate, broken):
-        if isinstance(result, Exception):
-            yield Evaluation(chunk[0], "failed", reason=f"{type(result).__name__}: {result}")
-        else:
-            yield from result
+    def _untried(self, candidates: Iterable[Candidate], settled: deque[Evaluation]) -> Iterator[Candidate]:
+        """Those that have to be tried; the others' evaluations go to ``settled``, now or with `_results`."""
+        for candidate in candidates:
+            known = self._known(candidate)
+            if known is not None:
+                settled.append(known)
+                continue
+            if candidate.problem is not None:
+                settled.append(Evaluation(candidate, "rejected", reason=candidate.problem))
+                continue
+            with self._lock:
+                earned = self._earned.get(candidate.content)
+                waiting = self._waiting.get(candidate.content)
+                if earned is not None:
+                    settled.append(replace(earned, candidate=candidate))
+                elif waiting is not None:
+                    waiting.append(candidate)
+                else:
+                    self._waiting[candidate.content] = []
+            if earned is None and waiting is None:
+                yield candidate
+
+    def _results(self, chunk: Sequence[Candidate], result: Sequence[Evaluation]) -> Iterator[Evaluation]:
+        for candidate, evaluation in zip(chunk, result, strict=True):
+            earned = replace(evaluation, candidate=candidate)  # not the copy that travelled
+            with self._lock:
+                self._earned[candidate.content] = earned
+                waiting = self._waiting.pop(candidate.content)
+            yield earned
+            yield from (replace(earned, candidate=other) for other in waiting)
+
+
+def _drained(settled: deque[Evaluation]) -> Iterator[Evaluation]:
+    while settled:
+        yield settled.popleft()
 
 
 def _chunks(candidates: Iterable[Candidate]) -> Iterator[list[Candidate]]:

@@ -10,6 +10,8 @@ from typing import Any
 from core.design import Evaluation, best_first
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
 
+INTERRUPTED = "interrupted"
+
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -55,10 +57,15 @@ class Generation:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a run came to. ``best`` is of all generations; None if nothing could be tried."""
+    """What a run came to. ``best`` is of all generations; None if nothing could be tried.
+
+    ``stopped`` says what cut the run short, a limit that was reached or `INTERRUPTED`; then the last generation may
+    lack candidates. None: it came to its end.
+    """
 
     generations: tuple[Generation, ...]
     wall_time_s: float
+    stopped: str | None = None
 
     @cached_property
     def best(self) -> Evaluation | None:
@@ -66,5 +73,5 @@ class Result:
 
     @property
     def n_evaluations(self) -> int:
-        """Rollouts that were simulated, the ones that broke included."""
+        """Candidates that were tried, the ones that broke included."""
         return sum(g.count("ok") + g.count("failed") for g in self.generations)

@@ -1,12 +1,16 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from core.design import Candidate, Component, Evaluation, Tool
+from core.errors import LimitReached
 from core.evolution import CHUNK, evaluate_all, evolve
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
 from core.interfaces import Budget, EvolutionStrategy, Executor
 from core.plugins import event_hub
+from core.record import INTERRUPTED
 
 
 def tool(name="rod"):
@@ -15,9 +19,9 @@ def tool(name="rod"):
 
 def population(generation, *plans_per_tool, problem=None):
     return [
-        Candidate(own, np.zeros((1, 6)), generation, 0, strategy, action, problem=problem)
+        Candidate(own, np.full((1, 6), generation + action / 100), generation, 0, strategy, action, problem=problem)
         for strategy, plans in enumerate(plans_per_tool)
-        for own in [tool()]
+        for own in [tool(f"rod_{strategy}")]
         for action in range(plans)
     ]
 
@@ -94,13 +98,14 @@ def earn(chunk):
     return [Evaluation(candidate, "ok", reward=reward_of(candidate), distance_m=1.0) for candidate in chunk]
 
 
-def run(generations, evaluate=earn, executor=None, **budget):
+def run(generations, evaluate=earn, executor=None, known=None, **budget):
     strategy = Scripted(generations)
     diary = Diary(strategy)
     events = event_hub()
     events.register(diary)
     limits = {"n_iteration": len(generations) - 1, "stop_reward": None, **budget}
-    found = evolve(strategy, evaluate, executor or Here(), Budget(1, 1, 1, k_top=5, reward_save=0.5, **limits), events)
+    spent = Budget(1, 1, 1, k_top=5, reward_save=0.5, **limits)
+    found = evolve(strategy, evaluate, executor or Here(), spent, events, known)
     return found, strategy, diary.entries
 
 
@@ -255,3 +260,131 @@ def test_a_strategy_that_breaks_ends_the_run():
 
     with pytest.raises(RuntimeError, match="no more ideas"):
         evolve(Broken([]), earn, Here(), Budget(1, 1, 1, 0, 5, 0.5), event_hub())
+
+
+# --- identical candidates ---------------------------------------------------------------------------------------
+
+
+def alike(*ids, plan=0.0, own=None):
+    """Candidates of one content, by (generation, agent, strategy, action)."""
+    own = own or tool()
+    return [Candidate(own, np.full((1, 6), plan), *key, strategy_name=f"{key}") for key in ids]
+
+
+def tried(executor):
+    return [candidate.id for chunk in executor.chunks for candidate in chunk]
+
+
+def test_identical_candidates_are_tried_once_and_earn_the_same():
+    first = [*alike((0, 0, 0, 0), (0, 1, 0, 0)), *alike((0, 1, 0, 1), plan=0.5), *alike((0, 2, 0, 0))]
+    later = [*alike((1, 0, 0, 0)), *alike((1, 0, 0, 1), plan=0.25)]
+    executor = Here()
+    result, strategy, diary = run([first, later], executor=executor)
+    assert tried(executor) == ["g0-a0-s0-p0", "g0-a1-s0-p1", "g1-a0-s0-p1"]
+    told = {e.candidate.id: e.reward for e in [*strategy.told[0], *strategy.told[1]]}
+    assert told["g0-a0-s0-p0"] == told["g0-a1-s0-p0"] == told["g0-a2-s0-p0"] == told["g1-a0-s0-p0"]
+    assert sorted(diary) == sorted(["start 0", "finish 0", "start 1", "finish 1", *told])  # each is told of once
+    assert [e.candidate.strategy_name for e in strategy.told[0]] == [c.strategy_name for c in sorted(first, key=key)]
+    assert result.n_evaluations == 6
+
+
+def key(candidate):
+    return candidate.key
+
+
+def test_one_that_breaks_breaks_for_all_that_are_identical():
+    def burst(chunk):
+        raise RuntimeError("it burst")
+
+    executor = Here()
+    _, strategy, _ = run([alike((0, 0, 0, 0), (0, 1, 0, 0), (0, 2, 0, 0))], burst, executor)
+    assert tried(executor) == ["g0-a0-s0-p0", "g0-a0-s0-p0"]  # once in its chunk, once alone
+    assert [(e.status, e.reason) for e in strategy.told[0]] == [("failed", "RuntimeError: it burst")] * 3
+
+
+def test_what_is_said_about_a_tool_makes_no_difference_and_what_it_is_does():
+    rod = tool()
+    same = replace(rod, name="a rod", description="to poke with")
+    longer = Tool((replace(rod.components[0], shape=Box((0.1, 0.1, 0.1 + 1e-15))),))
+    turned = Tool((replace(rod.components[0], pose=Pose.xyz_rpy((0, 0, 0), (0, 0, 1e-15))),))
+    open_hand = Tool(gripper=True)
+    contents = [Candidate(own, np.zeros((1, 6))).content for own in (rod, same, longer, turned, Tool(), open_hand)]
+    assert contents[0] == contents[1]
+    assert len(set(contents)) == 5
+    plans = (np.zeros((1, 6)), np.zeros((2, 3)), np.zeros((1, 7)), np.zeros((1, 6)) + 1e-300)
+    assert len({Candidate(rod, plan).content for plan in plans}) == 4
+
+
+# --- what is known, limits, interrupts --------------------------------------------------------------------------
+
+
+def test_what_is_known_is_not_tried():
+    known = {"g0-a0-s0-p1": Evaluation(population(0, 2)[1], "ok", reward=0.75, distance_m=3.0)}
+    executor = Here()
+    result, strategy, diary = run([population(0, 3)], executor=executor, known=lambda c: known.get(c.id))
+    assert tried(executor) == ["g0-a0-s0-p0", "g0-a0-s0-p2"]
+    assert [e.reward for e in strategy.told[0]] == [0.0, 0.75, 0.02]
+    assert sorted(diary[1:-1]) == ["g0-a0-s0-p0", "g0-a0-s0-p1", "g0-a0-s0-p2"]
+    assert result.best.reward == 0.75
+
+
+class Limited(Scripted):
+    """Reaches its limit after ``last`` candidates of the last generation."""
+
+    def __init__(self, generations, last):
+        super().__init__(generations)
+        self.last = last
+
+    def ask(self):
+        candidates = list(super().ask())
+        if self.asked < len(self.generations):
+            yield from candidates
+        else:
+            yield from candidates[: self.last]
+            raise LimitReached("3 dollars are spent")
+
+
+@pytest.mark.parametrize("last", [0, 3])
+def test_a_limit_ends_the_run_with_what_there_is(last):
+    strategy = Limited([population(0, 2), population(1, 4)], last)
+    diary = Diary(strategy)
+    events = event_hub()
+    events.register(diary)
+    result = evolve(strategy, earn, Here(np.random.default_rng(1)), Budget(1, 1, 3, 5, 5, 0.5), events)
+    assert result.stopped == "3 dollars are spent"
+    assert [len(generation.evaluations) for generation in result.generations] == [2, 3][: 1 + bool(last)]
+    assert result.best.candidate.id == ("g1-a0-s0-p2" if last else "g0-a0-s0-p1")
+    assert len(strategy.told) == 1
+    assert "finish 1" not in diary.entries  # it may go on where the limit is raised
+
+
+@pytest.mark.parametrize("when", ["while one is tried", "while one is told of", "while a generation ends"])
+def test_an_interrupt_ends_the_run_with_what_there_is(when):
+    def interrupted(chunk):
+        if when == "while one is tried" and chunk[0].generation == 1 and chunk[0].strategy == 1:
+            raise KeyboardInterrupt
+        return earn(chunk)
+
+    class Impatient(Diary):
+        @hookimpl
+        def candidate_evaluated(self, evaluation):
+            if when == "while one is told of" and evaluation.candidate.id == "g1-a0-s0-p1":
+                raise KeyboardInterrupt
+
+        @hookimpl
+        def generation_finished(self, generation):
+            if when == "while a generation ends" and generation.index == 1:
+                raise KeyboardInterrupt
+
+    strategy = Scripted([population(0, 2, 2), population(1, 2, 2), population(2, 2)])
+    events = event_hub()
+    events.register(Impatient(strategy))
+    result = evolve(strategy, interrupted, Here(), Budget(1, 1, 1, 2, 5, 0.5), events)
+    assert result.stopped == INTERRUPTED
+    came = {"while one is tried": 2, "while one is told of": 1, "while a generation ends": 4}[when]
+    assert [len(generation.evaluations) for generation in result.generations] == [4, came]
+    assert strategy.asked == 2
+
+
+def test_a_run_that_comes_to_its_end_was_not_stopped():
+    assert run([population(0, 1)])[0].stopped is None
