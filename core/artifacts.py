@@ -14,7 +14,7 @@ from PIL import Image as Pillow
 
 from core.design import GRIPPER_MOUNTS, Candidate, Tool
 from core.geometry import Pose
-from core.interfaces import Image, RolloutSettings, Simulator, Task, ToolRepresentation
+from core.interfaces import Image, Recording, RolloutSettings, Simulator, Task, ToolRepresentation
 from core.reading import dump_design
 from core.robot import FINGER_OPEN, assemble, tool_urdf
 from core.rollout import prepare
@@ -116,22 +116,65 @@ def save_film(
     Raises:
         ValueError: the rollout breaks.
     """
-    _, job = prepare(task, candidate, seed, settings, record_hz=FILM_HZ)
+    recording = _recorded(task, simulator, candidate, seed, settings, FILM_HZ)
+    frames = []
+    for index in range(len(recording.times)):
+        picture = _frame(task, simulator, candidate, seed, recording, index, size)
+        frames.append(Pillow.fromarray(picture).quantize(96, dither=Pillow.Dither.NONE))
+    frames[0].save(file, save_all=True, append_images=frames[1:], duration=1000 // FILM_HZ, loop=0, optimize=True)
+
+
+def draw_stages(
+    task: Task,
+    simulator: Simulator,
+    candidate: Candidate,
+    seed: int,
+    settings: RolloutSettings,
+    size: tuple[int, int] = (640, 480),
+) -> Image:
+    """Play a candidate again and draw four instants of it in one picture of ``size``, in the order of reading: from the
+    start of the motion to the end of the rollout, a third of the time apart.
+
+    Raises:
+        ValueError: the rollout breaks.
+    """
+    recording = _recorded(task, simulator, candidate, seed, settings, FILM_HZ)
+    width, height = size[0] // 2, size[1] // 2
+    stages = np.zeros((2 * height, 2 * width, 3), dtype=np.uint8)
+    for number, time in enumerate(np.linspace(0.0, recording.times[-1], 4)):
+        index = int(np.abs(recording.times - time).argmin())
+        row, column = divmod(number, 2)
+        picture = _frame(task, simulator, candidate, seed, recording, index, (width, height))
+        stages[row * height : (row + 1) * height, column * width : (column + 1) * width] = picture
+    return stages
+
+
+def _recorded(
+    task: Task, simulator: Simulator, candidate: Candidate, seed: int, settings: RolloutSettings, hz: float
+) -> Recording:
+    _, job = prepare(task, candidate, seed, settings, record_hz=hz)
     outcome = simulator.rollout(task, [job])[0]
     if outcome.recording is None:
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
-    recording = outcome.recording
-    frames = []
-    for arm, fingers, state in zip(recording.arm, recording.fingers, recording.states.each(), strict=True):
-        picture = simulator.render(
-            task,
-            seed=seed,
-            tool=candidate.tool,
-            arm=arm,
-            fingers=fingers,
-            state=state,
-            width=size[0],
-            height=size[1],
-        )
-        frames.append(Pillow.fromarray(picture).quantize(96, dither=Pillow.Dither.NONE))
-    frames[0].save(file, save_all=True, append_images=frames[1:], duration=1000 // FILM_HZ, loop=0, optimize=True)
+    return outcome.recording
+
+
+def _frame(
+    task: Task,
+    simulator: Simulator,
+    candidate: Candidate,
+    seed: int,
+    recording: Recording,
+    index: int,
+    size: tuple[int, int],
+) -> Image:
+    return simulator.render(
+        task,
+        seed=seed,
+        tool=candidate.tool,
+        arm=recording.arm[index],
+        fingers=recording.fingers[index],
+        state=recording.states[index],
+        width=size[0],
+        height=size[1],
+    )

@@ -16,6 +16,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from core.designer import Sampling
 from core.errors import UsageError, UserError, choices
 from core.interfaces import RolloutSettings
+from core.prompts import PromptSettings
 from core.rollout import Part
 
 T = TypeVar("T")
@@ -42,11 +43,10 @@ class BudgetConfig(PaperConfig):
 
 
 @dataclass
-class PromptConfig:
-    """``dir``: a folder of templates to use instead of the project's own."""
+class PromptConfig(PromptSettings):
+    """What a model is told, under a name."""
 
     name: str = MISSING
-    dir: str | None = None
 
 
 @dataclass
@@ -104,12 +104,31 @@ class ConformanceConfig:
     sim: dict[str, Any] = MISSING
 
 
+@dataclass
+class ComposeConfig(BenchConfig):
+    """What ``python -m core.prompt`` may be told. ``designs``: take the elites from this file; ``agent``: whose request
+    of the generation; ``output``: the folder to write.
+    """
+
+    vlm: dict[str, Any] = MISSING
+    tool: dict[str, Any] = MISSING
+    executor: dict[str, Any] = MISSING
+    prompt: PromptConfig = field(default_factory=PromptConfig)
+    budget: BudgetConfig = field(default_factory=BudgetConfig)
+    sampling: Sampling = field(default_factory=Sampling)
+    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    designs: str | None = None
+    agent: int = 0
+    output: str = "prompt"
+
+
 def register() -> None:
     """Make the schemas known to Hydra; the primary configs in ``conf/`` start from them."""
     store = ConfigStore.instance()
     store.store("run_schema", RunConfig)
     store.store("evaluate_schema", EvaluateConfig)
     store.store("render_schema", RenderConfig)
+    store.store("prompt_schema", ComposeConfig)
     store.store("conformance_schema", ConformanceConfig)
 
 

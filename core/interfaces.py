@@ -197,9 +197,10 @@ class Text:
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG file's bytes."""
+    """A PNG file's bytes. ``name`` is how the file is called where a request is kept."""
 
     png: bytes
+    name: str = "scene"
 
 
 @dataclass(frozen=True)
@@ -232,15 +233,48 @@ class Reply:
     cost_usd: float | None = None
 
 
+@dataclass(frozen=True)
+class Estimate:
+    """What a request is reckoned to take before anybody is asked: tokens of its messages, US dollars per token in and
+    out (None: nobody knows), and where the figures are from.
+    """
+
+    prompt_tokens: int
+    counted_by: str
+    usd_per_prompt_token: float | None = None
+    usd_per_completion_token: float | None = None
+    priced_by: str | None = None
+
+
+CHARACTERS_PER_TOKEN = 3.0  # English prose has about 4, numbers and URDF fewer
+TOKENS_PER_PICTURE = 800  # of 640 x 480 pixels; models differ between some 250 and 800
+
+
 class VLM(ABC):
-    """A vision-language model, or what answers in its place."""
+    """A vision-language model, or what answers in its place.
+
+    One that implements some of `core.hooks.Events` with ``hookimpl`` hears what happens in the run.
+    """
 
     model: str  # as shown to people and kept with each reply
+
+    @classmethod
+    def estimate(cls, request: Request, model: str) -> Estimate:
+        """Without asking anybody, hence without a key. Here by a rule of thumb, whatever the model."""
+        parts = [part for message in request.messages for part in message.parts]
+        characters = sum(len(part.text) for part in parts if isinstance(part, Text))
+        pictures = sum(isinstance(part, Picture) for part in parts)
+        tokens = round(characters / CHARACTERS_PER_TOKEN) + pictures * TOKENS_PER_PICTURE
+        rule = f"{CHARACTERS_PER_TOKEN:g} characters to a token, {TOKENS_PER_PICTURE} tokens to a picture"
+        return Estimate(tokens, f"rule of thumb: {rule}")
 
     @abstractmethod
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """One reply per request, as they arrive. A request that fails gives a reply with an error, never an
         exception.
+
+        Raises:
+            LimitReached: after the replies that there are, if what may be spent is spent and requests are left.
         """
 
 

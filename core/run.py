@@ -16,14 +16,13 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from core.artifacts import png, save_design, save_film, save_picture
+from core.artifacts import save_design, save_film
 from core.cli import command
-from core.config import check_seed, explain, node, part, register
-from core.design import Tool
-from core.designer import TOOL_KINDS, ModelDesigner, Sampling
-from core.errors import UsageError, UserError, choices
+from core.config import PromptConfig, check_seed, explain, node, part, register
+from core.designer import DEFAULT_KINDS, Sampling, make_designer
+from core.errors import UsageError, UserError
 from core.evolution import evolve
-from core.interfaces import Budget, Executor, Picture, RolloutSettings
+from core.interfaces import Budget, Executor, RolloutSettings
 from core.plugins import event_hub, installed
 from core.prompts import Prompts
 from core.record import Result, Run
@@ -51,30 +50,27 @@ def run(cfg: DictConfig, folder: Path) -> Result:
     settings = node(cfg.rollout, RolloutSettings)
 
     executor: Executor = part("executor", cfg.executor).create()
-    prompts = Prompts(Path(cfg.prompt.dir) if cfg.prompt.dir else None, settings)
-    kinds = config["task"].get("tool_kinds") or ["rigid"]
-    for kind in kinds:
-        if kind not in TOOL_KINDS:
-            raise choices("tool kind", str(kind), TOOL_KINDS, "task.tool_kinds")
-    picture = simulator.render(task, seed=cfg.seed, tool=given or Tool(gripper=kinds == ["gripper"]))
+    prompts = Prompts(node(cfg.prompt, PromptConfig), settings)
     events = event_hub()
-    designer = ModelDesigner(
+    designer = make_designer(
         task,
+        simulator,
         vlm,
         representation,
         prompts,
         budget,
         seed=cfg.seed,
         sampling=node(cfg.sampling, Sampling),
-        tool_kinds=kinds,
-        picture=Picture(png(picture)),
+        tool_kinds=config["task"].get("tool_kinds") or DEFAULT_KINDS,
         events=events,
     )
     strategy = part("evolution", cfg.evolution).create(designer=designer, budget=budget)
     for name, options in config["logger"].items():
         events.register(installed().create("logger", name, options or {}), name)
     events.register(RunStore(folder), "store")  # from here on the folder is this run's
-    save_picture(picture, folder / "scene.png")
+    events.register(vlm, "vlm")
+    assert designer.picture is not None
+    (folder / "scene.png").write_bytes(designer.picture.png)
     parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "executor")}
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     try:

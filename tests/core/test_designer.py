@@ -8,11 +8,12 @@ import pytest
 
 from core.design import Candidate, Component, Evaluation, Tool
 from core.designer import ModelDesigner, Sampling
+from core.errors import LimitReached
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
-from core.interfaces import VLM, Budget, Reply
+from core.interfaces import VLM, Budget, Picture, Reply
 from core.plugins import event_hub, installed
-from core.prompts import Prompts
+from core.prompts import Prompts, PromptSettings
 from tasks.bring_cube import BringCube
 
 ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
@@ -30,7 +31,7 @@ class Canned(VLM):
         self.requests = []
 
     def complete(self, requests):
-        self.requests = list(requests)
+        self.requests += requests
         for request in reversed(requests):
             reply = self.answer(request)
             if reply is not None:
@@ -46,19 +47,37 @@ def good(request):
     return Reply(request.id, document(), "a can")
 
 
-def designer(vlm, budget=None, kinds=("rigid",), seed=3, events=None, temperature=1.0):
+def designer(vlm, budget=None, kinds=("rigid",), seed=3, events=None, temperature=1.0, prompt=None, show=None):
     return ModelDesigner(
         BringCube(),
         vlm,
         URDF,
-        Prompts(),
+        Prompts(prompt),
         budget or Budget(3, 1, 1, 0, 5, 0.6),
         seed=seed,
         sampling=Sampling(temperature),
         tool_kinds=kinds,
         picture=None,
         events=events or event_hub(),
+        show=show,
     )
+
+
+class Listener:
+    """Notes what it hears, in order."""
+
+    def __init__(self):
+        self.heard = []
+        self.hub = event_hub()
+        self.hub.register(self)
+
+    @hookimpl
+    def request_composed(self, request):
+        self.heard.append(("asked", request.id))
+
+    @hookimpl
+    def reply_received(self, request, reply):
+        self.heard.append(("answered", request.id))
 
 
 def test_one_candidate_per_agent_tool_and_plan_named_by_where_it_came_from():
@@ -146,3 +165,77 @@ def test_replies_are_told_while_nobody_reads_them():
     next(candidates)
     assert all_told.wait(10.0)
     assert sorted(told) == ["g0-a0", "g0-a1", "g0-a2"]
+
+
+# --- repairs ----------------------------------------------------------------------------------------------------
+
+
+def chatting(request):
+    """Agent 1 answers with chatter, the first time; agent 2 not at all."""
+    if request.id == "g0-a2":
+        return Reply(request.id, "", "a can", error="quota exhausted")
+    return Reply(request.id, "I think that", "a can") if request.id == "g0-a1" else good(request)
+
+
+def test_an_unreadable_reply_is_asked_for_once_more_if_wanted():
+    listener, vlm = Listener(), Canned(chatting)
+    found = list(designer(vlm, events=listener.hub, prompt=PromptSettings(repair=True)).design(0))
+    assert {c.agent: c.problem for c in found} == {0: None, 1: None, 2: "the model gave no answer: quota exhausted"}
+    assert [what for what in listener.heard if what[1].startswith("g0-a1")] == [
+        ("asked", "g0-a1"),
+        ("answered", "g0-a1"),
+        ("asked", "g0-a1-repair"),
+        ("answered", "g0-a1-repair"),
+    ]
+    assert [r.id for r in vlm.requests] == ["g0-a0", "g0-a1", "g0-a2", "g0-a1-repair"]
+    first, again = vlm.requests[1], vlm.requests[3]
+    assert again.messages[: len(first.messages)] == first.messages
+    assert [m.role for m in again.messages[len(first.messages) :]] == ["assistant", "user"]
+    assert (again.schema, again.temperature, again.brief) == (first.schema, first.temperature, first.brief)
+
+
+def test_no_repair_unless_it_is_wanted_and_never_a_second_one():
+    vlm = Canned(chatting)
+    assert [c.problem is None for c in designer(vlm).design(0)].count(True) == 1
+    assert len(vlm.requests) == 3
+    stubborn = Canned(lambda r: Reply(r.id, "no", "a can"))
+    found = list(designer(stubborn, prompt=PromptSettings(repair=True)).design(0))
+    assert len(stubborn.requests) == 6
+    assert [c.id for c in found] == ["g0-a2-s0-p0", "g0-a1-s0-p0", "g0-a0-s0-p0"][::-1]
+    assert all("the reply can't be read" in c.problem for c in found)
+
+
+# --- limits -----------------------------------------------------------------------------------------------------
+
+
+def test_a_limit_is_passed_on_after_the_candidates_that_there_are():
+    class Broke(Canned):
+        def complete(self, requests):
+            yield good(requests[0])
+            raise LimitReached("all is spent")
+
+    candidates = designer(Broke(good)).design(0)
+    assert next(candidates).id == "g0-a0-s0-p0"
+    with pytest.raises(LimitReached, match="all is spent"):
+        next(candidates)
+
+
+# --- pictures of elites -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("feedback", ["paper", "numbers", "full"])
+def test_elites_are_drawn_once_and_only_if_they_are_shown(feedback):
+    drawn = []
+
+    def show(candidate):
+        drawn.append(candidate.id)
+        return Picture(b"drawn", f"elite_{candidate.id}")
+
+    elites = [Evaluation(Candidate(ROD, np.array(PLAN), strategy=n), "ok", reward=0.8) for n in range(2)]
+    vlm = Canned(good)
+    list(designer(vlm, prompt=PromptSettings(feedback=feedback), show=show).design(1, elites))
+    names = ["g0-a0-s0-p0", "g0-a0-s1-p0"] if feedback == "full" else []
+    assert drawn == names
+    for request in vlm.requests:
+        pictures = [part.name for part in request.messages[-1].parts if isinstance(part, Picture)]
+        assert pictures == [f"elite_{name}" for name in names]

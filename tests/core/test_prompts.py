@@ -20,12 +20,25 @@ from lxml import etree
 
 import core.prompts
 import prompts
+from core.config import PromptConfig, load, node
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Pose
-from core.interfaces import Brief, Message, Picture, Task, Text, ToolRepresentation
+from core.interfaces import Brief, Message, Picture, Reply, Request, Task, Text, ToolRepresentation
 from core.kinematics import arm
-from core.prompts import EVOLUTION, GIVEN, INITIAL, SUFFIX, SYSTEM, Prompts, answer_schema, counted
+from core.prompts import (
+    EVOLUTION,
+    GIVEN,
+    INITIAL,
+    REPAIR,
+    SUFFIX,
+    SYSTEM,
+    Prompts,
+    PromptSettings,
+    answer_schema,
+    as_markdown,
+    counted,
+)
 from core.robot import FINGER_OPEN, assemble
 from core.rollout import RolloutSettings
 from core.scene import Body, Goal, Scene, State, floor, table
@@ -180,6 +193,163 @@ def test_elites_are_shown() -> None:
     assert "crossover" in text.split("# Evolution rules")[1]
 
 
+# --- what else may be told of elites ----------------------------------------------------------------------------
+
+FIGURES = {
+    "distance_m": 1.23456,
+    "ik_error_m": 0.0711111,
+    "ik_error_rad": 0.5,
+    "tracking_error_rad": 0.02,
+    "moved_m": {"cube": 0.44444444},
+    "warnings": ("it fell",),
+}
+
+
+@pytest.mark.parametrize("feedback", ["paper", "numbers", "full"])
+def test_feedback(feedback: str) -> None:
+    plan = np.array([[0.5, 0.0, 0.123456, 0, 0, 1.5], [0.4, 0, 0.1, 0, 0, 0]])
+    elite = replace(ELITES[0], candidate=replace(ELITES[0].candidate, plan=plan), **FIGURES)
+    pictures = {"g0-a0-s0-p0": Picture(b"elite", "elite_g0-a0-s0-p0")} if feedback == "full" else {}
+    prompts = Prompts(PromptSettings(feedback=feedback))
+    messages = prompts.compose(make_brief(elites=(elite, ELITES[1])), PICTURE, pictures)
+    text = words(messages)
+    block = re.search(r"## The elites\n.*?```json\n(.*?)```", text, re.DOTALL)
+    assert block is not None
+    first, second = json.loads(block[1])
+    told = {
+        "action_plan": [[0.5, 0, 0.1235, 0, 0, 1.5], [0.4, 0, 0.1, 0, 0, 0]],
+        "distance_m": 1.2346,
+        "moved_m": {"cube": 0.4444},
+        "missed_m": 0.0711,
+        "missed_rad": 0.5,
+        "lag_rad": 0.02,
+        "warnings": ["it fell"],
+    }
+    assert {key: first.get(key) for key in told} == (told if feedback != "paper" else dict.fromkeys(told))
+    assert second.get("distance_m") is None  # nan
+    assert ("[0.4, 0.0, 0.1, 0.0, 0.0, 0.0]" in block[1]) == (feedback != "paper")  # a waypoint takes a line
+    assert ("that earned the rewards are not shown" in text) == (feedback == "paper")
+    for name in told:
+        assert (f"`{name}`" in text) == (feedback != "paper")
+    assert ("four instants" in text) == (feedback == "full")
+    *_, last = messages[-1].parts
+    if feedback == "full":
+        assert messages[-1].parts[-3:] == (PICTURE, Text("Elite g0-a0-s0-p0:\n\n"), pictures["g0-a0-s0-p0"])
+    else:
+        assert last == PICTURE
+
+
+def test_unknown_feedback_is_an_error() -> None:
+    with pytest.raises(UsageError, match=r"no feedback 'ful' in prompt.feedback \(did you mean 'full'\?\)"):
+        Prompts(PromptSettings(feedback="ful"))
+
+
+class GivenBar(Bar):
+    def given(self, task: Task) -> Tool:
+        return Tool((Component("bar", RIGID_MOUNT, Pose(), Box((0.01, 0.01, 0.2))),), name="bar", description="it is")
+
+    def schema(self) -> dict[str, Any]:
+        return {}
+
+    def dump(self, tool: Tool) -> dict[str, Any]:
+        return {}
+
+
+def test_plans_for_a_given_tool_go_on_from_the_best_ones() -> None:
+    first = words(Prompts().compose(make_brief(representation=GivenBar(), n_tool=1), None))
+    assert "best plans so far" not in first
+    brief = make_brief(representation=GivenBar(), n_tool=1, elites=ELITES)
+    later = words(Prompts().compose(brief, None))
+    assert "## The best plans so far" in later
+    assert '"action_plan"' in later
+    assert "`parents`" in later
+    assert "parents" in answer_schema(brief)["properties"]["strategies"]["items"]["properties"]
+
+
+def test_what_stands_in_a_file_for_a_picture() -> None:
+    message = Message("user", (Text("a\n\n"), PICTURE, Text("b\n\n"), Picture(b"", "elite")))
+    assert as_markdown(message, "../") == "a\n\n![scene](../scene.png)\n\nb\n\n![elite](../elite.png)\n\n"
+
+
+# --- a person's idea --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def idea(tmp_path: Path) -> Path:
+    file = tmp_path / "my_idea.md"
+    file.write_text("\ufeff Take a broom {{ brief }}.\n", encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize(
+    "brief", [make_brief(), make_brief(elites=ELITES), make_brief(representation=GivenBar(), n_tool=1)]
+)
+def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
+    text = words(Prompts(settings_of("human", f"prompt.file={idea}")).compose(brief, None))
+    assert text.count("```text\nTake a broom {{ brief }}.\n```") == 1
+    assert "# The colleague's instructions" in text
+    assert "wide range" not in text
+    order = headings(text)
+    assert order.index("The colleague's instructions") < order.index("Procedure")
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (None, "there is no such file"),
+        (b"", "is empty; write down the tool"),
+        (b" \n", "is empty; write down the tool"),
+        (b"\xff\xfe", "is not UTF-8 text"),
+        (b"x" * 60_000, "has 60000 characters; at most 50000"),
+    ],
+)
+def test_files_that_hold_no_idea(tmp_path: Path, content: bytes | None, reason: str) -> None:
+    file = tmp_path / "idea.md"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(UserError, match=reason) as error:
+        Prompts(settings_of("human", f"prompt.file={file}"))
+    assert str(error.value).startswith(f"prompt.file={file}")
+    assert "\n" not in str(error.value)
+
+
+def test_a_folder_holds_no_idea(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="can't be read: Is a directory"):
+        Prompts(settings_of("human", f"prompt.file={tmp_path}"))
+
+
+def test_an_idea_that_is_not_wanted_and_a_wanted_one_that_is_not_there() -> None:
+    with pytest.raises(UsageError, match=r"prompt\.file=x\.md would not be told by this prompt; prompt=human tells it"):
+        Prompts(PromptSettings(file="x.md"))
+    with pytest.raises(UsageError, match=r"prompt\.file is empty; give the text file"):
+        Prompts(settings_of("human"))
+
+
+def test_evolution_alone_needs_elites() -> None:
+    prompts = Prompts(settings_of("evolve"))
+    assert "## The elites" in words(prompts.compose(make_brief(elites=ELITES), None))
+    with pytest.raises(UserError, match="this prompt evolves elites, and there are none"):
+        prompts.compose(make_brief(), None)
+
+
+# --- a repair ---------------------------------------------------------------------------------------------------
+
+
+def test_a_repair_tells_what_was_said_and_what_is_wrong_with_it() -> None:
+    brief = make_brief()
+    first = Request("g0-a0", brief, Prompts().compose(brief, PICTURE), {}, 1.0)
+    messages = Prompts().repair(first, Reply("g0-a0", "I {{ think }}", "m"), "it has no {{ JSON }}")
+    assert messages[:2] == first.messages
+    assert [m.role for m in messages[2:]] == ["assistant", "user"]
+    assert messages[2].parts == (Text("I {{ think }}"),)
+    assert "can't be read: it has no {{ JSON }}." in messages[3].parts[0].text
+    silent = Prompts().repair(first, Reply("g0-a0", " \n", "m"), "it is empty")
+    assert [m.role for m in silent] == ["system", "user", "user"]
+
+
+# --- one elite, or of the other kind ----------------------------------------------------------------------------
+
+
 def test_one_elite_can_only_be_mutated() -> None:
     text = words(Prompts().compose(make_brief(elites=ELITES[:1]), None))
     assert "mutation" in text
@@ -223,13 +393,29 @@ def test_how_plans_are_executed_is_told() -> None:
 
 
 def test_each_template_is_used() -> None:
-    assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN}
+    human = settings_of("human")
+    used = {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN, REPAIR, *human.initial, *human.evolution, *human.given}
+    assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == used
+
+
+def test_the_default_choice_is_the_default() -> None:
+    assert settings_of("vlmgineer") == PromptConfig(name="vlmgineer")
 
 
 def test_parts_can_be_chosen() -> None:
-    messages = Prompts(system=(), initial=("units", "context", "frames")).compose(make_brief(), None)
+    chosen = PromptSettings(system=[], initial=["units", "context", "frames"])
+    messages = Prompts(chosen).compose(make_brief(), None)
     assert [message.role for message in messages] == ["user"]
     assert headings(words(messages)) == ["Units", "The task: PushCube", "Frames"]
+
+
+def from_folder(folder: Path) -> Prompts:
+    return Prompts(PromptSettings(dir=str(folder)))
+
+
+def settings_of(name: str, *overrides: str) -> PromptSettings:
+    """A choice of the config group."""
+    return node(load("config", [f"prompt={name}", *overrides]).prompt, PromptConfig)
 
 
 @pytest.fixture
@@ -239,38 +425,38 @@ def folder(tmp_path: Path) -> Path:
 
 def test_another_folder(folder: Path) -> None:
     (folder / "units.md.j2").write_text("# Units\nInches, for {{ task.name }}.\n", encoding="utf-8")
-    assert "Inches, for PushCube." in words(Prompts(folder).compose(make_brief(), None))
+    assert "Inches, for PushCube." in words(from_folder(folder).compose(make_brief(), None))
 
 
 def test_a_misspelt_name_is_an_error(folder: Path) -> None:
     (folder / "units.md.j2").write_text("{{ brif.n_tool }}", encoding="utf-8")
     with pytest.raises(UserError, match=r"units\.md\.j2: 'brif' is undefined; a template may use: brief, ") as error:
-        Prompts(folder).compose(make_brief(), None)
+        from_folder(folder).compose(make_brief(), None)
     assert "\n" not in str(error.value)
 
 
 def test_a_template_can_not_break_out(folder: Path) -> None:
     (folder / "units.md.j2").write_text("{{ brief.__class__.__mro__ }}", encoding="utf-8")
     with pytest.raises(UserError, match=r"units\.md\.j2: .*unsafe"):
-        Prompts(folder).compose(make_brief(), None)
+        from_folder(folder).compose(make_brief(), None)
 
 
 def test_a_broken_template_is_an_error(folder: Path) -> None:
     (folder / "units.md.j2").write_text("# Units\n{% if %}", encoding="utf-8")
     with pytest.raises(UserError, match=r"units\.md\.j2, line 2: "):
-        Prompts(folder)
+        from_folder(folder)
 
 
 def test_a_missing_template_is_an_error(folder: Path) -> None:
     (folder / "units.md.j2").rename(folder / "unit.md.j2")
     with pytest.raises(UserError, match=r"no prompt template 'units\.md\.j2' .*did you mean 'unit\.md\.j2'") as error:
-        Prompts(folder)
+        from_folder(folder)
     assert "\n" not in str(error.value)
 
 
 def test_a_missing_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"no prompt folder .*nowhere; name one") as error:
-        Prompts(tmp_path / "nowhere")
+        from_folder(tmp_path / "nowhere")
     assert "\n" not in str(error.value)
 
 

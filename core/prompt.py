@@ -1,0 +1,182 @@
+"""``python -m core.prompt task=NAME [prompt=NAME] [designs=FILE] [output=FOLDER]``: what a model would be sent; nobody
+is asked.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+
+from core.cli import arguments, command, write_bytes
+from core.config import PromptConfig, check_seed, load, node, part
+from core.design import Candidate, Evaluation, best_first
+from core.designer import DEFAULT_KINDS, Sampling, make_designer
+from core.errors import UsageError, UserError
+from core.evolution import evaluate_all
+from core.interfaces import VLM, Budget, Estimate, Picture, Request, RolloutSettings, Task, ToolRepresentation
+from core.plugins import event_hub, installed
+from core.prompts import Prompts, as_markdown
+from core.reading import load_designs, read_designs
+from core.rollout import Bench
+from core.rules import SpawnRules
+
+USAGE = (
+    "usage: python -m core.prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "
+    "[output=FOLDER] [KEY=VALUE ...]"
+)
+
+
+class Nobody(VLM):
+    """Is asked nothing."""
+
+    model = "nobody"
+
+    def complete(self, requests: Sequence[Request]) -> Any:
+        raise TypeError("prompts are composed here, not sent")
+
+
+def compose(cfg: DictConfig) -> Request:
+    """What agent ``cfg.agent`` of a run with this configuration would be asked first, or with ``cfg.designs`` when
+    these are the elites.
+
+    Raises:
+        UserError: a part, a setting or the designs can't be had.
+    """
+    check_seed(cfg.seed)
+    if cfg.agent < 0:
+        raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
+    task: Task = part("task", cfg.task, without=("tool_kinds", "paper")).create()
+    representation: ToolRepresentation = part("tool", cfg.tool).create()
+    settings = node(cfg.rollout, RolloutSettings)
+    designer = make_designer(
+        task,
+        part("sim", cfg.sim).create(),
+        Nobody(),
+        representation,
+        Prompts(node(cfg.prompt, PromptConfig), settings),
+        Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)}),
+        seed=cfg.seed,
+        sampling=node(cfg.sampling, Sampling),
+        tool_kinds=cfg.task.get("tool_kinds") or DEFAULT_KINDS,
+        events=event_hub(),
+    )
+    elites = elites_of(cfg, task, representation) if cfg.designs is not None else []
+    (request,) = designer.requests(1 if elites else 0, elites, [cfg.agent])
+    return request
+
+
+def elites_of(cfg: DictConfig, task: Task, representation: ToolRepresentation) -> list[Evaluation]:
+    """The best plan of each tool in ``cfg.designs``, at most ``cfg.budget.k_top`` of them, the best first.
+
+    A strategy with a ``reward`` (and perhaps ``distance_m``) is taken at its word, for its first plan; the others are
+    tried.
+
+    Raises:
+        UserError: the file can't be used, or nothing in it can be tried.
+    """
+    document: Any = load_designs(Path(cfg.designs))
+    candidates = read_designs(document, representation, SpawnRules(task, cfg.seed))
+    told = {number: _told(strategy, number, cfg.designs) for number, strategy in enumerate(document["strategies"])}
+    evaluations = [
+        Evaluation(candidate, "ok", *figures)
+        for candidate in candidates
+        if (figures := told[candidate.strategy]) is not None and candidate.action == 0 and candidate.problem is None
+    ]
+    untold = [candidate for candidate in candidates if told[candidate.strategy] is None]
+    evaluations += _tried(cfg, untold)
+    best: dict[int, Evaluation] = {}
+    for evaluation in best_first(evaluations):
+        best.setdefault(evaluation.candidate.strategy, evaluation)
+    if not best:
+        reasons = [c.problem for c in candidates if c.problem] + [e.reason for e in evaluations if e.reason]
+        raise UserError(f"{cfg.designs}: none of its designs can be an elite; the first reason: {reasons[0]}")
+    return list(best.values())[: cfg.budget.k_top]
+
+
+def _told(strategy: object, number: int, file: str) -> tuple[float, float] | None:
+    """Reward and distance (nan: not told) that a strategy of a designs file gives of itself."""
+    if not isinstance(strategy, dict) or strategy.get("reward") is None:
+        return None
+    most = {"reward": 1.0, "distance_m": math.inf}
+    for name in most:
+        figure = strategy.get(name)
+        wrong = isinstance(figure, bool) or not isinstance(figure, int | float) or not 0 <= figure <= most[name]
+        if figure is not None and wrong:
+            raise UserError(f"{file}: strategy {number + 1}: {name} can't be {figure!r}")
+    distance = strategy.get("distance_m")
+    return float(strategy["reward"]), float(distance) if distance is not None else math.nan
+
+
+def _tried(cfg: DictConfig, candidates: Sequence[Candidate]) -> list[Evaluation]:
+    if not candidates:
+        return []
+    task_part, sim_part = part("task", cfg.task, without=("tool_kinds", "paper")), part("sim", cfg.sim)
+    bench = Bench(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
+    with part("executor", cfg.executor).create() as executor:
+        return list(evaluate_all(candidates, bench, executor))
+
+
+def reckon(cfg: DictConfig, request: Request) -> tuple[str, Estimate]:
+    """The model that the configuration names, and what the request takes of it."""
+    factory = installed().factory("vlm", cfg.vlm.name)
+    count = getattr(factory, "estimate", VLM.estimate)
+    model = str(cfg.vlm.get("model") or cfg.vlm.name)
+    return model, count(request, model)
+
+
+def write(request: Request, model: str, estimate: Estimate, folder: Path) -> None:
+    """``system.md``, ``user.md``, the pictures that the latter names, ``schema.json``, and ``request.json`` with the
+    rest.
+
+    Raises:
+        UserError: the folder can't be written.
+    """
+    for message in request.messages:
+        write_bytes(folder / f"{message.role}.md", as_markdown(message).encode())
+        for picture in message.parts:
+            if isinstance(picture, Picture):
+                write_bytes(folder / f"{picture.name}.png", picture.png)
+    write_bytes(folder / "schema.json", _json(request.schema))
+    brief = request.brief
+    rest = {
+        "id": request.id,
+        "model": model,
+        "temperature": request.temperature,
+        "seed": brief.seed,
+        "gripper": brief.gripper,
+        "n_tool": brief.n_tool,
+        "n_action": brief.n_action,
+        "elites": [elite.candidate.id for elite in brief.elites],
+        "estimate": asdict(estimate),
+    }
+    write_bytes(folder / "request.json", _json(rest))
+
+
+def _json(value: object) -> bytes:
+    return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+def main() -> None:
+    cfg = load("prompt", arguments(USAGE))
+    OmegaConf.resolve(cfg)
+    request = compose(cfg)
+    model, estimate = reckon(cfg, request)
+    folder = Path(cfg.output)
+    write(request, model, estimate, folder)
+    sys.stdout.write(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})\n")
+    prices = estimate.usd_per_prompt_token, estimate.usd_per_completion_token
+    if prices[0] is not None and prices[1] is not None:
+        dollars = f"{1e6 * prices[0]:g} in, {1e6 * prices[1]:g} out"
+        sys.stdout.write(f"US dollars for a million tokens: {dollars} ({estimate.priced_by})\n")
+    sys.stdout.write(f"{folder}\n")
+
+
+if __name__ == "__main__":
+    command(main)

@@ -1,0 +1,177 @@
+"""``python -m core.prompt``: what would be sent, in every use."""
+
+import json
+import re
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from core.config import load
+from core.errors import UserError
+from core.interfaces import VLM, Picture
+from core.prompt import compose, main
+from core.prompts import as_markdown
+
+ROOT = Path(__file__).parents[2]
+SOLUTION = ROOT / "tests/tasks/solutions/OneBook.json"
+SMALL = ["task=OneBook", "executor.workers=1"]
+
+
+def composed(*overrides):
+    return compose(load("prompt", [*SMALL, *overrides]))
+
+
+def text_of(request):
+    return "".join(as_markdown(message) for message in request.messages)
+
+
+@pytest.fixture(scope="module")
+def designs(tmp_path_factory):
+    """Two tools: one that says what it earned, one that leaves it to be tried, with a poor and a good plan."""
+    (good,) = json.loads(SOLUTION.read_text())["strategies"]
+    idle = [[0.5, 0, 0.5, 0, 0, 0]]
+    document = [good | {"reward": 0.5, "distance_m": 1.5, "tool_name": "told"}]
+    document += [good | {"action_sets": [idle, *good["action_sets"]], "tool_name": "tried"}]
+    document += [good | {"tool_urdf": "<link/>", "tool_name": "broken"}]
+    file = tmp_path_factory.mktemp("designs") / "designs.json"
+    file.write_text(json.dumps({"strategies": document}))
+    return file
+
+
+@pytest.fixture
+def idea(tmp_path):
+    file = tmp_path / "idea.md"
+    file.write_text("Use a long hook.")
+    return f"prompt.file={file}"
+
+
+USES = {
+    "first sampling": ([], "Invent", "in place of a hand", 6),
+    "first sampling, gripper": (["task.tool_kinds=[gripper]"], "Invent", "mounted on `panda_leftfinger`", 7),
+    "no tool": (["tool=none"], "nothing but its two-finger gripper", "## The robot\n", 7),
+    "given tool": (["task=BringCube", "tool=rlbench"], "The tool, stick", "## The robot and the tool\n", 6),
+    "human": (["prompt=human"], "Use a long hook.", "in place of a hand", 6),
+}
+
+
+@pytest.mark.parametrize("use", USES)
+def test_every_use(use, idea):
+    overrides, mission, robot, numbers = USES[use]
+    request = composed(*overrides, *([idea] if use == "human" else []))
+    text = text_of(request)
+    assert mission in text
+    assert robot in text
+    assert f"exactly {numbers} numbers" in text
+    assert "class " in text
+    assert request.id == "g0-a0"
+    plan = request.schema["properties"]["strategies"]["items"]["properties"]["action_sets"]["items"]
+    assert plan["items"]["minItems"] == numbers
+
+
+@pytest.mark.parametrize("kinds", ["rigid", "gripper"])
+def test_evolution_shows_what_the_designs_earned(designs, kinds):
+    request = composed("prompt=evolve", f"designs={designs}", f"task.tool_kinds=[{kinds}]")
+    block = re.search(r"## The elites\n```json\n(.*?)```", text_of(request), re.DOTALL)
+    first, second = json.loads(block[1])
+    assert (first["tool_name"], first["id"]) == ("tried", "g0-a0-s1-p1")
+    assert first["reward"] > 0.95
+    assert (second["tool_name"], second["reward"]) == ("told", 0.5)
+    assert request.id == "g1-a0"
+    assert ("of the other kind" in text_of(request)) == (kinds == "gripper")
+
+
+def test_elites_are_at_most_k_top_and_may_be_drawn(designs):
+    request = composed(f"designs={designs}", "budget.k_top=1", "prompt.feedback=full")
+    assert [elite.candidate.id for elite in request.brief.elites] == ["g0-a0-s1-p1"]
+    scene, elite = [part for part in request.messages[-1].parts if isinstance(part, Picture)]
+    assert (scene.name, elite.name) == ("scene", "elite_g0-a0-s1-p1")
+    assert '"lag_rad"' in text_of(request)
+
+
+def test_the_stages_of_a_rollout_differ(designs, tmp_path):
+    request = composed(f"designs={designs}", "budget.k_top=1", "prompt.feedback=full")
+    (tmp_path / "elite.png").write_bytes(request.messages[-1].parts[-1].png)
+    picture = np.asarray(Image.open(tmp_path / "elite.png")).astype(int)
+    assert picture.shape == (480, 640, 3)
+    quarters = [picture[r : r + 240, c : c + 320] for r in (0, 240) for c in (0, 320)]
+    assert all(np.abs(a - b).mean() > 1 for a, b in pairwise(quarters[:3]))  # the arm moved
+    assert len(np.unique(quarters[0].reshape(-1, 3), axis=0)) > 100
+
+
+@pytest.mark.parametrize(
+    ("overrides", "reason"),
+    [
+        (["prompt=evolve"], "this prompt evolves elites, and there are none"),
+        (["designs=missing.json"], "no designs file missing.json"),
+        (["prompt=human"], "prompt.file is empty"),
+        (["agent=-1"], "agent must be 0 or greater"),
+        (["tool=rlbench"], "no given tool for task 'OneBook'"),
+        (["task.tool_kinds=[rigd]"], "no tool kind 'rigd'"),
+    ],
+)
+def test_mistakes(overrides, reason):
+    with pytest.raises(UserError, match=re.escape(reason)) as error:
+        composed(*overrides)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"reward": 1.5}, "strategy 1: reward can't be 1.5"),
+        ({"reward": "high"}, "strategy 1: reward can't be 'high'"),
+        ({"reward": 0.5, "distance_m": -1}, "strategy 1: distance_m can't be -1"),
+        ({"tool_urdf": "<link/>"}, "none of its designs can be an elite; the first reason: "),
+    ],
+)
+def test_designs_that_make_no_elites(change, reason, tmp_path):
+    (good,) = json.loads(SOLUTION.read_text())["strategies"]
+    file = tmp_path / "designs.json"
+    file.write_text(json.dumps({"strategies": [good | change]}))
+    with pytest.raises(UserError, match=re.escape(reason)):
+        composed(f"designs={file}")
+
+
+def test_the_command_writes_what_would_be_sent(tmp_path):
+    words = ["task=OneBook", "vlm=litellm", "vlm.model=openai/gpt-4.1", "output=there", "budget.n_tool=2", "agent=3"]
+    done = subprocess.run(
+        [sys.executable, "-m", "core.prompt", *words], cwd=tmp_path, capture_output=True, text=True, timeout=240
+    )
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr  # no key is needed, nobody is asked
+    folder = tmp_path / "there"
+    request = composed("budget.n_tool=2", "agent=3")
+    system, user = request.messages
+    assert (folder / "system.md").read_text() == system.parts[0].text
+    assert (folder / "user.md").read_text() == as_markdown(user)
+    assert (folder / "scene.png").read_bytes() == user.parts[-1].png
+    assert json.loads((folder / "schema.json").read_text()) == request.schema
+    told = json.loads((folder / "request.json").read_text())
+    assert (told["id"], told["seed"], told["temperature"]) == ("g0-a3", request.brief.seed, request.temperature)
+    estimate = told["estimate"]
+    tokens = estimate["prompt_tokens"]
+    assert abs(tokens / VLM.estimate(request, "any").prompt_tokens - 1) < 0.2
+    assert (estimate["usd_per_prompt_token"], estimate["counted_by"]) == (2e-6, "litellm.token_counter")
+    first, second, last = done.stdout.splitlines()
+    assert first == f"{tokens} tokens for openai/gpt-4.1 (litellm.token_counter)"
+    assert second.startswith("US dollars for a million tokens: 2 in, 8 out (price list of LiteLLM ")
+    assert last == "there"
+
+
+def test_without_litellm_tokens_are_reckoned_by_the_thumb(monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(sys.modules, "litellm", None)
+    monkeypatch.setattr(sys, "argv", ["prompt", "task=OneBook", f"output={tmp_path}"])
+    main()
+    assert "rule of thumb: 3 characters to a token, 800 tokens to a picture" in capsys.readouterr().out
+
+
+def test_an_output_that_can_not_be_written(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(sys, "argv", ["prompt", "task=OneBook", f"output={tmp_path / 'file'}"])
+    with pytest.raises(UserError, match="can't write"):
+        main()
