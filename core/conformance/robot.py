@@ -4,10 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.conformance.worlds import BARE, GREY, HAND, cube, end, expect, film, motion, move, stick, still, tip, wait
+from core.conformance.worlds import (
+    BARE,
+    GREY,
+    HAND,
+    cube,
+    end,
+    expect,
+    film,
+    motion,
+    move,
+    run,
+    stick,
+    still,
+    tip,
+    wait,
+)
 from core.design import Component, Tool
-from core.geometry import Array, Box, Pose
-from core.interfaces import Simulator
+from core.geometry import Array, Box, Cylinder, Pose, Sphere
+from core.interfaces import JointTrajectory, Rollout, Simulator
 from core.kinematics import arm
 from core.robot import FINGER_OPEN
 from core.scene import Body, table
@@ -52,14 +67,14 @@ def check_body_is_not_pushed_through_the_table(simulator: Simulator) -> None:
 
 
 def check_tool_stops_at_a_wall(simulator: Simulator) -> None:
-    wall = Body.of("wall", Box((0.4, 0.02, 0.4)), (0.5, 0.0, 0.2), mass=0.0, color=GREY)
-    plan = [[0.5, -0.2, 0.4, 0, 0, 0], [0.5, 0.2, 0.4, 0, 0, 0]]
+    wall = Body.of("wall", Box((0.4, 0.02, 0.4)), (0.5, 0.2, 0.2), mass=0.0, color=GREY)
+    plan = [[0.5, -0.1, 0.4, 0, 0, 0], [0.5, 0.35, 0.4, 0, 0, 0]]
     joints = film(move(simulator, plan, wall, tool=stick(0.25), record_hz=100)).arm
     tips = tip(joints, (0.0, 0.0, -0.25))[:, 1]
-    begun = int(np.argmin(tips))
-    expect(tips[begun] < -0.15, "the tool did not come to where its sweep begins")
-    beyond = tips[begun:].max()  # half the wall and half the stick are 0.02
-    expect(beyond < 0.0, f"a tool swept at a wall 0.02 m thick came {1000 * (beyond + 0.02):.0f} mm into it")
+    expect(tips.min() < -0.08, "the tool did not come to where its sweep begins")
+    into = tips.max() - (0.2 - 0.02)  # half the wall and half the stick
+    expect(into > -0.005, f"the tool stopped {-1000 * into:.0f} mm before the wall")
+    expect(into < 0.01, f"a tool swept at a wall 0.02 m thick came {1000 * into:.0f} mm into it")
 
 
 def check_joints_hold_against_gravity(simulator: Simulator) -> None:
@@ -84,6 +99,22 @@ def check_arm_follows_its_trajectory(simulator: Simulator) -> None:
     there = arm().forward(recording.arm[-1]).position
     gap = np.abs(there - plan[-1][:3]).max()
     expect(gap < 1e-3, f"the end-effector ended {1000 * gap:.1f} mm from its last waypoint")
+
+
+def check_struck_body_leaves_as_fast_as_it_was_struck(simulator: Simulator) -> None:
+    """A tool at 0.6 m/s and a light body without friction: nothing of how contacts are solved is to speed it up."""
+    speed, count = 0.6, 41
+    way = np.linspace(-0.25, 0.15, count)
+    joints = [arm().home_for(Pose(np.array([0.6, way[0], 0.27])))]
+    for y in way[1:]:
+        joints.append(arm().inverse(Pose(np.array([0.6, y, 0.27])), joints[-1]).joints)
+    times = np.linspace(0.0, 0.4 / speed, count)
+    trajectory = JointTrajectory(times, np.array(joints), np.full(count, FINGER_OPEN))
+    for shape in (Box((0.1, 0.1, 0.06)), Cylinder(0.05, 0.06), Sphere(0.03)):
+        puck = Body.of("puck", shape, (0.6, 0.0, 0.03), mass=0.2, color=GREY, friction=0.0)
+        job = Rollout(stick(0.25), trajectory, settle_s=0.1, hold_s=0.02)
+        left = end(run(simulator, (table(), puck), job)).linear_velocity("puck")[1] / speed
+        expect(0.8 < left < 1.2, f"{shape}, struck by a tool, left {left:.2f} times as fast as the tool was")
 
 
 def check_joint_torques_are_limited(simulator: Simulator) -> None:
@@ -133,7 +164,7 @@ def check_gripper_squeezes_as_hard_as_the_hand_can(simulator: Simulator) -> None
         held = cube(at=(0.5, 0, 0.02), side=0.04, mass=mass)
         height = end(move(simulator, plan, table(), held, tool=HAND)).position("cube")[2]
         if rises:
-            expect(height > 0.08, f"the hand can hold {mass} kg; the cube is at {height:.3f} m instead of 0.1")
+            expect(height > 0.06, f"the hand can hold {mass} kg; the cube is at {height:.3f} m instead of 0.1")
         else:
             expect(height < 0.04, f"the hand can't hold {mass} kg, and lifted it to {height:.3f} m")
 
@@ -145,6 +176,7 @@ CHECKS = (
     check_tool_stops_at_a_wall,
     check_joints_hold_against_gravity,
     check_arm_follows_its_trajectory,
+    check_struck_body_leaves_as_fast_as_it_was_struck,
     check_joint_torques_are_limited,
     check_fingers_go_where_they_are_told,
     check_gripper_lifts_a_cube,
