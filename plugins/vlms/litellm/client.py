@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import importlib
+import importlib.metadata
 import logging
 import os
 import threading
@@ -13,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from core.errors import UserError
-from core.interfaces import Message, Picture, Request
+from core.interfaces import Estimate, Message, Picture, Request
 
 _log = logging.getLogger(__name__)
 
@@ -62,6 +63,31 @@ def load() -> ModuleType:
     return litellm
 
 
+def estimate(request: Request, model: str) -> Estimate:
+    """Of LiteLLM's own counter, which takes pictures for small ones, and its price list.
+
+    Raises:
+        UserError: LiteLLM is not installed.
+    """
+    litellm = load()
+    tokens = litellm.token_counter(model=model, messages=render(request.messages))
+    price = _price(litellm, model)
+    version = importlib.metadata.version("litellm")
+    if price is None:
+        return Estimate(tokens, "litellm.token_counter")
+    return Estimate(tokens, "litellm.token_counter", *price, f"price list of LiteLLM {version}")
+
+
+def _price(litellm: ModuleType, model: str) -> tuple[float, float] | None:
+    """US dollars per token in and out; None: nobody knows."""
+    try:
+        info = litellm.get_model_info(model)
+    except Exception:  # a model that the list does not have; the class of the error varies
+        return None
+    prices = info.get("input_cost_per_token"), info.get("output_cost_per_token")
+    return (float(prices[0]), float(prices[1])) if prices[0] and prices[1] else None
+
+
 class Client:
     """Calls ``model``; see `LanguageModel` for the settings.
 
@@ -89,6 +115,7 @@ class Client:
             raise UserError(f"vlm.model={model} needs an API key; set the environment variable {' or '.join(missing)}")
         if missing:
             self._settings["api_key"] = "none"  # clients refuse to call without one, servers of one's own don't care
+        self._price = None if self._provider in _LOCAL else _price(self._litellm, model)
         self._schema_lock = threading.Lock()
         self._takes = {"temperature": self._accepts(temperature=0.7), "seed": self._accepts(seed=1)}
         self._takes["response_format"] = self._provider in _LOCAL or bool(
@@ -101,6 +128,23 @@ class Client:
                 model,
                 ", no ".join(left_out).replace("response_format", "JSON schema"),
             )
+
+    @property
+    def priced(self) -> bool:
+        """Whether anybody knows what a call costs."""
+        return self._price is not None
+
+    def spent(self, request: Request, answer: Answer) -> tuple[int, float]:
+        """Tokens and US dollars that an answer took: what it says itself, else counted; 0 dollars without a price."""
+        asked, said = answer.prompt_tokens, answer.completion_tokens
+        if asked is None:
+            asked = int(self._litellm.token_counter(model=self.model, messages=render(request.messages)))
+        if said is None:
+            said = int(self._litellm.token_counter(model=self.model, text=answer.text))
+        if answer.cost_usd is not None:
+            return asked + said, answer.cost_usd
+        per_prompt_token, per_completion_token = self._price or (0.0, 0.0)
+        return asked + said, asked * per_prompt_token + said * per_completion_token
 
     def _missing_keys(self) -> list[str]:
         """The environment variables of which one must hold the key, if none does."""

@@ -9,10 +9,12 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from core.errors import UsageError, check_positive
-from core.interfaces import VLM, Reply, Request
-from plugins.vlms.litellm.client import Answer, Client
+from core.errors import LimitReached, UsageError, UserError, check_positive
+from core.interfaces import VLM, Estimate, Reply, Request
+from plugins.vlms.litellm.cache import Cache
+from plugins.vlms.litellm.client import Answer, Client, estimate
 from plugins.vlms.litellm.failures import explain, pause, within
+from plugins.vlms.litellm.spending import Spending
 
 _log = logging.getLogger(__name__)
 
@@ -29,9 +31,14 @@ class LanguageModel(VLM):
         timeout_s: a call that takes longer is given up, whatever the server does.
         retries: how often a call is tried again after a rate limit, a fault of the server or of the network.
         max_output_tokens: of an answer, thinking included; None: what the provider allows.
+        max_cost_usd: when calls have cost as much, no further one is made; None: no limit.
+        max_tokens_total: the same for tokens, of prompts and answers together.
+        cache: keep replies, and don't send a request again whose reply is kept.
+        cache_dir: where; None: ``vlmgineer/replies`` in the user's cache folder.
 
     Raises:
-        UserError: LiteLLM is not installed, does not know the provider, or finds no API key.
+        UserError: LiteLLM is not installed, does not know the provider, or finds no API key; a limit of cost without
+            a price; a cache folder that can't be made.
     """
 
     model: str = ""
@@ -41,26 +48,47 @@ class LanguageModel(VLM):
     timeout_s: float = 600.0
     retries: int = 4
     max_output_tokens: int | None = None
+    max_cost_usd: float | None = None
+    max_tokens_total: int | None = None
+    cache: bool = False
+    cache_dir: str | None = None
 
     def __post_init__(self) -> None:
         if not self.model:
             raise UsageError("vlm.model is empty; give a model as LiteLLM writes it, such as gemini/gemini-2.5-pro")
         check_positive("vlm.", concurrency=self.concurrency, timeout_s=self.timeout_s)
-        if self.requests_per_minute is not None:
-            check_positive("vlm.", requests_per_minute=self.requests_per_minute)
-        if self.max_output_tokens is not None:
-            check_positive("vlm.", max_output_tokens=self.max_output_tokens)
+        for name in ("requests_per_minute", "max_output_tokens", "max_cost_usd", "max_tokens_total"):
+            if getattr(self, name) is not None:
+                check_positive("vlm.", **{name: getattr(self, name)})
         if self.retries < 0:
             raise UsageError(f"vlm.retries must be at least 0, got {self.retries}")
         self._client = Client(self.model, self.api_base, self.timeout_s, self.max_output_tokens)
+        if self.max_cost_usd is not None and not self._client.priced:
+            raise UserError(
+                f"vlm.max_cost_usd can't be kept: LiteLLM's price list has no price for {self.model}; "
+                "use vlm.max_tokens_total"
+            )
         self._pace = Pace(self.requests_per_minute)
+        self._spending = Spending(self.max_cost_usd, self.max_tokens_total)
+        asked = {"model": self.model, "api_base": self.api_base, "max_output_tokens": self.max_output_tokens}
+        self._cache = Cache(self.cache_dir, asked) if self.cache else None
+
+    @classmethod
+    def estimate(cls, request: Request, model: str) -> Estimate:
+        try:
+            return estimate(request, model)
+        except UserError:  # no LiteLLM
+            return super().estimate(request, model)
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
-        """See `VLM.complete`. When the caller stops listening, calls that have not begun are dropped."""
+        """See `VLM.complete`. When the caller stops listening, calls that have not begun are dropped.
+
+        Calls that are under way when a limit is reached are waited for.
+        """
         waiting: queue.SimpleQueue[Request] = queue.SimpleQueue()
         for request in requests:
             waiting.put(request)
-        replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
+        results: queue.SimpleQueue[Reply | LimitReached] = queue.SimpleQueue()
         stop = threading.Event()
 
         def work() -> None:
@@ -69,28 +97,48 @@ class LanguageModel(VLM):
                     request = waiting.get_nowait()
                 except queue.Empty:
                     return
+                result: Reply | LimitReached
                 try:
-                    reply = self._answer(request, stop)
+                    result = self._kept(request) or self._answer(request, stop)
+                except LimitReached as limit:
+                    result = limit
                 except Exception as error:  # or the caller would wait for ever
-                    reply = Reply(request.id, "", self.model, error=explain(error))
-                replies.put(reply)
+                    result = Reply(request.id, "", self.model, error=explain(error))
+                results.put(result)
 
         for number in range(min(self.concurrency, len(requests))):
             # Daemons, so that an interrupted process ends without waiting for a server.
             threading.Thread(target=work, name=f"{self.model} {number}", daemon=True).start()
+        limits: list[LimitReached] = []
         try:
             for _ in requests:
-                yield replies.get()
+                result = results.get()
+                if isinstance(result, LimitReached):
+                    limits.append(result)
+                else:
+                    yield result
         finally:
             stop.set()
+        if limits:
+            raise LimitReached(f"{limits[0]}; {len(limits)} of {len(requests)} requests are left without a reply")
+
+    def _kept(self, request: Request) -> Reply | None:
+        return self._cache.get(request) if self._cache is not None else None
 
     def _answer(self, request: Request, stop: threading.Event) -> Reply:
-        """The reply, after as many tries as it takes and is allowed."""
+        """The reply, after as many tries as it takes and is allowed.
+
+        Raises:
+            LimitReached: nothing may be spent any more.
+        """
         tries = 0
         while True:
             self._pace.wait(stop)
             if stop.is_set():
                 return Reply(request.id, "", self.model, error="interrupted")
+            reached = self._spending.reached()
+            if reached is not None:
+                raise LimitReached(reached)
             tries += 1
             try:
                 answer = within(self.timeout_s, lambda: self._client.ask(request))
@@ -101,7 +149,12 @@ class LanguageModel(VLM):
                     return Reply(request.id, "", self.model, error=explain(error) + after)
                 stop.wait(wait_s)
             else:
-                return self._reply(request, answer)
+                if self._spending.limited:
+                    self._spending.add(*self._client.spent(request, answer))
+                reply = self._reply(request, answer)
+                if self._cache is not None and reply.error is None:
+                    self._cache.put(request, reply)
+                return reply
 
     def _reply(self, request: Request, answer: Answer) -> Reply:
         """What came, judged by why the model stopped. A text that was cut off is passed on as far as it goes."""

@@ -1,4 +1,6 @@
-"""Models on the loopback interface: they speak OpenAI's, Google's and Ollama's protocols, and misbehave if told to."""
+"""Models on the loopback interface: they speak the protocols of OpenAI, Google, Anthropic and Ollama, and misbehave if
+told to.
+"""
 
 from __future__ import annotations
 
@@ -86,8 +88,12 @@ class Call:
 
 @dataclass
 class Server:
+    """``most_at_once``: how many calls waited for an answer together at most."""
+
     url: str
     calls: list[Call] = field(default_factory=list)
+    waiting: int = 0
+    most_at_once: int = 0
     closing: threading.Event = field(default_factory=threading.Event)
 
 
@@ -102,8 +108,14 @@ def serving(script: Callable[[Call], Act]) -> Iterator[Server]:
             call = _read(self)
             with lock:
                 server.calls.append(call)
+                server.waiting += 1
+                server.most_at_once = max(server.most_at_once, server.waiting)
                 act = script(call)
-            _act(self, act, call, server.closing)
+            try:
+                _act(self, act, call, server.closing)
+            finally:
+                with lock:
+                    server.waiting -= 1
 
         def log_message(self, format: str, *args: Any) -> None: ...
 
@@ -138,6 +150,14 @@ def _read(handler: BaseHTTPRequestHandler) -> Call:
         return Call(
             *came, "google", system, [p["text"] for p in parts if "text" in p], _decoded(data), time.monotonic()
         )
+    if handler.path == "/v1/messages":
+        system = body.get("system", [])
+        system = system if isinstance(system, str) else "".join(block["text"] for block in system)
+        blocks = [block for message in body["messages"] for block in message["content"]]
+        sources = [block["source"] for block in blocks if block["type"] == "image"]
+        assert all((s["type"], s["media_type"]) == ("base64", "image/png") for s in sources)
+        texts = [block["text"] for block in blocks if block["type"] == "text"]
+        return Call(*came, "anthropic", system, texts, _decoded([s["data"] for s in sources]), time.monotonic())
     messages = {message["role"]: message for message in body["messages"]}
     system, content = messages.get("system", {}).get("content", ""), messages["user"]["content"]
     if handler.path == "/api/chat":
@@ -196,6 +216,19 @@ def _document(say: Say, call: Call) -> dict[str, Any]:
     if call.protocol == "ollama":
         counts = {"prompt_eval_count": 1000, "eval_count": 7}
         return {"model": "m", "message": message, "done": True, "done_reason": say.finish or "stop", **counts}
+    if call.protocol == "anthropic":
+        usage = {"input_tokens": 1000, "output_tokens": 7}
+        block = {"type": "text", "text": say.text}
+        stop = {"stop_reason": say.finish or "end_turn", "stop_sequence": None}
+        return {
+            "id": "1",
+            "type": "message",
+            **message,
+            "model": call.body["model"],
+            "content": [block],
+            **stop,
+            "usage": usage,
+        }
     choice = {"index": 0, "message": message, "finish_reason": say.finish or "stop"}
     usage = {"prompt_tokens": 1000, "completion_tokens": 7, "total_tokens": 1007}
     return {

@@ -1,0 +1,107 @@
+"""Replies that were paid for once, on disk, by the whole request: the same request is not sent again.
+
+An entry is a JSON file that appears whole or not at all, so that any number of processes may share a folder and be
+killed at any time. One that can't be read counts as not there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import logging
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from core.errors import UserError
+from core.interfaces import Reply, Request
+from plugins.vlms.litellm.client import render
+
+_VERSION = 1  # of what a key is made of, and of an entry
+
+_log = logging.getLogger(__name__)
+
+
+class Cache:
+    """Replies under ``folder``; None: ``vlmgineer/replies`` in the user's cache folder.
+
+    ``asked`` is what a reply depends on besides the request, such as the model and the server's address.
+
+    Raises:
+        UserError: the folder can't be made.
+    """
+
+    def __init__(self, folder: str | None, asked: dict[str, Any]) -> None:
+        self.folder = Path(folder) if folder else _users_folder()
+        self._asked = asked
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UserError(
+                f"the cache folder {self.folder} can't be made: {error.strerror}; set vlm.cache_dir"
+            ) from error
+
+    def file(self, request: Request) -> Path:
+        """Where the reply to a request is, or would be."""
+        whole = {
+            "version": _VERSION,
+            **self._asked,
+            "messages": render(request.messages),
+            "schema": request.schema,
+            "temperature": request.temperature,
+            "seed": request.brief.seed,
+        }
+        key = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
+        return self.folder / key[:2] / f"{key}.json"
+
+    def get(self, request: Request) -> Reply | None:
+        """The reply that was kept, at no cost now; None: there is none."""
+        try:
+            kept = json.loads(self.file(request).read_text(encoding="utf-8"))
+            text, model = kept["text"], kept["model"]
+            tokens = kept["prompt_tokens"], kept["completion_tokens"]
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+            return None
+        if not (isinstance(text, str) and isinstance(model, str)):
+            return None
+        if not all(number is None or isinstance(number, int) for number in tokens):
+            return None
+        return Reply(request.id, text, model, None, *tokens, cost_usd=0.0)
+
+    def put(self, request: Request, reply: Reply) -> None:
+        """Keep a reply that is no error."""
+        file = self.file(request)
+        entry = {
+            "text": reply.text,
+            "model": reply.model,
+            "prompt_tokens": reply.prompt_tokens,
+            "completion_tokens": reply.completion_tokens,
+            "cost_usd": reply.cost_usd,
+        }
+        try:
+            _write(file, json.dumps(entry))
+        except OSError as error:  # the run has the reply all the same
+            _log.warning("the reply to %s can't be kept in %s: %s", request.id, file.parent, error.strerror)
+
+
+def _users_folder() -> Path:
+    import platformdirs  # comes with the same extra as LiteLLM, hence not before that was found
+
+    return Path(platformdirs.user_cache_path("vlmgineer")) / "replies"
+
+
+def _write(file: Path, text: str) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    handle, partial = tempfile.mkstemp(dir=file.parent, suffix=".partial")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        Path(partial).replace(file)
+    except OSError:
+        with contextlib.suppress(OSError):
+            Path(partial).unlink()
+        raise

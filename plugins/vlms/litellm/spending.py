@@ -1,0 +1,37 @@
+"""What calls have cost, against what they may cost."""
+
+from __future__ import annotations
+
+import threading
+
+
+class Spending:
+    """Counts for all threads together.
+
+    Args:
+        max_cost_usd: None: no limit.
+        max_tokens: of prompts and answers together; None: no limit.
+    """
+
+    def __init__(self, max_cost_usd: float | None, max_tokens: int | None) -> None:
+        self._max_cost_usd, self._max_tokens = max_cost_usd, max_tokens
+        self._cost_usd, self._tokens = 0.0, 0
+        self._lock = threading.Lock()
+
+    @property
+    def limited(self) -> bool:
+        return self._max_cost_usd is not None or self._max_tokens is not None
+
+    def add(self, tokens: int, cost_usd: float) -> None:
+        with self._lock:
+            self._tokens += tokens
+            self._cost_usd += cost_usd
+
+    def reached(self) -> str | None:
+        """The limit that is reached, for a person; None: none is."""
+        with self._lock:
+            if self._max_cost_usd is not None and self._cost_usd >= self._max_cost_usd:
+                return f"vlm.max_cost_usd={self._max_cost_usd:g} is reached: {self._cost_usd:.4g} US dollars are spent"
+            if self._max_tokens is not None and self._tokens >= self._max_tokens:
+                return f"vlm.max_tokens_total={self._max_tokens} is reached: {self._tokens} tokens are used"
+        return None

@@ -1,0 +1,50 @@
+"""Asks models through LiteLLM at the servers of `tests.plugins.vlms.servers`."""
+
+import re
+
+from plugins.vlms.litellm.model import LanguageModel
+from tests.plugins.vlms.servers import request
+
+KEYS = {
+    "openai": "sk-planted/0123456789",
+    "google": "AIza-planted+0123456789",
+    "anthropic": "sk-ant-planted=0123456789",
+}
+VARIABLES = {"openai": "OPENAI_API_KEY", "google": "GEMINI_API_KEY", "anthropic": "ANTHROPIC_API_KEY"}
+PAID = list(KEYS)
+PROTOCOLS = {
+    "openai": ("openai/gpt-4.1", "/v1"),
+    "google": ("gemini/gemini-2.5-pro", ""),
+    "anthropic": ("anthropic/claude-sonnet-4-6", ""),
+    "ollama": ("ollama_chat/m", ""),
+}
+
+
+def model_at(server, protocol, **settings):
+    """A model behind a server."""
+    model, path = PROTOCOLS[protocol]
+    return LanguageModel(model, server.url + path, **settings)
+
+
+def agent_of(call):
+    """Whose call it is."""
+    return int(re.search(r"I am agent (\d+)\.", "".join(call.texts)).group(1))
+
+
+def ask(server, protocol, agents=1, **settings):
+    """The replies by agent."""
+    replies = list(model_at(server, protocol, **settings).complete([request(agent) for agent in range(agents)]))
+    assert len(replies) == agents
+    return {int(reply.request_id.removeprefix("g0-a")): reply for reply in replies}
+
+
+def in_turn(*acts):
+    """For each agent the first act, then the next; the last one again and again."""
+    tries = {}
+
+    def script(call):
+        agent = agent_of(call)
+        tries[agent] = tries.get(agent, 0) + 1
+        return acts[min(tries[agent], len(acts)) - 1]
+
+    return script
