@@ -1,0 +1,301 @@
+"""Requests as folders, answered by a thread that plays the person."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.config import load
+from core.errors import UsageError, UserError
+from core.interfaces import Brief, Message, Picture, Request, Text
+from core.plugins import installed
+from core.run import run
+from plugins.vlms.mailbox import Mailbox
+from tasks.bring_cube import BringCube
+
+ROOT = Path(__file__).parents[3]
+SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())
+GOOD = json.dumps(SOLUTION)
+QUICK = {"poll_s": 0.02, "quiet_s": 0.3}
+
+
+def request(agent=0, text="Design.", n_tool=2):
+    brief = Brief(BringCube(), 0, installed().create("tool", "urdf"), False, n_tool, 2, 0, agent, 0)
+    user = Message("user", (Text(f"{text} {agent}\n\n"), Picture(b"\x89PNG"), Picture(b"\x89elite", "elite_x")))
+    return Request(f"g0-a{agent}", brief, (Message("system", (Text("Be bold.\n\n"),)), user), {"type": "object"}, 1.0)
+
+
+class Person(threading.Thread):
+    """Does ``acts`` one after the other, each when its condition holds."""
+
+    def __init__(self, *acts):
+        super().__init__(daemon=True)
+        self.acts = acts
+        self.error = None
+        self.start()
+
+    def run(self):
+        try:
+            for when, act in self.acts:
+                wait_for(when)
+                act()
+        except Exception as error:
+            self.error = error
+
+    def done(self):
+        self.join(30)
+        assert self.error is None
+        assert not self.is_alive()
+
+
+def wait_for(condition, seconds=60.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it never came to that"
+        time.sleep(0.01)
+
+
+def writes(file, text):
+    return lambda: file.write_text(text)
+
+
+def exists(file):
+    return file.exists
+
+
+# --- requests and replies ---------------------------------------------------------------------------------------
+
+
+def test_a_request_becomes_a_folder_and_a_reply_is_taken(tmp_path, capsys):
+    box = tmp_path / "g0-a0"
+    person = Person((exists(box / "prompt.md"), writes(box / "reply.json", GOOD)))
+    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
+    person.done()
+    assert (reply.request_id, reply.text, reply.error) == ("g0-a0", GOOD, None)
+    assert (reply.prompt_tokens, reply.cost_usd) == (None, None)
+    prompt = (box / "prompt.md").read_text()
+    assert prompt.startswith("Be bold.\n\n")
+    assert "Design. 0\n\n![scene](scene.png)\n\n![elite_x](elite_x.png)" in prompt
+    assert (box / "scene.png").read_bytes() == b"\x89PNG"
+    assert (box / "elite_x.png").read_bytes() == b"\x89elite"
+    assert json.loads((box / "schema.json").read_text()) == {"type": "object"}
+    assert {file.name for file in box.iterdir()} == {
+        *("prompt.md", "scene.png", "elite_x.png", "schema.json", "reply.json")
+    }
+    err = capsys.readouterr().err
+    assert f"mailbox: 1 request waits for an answer in {tmp_path}; put reply.json or reply.md" in err
+
+
+def test_replies_come_in_any_order_and_as_markdown(tmp_path, capsys):
+    boxes = [tmp_path / f"g0-a{n}" for n in range(3)]
+    chat = f"Sure! Here it is:\n```json\n{GOOD}\n```\nGood luck."
+    person = Person(
+        (exists(boxes[2] / "prompt.md"), writes(boxes[2] / "reply.md", chat)),
+        (lambda: "g0-a2 is answered; 2 left" in capsys.readouterr().err, writes(boxes[0] / "reply.json", GOOD)),
+        (lambda: True, writes(boxes[1] / "skip", "")),
+    )
+    replies = list(Mailbox(str(tmp_path), **QUICK).complete([request(n) for n in range(3)]))
+    person.done()
+    assert (replies[0].request_id, replies[0].text) == ("g0-a2", chat)
+    skipped = next(r for r in replies if r.request_id == "g0-a1")
+    assert (skipped.text, skipped.error) == ("", "skipped by hand")
+
+
+@pytest.mark.parametrize(
+    ("bad", "reason"),
+    [
+        (b"I can't help with that.", "no JSON object"),
+        (b'{"strategies": []}', "'strategies' is empty"),
+        (GOOD[:300].encode(), "malformed at line 1"),
+        (b"\xff\xfe", "is not UTF-8 text"),
+        (b'{"strategies": [{"tool_urdf": "<link/>"}]}', "strategy 1: "),
+        (
+            json.dumps({"strategies": [SOLUTION["strategies"][0] | {"action_sets": [[[9] * 6]]}]}).encode(),
+            "x is beyond",
+        ),
+    ],
+)
+def test_a_reply_of_no_use_is_asked_for_again(tmp_path, bad, reason, capsys):
+    box = tmp_path / "g0-a0"
+    box.mkdir()
+    seen = []
+
+    def mend():
+        seen.append((box / "problem.md").read_text())
+        (box / "reply.json").write_text(GOOD)
+
+    person = Person(
+        (exists(box / "prompt.md"), lambda: (box / "reply.json").write_bytes(bad)), (exists(box / "problem.md"), mend)
+    )
+    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
+    person.done()
+    assert reply.text == GOOD
+    assert seen[0].startswith("reply.json can't be used:\n\n- ")
+    assert reason in seen[0]
+    assert "a file named skip" in seen[0]
+    assert not (box / "problem.md").exists()
+    said = capsys.readouterr().err
+    assert said.count("can't be used") == 1  # once, not at each look
+    assert str(box / "problem.md") in said
+
+
+def test_what_will_be_rejected_of_a_sound_reply_is_listed(tmp_path):
+    strategy = SOLUTION["strategies"][0]
+    text = json.dumps({"strategies": [strategy, strategy | {"tool_urdf": "<link/>"}]})
+    box = tmp_path / "g0-a0"
+    person = Person((exists(box / "prompt.md"), writes(box / "reply.json", text)))
+    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
+    person.done()
+    assert reply.text == text
+    told = (box / "problem.md").read_text()
+    assert told.startswith("reply.json was taken; of it these will be rejected:\n\n- strategy 2: ")
+    assert "strategy 1" not in told
+
+
+def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path):
+    """Also where what is there so far could be read: of two strategies the first is whole long before the second."""
+    text = json.dumps({"strategies": [SOLUTION["strategies"][0]] * 2})
+    box = tmp_path / "g0-a0"
+
+    def slowly():
+        with (box / "reply.json").open("w") as file:
+            for start in range(0, len(text), 200):
+                file.write(text[start : start + 200])
+                file.flush()
+                time.sleep(0.05)
+
+    person = Person((exists(box / "prompt.md"), slowly))
+    (reply,) = Mailbox(str(tmp_path), poll_s=0.02, quiet_s=2.0).complete([request()])
+    person.done()
+    assert reply.text == text
+    assert not (box / "problem.md").exists()
+
+
+def test_of_a_reply_that_is_cut_off_the_rest_is_taken_when_all_is_quiet(tmp_path):
+    text = json.dumps({"strategies": [SOLUTION["strategies"][0]] * 2})[:-30]
+    box = tmp_path / "g0-a0"
+    person = Person((exists(box / "prompt.md"), writes(box / "reply.md", text)))
+    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
+    person.done()
+    assert reply.text == text
+    assert "strategy 2: the strategy is cut off" in (box / "problem.md").read_text()
+
+
+def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("plugins.vlms.mailbox.LARGEST", 100_000)
+    large = GOOD + " " * 100_000
+    box = tmp_path / "g0-a0"
+    person = Person(
+        (exists(box / "prompt.md"), writes(box / "reply.json", large)),
+        (exists(box / "problem.md"), lambda: (box / "problem.md").rename(box / "first.md")),
+        (lambda: True, lambda: (box / "reply.md").mkdir()),
+        (exists(box / "problem.md"), writes(box / "skip", "")),
+    )
+    list(Mailbox(str(tmp_path), **QUICK).complete([request()]))
+    person.done()
+    assert f"it has {len(large)} bytes; at most 100000 are read" in (box / "first.md").read_text()
+    assert "it can't be read: Is a directory" in (box / "problem.md").read_text()
+
+
+# --- again ------------------------------------------------------------------------------------------------------
+
+
+def test_requests_that_are_answered_already_are_taken_at_once(tmp_path, capsys):
+    box = tmp_path / "g0-a0"
+    person = Person((exists(box / "prompt.md"), writes(box / "reply.json", GOOD)))
+    list(Mailbox(str(tmp_path), **QUICK).complete([request()]))
+    person.done()
+    os.utime(box / "reply.json", (0, 0))
+    prompt = (box / "prompt.md").stat().st_mtime_ns
+    capsys.readouterr()
+    (reply,) = Mailbox(str(tmp_path), poll_s=1e6).complete([request()])
+    assert reply.text == GOOD
+    assert (box / "prompt.md").stat().st_mtime_ns == prompt
+    assert capsys.readouterr().err == ""
+
+
+def test_a_reply_to_another_request_is_not_taken(tmp_path):
+    box = tmp_path / "g0-a0"
+    box.mkdir()
+    (box / "prompt.md").write_text("another")
+    person = Person((lambda: "Design." in (box / "prompt.md").read_text(), writes(box / "reply.json", GOOD)))
+    list(Mailbox(str(tmp_path), **QUICK).complete([request()]))  # unanswered: written anew
+    person.done()
+    with pytest.raises(UserError, match=r"g0-a0 has a reply to another request than this run's; move it away"):
+        list(Mailbox(str(tmp_path)).complete([request(text="Invent.")]))
+
+
+def test_a_mailbox_that_can_not_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="can't be used"):
+        list(Mailbox(str(tmp_path / "file")).complete([request()]))
+
+
+@pytest.mark.parametrize("settings", [{"poll_s": 0.0}, {"quiet_s": -1.0}])
+def test_settings_that_make_no_sense(settings):
+    with pytest.raises(UsageError, match=rf"vlm\.{next(iter(settings))} must be greater than 0"):
+        Mailbox(**settings)
+
+
+# --- a run ------------------------------------------------------------------------------------------------------
+
+RUN = [
+    *("vlm=mailbox", "vlm.poll_s=0.05", "executor.workers=1", "budget.n_agent=2", "budget.n_tool=1"),
+    *("budget.n_action=1", "budget.n_iteration=0", "film=false"),
+]
+
+
+def test_a_run_answered_by_hand(tmp_path):
+    folder = tmp_path / "run"
+    box = folder / "mailbox"
+    person = Person(
+        (exists(box / "g0-a0" / "prompt.md"), writes(box / "g0-a0" / "reply.json", GOOD)),
+        (exists(box / "g0-a1" / "prompt.md"), writes(box / "g0-a1" / "skip", "")),
+    )
+    result = run(load("config", [*RUN, "logger={}"]), folder)
+    person.done()
+    assert result.best.reward > 0.95
+    assert [e.reason for e in result.generations[0].evaluations] == ["", "the model gave no answer: skipped by hand"]
+    assert (folder / "replies" / "g0-a0.txt").read_text() == GOOD
+    assert (box / "g0-a0" / "scene.png").read_bytes() == (folder / "scene.png").read_bytes()
+    assert "# Mission" in (box / "g0-a0" / "prompt.md").read_text()
+    plan = json.loads((box / "g0-a0" / "schema.json").read_text())["properties"]["strategies"]
+    assert plan["maxItems"] == 1
+
+
+def test_an_interrupt_leaves_everything_for_another_run(tmp_path):
+    words = [*RUN, f"vlm.folder={tmp_path / 'box'}", "logger={}"]
+
+    def start(name):
+        return subprocess.Popen(
+            [sys.executable, "-m", "core.run", *words, f"hydra.run.dir={tmp_path / name}"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=tmp_path,
+        )
+
+    first = start("first")
+    box = tmp_path / "box"
+    wait_for(lambda: (box / "g0-a1" / "prompt.md").exists() or first.poll() is not None)
+    (box / "g0-a0" / "reply.json").write_text(GOOD)
+    wait_for(lambda: (tmp_path / "first" / "replies" / "g0-a0.txt").exists() or first.poll() is not None)
+    first.send_signal(signal.SIGINT)
+    _, err = first.communicate(timeout=60)
+    assert first.returncode == 130, err
+    assert "Traceback" not in err
+    second = start("second")
+    wait_for(lambda: (tmp_path / "second" / "replies" / "g0-a0.txt").exists() or second.poll() is not None)
+    (box / "g0-a1" / "reply.md").write_text(f"```json\n{GOOD}\n```")
+    out, err = second.communicate(timeout=120)
+    assert second.returncode == 0, err
+    assert float(re.search(r"best reward ([\d.]+)", out).group(1)) > 0.95
+    assert np.isfinite(json.loads((tmp_path / "second" / "result.json").read_text())["best"]["distance_m"])
