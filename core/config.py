@@ -16,6 +16,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from core.designer import Sampling
 from core.errors import UsageError, UserError, choices
 from core.interfaces import RolloutSettings
+from core.perturbation import Spread
 from core.prompts import PromptSettings
 from core.rollout import Part
 
@@ -65,6 +66,7 @@ class RunConfig(BenchConfig):
     vlm: dict[str, Any] = MISSING
     tool: dict[str, Any] = MISSING
     evolution: dict[str, Any] = MISSING
+    fitness: dict[str, Any] = MISSING
     executor: dict[str, Any] = MISSING
     logger: dict[str, Any] = field(default_factory=dict)
     prompt: PromptConfig = field(default_factory=PromptConfig)
@@ -82,6 +84,26 @@ class EvaluateConfig(BenchConfig):
     executor: dict[str, Any] = MISSING
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
     designs: str = MISSING
+    output: str | None = None
+
+
+@dataclass
+class TransferConfig:
+    """What ``python -m core.transfer`` may be told. ``designs``: a designs file, or a run's folder, of which the
+    ``top`` best are taken. ``seed`` is the layout's, ``seeds`` are those of its changes. ``output``: a JSON file to
+    write besides the table.
+    """
+
+    task: dict[str, Any] = MISSING
+    tool: dict[str, Any] = MISSING
+    executor: dict[str, Any] = MISSING
+    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    sims: list[Any] = MISSING
+    seed: int = 0
+    seeds: list[int] = MISSING
+    spread: Spread = field(default_factory=Spread)
+    designs: str = MISSING
+    top: int = 1
     output: str | None = None
 
 
@@ -128,6 +150,7 @@ def register() -> None:
     store.store("run_schema", RunConfig)
     store.store("evaluate_schema", EvaluateConfig)
     store.store("render_schema", RenderConfig)
+    store.store("transfer_schema", TransferConfig)
     store.store("prompt_schema", ComposeConfig)
     store.store("conformance_schema", ConformanceConfig)
 

@@ -42,14 +42,19 @@ class Bench:
     settings: RolloutSettings = field(default_factory=RolloutSettings)
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        task, simulator = _parts(self.task, self.sim)
-        return evaluate(task, simulator, candidates, self.seed, self.settings)
+        return evaluate(_task(self.task), _simulator(self.sim), candidates, self.seed, self.settings)
 
 
-@lru_cache(maxsize=1)
-def _parts(task: Part, sim: Part) -> tuple[Task, Simulator]:
+@lru_cache(maxsize=256)
+def _task(part: Part) -> Task:
     """Made once per process."""
-    return task.create(), sim.create()
+    return part.create()  # type: ignore[no-any-return]
+
+
+@lru_cache(maxsize=4)
+def _simulator(part: Part) -> Simulator:
+    """Made once per process."""
+    return part.create()  # type: ignore[no-any-return]
 
 
 def prepare(

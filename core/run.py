@@ -22,6 +22,7 @@ from core.config import PromptConfig, check_seed, explain, node, part, register
 from core.designer import DEFAULT_KINDS, Sampling, make_designer
 from core.errors import UsageError, UserError
 from core.evolution import evolve
+from core.fitness import fitness
 from core.interfaces import Budget, Executor, RolloutSettings
 from core.plugins import event_hub, installed
 from core.prompts import Prompts
@@ -48,6 +49,7 @@ def run(cfg: DictConfig, folder: Path) -> Result:
     if given is not None:
         budget = replace(budget, n_tool=1)
     settings = node(cfg.rollout, RolloutSettings)
+    earns = fitness(config["fitness"], Bench(task_part, sim_part, cfg.seed, settings))
 
     executor: Executor = part("executor", cfg.executor).create()
     prompts = Prompts(node(cfg.prompt, PromptConfig), settings)
@@ -71,12 +73,12 @@ def run(cfg: DictConfig, folder: Path) -> Result:
     events.register(vlm, "vlm")
     assert designer.picture is not None
     (folder / "scene.png").write_bytes(designer.picture.png)
-    parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "executor")}
+    parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "fitness", "executor")}
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     try:
         events.hook.run_started(run=this)
         with executor:
-            result = evolve(strategy, Bench(task_part, sim_part, cfg.seed, settings), executor, budget, events)
+            result = evolve(strategy, earns, executor, budget, events)
         if result.best is not None:
             best = result.best.candidate
             save_design(best, representation, folder / "best")

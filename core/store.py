@@ -20,7 +20,7 @@ from core.interfaces import Picture, Reply, Request, Text
 from core.reading import dump_design
 from core.record import Generation, Result, Run
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 _SCHEMA = """
 CREATE TABLE run (schema_version INTEGER NOT NULL, config TEXT NOT NULL);
@@ -40,7 +40,7 @@ CREATE TABLE evaluations (
     candidate TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL,
     plan INTEGER NOT NULL, waypoints TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, reward REAL NOT NULL,
     distance_m REAL, ik_error_m REAL, ik_error_rad REAL, tracking_error_rad REAL, moved_m TEXT NOT NULL,
-    warnings TEXT NOT NULL
+    warnings TEXT NOT NULL, details TEXT NOT NULL
 );
 CREATE TABLE generations (number INTEGER PRIMARY KEY, summary TEXT NOT NULL);
 """
@@ -123,6 +123,7 @@ class RunStore:
             tracking_error_rad=evaluation.tracking_error_rad,
             moved_m=json.dumps(evaluation.moved_m),
             warnings=json.dumps(evaluation.warnings),
+            details=json.dumps(evaluation.details),
         )
 
     def _store_strategy(self, candidate: Candidate) -> None:

@@ -1,0 +1,192 @@
+"""``python -m core.transfer``; engines are PyBullet, set differently."""
+
+import json
+import shutil
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.config import load
+from core.errors import UserError
+from core.plugins import installed
+from core.rules import SpawnRules
+from core.run import run
+from core.stored import stored_config, stored_evaluations
+from core.transfer import as_the_run, transfer
+
+ROOT = Path(__file__).parents[2]
+SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"
+COARSE = "{name: pybullet, time_step: 0.004}"
+SIMS = f"sims=[pybullet,{COARSE}]"
+
+
+def call(folder, *words):
+    """``python -m core.transfer words...`` in a folder."""
+    return subprocess.run(
+        [sys.executable, "-m", "core.transfer", *words], cwd=folder, capture_output=True, text=True, timeout=240
+    )
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """The folder of a run, and its result."""
+    folder = tmp_path_factory.mktemp("transfer") / "run"
+    words = ["task=OneBook", "seed=3", "rollout.hold_s=0.5", "film=false", "logger=[]"]
+    words += ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=1"]
+    return folder, run(load("config", words), folder)
+
+
+# --- a designs file ---------------------------------------------------------------------------------------------
+
+
+def test_every_design_in_every_engine_with_every_change(tmp_path):
+    good = json.loads(SOLUTION.read_text())["strategies"][0]
+    plans = [*good["action_sets"], [[0.5, 0, 0.5, 0, 0, 0]], [[9, 0, 0, 0, 0, 0]]]
+    (tmp_path / "designs.json").write_text(json.dumps({"strategies": [good | {"action_sets": plans}]}))
+    words = ["designs=designs.json", SIMS, "seeds=[0,4]", "spread.position=0.01", "executor.workers=2"]
+    done = call(tmp_path, *words, "output=out/transfer.json")
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    result = json.loads((tmp_path / "out" / "transfer.json").read_text())
+    assert list(result) == ["task", "seed", "seeds", "spread", "engines", "designs"]
+    assert (result["task"], result["seed"], result["seeds"]) == ("BringCube", 0, [0, 4])
+    assert result["spread"] == {"position": 0.01, "yaw": 0.05, "mass": 0.1, "friction": 0.2}
+    assert [engine["time_step"] for engine in result["engines"].values()] == [0.002, 0.004]
+    assert [design["design"] for design in result["designs"]] == ["g0-a0-s0-p0", "g0-a0-s0-p1", "g0-a0-s0-p2"]
+    solved, idle, far = result["designs"]
+    for design in result["designs"]:
+        assert list(design["engines"]) == ["pybullet", "pybullet time_step=0.004"]
+        for figures in design["engines"].values():
+            assert len(figures["rewards"]) == 2
+            assert figures["mean"] == pytest.approx(np.mean(figures["rewards"]))
+            assert figures["std"] == pytest.approx(np.std(figures["rewards"]))
+        assert design["robust"] == min(figures["mean"] for figures in design["engines"].values())
+    assert 0.95 <= solved["robust"] < 1
+    rewards = [r for figures in solved["engines"].values() for r in (figures["nominal"], *figures["rewards"])]
+    assert len(set(rewards)) == 6  # every rollout is another
+    assert idle["robust"] < 0.02
+    assert (far["status"], far["robust"]) == ("rejected", 0.0)
+    assert "waypoint 1" in far["reason"]
+    for word in ("nominal", "changed", "robust", "time_step=0.004", "g0-a0-s0-p1", "waypoint"):
+        assert word in done.stdout
+
+
+def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp_path):
+    words = [f"designs={SOLUTION}", SIMS, "seeds=[1,2]"]
+    results = [transfer(load("transfer", [*words, f"executor.workers={n}"])) for n in (1, 2)]
+    assert results[0] == results[1]
+    evaluate = [sys.executable, "-m", "core.evaluate", f"designs={SOLUTION}", "output=plain.json"]
+    subprocess.run(evaluate, cwd=tmp_path, check=True, capture_output=True)
+    (plain,) = json.loads((tmp_path / "plain.json").read_text())
+    assert results[0]["designs"][0]["engines"]["pybullet"]["nominal"] == plain["reward"]
+
+
+def test_no_spread_no_difference():
+    words = [f"designs={SOLUTION}", "sims=[pybullet]", "seeds=[1]", "executor.workers=1"]
+    (design,) = transfer(
+        load("transfer", [*words, *(f"spread.{k}=0" for k in ("position", "yaw", "mass", "friction"))])
+    )["designs"]
+    figures = design["engines"]["pybullet"]
+    assert figures["rewards"] == [figures["nominal"]]
+
+
+# --- a run's folder ---------------------------------------------------------------------------------------------
+
+
+def test_the_best_of_a_run_under_the_runs_own_conditions(ran):
+    folder, result = ran
+    tried = sorted((e for g in result.generations for e in g.evaluations if e.status == "ok"), key=lambda e: e.rank)
+    cfg = as_the_run([f"designs={folder}", "sims=[pybullet]", "seeds=[0]", "top=3", "executor.workers=1"])
+    assert (cfg.task.name, cfg.tool.name, cfg.seed, cfg.rollout.hold_s) == ("OneBook", "urdf", 3, 0.5)
+    found = transfer(cfg)["designs"]
+    assert [design["design"] for design in found] == [e.candidate.id for e in tried[:3]]
+    assert [design["engines"]["pybullet"]["nominal"] for design in found] == [e.reward for e in tried[:3]]
+
+
+def test_what_the_command_line_says_goes_before_what_the_run_had(ran):
+    words = [f"designs={ran[0]}", "sims=[pybullet]", "task=BringCube", "seed=1", "rollout.hold_s=2"]
+    cfg = as_the_run(words)
+    assert (cfg.task.name, cfg.seed, cfg.rollout.hold_s, cfg.rollout.speed) == ("BringCube", 1, 2.0, 0.95)
+
+
+def test_all_that_was_tried_can_be_read_back(ran):
+    folder, result = ran
+    task = installed().create("task", "OneBook")
+    again = stored_evaluations(folder, installed().create("tool", "urdf"), SpawnRules(task, 3))
+    tried = [e for g in result.generations for e in g.evaluations if e.status == "ok"]
+    assert [e.candidate.id for e in again] == [e.candidate.id for e in tried]
+    for one, other in zip(again, tried, strict=True):
+        assert (one.reward, one.distance_m) == (other.reward, other.distance_m)
+        assert one.candidate.plan.tolist() == other.candidate.plan.tolist()
+        assert one.candidate.strategy_name == other.candidate.strategy_name
+        assert len(one.candidate.tool.components) == len(other.candidate.tool.components)
+    tools = {e.candidate.key[:3]: e.candidate.tool for e in again}
+    assert all(e.candidate.tool is tools[e.candidate.key[:3]] for e in again)
+    assert stored_config(folder)["seed"] == 3
+
+
+def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
+    words = ["task=BringCube", "tool=none", "film=false", "logger=[]", "executor.workers=1"]
+    words += ["budget.n_agent=1", "budget.n_action=2", "budget.n_iteration=0"]
+    result = run(load("config", words), tmp_path / "run")
+    again = transfer(as_the_run([f"designs={tmp_path / 'run'}", "sims=[pybullet]", "seeds=[0]", "executor.workers=1"]))
+    assert again["designs"][0]["engines"]["pybullet"]["nominal"] == result.best.reward
+
+
+# --- mistakes ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "no designs given; usage: "),
+        (["designs=missing.json"], "no designs file missing.json"),
+        ([f"designs={ROOT / 'docs'}"], "holds no run: there is no run.sqlite in it"),
+        ([f"designs={SOLUTION}", "sims=[pybullet,bullet]"], r"no sim 'bullet' \(did you mean 'pybullet'\?\)"),
+        ([f"designs={SOLUTION}", "seeds=[]"], "seeds must be"),
+        ([f"designs={SOLUTION}", "spread.mass=1.5"], "spread.mass must be"),
+        ([f"designs={SOLUTION}", "spread.weight=1"], "no key 'weight' in spread"),
+        ([f"designs={SOLUTION}", "seed=-1"], "seed must be 0 or greater"),
+    ],
+)
+def test_mistakes(words, said):
+    with pytest.raises(UserError, match=said):
+        transfer(as_the_run(["sims=[pybullet]", *words]))
+
+
+def test_a_mistake_is_one_line(tmp_path):
+    done = call(tmp_path, "designs=missing.json")
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: no designs file missing.json")
+    assert len(done.stderr.splitlines()) == 1
+    assert not done.stdout
+
+
+def test_top_must_be_a_number_of_designs(ran):
+    with pytest.raises(UserError, match="top must be at least 1, got 0"):
+        transfer(load("transfer", [f"designs={ran[0]}", "sims=[pybullet]", "top=0"]))
+
+
+def test_stores_that_cannot_be_read(ran, tmp_path):
+    (tmp_path / "run.sqlite").write_text("no database at all, only text")
+    with pytest.raises(UserError, match=r"run.sqlite can't be read: file is not a database"):
+        stored_config(tmp_path)
+    shutil.copy(ran[0] / "run.sqlite", tmp_path)
+    with sqlite3.connect(tmp_path / "run.sqlite") as database:
+        database.execute("UPDATE run SET schema_version = 0")
+    with pytest.raises(UserError, match="written by another version"):
+        stored_config(tmp_path)
+    with sqlite3.connect(tmp_path / "run.sqlite") as database:
+        database.execute("DELETE FROM run")
+    with pytest.raises(UserError, match="its store is empty"):
+        stored_config(tmp_path)
+
+
+def test_help(tmp_path):
+    done = call(tmp_path, "--help")
+    assert done.returncode == 0
+    assert done.stdout.startswith("usage: python -m core.transfer designs=FILE|RUN_DIR")
