@@ -7,126 +7,196 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
-import sqlite3
+import logging
 import sys
-import threading
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from core.database import FILE, SCHEMA_VERSION, Database, writing
 from core.design import Candidate, Evaluation
 from core.errors import UserError
 from core.hooks import hookimpl
 from core.interfaces import Picture, Reply, Request, Text
+from core.past import Past, digest
 from core.reading import dump_design
 from core.record import Generation, Result, Run
 
-SCHEMA_VERSION = 2
-
-_SCHEMA = """
-CREATE TABLE run (schema_version INTEGER NOT NULL, config TEXT NOT NULL);
-CREATE TABLE requests (
-    id TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, gripper INTEGER NOT NULL,
-    temperature REAL NOT NULL, elites TEXT NOT NULL
-);
-CREATE TABLE replies (
-    request_id TEXT PRIMARY KEY REFERENCES requests(id), model TEXT NOT NULL, text TEXT NOT NULL, error TEXT,
-    prompt_tokens INTEGER, completion_tokens INTEGER, cost_usd REAL
-);
-CREATE TABLE strategies (
-    generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL, parents TEXT NOT NULL,
-    design TEXT NOT NULL, PRIMARY KEY (generation, agent, strategy)
-);
-CREATE TABLE evaluations (
-    candidate TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL,
-    plan INTEGER NOT NULL, waypoints TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, reward REAL NOT NULL,
-    distance_m REAL, ik_error_m REAL, ik_error_rad REAL, tracking_error_rad REAL, moved_m TEXT NOT NULL,
-    warnings TEXT NOT NULL, details TEXT NOT NULL
-);
-CREATE TABLE generations (number INTEGER PRIMARY KEY, summary TEXT NOT NULL);
-"""
+_log = logging.getLogger(__name__)
 
 
 class RunStore:
-    """Writes ``run.sqlite``, ``requests/``, ``replies/`` and ``result.json`` of a run folder.
+    """Writes ``run.sqlite``, ``requests/``, ``replies/`` and ``result.json`` of a run folder, which it keeps to itself
+    until the run has ended. `create` and `open` make one.
 
-    Raises:
-        UserError: the folder holds a run already.
+    What is in it already, told once more as a run goes on, is left as it is.
+
+    Attributes:
+        config: the run's, resolved.
+        past: what the run had come to when the store was opened.
+        result: what `report` said when the run last came to an end, or was stopped; None: it did neither.
+        seconds: how long it has been worked on before.
+        overrides: what the command line changed of the configuration as the run went on; kept as a note.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        file = folder / "run.sqlite"
-        if file.exists():
-            raise UserError(f"{folder} already holds a run; choose another folder with hydra.run.dir=...")
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in ("requests", "replies"):
-            (folder / name).mkdir(exist_ok=True)
-        self._lock = threading.Lock()  # replies come from a thread of their own
+    def __init__(self, database: Database) -> None:
+        self.folder = database.folder
+        self._database = database
+        ((config, result),) = database.rows("SELECT config, result FROM run")
+        self.config: dict[str, Any] = json.loads(config)
+        self.result: dict[str, Any] | None = json.loads(result) if result is not None else None
+        self.past = Past(database)
+        ((self.seconds,),) = database.rows("SELECT total(seconds) FROM sessions")
+        self._strategies = {tuple(row) for row in database.rows("SELECT generation, agent, strategy FROM strategies")}
+        self.overrides: Sequence[str] = ()
+        self._began = time.monotonic()
         self._open = True
-        self._database = sqlite3.connect(file, check_same_thread=False)
-        self._database.execute("PRAGMA journal_mode=WAL")
-        self._database.executescript(_SCHEMA)
         self._run: Run | None = None
-        self._strategies: set[tuple[int, int, int]] = set()
+        with writing(self.folder):
+            for name in ("requests", "replies"):
+                (self.folder / name).mkdir(exist_ok=True)
 
-    def _insert(self, table: str, **values: Any) -> None:
-        columns, marks = ", ".join(values), ", ".join("?" * len(values))
-        with self._lock, self._database:
-            self._database.execute(f"INSERT INTO {table} ({columns}) VALUES ({marks})", list(values.values()))  # noqa: S608
+    @classmethod
+    def create(cls, folder: Path, config: dict[str, Any]) -> RunStore:
+        """Of a new run.
+
+        Raises:
+            UserError: the folder holds a run already, is in another process's hands, or can't be written.
+        """
+        database = Database(folder)
+        with ExitStack() as on_error:
+            on_error.callback(database.close)
+            if database.begun():
+                raise UserError(
+                    f"{folder} already holds a run; go on with it with resume={folder}, or choose another folder with "
+                    "hydra.run.dir=..."
+                )
+            with database.transaction():
+                database.upgrade()
+                database.insert("run", schema_version=SCHEMA_VERSION, config=json.dumps(config))
+            store = cls(database)
+            on_error.pop_all()
+        return store
+
+    @classmethod
+    def open(cls, folder: Path) -> RunStore | None:
+        """Of a run that was begun; None: nothing of it is stored.
+
+        Raises:
+            UserError: the store is damaged, in another process's hands, a newer version's, or can't be written.
+        """
+        if not (folder / FILE).exists():
+            return None
+        database = Database(folder)
+        with ExitStack() as unless_begun:
+            unless_begun.callback(database.close)
+            if not database.begun():
+                return None
+            with database.transaction():
+                database.upgrade()
+            store = cls(database)
+            unless_begun.pop_all()
+        return store
 
     @hookimpl
     def run_started(self, run: Run) -> None:
         self._run = run
-        self._insert("run", schema_version=SCHEMA_VERSION, config=json.dumps(run.config))
+        self._began = time.monotonic()
+        found = versions()
+        for row in self._database.rows("SELECT versions FROM sessions ORDER BY number DESC LIMIT 1"):
+            self._compare(json.loads(row["versions"]), found)
+        with self._database.transaction():
+            self._database.insert(
+                "sessions",
+                began=datetime.now(UTC).isoformat(timespec="seconds"),
+                seconds=0.0,
+                overrides=json.dumps(list(self.overrides)),
+                versions=json.dumps(found),
+            )
+            if run.config != self.config:
+                self._database.execute("UPDATE run SET config = ?", json.dumps(run.config))
+
+    def _compare(self, before: dict[str, str], now: dict[str, str]) -> None:
+        names = sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
+        if names:
+            changes = ", ".join(f"{name} {before.get(name)} -> {now.get(name)}" for name in names)
+            _log.warning("versions have changed since this run began (%s): it may come to something else", changes)
 
     @hookimpl
     def request_composed(self, request: Request) -> None:
+        asked, known = digest(request), request.id in self.past.requests
+        if known and self.past.requests[request.id] in (None, asked):
+            return
+        if request.id in self.past.replies:
+            _log.warning("%s is composed differently now than when it was asked; its reply is kept", request.id)
+            return
         brief = request.brief
-        self._insert(
-            "requests",
-            id=request.id,
-            generation=brief.generation,
-            agent=brief.agent,
-            gripper=brief.gripper,
-            temperature=request.temperature,
-            elites=json.dumps([elite.candidate.id for elite in brief.elites]),
-        )
-        (self.folder / "requests" / f"{request.id}.md").write_text(_readable(request), encoding="utf-8")
-        schema = json.dumps(request.schema, indent=2)
-        (self.folder / "requests" / f"{request.id}.schema.json").write_text(schema, encoding="utf-8")
+        with writing(self.folder):
+            folder = self.folder / "requests"
+            for picture in _pictures(request):
+                (folder / f"{picture.name}.png").write_bytes(picture.png)
+            _write(folder / f"{request.id}.md", _readable(request))
+            _write(folder / f"{request.id}.schema.json", json.dumps(request.schema, indent=2))
+        with self._database.transaction():
+            self._database.insert(
+                "requests",
+                replacing=True,
+                id=request.id,
+                generation=brief.generation,
+                agent=brief.agent,
+                gripper=brief.gripper,
+                temperature=request.temperature,
+                elites=json.dumps([elite.candidate.id for elite in brief.elites]),
+                digest=asked,
+            )
 
     @hookimpl
     def reply_received(self, reply: Reply) -> None:
-        (self.folder / "replies" / f"{reply.request_id}.txt").write_text(reply.text, encoding="utf-8")
-        if self._open:  # one that comes after the end of an interrupted run is kept as a file
-            self._insert("replies", **vars(reply))
+        try:
+            # One that comes after the end of an interrupted run is kept as a file only.
+            if self._open and reply.request_id not in self.past.replies:
+                with self._database.transaction():
+                    self._database.insert("replies", **vars(reply))
+        finally:
+            file = self.folder / "replies" / f"{reply.request_id}.txt"
+            with writing(self.folder):
+                if not file.exists():
+                    _write(file, reply.text)
 
     @hookimpl
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
         candidate = evaluation.candidate
+        if candidate.id in self.past.candidates:
+            return
         generation, agent, strategy, action = candidate.key
-        self._store_strategy(candidate)
-        self._insert(
-            "evaluations",
-            candidate=candidate.id,
-            generation=generation,
-            agent=agent,
-            strategy=strategy,
-            plan=action,
-            waypoints=json.dumps(candidate.plan.tolist()),
-            status=evaluation.status,
-            reason=evaluation.reason,
-            reward=evaluation.reward,
-            distance_m=evaluation.distance_m,
-            ik_error_m=evaluation.ik_error_m,
-            ik_error_rad=evaluation.ik_error_rad,
-            tracking_error_rad=evaluation.tracking_error_rad,
-            moved_m=json.dumps(evaluation.moved_m),
-            warnings=json.dumps(evaluation.warnings),
-            details=json.dumps(evaluation.details),
-        )
+        with self._database.transaction():
+            self._insert_strategy(candidate)
+            self._database.insert(
+                "evaluations",
+                candidate=candidate.id,
+                generation=generation,
+                agent=agent,
+                strategy=strategy,
+                plan=action,
+                waypoints=json.dumps(candidate.plan.tolist()),
+                status=evaluation.status,
+                reason=evaluation.reason,
+                reward=evaluation.reward,
+                distance_m=evaluation.distance_m,
+                ik_error_m=evaluation.ik_error_m,
+                ik_error_rad=evaluation.ik_error_rad,
+                tracking_error_rad=evaluation.tracking_error_rad,
+                moved_m=json.dumps(evaluation.moved_m),
+                warnings=json.dumps(evaluation.warnings),
+                content=candidate.content,
+                details=json.dumps(evaluation.details),
+            )
+            self._count_time()
 
-    def _store_strategy(self, candidate: Candidate) -> None:
+    def _insert_strategy(self, candidate: Candidate) -> None:
         """Once for all of its candidates: the design as a strategy of a designs file, without action plans."""
         key = candidate.key[:3]
         if key in self._strategies or candidate.tool is None or self._run is None:
@@ -134,7 +204,7 @@ class RunStore:
         self._strategies.add(key)
         design = dump_design(candidate, self._run.representation) | {"action_sets": []}
         generation, agent, strategy = key
-        self._insert(
+        self._database.insert(
             "strategies",
             generation=generation,
             agent=agent,
@@ -143,42 +213,68 @@ class RunStore:
             design=json.dumps(design),
         )
 
+    def _count_time(self) -> None:
+        seconds = time.monotonic() - self._began
+        self._database.execute(
+            "UPDATE sessions SET seconds = ? WHERE number = (SELECT max(number) FROM sessions)", seconds
+        )
+
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
-        self._insert("generations", number=generation.index, summary=json.dumps(summary(generation)))
+        with self._database.transaction():
+            self._database.insert(
+                "generations", replacing=True, number=generation.index, summary=json.dumps(summary(generation))
+            )
+            self._count_time()
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
-        text = json.dumps(report(run, result), indent=2) + "\n"
-        (self.folder / "result.json").write_text(text, encoding="utf-8")
+        told = report(run, result)
+        with writing(self.folder):
+            _write(self.folder / "result.json", json.dumps(told, indent=2) + "\n")
+        with self._database.transaction():
+            self._database.execute("UPDATE run SET result = ?", json.dumps(told))
+            self._count_time()
 
     @hookimpl
     def run_ended(self) -> None:
-        with self._lock:
-            self._open = False
-            self._database.close()
+        self._open = False
+        self._database.close()
+
+
+def _write(file: Path, text: str) -> None:
+    """All of it or nothing, whenever the process ends."""
+    part = file.with_name(f"{file.name}.part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(file)
 
 
 def report(run: Run, result: Result) -> dict[str, Any]:
     """The content of ``result.json``."""
-    best = result.best
     return {
         **{kind: run.parts[kind] for kind in ("task", "sim", "vlm", "tool", "evolution")},
         "budget": run.config["budget"]["name"],
         "seed": run.seed,
-        "best": None
-        if best is None
-        else {
-            "reward": best.reward,
-            "distance_m": best.distance_m,
-            "generation": best.candidate.generation,
-            "candidate": best.candidate.id,
-        },
+        "best": best_figures(result),
+        "stopped": result.stopped,
         "generations": [summary(generation) for generation in result.generations],
         "n_evaluations": result.n_evaluations,
         "wall_time_s": round(result.wall_time_s, 3),
         "rollouts_per_s": round(result.n_evaluations / result.wall_time_s, 3),
         "versions": versions(),
+    }
+
+
+def best_figures(result: Result) -> dict[str, Any] | None:
+    """The best candidate, as in ``result.json``."""
+    best = result.best
+    if best is None:
+        return None
+    return {
+        "reward": best.reward,
+        "distance_m": best.distance_m,
+        "generation": best.candidate.generation,
+        "candidate": best.candidate.id,
     }
 
 
@@ -206,11 +302,20 @@ def summary(generation: Generation) -> dict[str, Any]:
     }
 
 
+def _pictures(request: Request) -> list[Picture]:
+    """But for the run's ``scene.png``, which is there."""
+    parts = [part for message in request.messages for part in message.parts]
+    return [part for part in parts if isinstance(part, Picture) and part.name != "scene"]
+
+
 def _readable(request: Request) -> str:
-    """The messages as one Markdown text; the picture is the run's ``scene.png``."""
+    """The messages as one Markdown text, with links to the pictures."""
     blocks = []
     for message in request.messages:
-        parts = [part.text if isinstance(part, Text) else "![the scene](../scene.png)" for part in message.parts]
-        assert all(isinstance(part, Text | Picture) for part in message.parts)
+        parts = [part.text if isinstance(part, Text) else _link(part) for part in message.parts]
         blocks.append(f"# {message.role}\n\n" + "\n\n".join(parts))
     return "\n\n".join(blocks) + "\n"
+
+
+def _link(picture: Picture) -> str:
+    return "![the scene](../scene.png)" if picture.name == "scene" else f"![{picture.name}]({picture.name}.png)"

@@ -28,11 +28,11 @@ def request() -> Request:
 
 @pytest.fixture
 def opened(tmp_path):
-    store = RunStore(tmp_path / "run")
+    config = {"budget": {"name": "quick"}}
+    store = RunStore.create(tmp_path / "run", config)
     events = event_hub()
     events.register(store)
     parts = {"task": "BringCube", "sim": "none", "vlm": "canned", "tool": "urdf", "evolution": "vlmgineer"}
-    config = {"budget": {"name": "quick"}}
     run = Run(store.folder, config, parts, "a can", BringCube(), URDF, Budget(1, 1, 3, 0, 5, 0.6), 7)
     events.hook.run_started(run=run)
     yield store, events, run
@@ -117,6 +117,7 @@ def test_result_and_generations(opened):
         "budget": "quick",
         "seed": 7,
         "best": {"reward": 0.5, "distance_m": 2.0, "generation": 0, "candidate": "g0-a0-s0-p0"},
+        "stopped": None,
         "generations": [summary(generation)],
         "n_evaluations": 3,
         "wall_time_s": 1.5,
@@ -125,6 +126,9 @@ def test_result_and_generations(opened):
 
 
 def test_a_folder_holds_one_run(opened):
-    store, _, _ = opened
-    with pytest.raises(UserError, match="already holds a run"):
-        RunStore(store.folder)
+    store, events, _ = opened
+    with pytest.raises(UserError, match=r"another process is at work on the run in .*run; wait for its end"):
+        RunStore.create(store.folder, {})
+    events.hook.run_ended()
+    with pytest.raises(UserError, match=r"already holds a run; go on with it with resume=.*run, or choose another"):
+        RunStore.create(store.folder, {})

@@ -1,0 +1,213 @@
+"""A run's SQLite file: one writer at a time, a form that grows with versions, one line for whatever goes wrong."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from core.errors import UserError
+
+if TYPE_CHECKING:
+    from filelock import FileLock
+
+FILE = "run.sqlite"
+LOCK = "run.lock"
+
+# What each version adds to the one before. A store is made by all of them, an older one gets those that it lacks.
+_STEPS: tuple[tuple[str, ...], ...] = (
+    (
+        "CREATE TABLE run (schema_version INTEGER NOT NULL, config TEXT NOT NULL)",
+        """CREATE TABLE requests (
+            id TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, gripper INTEGER NOT NULL,
+            temperature REAL NOT NULL, elites TEXT NOT NULL
+        )""",
+        """CREATE TABLE replies (
+            request_id TEXT PRIMARY KEY REFERENCES requests(id), model TEXT NOT NULL, text TEXT NOT NULL, error TEXT,
+            prompt_tokens INTEGER, completion_tokens INTEGER, cost_usd REAL
+        )""",
+        """CREATE TABLE strategies (
+            generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL, parents TEXT NOT NULL,
+            design TEXT NOT NULL, PRIMARY KEY (generation, agent, strategy)
+        )""",
+        """CREATE TABLE evaluations (
+            candidate TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL,
+            plan INTEGER NOT NULL, waypoints TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL,
+            reward REAL NOT NULL, distance_m REAL, ik_error_m REAL, ik_error_rad REAL, tracking_error_rad REAL,
+            moved_m TEXT NOT NULL, warnings TEXT NOT NULL
+        )""",
+        "CREATE TABLE generations (number INTEGER PRIMARY KEY, summary TEXT NOT NULL)",
+    ),
+    (
+        "ALTER TABLE run ADD COLUMN result TEXT",
+        "ALTER TABLE requests ADD COLUMN digest TEXT",
+        "ALTER TABLE evaluations ADD COLUMN content TEXT",
+        "ALTER TABLE evaluations ADD COLUMN details TEXT NOT NULL DEFAULT '{}'",
+        """CREATE TABLE sessions (
+            number INTEGER PRIMARY KEY, began TEXT NOT NULL, seconds REAL NOT NULL, overrides TEXT NOT NULL,
+            versions TEXT NOT NULL
+        )""",
+    ),
+)
+SCHEMA_VERSION = len(_STEPS)
+
+_REFUSALS = {
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_PERM,
+    sqlite3.SQLITE_BUSY,
+    sqlite3.SQLITE_CORRUPT,
+    sqlite3.SQLITE_NOTADB,
+}
+_PATIENCE_S = 60.0  # with whoever else has the file open, such as a person's SQLite shell
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Say in one line what keeps a run's folder from being written.
+
+    Raises:
+        UserError: the disk is full, the folder can't be written...
+    """
+    try:
+        yield
+    except OSError as error:
+        raise UserError(_refused(folder, error.strerror or str(error))) from error
+    except sqlite3.DatabaseError as error:
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF not in _REFUSALS:
+            raise
+        raise UserError(_refused(folder, str(error))) from error
+
+
+def _refused(folder: Path, why: str) -> str:
+    return f"{folder} can't be written: {why}; what is in it is kept"
+
+
+class Database:
+    """``run.sqlite``, open to be written by this process and no other until it is closed.
+
+    Raises:
+        UserError: another process writes it; it is damaged, or a newer version's; the folder can't be written. Then
+            it is left as it was.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._using = threading.Lock()
+        with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock = _lock(folder / LOCK)
+        try:
+            self._check(folder / FILE)
+            with writing(folder):
+                self._connection = sqlite3.connect(
+                    folder / FILE, timeout=_PATIENCE_S, isolation_level=None, check_same_thread=False
+                )
+                self._connection.row_factory = sqlite3.Row
+                self._connection.execute("PRAGMA journal_mode=WAL")
+        except BaseException:
+            self._lock.release()
+            raise
+
+    def _check(self, file: Path) -> None:
+        """Look before anything is touched."""
+        if not file.exists() or file.stat().st_size == 0:
+            return
+        # Without a log it may be read as it lies, and nothing is left beside it.
+        mode = "mode=ro" if file.with_name(f"{FILE}-wal").exists() else "mode=ro&immutable=1"
+        try:
+            with closing(sqlite3.connect(f"{file.absolute().as_uri()}?{mode}", uri=True)) as database:
+                (damage,) = database.execute("PRAGMA quick_check(1)").fetchone()
+                version = _version(database)
+        except sqlite3.Error as error:
+            damage, version = str(error), 0
+        if damage != "ok":
+            raise UserError(f"{file} is damaged: {damage}; it is left as it is, and so are the replies beside it")
+        if version > SCHEMA_VERSION:
+            raise UserError(
+                f"{file} was written by a newer version: its form is {version}, this version knows up to "
+                f"{SCHEMA_VERSION}; it is left as it is"
+            )
+
+    def begun(self) -> bool:
+        """Whether there is a run in it."""
+        with self._using, writing(self.folder):
+            return (
+                _version(self._connection) > 0 and self._connection.execute("SELECT 1 FROM run").fetchone() is not None
+            )
+
+    def upgrade(self) -> None:
+        """Bring the tables to this version's form; within a `transaction`."""
+        version = _version(self._connection)
+        for statements in _STEPS[version:]:
+            for statement in statements:
+                self._connection.execute(statement)
+        if version < SCHEMA_VERSION:
+            self._connection.execute("UPDATE run SET schema_version = ?", [SCHEMA_VERSION])
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """All of it, or nothing, is on disk afterwards.
+
+        Raises:
+            UserError: it can't be written.
+        """
+        with self._using, writing(self.folder):
+            self._connection.execute("BEGIN IMMEDIATE")
+            try:
+                yield
+                self._connection.execute("COMMIT")
+            except BaseException:
+                if self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
+                raise
+
+    def insert(self, table: str, *, replacing: bool = False, **values: Any) -> None:
+        """A row, within a `transaction`."""
+        columns, marks = ", ".join(values), ", ".join("?" * len(values))
+        verb = "REPLACE" if replacing else "INSERT"
+        self._connection.execute(f"{verb} INTO {table} ({columns}) VALUES ({marks})", list(values.values()))
+
+    def execute(self, statement: str, *values: Any) -> list[sqlite3.Row]:
+        """Any statement, within a `transaction`."""
+        return self._connection.execute(statement, values).fetchall()
+
+    def rows(self, query: str) -> list[sqlite3.Row]:
+        with self._using, writing(self.folder):
+            return self._connection.execute(query).fetchall()
+
+    def close(self) -> None:
+        with self._using:
+            self._connection.close()
+            self._lock.release()
+
+
+def _lock(file: Path) -> FileLock:
+    """Held until it is released or the process ends, however it does."""
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(file, timeout=0, thread_local=False)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise UserError(
+            f"another process is at work on the run in {file.parent}; wait for its end, or end it"
+        ) from error
+    return lock
+
+
+def _version(database: sqlite3.Connection) -> int:
+    """Of a store's form; 0: there is nothing in it.
+
+    Raises:
+        sqlite3.Error: it is something else.
+    """
+    if database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0:
+        return 0
+    row = database.execute("SELECT schema_version FROM run").fetchone()
+    return int(row[0]) if row is not None else 1  # which made its tables before it noted anything in them

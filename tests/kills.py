@@ -1,0 +1,107 @@
+"""``python -m tests.kills FOLDER N``: a run with toys, and N more that are killed at moments spread over its life and
+resumed. A process of its own, since it forks, which saves starting Python for each of them.
+
+A moment is the beginning of whatever touches the disk: a statement of SQL, a file that is written, named or made, a
+request or a rollout that is noted. Leaves in FOLDER ``whole/`` and ``0/``, ``1/`` ..., each with ``run/``, ``notes``,
+and ``killed/``, the store as the kill left it. Every other one is killed a second time, while it is resumed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import sqlite3
+import sys
+import traceback
+from pathlib import Path
+
+from omegaconf import OmegaConf
+
+from core.plugins import installed
+from core.run import resume, run
+from tests.toys import Notes, config, offer
+
+
+class Moments:
+    """Counts them, and kills the process when ``last`` begins."""
+
+    def __init__(self, folder: Path, last: int | None) -> None:
+        self.folder = str(folder)
+        self.last = last
+        self.number = 0
+        self.connect = sqlite3.connect
+        sqlite3.connect = self.connected
+        sys.addaudithook(self.hear)
+
+    def connected(self, *arguments, **settings):
+        connection = self.connect(*arguments, **settings)
+        connection.set_trace_callback(lambda _: self.begin())
+        return connection
+
+    def hear(self, event, arguments):
+        if event in ("open", "os.rename", "os.mkdir", "os.remove") and str(arguments[0]).startswith(self.folder):
+            writes = event != "open" or arguments[2] & (os.O_WRONLY | os.O_RDWR)
+            if writes:
+                self.begin()
+
+    def begin(self):
+        self.number += 1
+        if self.number == self.last:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+def session(folder: Path, *, resumed: bool, last: int | None) -> int:
+    """The number of moments in a session that ends well; 0: it was killed."""
+    Notes(str(folder / "notes")).add("session")
+    count = folder / "moments"
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            moments = Moments(folder, last)
+            with Path(os.devnull).open("w") as nowhere, contextlib.redirect_stdout(nowhere):
+                if resumed:
+                    resume(folder / "run")
+                else:
+                    run(config(folder / "notes"), folder / "run")
+            count.write_text(str(moments.number))
+            code = 0
+        except BaseException:  # the child must end here, whatever it is
+            traceback.print_exc()
+        os._exit(code)
+    _, status = os.waitpid(child, 0)
+    if os.WIFSIGNALED(status):
+        assert os.WTERMSIG(status) == signal.SIGKILL
+        return 0
+    assert os.WEXITSTATUS(status) == 0
+    return int(count.read_text())
+
+
+def main(folder: Path, points: int) -> None:
+    offer(installed())
+    run(config(folder / "warm" / "notes"), folder / "warm" / "run")  # what it leaves in caches, each child inherits
+    (folder / "whole").mkdir()
+    moments = session(folder / "whole", resumed=False, last=None)
+    for point in range(points):
+        at = folder / str(point)
+        note_config(at)
+        last = 1 + point * (moments - 2) // max(points - 1, 1)
+        assert session(at, resumed=False, last=last) == 0
+        (at / "killed").mkdir()
+        for file in (at / "run").glob("run.sqlite*"):
+            shutil.copy(file, at / "killed")
+        if point % 2:
+            session(at, resumed=True, last=(moments - last) // 2)
+        assert session(at, resumed=True, last=None) > 0
+
+
+def note_config(at: Path) -> None:
+    """As Hydra does before a run begins."""
+    (at / "run" / ".hydra").mkdir(parents=True)
+    OmegaConf.save(config(at / "notes"), at / "run" / ".hydra" / "config.yaml")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]))

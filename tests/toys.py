@@ -1,0 +1,157 @@
+"""Parts that cost nothing, so that whole runs take a second: a model, an engine and an executor that pretend.
+
+What is asked and what is tried is noted in `Notes`, one line each, which outlives a process that is killed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from omegaconf import DictConfig, OmegaConf
+
+from core.config import load
+from core.design import Component, Tool
+from core.errors import LimitReached
+from core.geometry import Box, Pose
+from core.hooks import hookimpl
+from core.interfaces import VLM, Executor, Outcome, Reply, Simulator
+from core.plugins import Offer, Plugins
+from core.scene import State
+
+
+class Notes:
+    """A file of lines, each written at once."""
+
+    def __init__(self, file: str) -> None:
+        self.file = Path(file)
+
+    def add(self, line: str) -> None:
+        descriptor = os.open(self.file, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+        os.write(descriptor, f"{line}\n".encode())
+        os.close(descriptor)
+
+    def lines(self, kind: str) -> list[str]:
+        """What follows ``kind`` in the lines that begin with it."""
+        lines = self.file.read_text().splitlines() if self.file.exists() else []
+        return [line.removeprefix(f"{kind} ") for line in lines if line.startswith(f"{kind} ")]
+
+
+class ToyModel(VLM):
+    """Designs rods by lot. Agent 1 says nothing that can be read, agent 2 gets an error; agent 3 says what agent 0
+    says. With ``limit`` it answers so many requests, those that it was told were answered before among them.
+    """
+
+    model = "a toy"
+
+    def __init__(self, notes: str, limit: int | None = None) -> None:
+        self.notes = Notes(notes)
+        self.limit = limit
+        self.answered: set[str] = set()
+
+    @hookimpl
+    def reply_received(self, reply):
+        self.answered.add(reply.request_id)
+
+    def complete(self, requests):
+        for i, request in enumerate(requests):
+            if self.limit is not None and len(self.answered) >= self.limit:
+                raise LimitReached(f"{self.limit} replies are all there may be; {len(requests) - i} are left without")
+            self.notes.add(f"asked {request.id}")
+            agent = request.brief.agent % 4
+            text = "" if agent == 2 else "I would rather not." if agent == 1 else answer(request.brief)
+            yield Reply(request.id, text, self.model, "out of order" if agent == 2 else None, 1000, 500, 0.01)
+
+
+def answer(brief) -> str:
+    rng = np.random.default_rng([brief.scene_seed, brief.generation, brief.agent % 3, len(brief.elites)])
+    strategies = []
+    for number in range(brief.n_tool):
+        rod = Box((0.02, 0.02, round(float(rng.uniform(0.1, 0.3)), 3)))
+        pose = Pose(np.array([0.0, 0.0, -rod.size[2] / 2]))
+        plans = [
+            [[round(float(rng.uniform(0.4, 0.6)), 3), round(float(rng.uniform(-0.2, 0.2)), 3), 0.5, 0, 0, 0]]
+            for _ in range(brief.n_action)
+        ]
+        if number == 1:
+            plans[0] = [[9.0, 0.0, 0.0, 0.0, 0.0, 0.0]]  # breaks a rule
+        strategies.append(
+            {
+                "strategy_name": f"rod {number}",
+                "gripper": False,
+                **brief.representation.dump(Tool((Component("rod", "panda_virtual", pose, rod),))),
+                "action_sets": plans,
+                "parents": [elite.candidate.id for elite in brief.elites[:2]],
+            }
+        )
+    return json.dumps({"strategies": strategies})
+
+
+class ToyEngine(Simulator):
+    """The cube moves by what the tool's length and the arm's last joints say; a long rod now and then breaks."""
+
+    def rollout(self, task, jobs):
+        return [self._outcome(task, job) for job in jobs]
+
+    def _outcome(self, task, job):
+        start = task.scene(job.seed).state()
+        length = job.tool.components[0].shape.size[2]
+        number = float(np.abs(job.trajectory.arm[-1]).sum()) * length
+        if number % 0.07 < 0.01:
+            return Outcome(None, None, error="the rod broke")
+        end = State(start.names, start.positions - np.array([number % 0.4, 0.0, 0.0]), *vars_of(start))
+        return Outcome(start, end, tracking_error_rad=number / 3, warnings=("it bent",) if length > 0.25 else ())
+
+    def render(self, task, *, width=64, height=48, **_):
+        return np.full((height, width, 3), 128, dtype=np.uint8)
+
+
+def vars_of(state: State) -> tuple[Any, ...]:
+    return state.quaternions, state.linear_velocities, state.angular_velocities
+
+
+class Here(Executor):
+    """In this process."""
+
+    def __init__(self, notes: str) -> None:
+        self.notes = Notes(notes)
+
+    def map(self, function, chunks):
+        for chunk in chunks:
+            for candidate in chunk:
+                self.notes.add(f"tried {candidate.content}")
+            yield chunk, function(chunk)
+
+    def close(self):
+        pass
+
+
+OFFERED = {("vlm", "toy"): ToyModel, ("sim", "toy"): ToyEngine, ("executor", "here"): Here}
+
+
+def offer(plugins: Plugins) -> None:
+    """Take the toys in."""
+    for (kind, name), factory in OFFERED.items():
+        plugins.offers[kind, name] = Offer(kind, name, "toys", "tests", factory)
+
+
+def config(notes: Path, *overrides: str) -> DictConfig:
+    """Of a run with toys: two generations of 14 candidates, of which 2 stand for replies that are none, 2 break a rule,
+    and 5 are identical to 5 others.
+    """
+    cfg = composed(overrides).copy()
+    OmegaConf.update(cfg, "vlm", {"name": "toy", "notes": str(notes)}, merge=False)
+    OmegaConf.update(cfg, "sim", {"name": "toy"}, merge=False)
+    OmegaConf.update(cfg, "executor", {"name": "here", "notes": str(notes)}, merge=False)
+    return cfg
+
+
+@lru_cache
+def composed(overrides: tuple[str, ...]) -> DictConfig:
+    sizes = ["budget.n_agent=4", "budget.n_tool=2", "budget.n_action=3", "budget.n_iteration=1", "budget.k_top=3"]
+    fixed = ["task=BringCube", "budget.reward_save=0.0", "seed=5", "film=false", "logger=[]"]
+    return load("config", [*sizes, *fixed, *overrides])
