@@ -10,12 +10,12 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from core.database import SCHEMA_VERSION
 from core.design import Evaluation
 from core.errors import UserError
 from core.interfaces import ToolRepresentation
 from core.reading import read_designs
 from core.rules import SpawnRules
-from core.store import SCHEMA_VERSION
 
 
 def _query(folder: Path, query: str) -> list[sqlite3.Row]:
@@ -39,9 +39,12 @@ def stored_config(folder: Path) -> dict[str, Any]:
     rows = _query(folder, "SELECT schema_version, config FROM run")
     if not rows:
         raise UserError(f"{folder} holds a run that ended before it began; its store is empty")
-    if rows[0]["schema_version"] != SCHEMA_VERSION:
-        found = rows[0]["schema_version"]
-        raise UserError(f"{folder} was written by another version: its store is of form {found}, not {SCHEMA_VERSION}")
+    found = rows[0]["schema_version"]
+    if not 1 <= found <= SCHEMA_VERSION:
+        raise UserError(
+            f"{folder} was written by another version: its store is of form {found}, this one reads up to "
+            f"{SCHEMA_VERSION}"
+        )
     config: dict[str, Any] = json.loads(rows[0]["config"])
     return config
 
@@ -53,17 +56,18 @@ def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: 
     Raises:
         UserError: the folder holds no run.
     """
-    designs = {
-        (row["generation"], row["agent"], row["strategy"]): json.loads(row["design"])
-        for row in _query(folder, "SELECT * FROM strategies")
+    strategies = {
+        (row["generation"], row["agent"], row["strategy"]): row for row in _query(folder, "SELECT * FROM strategies")
     }
     rows = _query(folder, "SELECT * FROM evaluations WHERE status = 'ok' ORDER BY generation, agent, strategy, plan")
     evaluations = []
     for key, group in groupby(rows, key=lambda row: (row["generation"], row["agent"], row["strategy"])):
         plans = list(group)
-        design = designs[key] | {"action_sets": [json.loads(row["waypoints"]) for row in plans]}
+        design = json.loads(strategies[key]["design"])
+        design["action_sets"] = [json.loads(row["waypoints"]) for row in plans]
+        parents = tuple(json.loads(strategies[key]["parents"]))
         candidates = read_designs({"strategies": [design]}, representation, spawn, generation=key[0], agent=key[1])
         for row, candidate in zip(plans, candidates, strict=True):
-            numbered = replace(candidate, strategy=key[2], action=row["plan"])
-            evaluations.append(Evaluation(numbered, "ok", row["reward"], row["distance_m"]))
+            known = replace(candidate, strategy=key[2], action=row["plan"], parents=parents)
+            evaluations.append(Evaluation(known, "ok", row["reward"], row["distance_m"]))
     return evaluations

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from core.errors import LimitReached, UsageError, UserError, check_positive
+from core.hooks import hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request
 from plugins.vlms.litellm.cache import Cache
 from plugins.vlms.litellm.client import Answer, Client, estimate
@@ -70,6 +71,7 @@ class LanguageModel(VLM):
             )
         self._pace = Pace(self.requests_per_minute)
         self._spending = Spending(self.max_cost_usd, self.max_tokens_total)
+        self._answered: set[str] = set()  # ids of requests, in this process
         asked = {"model": self.model, "api_base": self.api_base, "max_output_tokens": self.max_output_tokens}
         self._cache = Cache(self.cache_dir, asked) if self.cache else None
 
@@ -79,6 +81,14 @@ class LanguageModel(VLM):
             return estimate(request, model)
         except UserError:  # no LiteLLM
             return super().estimate(request, model)
+
+    @hookimpl
+    def reply_received(self, request: Request, reply: Reply) -> None:
+        """What a run had spent before it was resumed counts against its limits."""
+        if self._spending.limited and request.id not in self._answered and _was_paid(reply):
+            tokens = reply.prompt_tokens, reply.completion_tokens
+            answer = Answer(reply.text, reply.model, "", *tokens, reply.cost_usd)
+            self._spending.add(*self._client.spent(request, answer))
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. When the caller stops listening, calls that have not begun are dropped.
@@ -116,6 +126,7 @@ class LanguageModel(VLM):
                 if isinstance(result, LimitReached):
                     limits.append(result)
                 else:
+                    self._answered.add(result.request_id)
                     yield result
         finally:
             stop.set()
@@ -178,6 +189,11 @@ class LanguageModel(VLM):
             completion_tokens=answer.completion_tokens,
             cost_usd=answer.cost_usd,
         )
+
+
+def _was_paid(reply: Reply) -> bool:
+    """No cache had it, and the call came through."""
+    return reply.cost_usd != 0.0 and (reply.error is None or reply.prompt_tokens is not None)
 
 
 @dataclass(eq=False)

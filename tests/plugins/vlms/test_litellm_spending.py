@@ -262,6 +262,29 @@ def test_what_a_server_does_not_count_is_counted():
         assert len(replies) == 2  # some 500 tokens at 8 dollars a million
 
 
+def heard(vlm, requests):
+    """As in a run, where it is told of each reply."""
+    for reply in vlm.complete(requests):
+        vlm.reply_received(next(r for r in requests if r.id == reply.request_id), reply)
+        yield reply
+
+
+def test_what_a_run_spent_before_it_was_resumed_counts(folder):
+    with serving(lambda call: FINE) as server:
+        paid = ask(server, "openai", agents=2, **folder)
+        free = ask(server, "openai", agents=2, **folder)
+        nothing = {"prompt_tokens": None, "completion_tokens": None, "cost_usd": None}
+        failed = replace(paid[0], text="", error="no answer", **nothing)
+        for past, calls in (([paid[0], paid[1]], 1), ([paid[0]], 2), ([free[0], free[1]], 3), ([failed], 3)):
+            vlm = model_at(server, "openai", concurrency=1, max_tokens_total=2500)
+            for reply in past:
+                vlm.reply_received(request(9), reply)
+            server.calls.clear()
+            with pytest.raises(LimitReached):
+                list(heard(vlm, [request(agent) for agent in range(6)]))
+            assert len(server.calls) == calls
+
+
 def test_replies_that_are_kept_cost_nothing(folder):
     with serving(lambda call: FINE) as server:
         ask(server, "openai", agents=4, **folder)
