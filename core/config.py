@@ -144,15 +144,28 @@ class ComposeConfig(BenchConfig):
     output: str = "prompt"
 
 
+@dataclass
+class ReportConfig:
+    """What ``python -m core.report`` may be told. ``formats``: of the figures' files; ``confidence``: of the bootstrap
+    intervals, which are drawn from so many ``resamples``.
+    """
+
+    output: str = "report"
+    formats: list[str] = field(default_factory=lambda: ["png", "svg"])
+    confidence: float = 0.95
+    resamples: int = 10_000
+
+
 def register() -> None:
     """Make the schemas known to Hydra; the primary configs in ``conf/`` start from them."""
     store = ConfigStore.instance()
     store.store("run_schema", RunConfig)
     store.store("evaluate_schema", EvaluateConfig)
     store.store("render_schema", RenderConfig)
-    store.store("transfer_schema", TransferConfig)
     store.store("prompt_schema", ComposeConfig)
+    store.store("transfer_schema", TransferConfig)
     store.store("conformance_schema", ConformanceConfig)
+    store.store("report_schema", ReportConfig)
 
 
 def load(name: str, overrides: Sequence[str]) -> DictConfig:

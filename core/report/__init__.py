@@ -1,0 +1,1 @@
+"""``python -m core.report``: runs in, tables, figures and a page out."""

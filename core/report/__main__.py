@@ -1,0 +1,137 @@
+"""``python -m core.report RUN_DIR...|MULTIRUN_DIR output=DIR``: runs in, tables, figures and a page out."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from core.cli import command, folders_and_overrides, write_bytes
+from core.config import load
+from core.errors import UsageError, UserError, choices
+from core.report.figures import FORMATS, Picture, pictures, told
+from core.report.page import in_viewer, inline, render
+from core.report.results import Results
+from core.report.runs import find_runs
+from core.report.statistics import Resampling
+from core.report.tables import Table, tables, to_csv, to_markdown
+from core.report.terminal import rich_table, short_left_out, short_rewards
+from core.report.tools import Tools, collect
+
+USAGE = (
+    "usage: python -m core.report FOLDER [FOLDER ...] [output=DIR] [formats=[png,svg]] [confidence=0.95] "
+    "[resamples=10000]; a folder is a run's, or holds runs, as a multirun's does"
+)
+DATA = "data"  # the folder of tables and figures, beside the page
+
+
+@dataclass(frozen=True)
+class Section:
+    """What stands together on the page."""
+
+    id: str
+    title: str
+    pictures: tuple[str, ...] = ()
+    tables: tuple[str, ...] = ()
+
+
+def report(folders: list[Path], output: Path, formats: list[str], how: Resampling) -> Results:
+    """Read the runs in ``folders``; write the page, the tables and the figures to ``output``.
+
+    Raises:
+        UserError: a folder holds no run, or nothing can be written.
+    """
+    finished, left_out = find_runs(folders)
+    results = Results(tuple(finished), tuple(left_out), how)
+    shown = collect(results)
+    made = tables(results, shown)
+    drawn = pictures(results, shown)
+    for table in made:
+        write_bytes(output / DATA / f"{table.name}.csv", to_csv(table, output / DATA).encode())
+        write_bytes(output / DATA / f"{table.name}.md", to_markdown(table).encode())
+    for picture in drawn:
+        for format_ in formats:
+            write_bytes(output / DATA / f"{picture.name}.{format_}", picture.render(format_))
+    write_bytes(output / "index.html", page(results, shown, made, drawn, formats, output).encode())
+    return results
+
+
+def page(
+    results: Results, shown: Tools, made: list[Table], drawn: list[Picture], formats: list[str], folder: Path
+) -> str:
+    """All of it on one page."""
+    tools = []
+    for (task, method), winner in shown.best.items():
+        tools.append(
+            in_viewer(winner, f"{task}, {method}: {winner.name}", f"{winner.tool.description} ({told(winner)})")
+        )
+        first = (shown.courses.get(method, {}).get(task) or [None])[0]
+        if first is not None and winner.generation > 0:
+            name = f"{task}, {method}, before evolution: {first.name}"
+            tools.append(in_viewer(first, name, f"{first.tool.description} ({told(first)})"))
+    sections = (
+        Section("results", "Rewards", ("rewards", "deviations"), ("rewards",)),
+        Section("methods", "Over all tasks", ("intervals",), ("methods", "improvements")),
+        Section("given", "Given tools and designed ones", ("given_tools",)),
+        Section("generations", "By generation", ("generations", "generations_by_task"), ("generations",)),
+        Section("tools", "Tools", ("gallery", *(p.name for p in drawn if p.name.startswith("evolution_"))), ("tools",)),
+        Section("runs", "Runs", (), ("left_out", "runs")),
+        Section("parameters", "Parameters, costs, versions", (), ("parameters", "costs", "versions")),
+    )
+    there = {table.name for table in made} | {picture.name for picture in drawn}
+    methods, tasks = results.methods, results.tasks
+    return render(
+        "report.html.j2",
+        folder,
+        tools,
+        title="Tools and their rewards",
+        summary=(
+            f"{_several(len(results.runs), 'finished run')} of {_several(len(methods), 'method')} on "
+            f"{_several(len(tasks), 'task')}."
+        ),
+        warnings=[f"Tools that can't be shown: {problem}" for problem in shown.problems],
+        sections=[section for section in sections if there & {*section.pictures, *section.tables}],
+        tables={table.name: table for table in made},
+        pictures={picture.name: picture for picture in drawn},
+        drawings={p.name: inline(p.render("svg", ground="none"), p.name, f"{p.title}. {p.caption}") for p in drawn},
+        formats=formats,
+        files=f"{DATA}/",
+    )
+
+
+def _several(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def show(results: Results) -> None:
+    """Print the rewards as a table."""
+    import rich.console
+
+    console = rich.console.Console(file=sys.stdout)
+    for table in (short_rewards(results), short_left_out(results)):
+        if table.rows:
+            console.print(rich_table(table))
+
+
+def main() -> None:
+    folders, overrides = folders_and_overrides(USAGE)
+    cfg = load("report", overrides)
+    if not folders:
+        raise UsageError(f"no folder given; {USAGE}")
+    formats = [str(name) for name in cfg.formats]
+    for name in formats:
+        if name not in FORMATS:
+            raise choices("format", name, FORMATS, "formats")
+    if not 0 < cfg.confidence < 1:
+        raise UsageError(f"confidence must be between 0 and 1, got {cfg.confidence}")
+    if cfg.resamples < 1:
+        raise UsageError(f"resamples must be at least 1, got {cfg.resamples}")
+    results = report(folders, Path(cfg.output), formats, Resampling(cfg.confidence, cfg.resamples))
+    if not results.runs:
+        raise UserError(f"no run is finished; {len(results.left_out)} are listed in {Path(cfg.output) / 'index.html'}")
+    show(results)
+    sys.stdout.write(f"{Path(cfg.output) / 'index.html'}\n")
+
+
+if __name__ == "__main__":
+    command(main)

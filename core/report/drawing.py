@@ -1,0 +1,131 @@
+"""Pictures of solids without an engine: parallel projection, a depth buffer, flat shading, drawn edges."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from core.design import Tool
+from core.geometry import Array, Box, Cylinder, Pose
+from core.report.tools import as_held
+from core.robot import FINGER_OPEN
+from core.rules import FLANGE
+
+if TYPE_CHECKING:
+    import trimesh
+
+Pixels = npt.NDArray[np.uint8]
+Color = tuple[float, float, float, float]
+
+AZIMUTH, ELEVATION = np.deg2rad(-55.0), np.deg2rad(25.0)  # where the eye is: before the tool, to its right, above
+ROBOT: Color = (0.62, 0.64, 0.68, 1.0)
+FINGER = Box((0.021, 0.012, 0.054))  # about the Panda's
+
+_OVER = 2  # samples per pixel, along each side
+_MARGIN = 0.06  # of the picture's smaller side
+_LIGHT = np.array([0.35, -0.45, 0.82])
+_EDGE = 0.25  # of the colour, where a face ends
+_STEP = 0.004  # of the picture's size: where one of two parallel faces stands out more, there is an edge
+_SMOOTH = 0.9  # cosine of the angle between two faces up to which no edge is drawn
+_BEHIND = 0.05  # pixels by which a face must be nearer to cover what is there: of two in one plane the first stays
+
+
+@dataclass(frozen=True, eq=False)
+class Painted:
+    """A solid and its colour."""
+
+    solid: trimesh.Trimesh
+    color: Color
+
+
+def painted(tool: Tool) -> list[Painted]:
+    """A tool as the arm holds it at home, with the flange or the fingers that bear it in grey."""
+    if tool.gripper:
+        at = [Pose(np.array([0.0, side * (FINGER_OPEN + 0.006), -0.085])) for side in (1, -1)]
+        bearing = [Painted(FINGER.to_trimesh().apply_transform(pose.matrix), ROBOT) for pose in at]
+    else:
+        bearing = [Painted(Cylinder(FLANGE.radius, FLANGE.length).to_trimesh(), ROBOT)]
+    return [*bearing, *(Painted(solid, component.color) for component, solid in as_held(tool))]
+
+
+def draw(solids: Sequence[Painted], width: int = 480, height: int = 360) -> Pixels:
+    """A picture (height, width, 4) that the solids fill, on a transparent ground."""
+    toward = np.array([np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)])
+    right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
+    axes = np.stack([right, np.cross(toward, right), toward])  # right, up, toward the eye
+    corners = [np.asarray(each.solid.vertices) @ axes.T for each in solids]
+    low, high = np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)
+    fine = np.array([width, height]) * _OVER
+    room = fine - 2 * _MARGIN * fine.min()
+    scale = float((room / np.maximum(high - low, 1e-9)[:2]).min())
+    canvas = _Canvas(int(fine[0]), int(fine[1]))
+    for number, (each, seen) in enumerate(zip(solids, corners, strict=True)):
+        seen = (seen - (low + high) / 2) * scale
+        seen[:, :2] += fine / 2
+        normals = np.asarray(each.solid.face_normals)
+        for face, normal in zip(np.asarray(each.solid.faces), normals, strict=True):
+            if normal @ toward > 1e-6:
+                canvas.triangle(seen[face], _shade(each.color, normal), axes @ normal, number)
+    return canvas.picture(_STEP * float(fine.min()))
+
+
+def _shade(color: Color, normal: Array) -> Array:
+    light = 0.7 + 0.3 * float(normal @ (_LIGHT / np.linalg.norm(_LIGHT)))
+    return np.clip(np.array(color[:3]) * light, 0.0, 1.0)
+
+
+_NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :]))  # to the right, above
+
+
+class _Canvas:
+    """By pixel the colour, depth, normal and number of the solid in front; row 0 is the lowest."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self.color = np.zeros((height, width, 3))
+        self.depth = np.full((height, width), -np.inf)
+        self.normal = np.zeros((height, width, 3))
+        self.number = np.full((height, width), -1)
+
+    def triangle(self, corners: Array, color: Array, normal: Array, number: int) -> None:
+        """Corners (3, 3) and normal (3,): column, row, and depth toward the eye."""
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners.tolist()
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if abs(area) < 1e-9:
+            return
+        height, width = self.depth.shape
+        x0, x1 = max(0, int(min(ax, bx, cx))), min(width, int(max(ax, bx, cx)) + 2)
+        y0, y1 = max(0, int(min(ay, by, cy))), min(height, int(max(ay, by, cy)) + 2)
+        x, y = np.meshgrid(np.arange(x0, x1) + 0.5, np.arange(y0, y1) + 0.5)
+        b = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / area
+        c = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / area
+        depth = az + b * (bz - az) + c * (cz - az)
+        window = np.s_[y0:y1, x0:x1]
+        front = (b >= 0) & (c >= 0) & (b + c <= 1) & (depth > self.depth[window] + _BEHIND)
+        self.depth[window][front] = depth[front]
+        self.color[window][front] = color
+        self.normal[window][front] = normal
+        self.number[window][front] = number
+
+    def picture(self, step: float) -> Pixels:
+        """With edges, in the size asked for, row 0 on top."""
+        solid = self.number >= 0
+        edge = np.zeros_like(solid)
+        for along, (here, there) in enumerate(_NEIGHBOURS):
+            both = solid[here] & solid[there]
+            normal = self.normal[here]
+            slope = -normal[..., along] / np.maximum(normal[..., 2], 1e-6)  # of the face, from pixel to pixel
+            with np.errstate(invalid="ignore"):  # ground behind ground
+                apart = np.abs(self.depth[there] - self.depth[here] - slope) > step
+            bent = (normal * self.normal[there]).sum(axis=-1) < _SMOOTH
+            edge[here] |= (self.number[here] != self.number[there]) | (both & (bent | apart))
+        color = np.where((edge & solid)[..., None], self.color * _EDGE, self.color)
+        alpha = solid.astype(np.float64)
+        height, width = alpha.shape
+        blocks = (height // _OVER, _OVER, width // _OVER, _OVER)
+        cover = alpha.reshape(blocks).mean(axis=(1, 3))
+        mixed = (color * alpha[..., None]).reshape(*blocks, 3).mean(axis=(1, 3)) / np.maximum(cover, 1e-9)[..., None]
+        return (np.dstack([mixed, cover])[::-1] * 255 + 0.5).astype(np.uint8)

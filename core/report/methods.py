@@ -1,0 +1,122 @@
+"""What differs between runs: runs that were configured alike are one method's, and a short name tells methods apart."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from core.report.runs import FinishedRun, LeftOutRun, short
+
+TELLING = ("tool", "evolution", "vlm", "prompt", "sim", "budget")
+"""The choices that tell most of a method, in order; others follow."""
+
+_NO_METHOD = ("seed", "film", "logger", "executor", "task.name", "task.paper")
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """The runs of one method on one task; ``left_out`` is how many more of them failed or are unfinished."""
+
+    task: str
+    method: str
+    runs: tuple[FinishedRun, ...]
+    left_out: int = 0
+
+    @property
+    def rewards(self) -> list[float]:
+        """Each run's best."""
+        return [run.best.reward for run in self.runs]
+
+    @property
+    def best(self) -> FinishedRun:
+        """The run with the highest reward; of two with the same, the one with the shorter distance."""
+        return min(self.runs, key=lambda run: (-run.best.reward, _or_infinite(run.best.distance_m)))
+
+
+def _or_infinite(distance: float | None) -> float:
+    return float("inf") if distance is None else distance
+
+
+def group(finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun] = ()) -> list[Group]:
+    """Finished runs by task, in alphabetical order, and method, in the order in which methods appear."""
+    told = [run for run in left_out if run.task and run.config]
+    labels = label([(run.task, run.config) for run in finished] + [(run.task, run.config) for run in told])
+    order = list(dict.fromkeys(labels))
+    found: dict[tuple[str, int], list[FinishedRun]] = defaultdict(list)
+    for run, name in zip(finished, labels, strict=False):
+        found[run.task, order.index(name)].append(run)
+    lost = Counter((run.task, name) for run, name in zip(told, labels[len(finished) :], strict=True))
+    return [
+        Group(task, order[method], tuple(found[task, method]), lost[task, order[method]])
+        for task, method in sorted(found)
+    ]
+
+
+def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
+    """A name for the method of each (task, configuration): the shortest list of settings that tells it from the others.
+
+    Choices (``tool=none``) tell methods apart wherever they differ. Any other setting does where two runs of one task
+    that made the same choices differ in it: what follows from a choice, or from the task as the paper's parameters
+    do, makes no method of its own. The seed, where rollouts ran and who listened never do.
+    """
+    settings = [flatten(config) for _, config in configs]
+    named = {key for of in settings for key in of if key.endswith(".name") and key.count(".") == 1}
+    first = [f"{choice}.name" for choice in TELLING]
+    choices = [*first, *sorted(named - set(first))]
+    varying = [key for key in choices if len(_values(settings, key)) > 1]
+    alike = defaultdict(list)
+    for (task, _), of in zip(configs, settings, strict=True):
+        alike[task, *(of.get(key) for key in choices)].append(of)
+    others = sorted({key for of in settings for key in of} - set(choices))
+    varying += [key for key in others if any(len(_values(runs, key)) > 1 for runs in alike.values())]
+    methods = [tuple(of.get(key) for key in varying) for of in settings]
+    if not varying:
+        return [" ".join(_say(key, of.get(key)) for key in choices[:3]) for of in settings]
+    names = _shortest(list(dict.fromkeys(methods)), varying)
+    return [names[method] for method in methods]
+
+
+def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """The settings that can make a method, as text by dotted key."""
+    return dict(_flatten(config, prefix))
+
+
+def _flatten(config: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
+    for key, value in config.items():
+        name = f"{prefix}{key}"
+        if name in _NO_METHOD:
+            continue
+        if isinstance(value, Mapping):
+            yield from _flatten(value, f"{name}.")
+        else:
+            yield name, value if isinstance(value, str) else json.dumps(value)
+
+
+def _values(settings: Sequence[Mapping[str, str]], key: str) -> set[str | None]:
+    return {of.get(key) for of in settings}
+
+
+def _shortest(methods: list[tuple[str | None, ...]], keys: list[str]) -> dict[tuple[str | None, ...], str]:
+    names = {}
+    for method in methods:
+        others = [other for other in methods if other != method]
+        for chosen in _subsets(len(keys)):
+            if all(any(other[i] != method[i] for i in chosen) for other in others):
+                names[method] = " ".join(_say(keys[i], method[i]) for i in chosen)
+                break
+    return names
+
+
+def _subsets(size: int) -> Iterator[tuple[int, ...]]:
+    """Of the numbers below ``size``, the smaller ones first."""
+    for length in range(1, size + 1):
+        yield from itertools.combinations(range(size), length)
+
+
+def _say(key: str, value: str | None) -> str:
+    name = key.removesuffix(".name")
+    return short(f"{name}={value}" if value is not None else f"no {name}")

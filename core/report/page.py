@@ -1,0 +1,154 @@
+"""Pages that stand alone: one file, nothing loaded from anywhere, every text escaped, and a policy that says so to the
+browser.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import importlib.metadata
+import importlib.resources
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
+from urllib.parse import quote
+
+import jinja2
+import numpy as np
+from lxml import etree
+from markupsafe import Markup
+
+from core.reading import clean
+from core.report.drawing import painted
+from core.report.figures import INK
+from core.report.tables import Cell, Link, printed, relative
+from core.report.tools import Winner
+
+_LONGEST = 20_000  # characters of any text
+_SHARP = np.deg2rad(20.0)  # between two faces: an edge is drawn
+_WIDE = 700  # points: such a figure is not shrunk to a phone's width
+_HREF = "{http://www.w3.org/1999/xlink}href"
+
+
+def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = (), **values: Any) -> str:
+    """A template as a page that will lie in ``folder``; ``viewer`` are tools to turn around (`in_viewer`)."""
+    style, script = _text("page.css"), _text("tables.js") + (_text("viewer.js") if viewer else "")
+    policy = (
+        f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
+        "base-uri 'none'; form-action 'none'"
+    )
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(_text),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        finalize=_printable,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(printed=printed, links=_links, sort_key=_sort_key, href=lambda to: href(to, folder))
+    return environment.get_template(template).render(
+        **values,
+        policy=Markup(policy),  # noqa: S704
+        style=Markup(style),  # noqa: S704
+        script=Markup(script),  # noqa: S704
+        viewer=_json(viewer) if viewer else "",
+        version=importlib.metadata.version("vlmgineer"),
+    )
+
+
+def _text(name: str) -> str:
+    return importlib.resources.files("core.report").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def _printable(value: Any) -> Any:
+    """Without control characters, whoever wrote it; what is markup already passes."""
+    return clean(value, _LONGEST) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+def _json(value: Any) -> Markup:
+    """To stand in a script element: no character that could end it."""
+    text = json.dumps(value, separators=(",", ":"))
+    for mark in "<>&":
+        text = text.replace(mark, f"\\u{ord(mark):04x}")
+    return Markup(text)  # noqa: S704
+
+
+def _links(cell: Cell) -> tuple[Link, ...]:
+    return (cell,) if isinstance(cell, Link) else cell if isinstance(cell, tuple) else ()
+
+
+def _sort_key(cell: Cell) -> str:
+    return repr(cell) if isinstance(cell, int | float) and math.isfinite(cell) else ""
+
+
+def href(target: Path, folder: Path) -> str:
+    """A relative address, whatever a file is called."""
+    return quote(relative(target, folder))
+
+
+# --- figures ----------------------------------------------------------------------------------------------------
+
+
+def inline(svg: bytes, name: str, label: str) -> Markup:
+    """A figure to stand in a page: names of its own, no style sheet, and the page's ink for its own.
+
+    What Matplotlib writes into style attributes, which the policy forbids, becomes attributes.
+    """
+    parser = etree.XMLParser(resolve_entities=False, remove_comments=True, huge_tree=True)
+    root = cast(Any, etree.fromstring(svg, parser))
+    for element in root.xpath("//*[local-name()='metadata' or local-name()='style']"):
+        element.getparent().remove(element)
+    for element in root.iter(etree.Element):
+        for item in (element.attrib.pop("style", "")).split(";"):
+            key, _, value = item.partition(":")
+            if value:
+                element.set(key.strip(), value.strip())
+        if "id" in element.attrib:
+            element.set("id", f"{name}-{element.get('id')}")
+        link = element.attrib.pop(_HREF, None)
+        if link is not None:
+            element.set("href", f"#{name}-{link[1:]}" if link.startswith("#") else link)
+        for key, value in element.attrib.items():
+            if "url(#" in value:
+                element.set(key, value.replace("url(#", f"url(#{name}-"))
+            elif value == INK:
+                element.set(key, "currentColor")
+    width = float(root.get("viewBox").split()[2])
+    for key in ("height", "version"):
+        root.attrib.pop(key, None)
+    root.set("width", f"{width * 96 / 72:.0f}")
+    if width > _WIDE:
+        root.set("class", "wide")
+    root.set("stroke-linejoin", "round")
+    root.set("role", "img")
+    root.set("aria-label", clean(label, _LONGEST))
+    etree.cleanup_namespaces(root)
+    return Markup(etree.tostring(root, encoding="unicode"))  # noqa: S704
+
+
+def picture_address(png: bytes) -> Markup:
+    """A PNG file as an address that holds it."""
+    return Markup("data:image/png;base64," + base64.b64encode(png).decode())  # noqa: S704
+
+
+def in_viewer(winner: Winner, name: str, caption: str) -> dict[str, Any]:
+    """A tool for the viewer: triangles and sharp edges in tenths of millimetres."""
+    parts = []
+    for each in painted(winner.tool):
+        mesh = each.solid
+        sharp = mesh.face_adjacency_edges[mesh.face_adjacency_angles > _SHARP]
+        parts.append(
+            {
+                "color": [round(float(channel), 3) for channel in each.color[:3]],
+                "vertices": np.round(mesh.vertices * 1e4).astype(int).ravel().tolist(),
+                "faces": np.asarray(mesh.faces).ravel().tolist(),
+                "edges": np.asarray(sharp).ravel().tolist(),
+            }
+        )
+    return {"name": clean(name, 200), "caption": clean(caption, 1000), "parts": parts}

@@ -1,0 +1,315 @@
+"""Run folders, read and not touched: what a run came to, or why it came to nothing.
+
+Figures are ``result.json``'s. Designs, requests and the configuration are ``run.sqlite``'s; its tables are read by
+column name, so that a later version may add to them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import pydantic
+from omegaconf import OmegaConf
+
+from core.errors import UserError
+from core.reading import clean
+
+STORE, RESULT, HYDRA = "run.sqlite", "result.json", ".hydra"
+CHOICES = ("task", "sim", "vlm", "tool", "evolution", "budget")  # by name in a result
+MAX_DEPTH = 6  # of a run's folder below one that the user names
+
+_LONGEST = 300
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best candidate of a run."""
+
+    reward: float
+    distance_m: float | None
+    generation: int
+    candidate: str
+
+
+@dataclass(frozen=True)
+class GenerationFigures:
+    """A generation as ``result.json`` has it; rewards are None where nothing could be tried."""
+
+    index: int
+    best_reward: float | None
+    mean_reward: float | None
+    n_candidates: int
+    n_rejected: int = 0
+    n_failed: int = 0
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What this program reads of a ``result.json``. ``stopped`` says why a run ended before its budget was spent."""
+
+    task: str
+    seed: int
+    generations: tuple[GenerationFigures, ...]
+    n_evaluations: int
+    wall_time_s: float
+    sim: str = ""
+    vlm: str = ""
+    tool: str = ""
+    evolution: str = ""
+    budget: str = ""
+    best: Best | None = None
+    stopped: str | None = None
+    versions: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Spending:
+    """What a run asked of its model. Tokens and dollars are None where no reply told."""
+
+    requests: int
+    replies: int
+    errors: int
+    prompt_tokens: int | None
+    completion_tokens: int | None
+    cost_usd: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedRun:
+    """A run that ended and has a best candidate. ``config`` is all of its configuration, resolved."""
+
+    folder: Path
+    figures: Figures
+    config: dict[str, Any]
+
+    @property
+    def task(self) -> str:
+        return self.figures.task
+
+    @property
+    def seed(self) -> int:
+        return self.figures.seed
+
+    @property
+    def best(self) -> Best:
+        assert self.figures.best is not None
+        return self.figures.best
+
+    @cached_property
+    def best_so_far(self) -> list[float]:
+        """The best reward up to and with each generation; 0 before anything could be tried."""
+        best, course = 0.0, []
+        for generation in self.figures.generations:
+            best = max(best, generation.best_reward or 0.0)
+            course.append(best)
+        return course
+
+    def recordings(self) -> dict[str, Path]:
+        """The films that it left, by what they are."""
+        files = {"recording": self.folder / "recording.rrd", "film": self.folder / "best" / "rollout.gif"}
+        return {what: file for what, file in files.items() if file.exists()}
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOutRun:
+    """A run that no figure counts, and why."""
+
+    folder: Path
+    status: Literal["unfinished", "failed", "unreadable"]
+    reason: str
+    task: str = ""
+    config: dict[str, Any] = field(default_factory=dict)
+
+
+Runs = tuple[list[FinishedRun], list[LeftOutRun]]
+
+
+def find_runs(folders: Sequence[Path]) -> Runs:
+    """The runs in ``folders``, each a run's own or one that holds runs, in the order given; a multirun's by number.
+
+    Raises:
+        UserError: a folder is missing, or holds no run.
+    """
+    finished: list[FinishedRun] = []
+    left_out: list[LeftOutRun] = []
+    seen: set[Path] = set()
+    for folder in folders:
+        if not folder.is_dir():
+            raise UserError(f"no folder {folder}; give the folder of a run or of a multirun")
+        found = list(run_folders(folder))
+        if not found:
+            raise UserError(f"{folder} holds no run: neither {RESULT} nor {STORE} is in it or below it")
+        for path in found:
+            if path.resolve() in seen:
+                continue
+            seen.add(path.resolve())
+            run = read_run(path)
+            if isinstance(run, FinishedRun):
+                finished.append(run)
+            else:
+                left_out.append(run)
+    return finished, left_out
+
+
+def run_folders(folder: Path, depth: int = MAX_DEPTH) -> Iterator[Path]:
+    """The run folders at or below ``folder``. A folder that has Hydra's notes and nothing else is a run that failed."""
+    names = {entry.name: entry for entry in os.scandir(folder)}
+    if RESULT in names or STORE in names:
+        yield folder
+        return
+    below = [
+        name
+        for name, entry in names.items()
+        if entry.is_dir(follow_symlinks=False) and name not in (HYDRA, "best", "requests", "replies")
+    ]
+    found = False
+    if depth > 0:
+        for name in sorted(below, key=natural):
+            for path in run_folders(folder / name, depth - 1):
+                found = True
+                yield path
+    if HYDRA in names and not found:
+        yield folder
+
+
+def natural(name: str) -> list[tuple[int, int | str]]:
+    """Sorts numbers in names by their size."""
+    return [(0, int(word)) if word.isdigit() else (1, word) for word in re.split(r"(\d+)", name) if word]
+
+
+def read_run(folder: Path) -> FinishedRun | LeftOutRun:
+    """A run as it stands on disk."""
+    store, result = folder / STORE, folder / RESULT
+    if not store.exists() and not result.exists():
+        config = _hydra_config(folder)
+        return LeftOutRun(folder, "failed", "it ended before it began: it has no store", _name(config, "task"), config)
+    try:
+        config = _config(store) if store.exists() else {}
+    except (sqlite3.Error, ValueError) as error:
+        return LeftOutRun(folder, "unreadable", short(f"{STORE}: {error}"))
+    if not result.exists():
+        config = config or _hydra_config(folder)
+        return LeftOutRun(folder, "unfinished", _progress(store), _name(config, "task"), config)
+    try:
+        figures = pydantic.TypeAdapter(Figures).validate_json(result.read_bytes())
+    except (OSError, ValueError) as error:
+        return LeftOutRun(folder, "unreadable", short(f"{RESULT}: {_first(error)}"), _name(config, "task"), config)
+    config = config or {kind: {"name": getattr(figures, kind)} for kind in CHOICES}
+    if figures.stopped is not None:
+        return LeftOutRun(folder, "unfinished", short(f"stopped: {figures.stopped}"), figures.task, config)
+    if figures.best is None:
+        return LeftOutRun(folder, "failed", _why_nothing(store), figures.task, config)
+    return FinishedRun(folder, figures, config)
+
+
+def short(text: str) -> str:
+    return clean(text, _LONGEST)
+
+
+def _first(error: Exception) -> str:
+    if isinstance(error, pydantic.ValidationError):
+        first = error.errors()[0]
+        return f"{'.'.join(str(at) for at in first['loc'])} {first['msg']}".strip()
+    return str(error)
+
+
+def _name(config: dict[str, Any], kind: str) -> str:
+    chosen = config.get(kind)
+    name = chosen.get("name") if isinstance(chosen, dict) else None
+    return short(name) if isinstance(name, str) else ""
+
+
+def _hydra_config(folder: Path) -> dict[str, Any]:
+    """What Hydra noted of a run that has no store; empty if that can't be read."""
+    try:
+        config = OmegaConf.to_container(OmegaConf.load(folder / HYDRA / "config.yaml"), resolve=True)
+    except Exception:  # whatever a damaged file makes the parser raise: the run is listed without its task
+        return {}
+    return cast(dict[str, Any], config) if isinstance(config, dict) else {}
+
+
+# --- the store --------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def opened(store: Path) -> Iterator[sqlite3.Connection]:
+    """The store, to read. Whoever writes it at this moment is not disturbed, and nothing beside it is left behind.
+
+    A store at rest is read as it lies. One with a write-ahead log is read through SQLite's own locks, or from a copy
+    where its folder can't be written.
+
+    Raises:
+        sqlite3.Error: it is no store, or damaged.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        log = store.with_name(store.name + "-wal")
+        if not log.exists():
+            mode = "mode=ro&immutable=1"
+        elif os.access(store.parent, os.W_OK):
+            mode = "mode=ro"
+        else:
+            store = Path(shutil.copy(store, scratch))
+            shutil.copy(log, scratch)
+            mode = "mode=rw"
+        with closing(sqlite3.connect(f"{store.resolve().as_uri()}?{mode}", uri=True, timeout=10)) as database:
+            database.row_factory = sqlite3.Row
+            yield database
+
+
+def _config(store: Path) -> dict[str, Any]:
+    with opened(store) as database:
+        row = database.execute("SELECT config FROM run").fetchone()
+    if row is None:
+        return {}  # it was killed before it noted anything
+    config = json.loads(row["config"])
+    if not isinstance(config, dict):
+        raise ValueError("its configuration is no object")  # noqa: TRY004
+    return config
+
+
+def _progress(store: Path) -> str:
+    """How far an unfinished run has come."""
+    try:
+        with opened(store) as database:
+            generations = database.execute("SELECT count(*) FROM generations").fetchone()[0]
+            tried, best = database.execute(
+                "SELECT count(*), max(CASE status WHEN 'ok' THEN reward END) FROM evaluations"
+            ).fetchone()
+    except sqlite3.Error as error:
+        return short(f"{STORE}: {error}")
+    reached = "" if best is None else f", best reward so far {best:.3f}"
+    return f"{generations} generations and {tried} candidates done{reached}"
+
+
+def _why_nothing(store: Path) -> str:
+    """Why a run that ended has no best candidate."""
+    try:
+        with opened(store) as database:
+            row = database.execute("SELECT reason FROM evaluations WHERE status != 'ok' ORDER BY rowid").fetchone()
+    except sqlite3.Error:
+        row = None
+    return "no candidate could be tried" + (short(f"; the first reason: {row['reason']}") if row else "")
+
+
+def spending(run: FinishedRun) -> Spending | None:
+    """What a run asked of its model; None if its store is gone."""
+    if not (run.folder / STORE).exists():
+        return None
+    with opened(run.folder / STORE) as database:
+        requests = database.execute("SELECT count(*) FROM requests").fetchone()[0]
+        row = database.execute(
+            "SELECT count(*) AS replies, count(error) AS errors, sum(prompt_tokens) AS prompt_tokens,"
+            " sum(completion_tokens) AS completion_tokens, sum(cost_usd) AS cost_usd FROM replies"
+        ).fetchone()
+    return Spending(requests=requests, **dict(row))

@@ -1,0 +1,119 @@
+"""What is said of several runs in one number, and how sure it is.
+
+The interquartile mean and its stratified bootstrap interval are those of R. Agarwal et al., "Deep Reinforcement
+Learning at the Edge of the Statistical Precipice", NeurIPS 2021 (the package rliable): the mean of the middle half of
+all runs of all tasks, and percentiles of the same over runs drawn anew, with replacement, within each task.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import scipy.stats
+
+from core.geometry import Array
+
+Statistic = Literal["mean", "interquartile mean"]
+
+LEAST_DIVISOR = 0.01  # of a normalised improvement: nobody is a hundred times better for a hundredth more
+
+_BATCH = 1000  # resamples in memory at a time
+
+
+@dataclass(frozen=True)
+class Resampling:
+    """How bootstrap intervals are drawn."""
+
+    confidence: float = 0.95
+    resamples: int = 10_000
+    seed: int = 0
+
+
+def mean(values: Sequence[float]) -> float:
+    return float(np.mean(values))
+
+
+def deviation(values: Sequence[float]) -> float | None:
+    """The sample standard deviation (n - 1); None of fewer than two."""
+    return float(np.std(values, ddof=1)) if len(values) > 1 else None
+
+
+def interquartile_mean(values: Sequence[float] | Array) -> float:
+    """The mean of the middle half: a quarter of the values is cut off at each end, rounded down."""
+    return float(scipy.stats.trim_mean(np.asarray(values), 0.25, axis=None))
+
+
+def mean_of_tasks(tasks: Sequence[Sequence[float]]) -> float:
+    """The mean over tasks of each task's mean over runs."""
+    return float(np.mean([np.mean(runs) for runs in tasks]))
+
+
+def interval(tasks: Sequence[Sequence[float]], statistic: Statistic, how: Resampling) -> tuple[float, float] | None:
+    """The percentile interval of a statistic over the runs of several tasks, resampled within each task.
+
+    Args:
+        tasks: the runs' scores, by task.
+        statistic: ``mean`` is `mean_of_tasks`, ``interquartile mean`` is that of all runs together.
+        how: confidence, number of resamples, seed.
+
+    Returns:
+        Low and high; None if a task has one run only, for then nothing is known of its spread.
+    """
+    if not tasks or any(len(runs) < 2 for runs in tasks):
+        return None
+    done = scipy.stats.bootstrap(
+        [np.asarray(runs, dtype=np.float64) for runs in tasks],
+        _STATISTICS[statistic],
+        n_resamples=how.resamples,
+        batch=_BATCH,
+        vectorized=True,
+        paired=False,
+        confidence_level=how.confidence,
+        method="percentile",
+        rng=np.random.default_rng(how.seed),
+    )
+    return float(done.confidence_interval.low), float(done.confidence_interval.high)
+
+
+def _pooled(*tasks: Array, axis: int = -1) -> Any:
+    return scipy.stats.trim_mean(np.concatenate(tasks, axis=axis), 0.25, axis=axis)
+
+
+def _averaged(*tasks: Array, axis: int = -1) -> Any:
+    return np.mean([np.mean(runs, axis=axis) for runs in tasks], axis=0)
+
+
+_STATISTICS = {"mean": _averaged, "interquartile mean": _pooled}
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """By how much A is better than B over the tasks that both have, in the two ways in which it can be normalised.
+
+    ``of_shortfall`` is the mean over tasks of (A - B) / (1 - B): which part of what B lacks A makes up.
+    ``of_value`` is the mean over tasks of (A - B) / B. Each is over the ``shortfall_tasks`` and ``value_tasks`` tasks
+    where the divisor is at least `LEAST_DIVISOR`; None if that is nowhere.
+    """
+
+    tasks: int
+    of_shortfall: float | None
+    shortfall_tasks: int
+    of_value: float | None
+    value_tasks: int
+
+
+def improvement(a: Sequence[float], b: Sequence[float]) -> Improvement:
+    """Of A over B: their scores task by task."""
+    pairs = list(zip(a, b, strict=True))
+    shortfall = [(x - y) / (1 - y) for x, y in pairs if 1 - y >= LEAST_DIVISOR]
+    value = [(x - y) / y for x, y in pairs if y >= LEAST_DIVISOR]
+    return Improvement(
+        len(pairs),
+        mean(shortfall) if shortfall else None,
+        len(shortfall),
+        mean(value) if value else None,
+        len(value),
+    )

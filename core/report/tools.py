@@ -1,0 +1,220 @@
+"""The tools in a run's store, best first, as solids that can be drawn and printed."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from omegaconf import OmegaConf
+
+from core.config import part
+from core.design import GRIPPER_MOUNTS, Component, DesignError, Tool
+from core.errors import UserError
+from core.geometry import Pose
+from core.interfaces import Task, ToolRepresentation
+from core.reading import MAX_DESCRIPTION, MAX_NAME, clean
+from core.report.results import Results
+from core.report.runs import STORE, FinishedRun, opened
+from core.robot import FINGER_OPEN
+
+if TYPE_CHECKING:
+    import trimesh
+
+_FINGER_BASE = 0.0584  # of the finger joints below the hand, in the Panda's description
+
+
+@dataclass(frozen=True, eq=False)
+class Winner:
+    """A tool and what its best action plan earned. Texts are the model's, on one line, without control characters."""
+
+    run: FinishedRun
+    tool: Tool
+    candidate: str
+    generation: int
+    reward: float
+    distance_m: float | None
+    strategy_name: str = ""
+    strategy_description: str = ""
+
+    @property
+    def name(self) -> str:
+        """Never empty."""
+        return self.tool.name or self.strategy_name or self.candidate
+
+
+@lru_cache(maxsize=256)
+def _made(kind: str, settings: str) -> Any:
+    config = OmegaConf.create(json.loads(settings))
+    return part(kind, config, without=("tool_kinds", "paper") if kind == "task" else ()).create()
+
+
+def _part(run: FinishedRun, kind: str) -> Any:
+    return _made(kind, json.dumps(run.config.get(kind, {}), sort_keys=True))
+
+
+def given_tool(run: FinishedRun) -> Tool | None:
+    """The tool that was there already, be it none but the bare hand; None: the run designed its tools.
+
+    Raises:
+        UserError: the run's task or tool representation is not installed here.
+    """
+    representation: ToolRepresentation = _part(run, "tool")
+    task: Task = _part(run, "task")
+    return representation.given(task)
+
+
+def winners(run: FinishedRun, count: int | None = None, generation: int | None = None) -> list[Winner]:
+    """The tools that earned most, of all generations or of one, each of another shape, the best first.
+
+    Raises:
+        UserError: a part of the run is not installed here, or its store is gone or damaged.
+    """
+    found: list[Winner] = []
+    shapes: list[Any] = []
+    try:
+        for winner in _winners(run, generation):
+            if len(found) == count:
+                break
+            shape = outline(winner.tool)
+            if shape not in shapes:
+                shapes.append(shape)
+                found.append(winner)
+    except (sqlite3.Error, KeyError, ValueError, TypeError) as error:
+        raise UserError(f"{run.folder / STORE} can't be read: {clean(str(error), MAX_NAME)}") from error
+    return found
+
+
+def outline(tool: Tool) -> frozenset[Any]:
+    """What makes a tool another one than the next: its solids and where they are, to a tenth of a millimetre."""
+    placed = tool.placed()
+    return frozenset(
+        (mount, repr(component.shape), tuple(np.round(pose.matrix, 4).ravel().tolist()))
+        for component in tool.components
+        for mount, pose in (placed[component.name],)
+    )
+
+
+def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
+    if not (run.folder / STORE).exists():
+        raise UserError(f"{run.folder} has no {STORE}, and so no designs")
+    given, representation = given_tool(run), _part(run, "tool")
+    query = (
+        "SELECT evaluations.*, strategies.design FROM evaluations JOIN strategies USING (generation, agent, strategy)"
+        " WHERE status = 'ok' AND generation = coalesce(:generation, generation)"
+        " ORDER BY reward DESC, distance_m, generation, agent, strategy, plan"
+    )
+    seen = set()
+    with opened(run.folder / STORE) as database, closing(database.execute(query, {"generation": generation})) as rows:
+        for row in rows:
+            key = (row["generation"], row["agent"], row["strategy"])
+            if key in seen:
+                continue
+            seen.add(key)
+            design = json.loads(row["design"])
+            try:
+                tool = given or representation.parse(design, gripper=bool(design["gripper"]))
+            except DesignError as error:
+                raise UserError(f"the design of {row['candidate']} can't be read again: {error}") from error
+            text = {
+                name: clean(str(design.get(name) or ""), longest)
+                for name, longest in (
+                    *(("strategy_name", MAX_NAME), ("strategy_description", MAX_DESCRIPTION)),
+                    *(("tool_name", MAX_NAME), ("tool_description", MAX_DESCRIPTION)),
+                )
+            }
+            if given is None:
+                tool = replace(tool, name=text["tool_name"], description=text["tool_description"])
+            yield Winner(
+                run,
+                tool,
+                row["candidate"],
+                row["generation"],
+                row["reward"],
+                row["distance_m"],
+                text["strategy_name"],
+                text["strategy_description"],
+            )
+
+
+# --- solids -----------------------------------------------------------------------------------------------------
+
+
+def solids(tool: Tool) -> dict[str, list[tuple[Component, trimesh.Trimesh]]]:
+    """The components by mount, each as a solid in its mount's frame, in metres."""
+    placed = tool.placed()
+    found: dict[str, list[tuple[Component, trimesh.Trimesh]]] = {}
+    for component in tool.components:
+        mount, pose = placed[component.name]
+        found.setdefault(mount, []).append((component, component.shape.to_trimesh().apply_transform(pose.matrix)))
+    return found
+
+
+def as_held(tool: Tool) -> list[tuple[Component, trimesh.Trimesh]]:
+    """The components as the arm holds them at home: x forward, y left, z up, in metres from the flange."""
+    apart = {GRIPPER_MOUNTS[0]: FINGER_OPEN, GRIPPER_MOUNTS[1]: -FINGER_OPEN}
+    flipped = Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, 0.0))  # the hand points down
+    held = []
+    for mount, parts in solids(tool).items():
+        pose = flipped @ Pose(np.array([0.0, apart[mount], _FINGER_BASE])) if mount in apart else Pose()
+        held += [(component, solid.apply_transform(pose.matrix)) for component, solid in parts]
+    return held
+
+
+def size(tool: Tool) -> str:
+    """The extent along x, y and z, in millimetres."""
+    bounds = [solid.bounds for _, solid in as_held(tool)]
+    if not bounds:
+        return "no tool"
+    extent = np.max([high for _, high in bounds], axis=0) - np.min([low for low, _ in bounds], axis=0)
+    return " × ".join(f"{1000 * side:.0f}" for side in extent) + " mm"
+
+
+# --- of a report ------------------------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class Tools:
+    """What a report shows of tools.
+
+    ``best`` is the best tool of each task and method; ``courses`` has, for each method that evolves and each task, the
+    best tool of each generation of the best run. ``given`` are the methods whose tools were there already, ``bare``
+    those that had none; ``problems`` say whose tools can't be shown, and why.
+    """
+
+    best: dict[tuple[str, str], Winner] = field(default_factory=dict)
+    courses: dict[str, dict[str, list[Winner | None]]] = field(default_factory=dict)
+    given: set[str] = field(default_factory=set)
+    bare: set[str] = field(default_factory=set)
+    problems: list[str] = field(default_factory=list)
+
+
+def collect(results: Results) -> Tools:
+    """The tools of a report's best runs."""
+    tools = Tools()
+    for g in results.groups:
+        run = g.best
+        try:
+            given = given_tool(run)
+            if given is not None:
+                (tools.given if given.components else tools.bare).add(g.method)
+            if given is not None and not given.components:
+                continue
+            tools.best[g.task, g.method] = winners(run, 1)[0]
+            if given is None and evolves(run):
+                course = [next(iter(winners(run, 1, f.index)), None) for f in run.figures.generations]
+                tools.courses.setdefault(g.method, {})[g.task] = course
+        except UserError as error:
+            tools.problems.append(f"{g.task}, {g.method}: {clean(str(error), MAX_DESCRIPTION)}")
+    return tools
+
+
+def evolves(run: FinishedRun) -> bool:
+    """Whether any of its designs derives from others."""
+    with opened(run.folder / STORE) as database:
+        return database.execute("SELECT 1 FROM strategies WHERE parents != '[]'").fetchone() is not None

@@ -1,0 +1,92 @@
+"""Run folders made by the store itself, without a model or a simulator: what reports are made from."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from omegaconf import OmegaConf
+
+from core.config import load, part
+from core.design import Candidate, Component, Evaluation, Tool
+from core.geometry import Box, Pose
+from core.interfaces import Brief, Budget, Message, Reply, Request, Text
+from core.plugins import event_hub
+from core.record import Generation, Result, Run
+from core.store import RunStore
+
+PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1], [0.6, 0.1, 0.3, 0.0, 0.0, 0.0]])
+
+
+def hook(length: float, name: str = "hook", description: str = "") -> Tool:
+    """A shaft of some length and a blade that joins it."""
+    shaft = Component("shaft", "panda_virtual", Pose(np.array([0, 0, -length / 2])), Box((0.02, 0.02, length)))
+    blade = Component("blade", "shaft", Pose(np.array([0.04, 0, -length / 2])), Box((0.1, 0.03, 0.006)))
+    return Tool((shaft, blade), name=name, description=description)
+
+
+def write_run(
+    folder: Path,
+    *overrides: str,
+    rewards=((0.2, 0.4), (0.5, 0.7)),
+    distances=(1.5, 0.5),
+    tools=None,
+    finish: bool = True,
+    name: str = "a way",
+    cost_usd: float | None = None,
+) -> Path:
+    """A run of ``rewards`` by generation and candidate; a reward of None is a rejected candidate.
+
+    Each candidate has a tool of its own, ``tools[i]`` or a longer hook each time. Without ``finish`` the run is left
+    as a killed one leaves it, its store open (as `write_run.open`).
+    """
+    cfg = load("config", ["logger=[]", *overrides])
+    config = OmegaConf.to_container(cfg, resolve=True)
+    task, representation = (
+        part("task", cfg.task, without=("tool_kinds", "paper")).create(),
+        part("tool", cfg.tool).create(),
+    )
+    budget = Budget(**{key: value for key, value in config["budget"].items() if key != "name"})
+    parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "executor")}
+    run = Run(folder, config, parts, "a can", task, representation, budget, cfg.seed)
+    events = event_hub()
+    store = RunStore.create(folder, config)
+    events.register(store)
+    events.hook.run_started(run=run)
+    given = representation.given(task)
+    generations = []
+    elite = ()
+    for index, row in enumerate(rewards):
+        brief = Brief(task, cfg.seed, representation, False, 1, 1, generation=index, agent=0, seed=cfg.seed)
+        request = Request(f"g{index}-a0", brief, (Message("user", (Text("?"),)),), {}, 1.0)
+        events.hook.request_composed(request=request)
+        reply = Reply(request.id, "{}", "a can", prompt_tokens=100, completion_tokens=10, cost_usd=cost_usd)
+        events.hook.reply_received(request=request, reply=reply)
+        evaluations = []
+        for i, reward in enumerate(row):
+            tool = given or (tools[i % len(tools)] if tools else hook(0.2 + 0.05 * i + 0.01 * index))
+            plan = np.hstack([PLAN, np.zeros((2, 1))]) if tool.gripper else PLAN
+            candidate = Candidate(tool, plan, index, 0, i, 0, strategy_name=name, parents=elite)
+            evaluations.append(
+                Evaluation(candidate, "rejected", reason="it is too heavy")
+                if reward is None
+                else Evaluation(candidate, "ok", reward=reward, distance_m=distances[i % len(distances)])
+            )
+            events.hook.candidate_evaluated(evaluation=evaluations[-1])
+        generations.append(Generation(index, tuple(evaluations)))
+        events.hook.generation_finished(generation=generations[-1])
+        best = generations[-1].best
+        if cfg.evolution.name == "vlmgineer" and best is not None:
+            elite = (best.candidate.id,)
+    if not finish:
+        write_run.open.append(events)
+        return folder
+    events.hook.run_finished(run=run, result=Result(tuple(generations), 12.5))
+    events.hook.run_ended()
+    return folder
+
+
+write_run.open = []
+
+
+def result(folder: Path) -> dict:
+    return json.loads((folder / "result.json").read_text())
