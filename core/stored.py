@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from core.database import SCHEMA_VERSION
+from core.database import FILE, SCHEMA_VERSION
 from core.design import Evaluation
 from core.errors import UserError
 from core.interfaces import ToolRepresentation
@@ -19,11 +19,13 @@ from core.rules import SpawnRules
 
 
 def _query(folder: Path, query: str) -> list[sqlite3.Row]:
-    file = folder / "run.sqlite"
+    file = folder / FILE
     if not file.is_file():
-        raise UserError(f"{folder} holds no run: there is no run.sqlite in it")
+        raise UserError(f"{folder} holds no run: there is no {FILE} in it")
+    # Without a log it may be read as it lies, from a place that can't be written too.
+    mode = "mode=ro" if file.with_name(f"{FILE}-wal").exists() else "mode=ro&immutable=1"
     try:
-        with closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        with closing(sqlite3.connect(f"{file.absolute().as_uri()}?{mode}", uri=True)) as database:
             database.row_factory = sqlite3.Row
             return database.execute(query).fetchall()
     except sqlite3.Error as error:

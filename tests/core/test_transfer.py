@@ -123,9 +123,11 @@ def test_all_that_was_tried_can_be_read_back(ran):
         assert (one.reward, one.distance_m) == (other.reward, other.distance_m)
         assert one.candidate.plan.tolist() == other.candidate.plan.tolist()
         assert one.candidate.strategy_name == other.candidate.strategy_name
+        assert one.candidate.parents == other.candidate.parents
         assert len(one.candidate.tool.components) == len(other.candidate.tool.components)
     tools = {e.candidate.key[:3]: e.candidate.tool for e in again}
     assert all(e.candidate.tool is tools[e.candidate.key[:3]] for e in again)
+    assert {e.candidate.generation for e in again if e.candidate.parents} == {1}
     assert stored_config(folder)["seed"] == 3
 
 

@@ -1,0 +1,346 @@
+"""What the measurements share: the same designs for all, their rewards in an engine, and a page's table.
+
+Everything goes to a folder and is read from there again, so that a measurement that was cut short goes on where it was:
+``designs/TASK.json`` is a designs file, ``rewards/TASK.json`` has a record per engine.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+import time
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from rich.console import Console
+from rich.progress import track
+from scipy.stats import spearmanr
+
+from core.config import load, part
+from core.design import Candidate, Evaluation
+from core.errors import UsageError, UserError, choices
+from core.evolution import evaluate_all
+from core.interfaces import Executor, RolloutSettings
+from core.plugins import installed
+from core.reading import dump_design, load_designs, read_designs
+from core.rollout import Bench, Part
+from core.rules import SpawnRules
+from core.run import run
+from core.stored import stored_evaluations
+
+T = TypeVar("T")
+
+SOLUTIONS = Path(__file__).parents[1] / "tasks" / "solutions"
+N_TOOL, N_ACTION, N_ITERATION = 5, 3, 2
+SPARE = 1.2  # designs more than needed in a generation, since some may be rejected
+GOOD, STILL_GOOD = 0.6, 0.4  # a design above the first in one engine is to stay above the second in another
+DIGITS = 2  # rewards are rounded to this before they are ranked
+MANY_TIES = 0.8
+
+console = Console(stderr=True)
+
+
+# --- the command line -------------------------------------------------------------------------------------------
+
+
+def settings(words: Sequence[str], of: type[T]) -> T:
+    """``KEY=VALUE`` words as a dataclass; a list may be written without brackets.
+
+    Raises:
+        UsageError: a key that there isn't, or a value of the wrong type.
+    """
+    known = OmegaConf.structured(of)
+    lists = {f.name for f in fields(of) if str(f.type).startswith("list")}  # type: ignore[arg-type]
+    dotted = []
+    for word in words:
+        key, _, value = word.partition("=")
+        if key not in known:
+            raise choices("key", key, [str(name) for name in known])
+        dotted.append(f"{key}=[{value}]" if key in lists and not value.startswith("[") else word)
+    try:
+        made = OmegaConf.to_object(OmegaConf.merge(known, OmegaConf.from_dotlist(dotted)))
+    except OmegaConfBaseException as error:
+        raise UsageError(" ".join(str(error).split())) from error
+    return typing.cast(T, made)
+
+
+def tasks(names: Sequence[str]) -> list[str]:
+    """Those named, all if none is.
+
+    Raises:
+        UsageError: there is none of a name.
+    """
+    there = installed().names("task")
+    for name in names:
+        if name not in there:
+            raise choices("task", name, there)
+    return list(names) or there
+
+
+def workers(asked: int | None) -> int:
+    """As many as there are cores, unless another number is asked for.
+
+    Raises:
+        UsageError: fewer than one.
+    """
+    if asked is not None and asked < 1:
+        raise UsageError(f"workers must be at least 1, got {asked}")
+    return asked if asked is not None else len(os.sched_getaffinity(0))
+
+
+def executor(workers: int) -> Executor:
+    """Worker processes for all measurements."""
+    made: Executor = part("executor", load("evaluate", [f"executor.workers={workers}"]).executor).create()
+    return made
+
+
+# --- designs ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Designs:
+    """Of a task: candidates of the embedded designer, half of them from its first sampling (``first``), half their
+    offspring.
+    """
+
+    task: str
+    seed: int
+    candidates: tuple[Candidate, ...]
+    first: tuple[bool, ...]
+
+
+def designs(task: str, count: int, by: str, seed: int, workers: int, folder: Path) -> Designs:
+    """About ``count`` designs, of a short run in the engine ``by`` whose elites are its best, however little they earn;
+    taken evenly from all that was tried, without a look at the rewards.
+
+    Raises:
+        UserError: the folder has others.
+    """
+    file = folder / "designs" / f"{task}.json"
+    asked = {"task": task, "count": count, "by": by, "seed": seed}
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        save(file, asked | _designed(task, count, by, seed, workers))
+    document = typing.cast(dict[str, Any], load_designs(file))
+    there = {key: document[key] for key in asked}
+    if there != asked:
+        raise UserError(f"{file} has other designs, {there}; choose another folder=...")
+    plugins = installed()
+    spawn = SpawnRules(plugins.create("task", task), seed)
+    candidates = read_designs(document, plugins.create("tool", "urdf"), spawn)
+    return Designs(task, seed, tuple(candidates), tuple(name.startswith("g0-") for name in document["ids"]))
+
+
+def population(count: int) -> dict[str, int]:
+    """The run's budget, for ``count`` designs."""
+    half = math.ceil(count / 2)
+    n_tool, n_action = min(N_TOOL, half), min(N_ACTION, half)
+    return {"n_agent": math.ceil(SPARE * half / (n_tool * n_action)), "n_tool": n_tool, "n_action": n_action}
+
+
+def rollouts_to_design(count: int) -> int:
+    return math.prod(population(count).values()) * (N_ITERATION + 1)
+
+
+def _designed(task: str, count: int, by: str, seed: int, workers: int) -> dict[str, Any]:
+    words = [f"task={task}", f"sim={by}", f"seed={seed}", "film=false", "logger=[]", "vlm=offline", "tool=urdf"]
+    words += [f"budget.{key}={value}" for key, value in population(count).items()]
+    words += [f"budget.n_iteration={N_ITERATION}", "budget.reward_save=0", f"executor.workers={workers}"]
+    plugins = installed()
+    representation = plugins.create("tool", "urdf")
+    with tempfile.TemporaryDirectory() as folder:
+        run(load("config", words), Path(folder) / "run")
+        spawn = SpawnRules(plugins.create("task", task), seed)
+        tried = [e.candidate for e in stored_evaluations(Path(folder) / "run", representation, spawn)]
+    first = [c for c in tried if c.generation == 0]
+    later = [c for c in tried if c.parents]
+    chosen = evenly(first, math.ceil(count / 2)) + evenly(later, count // 2)
+    strategies: dict[tuple[int, int, int], dict[str, Any]] = {}
+    for candidate in chosen:
+        design = dump_design(candidate, representation)
+        plans = strategies.setdefault(candidate.key[:3], design | {"action_sets": []})["action_sets"]
+        plans += design["action_sets"]
+    return {"ids": [c.id for c in chosen], "strategies": list(strategies.values())}
+
+
+def evenly(items: Sequence[T], count: int) -> list[T]:
+    """``count`` of them, all if there are fewer, in their order and spread over the whole."""
+    indices = np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int)
+    return [items[i] for i in indices]
+
+
+# --- rewards ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A bench that also says how much processor time each candidate took, from its waypoints to its reward."""
+
+    bench: Bench
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        self.bench([])  # its parts are made before the clock runs
+        evaluations = []
+        for candidate in candidates:
+            began = time.process_time()
+            (evaluation,) = self.bench([candidate])
+            evaluations.append(replace(evaluation, details={"cpu_s": time.process_time() - began}))
+        return evaluations
+
+
+def rewards(of: Designs, sim: Part, shown: str, executor: Executor, folder: Path) -> dict[str, Any]:
+    """A record of what each design earns in an engine: ``rewards``, ``cpu_s``, ``reasons`` of those that broke (they
+    earn 0), and the engine's settings.
+
+    Raises:
+        UserError: the folder has a record of other designs.
+    """
+    file = folder / "rewards" / f"{of.task}.json"
+    records: list[dict[str, Any]] = json.loads(file.read_text()) if file.exists() else []
+    engine = {"name": sim.name, **dict(sim.settings)}
+    plans = [candidate.plan.tolist() for candidate in of.candidates]
+    for record in records:
+        if record["engine"] == engine:
+            if len(record["rewards"]) != len(plans):
+                raise UserError(f"{file} has rewards of {len(record['rewards'])} designs; choose another folder=...")
+            return record
+    bench = Timed(Bench(Part("task", of.task), sim, of.seed, RolloutSettings()))
+    evaluations = list(
+        track(
+            evaluate_all(of.candidates, bench, executor),
+            f"{of.task} in {shown}",
+            total=len(of.candidates),
+            console=console,
+            disable=not console.is_terminal,
+        )
+    )
+    evaluations.sort(key=lambda e: e.candidate.key)
+    record = {
+        "engine": engine,
+        "rewards": [e.reward for e in evaluations],
+        "cpu_s": [e.details.get("cpu_s") for e in evaluations],
+        "reasons": {e.candidate.id: e.reason for e in evaluations if e.status != "ok"},
+    }
+    file.parent.mkdir(parents=True, exist_ok=True)
+    save(file, [*records, record])
+    return record
+
+
+def measured(task: str, sim: Part, folder: Path) -> bool:
+    """Whether the rewards of this engine are there already."""
+    file = folder / "rewards" / f"{task}.json"
+    engine = {"name": sim.name, **dict(sim.settings)}
+    return file.exists() and any(record["engine"] == engine for record in json.loads(file.read_text()))
+
+
+def estimate(names: Sequence[str], sims: Mapping[str, Part], by: Part, count: int, workers: int, folder: Path) -> None:
+    """Say how long all that is not there yet will take, by the time that each task's reference solution takes."""
+    total = 0.0
+    plugins = installed()
+    for name in names:
+        file = SOLUTIONS / f"{name}.json"
+        missing = [(shown, sim, count) for shown, sim in sims.items() if not measured(name, sim, folder)]
+        if not (folder / "designs" / f"{name}.json").exists():
+            missing.append((f"designing in {by.name}", by, rollouts_to_design(count)))
+        if not missing or not file.exists():
+            continue
+        spawn = SpawnRules(plugins.create("task", name), 0)
+        solution = read_designs(load_designs(file), plugins.create("tool", "urdf"), spawn)[:1]
+        seconds = []
+        for _, sim, n in missing:
+            (evaluation,) = Timed(Bench(Part("task", name), sim))(solution)
+            seconds.append(evaluation.details["cpu_s"] * n / workers)
+        total += sum(seconds)
+        parts = ", ".join(f"{shown} {s:.0f} s" for (shown, _, _), s in zip(missing, seconds, strict=True))
+        console.print(f"{name}: about {sum(seconds):.0f} s ({parts})", highlight=False, soft_wrap=True)
+    if total:
+        console.print(f"all: about {total / 60:.1f} min with {workers} workers", highlight=False)
+
+
+# --- comparing --------------------------------------------------------------------------------------------------
+
+
+def compare(one: Sequence[float], other: Sequence[float], first: Sequence[bool]) -> dict[str, Any]:
+    """How well two engines agree on designs.
+
+    ``rank_correlation`` is Spearman's, ties sharing their mean rank, of rewards rounded to `DIGITS`; also of the first
+    sampling and of the offspring alone; None where an engine gives all the same. ``tied`` is the share of designs with
+    the commonest reward, in the engine where it is larger. ``kept`` and ``kept_back``: how many of those above `GOOD`
+    in one stay above `STILL_GOOD` in the other, as (kept, all).
+    """
+    a, b, begun = np.asarray(one), np.asarray(other), np.asarray(first, dtype=bool)
+    ranked = [np.round(x, DIGITS) for x in (a, b)]
+    return {
+        "designs": len(a),
+        "rank_correlation": correlation(*ranked),
+        "of_first_sampling": correlation(*(x[begun] for x in ranked)),
+        "of_offspring": correlation(*(x[~begun] for x in ranked)),
+        "tied": max(float(np.unique(x, return_counts=True)[1].max() / len(x)) for x in ranked),
+        "mean_difference": float(np.abs(a - b).mean()),
+        "kept": [int(((a > GOOD) & (b > STILL_GOOD)).sum()), int((a > GOOD).sum())],
+        "kept_back": [int(((b > GOOD) & (a > STILL_GOOD)).sum()), int((b > GOOD).sum())],
+        "means": [float(a.mean()), float(b.mean())],
+    }
+
+
+def correlation(a: Any, b: Any) -> float | None:
+    """Spearman's; None where there is nothing to rank."""
+    if len(a) < 2 or np.ptp(a) == 0 or np.ptp(b) == 0:
+        return None
+    return float(spearmanr(a, b).statistic)
+
+
+def mean(values: Sequence[float | None]) -> float | None:
+    """Of those that are there."""
+    there = [value for value in values if value is not None]
+    return float(np.mean(there)) if there else None
+
+
+def number(value: float | None, marked: bool = False) -> str:
+    """For a table; `MANY_TIES` are marked."""
+    return "–" if value is None else f"{value:.2f}{'†' if marked else ''}"
+
+
+def share(kept: Sequence[int]) -> str:
+    return f"{kept[0]}/{kept[1]}"
+
+
+def kept_share(counts: Sequence[Sequence[int]]) -> str:
+    """Of all tasks together."""
+    kept, whole = (sum(column) for column in zip(*counts, strict=True))
+    return f"{kept}/{whole} ({kept / whole:.0%})" if whole else "0/0"
+
+
+# --- files ------------------------------------------------------------------------------------------------------
+
+
+def save(file: Path, content: Any) -> None:
+    """Whole or not at all."""
+    new = file.with_suffix(".new")
+    new.write_text(json.dumps(content, indent=1) + "\n")
+    new.replace(file)
+
+
+def write_page(page: Path, name: str, table: str) -> None:
+    """Put a table between ``<!-- NAME -->`` and ``<!-- end of NAME -->``.
+
+    Raises:
+        UserError: the page has no such place.
+    """
+    begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    try:
+        text = page.read_text(encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"can't read {page}: {error.strerror}") from error
+    if begin not in text or end not in text:
+        raise UserError(f"{page} has no place for the table: {begin} and {end}")
+    before, after = text[: text.index(begin)], text[text.index(end) :]
+    page.write_text(f"{before}{begin}\n{table}{after}", encoding="utf-8")
