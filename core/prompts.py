@@ -152,9 +152,11 @@ class Prompts:
         numbers = given is not None or self.settings.feedback != "paper"  # of a given tool they are all there is
         return {
             "given": given,
+            "bare": given is not None and not given.components,
             "brief": brief,
             "task": task,
             "idea": self._idea,
+            "instructed": self._idea is not None,
             "feedback": self.settings.feedback,
             "picture": picture is not None,
             "friction": {"tool": TOOL_FRICTION, "fingers": FINGER_FRICTION},
@@ -249,7 +251,7 @@ def _load(folder: Path | None, parts: set[str]) -> tuple[dict[str, jinja2.Templa
 
 
 def _read_idea(file: str | None, *, wanted: bool) -> str | None:
-    """A person's text.
+    """A person's text, without its HTML comments.
 
     Raises:
         UserError: it is wanted and missing, or there and not wanted, or no readable text.
@@ -263,7 +265,7 @@ def _read_idea(file: str | None, *, wanted: bool) -> str | None:
     if not wanted:
         raise UsageError(f"prompt.file={file} would not be told by this prompt; prompt=human tells it")
     try:
-        text = Path(file).read_bytes().decode("utf-8-sig").strip()
+        text = re.sub(r"<!--.*?-->", "", Path(file).read_bytes().decode("utf-8-sig"), flags=re.DOTALL).strip()
     except FileNotFoundError as error:
         raise UserError(f"prompt.file={file}: there is no such file") from error
     except OSError as error:

@@ -266,6 +266,21 @@ def test_plans_for_a_given_tool_go_on_from_the_best_ones() -> None:
     assert "parents" in answer_schema(brief)["properties"]["strategies"]["items"]["properties"]
 
 
+class NoTool(GivenBar):
+    def given(self, task: Task) -> Tool:
+        return Tool(gripper=True, name="bare gripper", description="the hand")
+
+
+@pytest.mark.parametrize("n_action", [1, 4])
+def test_without_a_tool_none_is_spoken_of(n_action: int) -> None:
+    brief = make_brief(representation=NoTool(), n_tool=1, n_action=n_action, gripper=True)
+    text = words(Prompts().compose(brief, PICTURE))
+    prose = re.sub(r"```.*?```", "", text, flags=re.DOTALL).replace("There is no tool, and none can be designed.", "")
+    assert not re.search(r"\btools?\b", prose.partition("# Mission")[2])
+    assert "at (0.4, -0.2, 0.2) with roll, pitch, yaw (0, 0, 0)" in prose  # home
+    assert "finger tips" in prose
+
+
 def test_what_stands_in_a_file_for_a_picture() -> None:
     message = Message("user", (Text("a\n\n"), PICTURE, Text("b\n\n"), Picture(b"", "elite")))
     assert as_markdown(message, "../") == "a\n\n![scene](../scene.png)\n\nb\n\n![elite](../elite.png)\n\n"
@@ -289,8 +304,24 @@ def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
     assert text.count("```text\nTake a broom {{ brief }}.\n```") == 1
     assert "# The colleague's instructions" in text
     assert "wide range" not in text
+    assert "Think of a tool" not in text
     order = headings(text)
     assert order.index("The colleague's instructions") < order.index("Procedure")
+
+
+IDEAS = sorted((FOLDER.parent / "docs" / "ideas").glob("*.md"))
+
+
+def test_there_are_three_samples() -> None:
+    assert len(IDEAS) == 3
+
+
+@pytest.mark.parametrize("file", IDEAS, ids=lambda file: file.stem)
+def test_samples_are_marked_as_such_and_the_mark_is_not_told(file: Path) -> None:
+    assert file.read_text(encoding="utf-8").startswith("<!-- An example, written for this project")
+    text = words(Prompts(settings_of("human", f"prompt.file={file}")).compose(make_brief(), None))
+    assert file.read_text(encoding="utf-8").partition("-->")[2].strip() in text
+    assert "<!--" not in text
 
 
 @pytest.mark.parametrize(
@@ -298,7 +329,7 @@ def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
     [
         (None, "there is no such file"),
         (b"", "is empty; write down the tool"),
-        (b" \n", "is empty; write down the tool"),
+        (b" \n<!-- nothing\nbut a comment -->", "is empty; write down the tool"),
         (b"\xff\xfe", "is not UTF-8 text"),
         (b"x" * 60_000, "has 60000 characters; at most 50000"),
     ],
@@ -430,7 +461,9 @@ def test_another_folder(folder: Path) -> None:
 
 def test_a_misspelt_name_is_an_error(folder: Path) -> None:
     (folder / "units.md.j2").write_text("{{ brif.n_tool }}", encoding="utf-8")
-    with pytest.raises(UserError, match=r"units\.md\.j2: 'brif' is undefined; a template may use: brief, ") as error:
+    with pytest.raises(
+        UserError, match=r"units\.md\.j2: 'brif' is undefined; a template may use: bare, brief, "
+    ) as error:
         from_folder(folder).compose(make_brief(), None)
     assert "\n" not in str(error.value)
 
