@@ -4,7 +4,6 @@ import json
 import logging
 import re
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -15,7 +14,6 @@ import pytest
 from core.config import load
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from core.run import run
 from plugins.vlms.litellm import vlms
 from plugins.vlms.litellm.model import LanguageModel
 from tests.plugins.vlms.asking import KEYS, PAID, PROTOCOLS, VARIABLES, agent_of, ask, in_turn, model_at
@@ -355,27 +353,3 @@ def test_only_calls_go_over_the_network_nothing_is_printed_and_an_interrupt_wait
     assert err.startswith("Traceback")
     assert err.endswith("KeyboardInterrupt\n")
     assert time.monotonic() - interrupted < 5
-
-
-def test_run_with_a_model_on_a_server_earns_what_its_answers_earn(tmp_path):
-    small = ["budget.n_agent=2", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1", "film=false"]
-    common = [*small, "executor.workers=1", "logger={}"]
-    offline = run(load("config", ["vlm=offline", *common]), tmp_path / "offline")
-    # The embedded designer's answers, served in the order in which one caller at a time asks for them.
-    ids = ["g0-a0", "g0-a1", "g1-a0", "g1-a1"]
-    answers = iter([Say((tmp_path / "offline" / "replies" / f"{name}.txt").read_text()) for name in ids])
-    with serving(lambda call: next(answers)) as server:
-        model = ["vlm=litellm", "vlm.model=openai/gpt-4.1", f"vlm.api_base={server.url}/v1", "vlm.concurrency=1"]
-        served = run(load("config", [*model, *common]), tmp_path / "served")
-    assert len(server.calls) == len(ids)
-    assert served.best.reward == offline.best.reward
-    assert served.best.candidate.id == offline.best.candidate.id
-    rewards = [[e.reward for g in result.generations for e in g.evaluations] for result in (offline, served)]
-    assert rewards[0] == rewards[1]
-    assert server.calls[0].pictures == [(tmp_path / "served" / "scene.png").read_bytes()]
-    schema = json.loads((tmp_path / "served" / "requests" / "g1-a1.schema.json").read_text())
-    assert server.calls[3].body["response_format"]["json_schema"]["schema"] == schema
-    with sqlite3.connect(tmp_path / "served" / "run.sqlite") as database:
-        rows = database.execute("SELECT request_id, prompt_tokens, cost_usd > 0 FROM replies ORDER BY 1").fetchall()
-    database.close()
-    assert rows == [(name, 1000, 1) for name in ids]

@@ -1,0 +1,159 @@
+"""Whole runs with a language model on a server: what they come to, what they leave, and what of it is secret."""
+
+import json
+import os
+import re
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from core.config import load
+from core.run import run
+from tests.plugins.vlms.asking import KEYS, VARIABLES
+from tests.plugins.vlms.servers import Reset, Say, Send, Stall, serving
+
+ROOT = Path(__file__).parents[3]
+SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())["strategies"][0]
+COMMON = ["executor.workers=1", "film=false", "logger={}"]
+
+pytestmark = pytest.mark.usefixtures("planted", "warm")
+
+
+def result(folder):
+    """Of a run, but for what may differ between equal ones."""
+    found = json.loads((folder / "result.json").read_text())
+    return {key: value for key, value in found.items() if key not in ("wall_time_s", "rollouts_per_s", "vlm")}
+
+
+def secrets_in(folder):
+    """The files below ``folder`` with a planted key in them."""
+    files = [file for file in folder.rglob("*") if file.is_file()]
+    assert len(files) > 10
+    keys = [part for key in KEYS.values() for part in (key.encode(), key.encode().replace(b"/", b"%2F"))]
+    return [file for file in files if any(key in file.read_bytes() for key in keys)]
+
+
+def test_a_served_run_comes_to_what_its_answers_are_worth_and_so_does_its_replay(tmp_path):
+    small = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1"]
+    run(load("config", ["vlm=offline", *small]), tmp_path / "offline")
+    # The embedded designer's answers, served in the order in which one caller at a time asks for them.
+    ids = ["g0-a0", "g0-a1", "g1-a0", "g1-a1"]
+    answers = iter([Say((tmp_path / "offline" / "replies" / f"{name}.txt").read_text()) for name in ids])
+    with serving(lambda call: next(answers)) as server:
+        chosen = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
+        run(load("config", [*chosen, *small]), tmp_path / "served")
+    run(load("config", ["vlm=replay", f"vlm.run={tmp_path / 'served'}", *small]), tmp_path / "replayed")
+    expected = result(tmp_path / "offline")
+    assert expected["best"]["reward"] > 0
+    assert result(tmp_path / "served") == result(tmp_path / "replayed") == expected
+    assert len(server.calls) == len(ids)
+    assert server.calls[0].pictures == [(tmp_path / "served" / "scene.png").read_bytes()]
+    schema = json.loads((tmp_path / "served" / "requests" / "g1-a1.schema.json").read_text())
+    assert server.calls[3].body["generationConfig"]["response_json_schema"] == schema
+    with closing(sqlite3.connect(tmp_path / "served" / "run.sqlite")) as database:
+        rows = database.execute("SELECT request_id, prompt_tokens, cost_usd > 0 FROM replies ORDER BY 1").fetchall()
+    assert rows == [(name, 1000, 1) for name in ids]
+    assert not secrets_in(tmp_path)
+
+
+ECHO = " ".join(KEYS.values())
+GOOD = json.dumps({"strategies": [SOLUTION, SOLUTION]})
+FAULTS = [
+    [Say(GOOD)],
+    [Send(json.dumps({"error": {"message": f"slow down, {ECHO}"}}), 429, (("Retry-After", "0.5"),)), Say(GOOD)],
+    [Send('{"error": {"message": "oops"}}', 500), Say(GOOD)],
+    [Reset(), Say(GOOD)],
+    [Stall()],
+    [Say("", "SAFETY")],
+    [Say("")],
+    [Send(f"<html>log in, {ECHO}</html>", type="text/html")],
+    [Say(GOOD[: len(GOOD) * 3 // 4], "MAX_TOKENS")],
+    [Say("x" * 20_000_000)],
+    [Send(json.dumps({"error": {"message": f"bad key {ECHO}"}}), 401)],
+    [Say("I would rather not.")],
+]
+
+
+def test_what_goes_wrong_costs_what_it_must_and_tells_no_key(tmp_path):
+    """Each agent meets another fault. Counts in the summary: two candidates where all went well in the end, one
+    rejection in the place of an answer that did not come, and of the one cut off a candidate and a rejection.
+    """
+    seeds, tries = [], {}
+
+    def script(call):
+        seed = call.body["generationConfig"]["seed"]
+        if seed not in seeds:
+            seeds.append(seed)
+        tries[seed] = tries.get(seed, 0) + 1
+        acts = FAULTS[seeds.index(seed)]
+        return acts[min(tries[seed], len(acts)) - 1]
+
+    words = [
+        *("vlm=gemini", "vlm.timeout_s=5", "vlm.retries=1", "executor.workers=1", "film=false", "budget.n_tool=2"),
+        *(f"budget.n_agent={len(FAULTS)}", "budget.n_action=1", "budget.n_iteration=0", "hydra.run.dir=run"),
+    ]
+    with serving(script) as server:
+        done = subprocess.run(
+            [sys.executable, "-m", "core.run", *words, f"vlm.api_base={server.url}"],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(ROOT), **{VARIABLES[name]: key for name, key in KEYS.items()}},
+            capture_output=True,
+            text=True,
+            timeout=240,
+        )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert "planted" not in done.stdout + done.stderr
+    assert not secrets_in(tmp_path)
+    assert len(seeds) == len(FAULTS)
+    (generation,) = result(tmp_path / "run")["generations"]
+    lost = 7
+    assert (generation["n_candidates"], generation["n_rejected"], generation["n_failed"]) == (
+        4 * 2 + 2 + lost,
+        lost + 1,
+        0,
+    )
+    assert generation["best_reward"] > 0.95
+    with closing(sqlite3.connect(tmp_path / "run" / "run.sqlite")) as database:
+        reasons = [row[0] for row in database.execute("SELECT reason FROM evaluations WHERE status = 'rejected'")]
+    for reason in (
+        *("no answer within 5 s (after 2 tries)", "safety filter blocked", "the reply is empty", "AuthenticationError"),
+        *("no JSON object", "the strategy is cut off or malformed"),
+    ):
+        assert any(reason in told for told in reasons), (reason, reasons)
+    run(load("config", ["vlm=replay", f"vlm.run={tmp_path / 'run'}", *words[3:-1], "logger={}"]), tmp_path / "replayed")
+    assert result(tmp_path / "replayed") == result(tmp_path / "run")
+
+
+def command(folder, *words):
+    return subprocess.run(
+        [sys.executable, "-m", "core.run", *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=240,
+    )
+
+
+def test_a_run_that_has_spent_what_it_may_ends_well_and_goes_on_with_more(tmp_path):
+    words = [*COMMON, "budget.n_agent=4", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
+    with serving(lambda call: Say(json.dumps({"strategies": [SOLUTION]}))) as server:
+        model = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
+        first = command(tmp_path, *model, *words, "vlm.max_tokens_total=1500", "hydra.run.dir=run")
+        assert first.returncode == 0, first.stderr
+        assert len(server.calls) == 2
+        told = "vlm.max_tokens_total=1500 is reached: 2014 tokens are used; 2 of 4 requests are left without a reply"
+        assert told in first.stderr
+        assert "python -m core.run resume=" in first.stderr
+        assert re.search(r"best reward (0\.99|1\.0)", first.stdout)
+        assert (tmp_path / "run" / "best" / "design.json").is_file()
+        second = command(tmp_path, "resume=run", "vlm.max_tokens_total=null")
+    assert second.returncode == 0, second.stderr
+    assert len({call.body["generationConfig"]["seed"] for call in server.calls}) == len(server.calls) == 4
+    (generation,) = result(tmp_path / "run")["generations"]
+    assert (generation["n_candidates"], generation["n_rejected"]) == (4, 0)
