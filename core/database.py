@@ -127,7 +127,8 @@ class Database:
         except sqlite3.Error as error:
             damage, version = str(error), 0
         if damage != "ok":
-            raise UserError(f"{file} is damaged: {damage}; it is left as it is, and so are the replies beside it")
+            why = " ".join(damage.split())
+            raise UserError(f"{file} is damaged: {why}; it is left as it is, and so are the replies beside it")
         if version > SCHEMA_VERSION:
             raise UserError(
                 f"{file} was written by a newer version: its form is {version}, this version knows up to "

@@ -124,6 +124,8 @@ class Trials:
         for candidate in candidates:
             known = self._known(candidate)
             if known is not None:
+                with self._lock:
+                    self._earned.setdefault(candidate.content, known)
                 settled.append(known)
                 continue
             if candidate.problem is not None:

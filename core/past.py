@@ -27,11 +27,8 @@ class Past:
         replies = "SELECT request_id, text, model, error, prompt_tokens, completion_tokens, cost_usd FROM replies"
         self.replies = {row["request_id"]: Reply(*row) for row in database.rows(replies)}
         self._evaluations = {row["candidate"]: row for row in database.rows("SELECT * FROM evaluations")}
+        self.candidates = set(self._evaluations)
         self._by_content = {row["content"]: row for row in self._evaluations.values() if row["content"] is not None}
-
-    @property
-    def candidates(self) -> set[str]:
-        return set(self._evaluations)
 
     def evaluation(self, candidate: Candidate) -> Evaluation | None:
         """What the candidate, or an identical one, earned; None if that isn't known.

@@ -72,7 +72,7 @@ def _apply(config: DictConfig, override: Override) -> None:
     key, line = override.key_or_group, override.input_line or ""
     if override.is_sweep_override():
         raise UsageError(f"{line}: one run goes on, with one value for each setting")
-    if key in GROUPS:
+    if key in GROUPS and not override.is_delete():
         config[key] = load("config", [line])[key]
     elif key.startswith(KEYS) and key != "vlm.name" and not override.is_delete():
         OmegaConf.update(config, key, override.value(), force_add=True)

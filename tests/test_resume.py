@@ -2,8 +2,12 @@
 to what it would have come to.
 """
 
+import contextlib
 import json
+import logging
 import os
+import resource
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -11,22 +15,27 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from omegaconf import OmegaConf
 
-from core.database import FILE
+from core.database import _STEPS, FILE, LOCK, SCHEMA_VERSION
+from core.errors import UsageError, UserError
 from core.plugins import installed
+from core.run import resume, run
+from core.store import RunStore
 from tests import toys
 
 ROOT = Path(__file__).parents[1]
 POINTS = int(os.environ.get("VLMGINEER_KILLS", "25"))
 TIMES = ("wall_time_s", "rollouts_per_s")
+LOCAL = ("notes", "limit", "fails_at")  # settings of toys
 
 
 @pytest.fixture
-def toy(monkeypatch):
-    """The toys can be had by name."""
-    offers = dict(installed().offers)
-    monkeypatch.setattr(installed(), "offers", offers)
+def toy(tmp_path, monkeypatch):
+    """The toys can be had by name; their notes."""
+    monkeypatch.setattr(installed(), "offers", dict(installed().offers))
     toys.offer(installed())
+    return toys.Notes(str(tmp_path / "notes"))
 
 
 def result_of(folder):
@@ -45,24 +54,23 @@ def tables(folder):
     found = {name: sorted(rows(folder / FILE, f"SELECT * FROM {name}"), key=repr) for name in names}
     assert found.pop("sessions")
     ((version, config, result),) = found.pop("run")
-    found["run"] = version, json.loads(config), {k: v for k, v in json.loads(result).items() if k not in TIMES}
+    config = json.loads(config)
+    for kind in ("vlm", "executor"):
+        config[kind] = {key: value for key, value in config[kind].items() if key not in LOCAL}
+    found["run"] = version, config, {key: value for key, value in json.loads(result).items() if key not in TIMES}
     return found
 
 
 def plain_files(folder):
     """By name; without what has times or locks in it."""
-    files = {path.relative_to(folder): path for path in folder.rglob("*") if path.is_file()}
+    files = {str(path.relative_to(folder)): path for path in folder.rglob("*") if path.is_file()}
     left_out = ("run.", "result.json", ".hydra", "recording")
-    return {name: path.read_bytes() for name, path in files.items() if not str(name).startswith(left_out)}
+    return {name: path.read_bytes() for name, path in files.items() if not name.startswith(left_out)}
 
 
 def assert_same_run(one, other):
     assert result_of(one) == result_of(other)
-    found, expected = tables(one), tables(other)
-    for config in (found["run"][1], expected["run"][1]):
-        for kind in ("vlm", "executor"):
-            config[kind].pop("notes", None)
-    assert found == expected
+    assert tables(one) == tables(other)
     assert plain_files(one) == plain_files(other)
     assert not list(one.rglob("*.part"))
 
@@ -79,10 +87,16 @@ def killed(tmp_path_factory):
     return folder
 
 
-def test_a_run_killed_at_any_moment_comes_to_the_same_end(killed):
-    assert result_of(killed / "whole" / "run")["best"]["generation"] == 1
+@pytest.fixture(scope="module")
+def whole(killed):
+    """A run that nothing happened to."""
+    return killed / "whole" / "run"
+
+
+def test_a_run_killed_at_any_moment_comes_to_the_same_end(killed, whole):
+    assert result_of(whole)["best"]["generation"] == 1
     for point in range(POINTS):
-        assert_same_run(killed / str(point) / "run", killed / "whole" / "run")
+        assert_same_run(killed / str(point) / "run", whole)
 
 
 def test_what_is_stored_is_neither_asked_nor_tried_again(killed):
@@ -103,3 +117,395 @@ def test_what_is_stored_is_neither_asked_nor_tried_again(killed):
         stored.append(len(known))
     assert stored == sorted(stored)  # the moments are spread over the run's life
     assert len(set(stored)) > min(POINTS, 25) / 3
+
+
+# --- limits, failures, interrupts -------------------------------------------------------------------------------
+
+
+def begin(toy, folder, **settings):
+    """A run that is cut short by what the toys are told."""
+    cfg = toys.config(toy.file)
+    for name, value in settings.items():
+        kind, _, setting = name.partition("_")
+        OmegaConf.update(cfg, f"{kind}.{setting}", value, force_add=True)
+    return run(cfg, folder)
+
+
+def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(toy, whole, tmp_path, capsys):
+    folder = tmp_path / "run"
+    result = begin(toy, folder, vlm_limit=6)
+    assert result.stopped == "6 replies are all there may be; 2 are left without"
+    told = result_of(folder)
+    assert told["stopped"] == result.stopped
+    assert [generation["n_candidates"] for generation in told["generations"]] == [14, 7]
+    assert (folder / "best" / "design.json").exists()
+    assert rows(folder / FILE, "SELECT number FROM generations") == [(0,)]
+    asked = len(toy.lines("asked"))
+
+    resume(folder)  # nothing has changed: nothing is asked, and it is said again
+    assert len(toy.lines("asked")) == asked == 6
+    said = capsys.readouterr()
+    assert said.out.splitlines()[-1] == str(folder / "best")
+    assert said.err.splitlines() == [
+        f"stopped: {result.stopped}",
+        f"to go on: python -m core.run resume={folder}",
+    ]
+
+    resume(folder, ["vlm.limit=100"])
+    assert sorted(toy.lines("asked")) == [f"g{g}-a{a}" for g in range(2) for a in range(4)]
+    assert len(toy.lines("tried")) == len(set(toy.lines("tried"))) == 10
+    assert_same_run(folder, whole)
+
+
+def test_a_proposal_that_failed_is_neither_asked_for_again_nor_waited_for(toy, whole, tmp_path):
+    """A resume of ShinkaEvolve (#98) waited for ever, or believed itself finished."""
+    folder = tmp_path / "run"
+    begin(toy, folder, vlm_limit=3)
+    failed = rows(folder / FILE, "SELECT request_id, error FROM replies WHERE text NOT LIKE '{%' ORDER BY request_id")
+    assert failed == [("g0-a1", None), ("g0-a2", "out of order")]
+    resume(folder, ["vlm.limit=null"])
+    assert toy.lines("asked").count("g0-a1") == toy.lines("asked").count("g0-a2") == 1
+    assert_same_run(folder, whole)
+
+
+def test_a_run_in_which_every_proposal_fails_ends(toy, tmp_path, capsys):
+    folder = tmp_path / "run"
+    cfg = toys.config(toy.file, "budget.n_agent=3", "budget.n_tool=1")
+    OmegaConf.update(cfg, "vlm.only_agent", 2, force_add=True)
+    run(cfg, folder)
+    with pytest.raises(UserError, match="no candidate could be tried"):
+        resume(folder)
+    assert result_of(folder)["best"] is None
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 4])
+def test_an_interrupted_run_says_how_to_go_on(toy, whole, tmp_path, chunk):
+    folder = tmp_path / "a run"
+    result = begin(toy, folder, executor_fails_at=chunk)
+    assert result.stopped == result_of(folder)["stopped"] == "interrupted"
+    assert (folder / "best").exists() == (chunk > 1)
+    hint = rf"^to go on: python -m core.run resume='{folder}'$"
+    with pytest.raises(KeyboardInterrupt, match=hint):
+        resume(folder, ["executor.fails_at=1"])
+    resume(folder, ["executor.fails_at=null"])
+    assert_same_run(folder, whole)
+
+
+def test_an_interrupt_in_the_last_seconds_says_it_too(toy, whole, tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("core.run.save_design", interrupted)
+        with pytest.raises(KeyboardInterrupt, match=f"resume={folder}$"):
+            begin(toy, folder)
+    resume(folder)
+    assert len(toy.lines("asked")) == 8
+    assert_same_run(folder, whole)
+
+
+def test_whatever_breaks_a_run_its_end_says_how_to_go_on(toy, whole, tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+    with monkeypatch.context() as patched:
+        patched.setattr("core.run.save_design", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError) as error:
+            begin(toy, folder)
+    assert error.value.__notes__ == [f"to go on: python -m core.run resume={folder}"]
+    resume(folder)
+    assert_same_run(folder, whole)
+
+
+# --- what may change --------------------------------------------------------------------------------------------
+
+
+def test_a_run_that_has_come_to_its_end_says_so(toy, tmp_path, capsys):
+    folder = tmp_path / "run"
+    begin(toy, folder)
+    before, asked = tables(folder), toy.lines("asked")
+    best = result_of(folder)["best"]
+    for overrides in ([], ["executor.notes=elsewhere", "film=true"]):
+        resume(folder, overrides)
+        said = capsys.readouterr().out.splitlines()
+        assert said == [
+            f"{folder} holds a run that has come to its end",
+            f"best reward {best['reward']:.3f}, distance {best['distance_m']:.2f} m, candidate {best['candidate']}",
+            str(folder / "best"),
+        ]
+    assert (tables(folder), toy.lines("asked")) == (before, asked)
+
+
+def test_more_generations_can_be_asked_for(toy, tmp_path):
+    whole, folder = tmp_path / "whole", tmp_path / "run"
+    run(toys.config(tmp_path / "other notes", "budget.n_iteration=2"), whole)
+    begin(toy, folder)
+    resume(folder, ["budget.n_iteration=2"])
+    assert len(toy.lines("asked")) == 12
+    assert_same_run(folder, whole)
+    notes = rows(folder / FILE, "SELECT overrides FROM sessions ORDER BY number")
+    assert [json.loads(overrides) for (overrides,) in notes] == [[], ["budget.n_iteration=2"]]
+    with pytest.raises(UsageError, match=r"budget\.n_iteration .* can only be raised; it is 2"):
+        resume(folder, ["budget.n_iteration=1"])
+
+
+REFUSED = [
+    ("seed=6", "seed=6: a run goes on as it began; what may change: executor, logger, vlm.*, film, budget.n_iter"),
+    ("task=OneBook", "what may change"),
+    ("vlm=offline", "what may change"),
+    ("vlm.name=offline", "what may change"),
+    ("budget.k_top=9", "what may change"),
+    ("~executor", "~executor"),
+    ("executor=nonesuch", "no executor 'nonesuch'; possible: local"),
+    ("executor.nonesuch=3", "nonesuch"),
+    ("film=perhaps", "perhaps"),
+    ("budget.n_iteration=2,3", "one value for each setting"),
+    ("budget.n_iteration=", "budget.n_iteration"),
+    ("budget.n_iteration=many", "many"),
+    ("nonsense", "nonsense"),
+]
+
+
+@pytest.mark.parametrize(("override", "said"), REFUSED, ids=[override for override, _ in REFUSED])
+def test_what_has_a_bearing_on_the_past_cannot_change(toy, tmp_path, override, said):
+    folder = tmp_path / "run"
+    begin(toy, folder, vlm_limit=1)
+    before = tables(folder)
+    with pytest.raises(UserError) as error:
+        resume(folder, [override])
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+    assert tables(folder) == before
+    resume(folder, ["vlm.limit=2"])  # and no lock is left
+
+
+def test_a_prompt_that_has_changed_is_told_and_the_replies_are_kept(toy, tmp_path, caplog):
+    folder = tmp_path / "run"
+    begin(toy, folder, vlm_limit=6)
+    with closing(sqlite3.connect(folder / FILE)) as database:
+        database.execute("UPDATE requests SET digest = 'of another prompt'")
+        database.commit()
+    with caplog.at_level(logging.WARNING):
+        resume(folder, ["vlm.limit=100"])
+    said = [message for message in caplog.messages if "composed differently" in message]
+    assert len(said) == 6  # the two that nobody has answered are simply asked as they are now
+    assert sorted(toy.lines("asked")) == [f"g{g}-a{a}" for g in range(2) for a in range(4)]
+
+
+def test_versions_that_have_changed_are_told(toy, tmp_path, caplog):
+    folder = tmp_path / "run"
+    begin(toy, folder, vlm_limit=6)
+    with closing(sqlite3.connect(folder / FILE)) as database:
+        ((versions,),) = database.execute("SELECT versions FROM sessions").fetchall()
+        changed = json.dumps(json.loads(versions) | {"numpy": "0.9", "abacus": "1.0"})
+        database.execute("UPDATE sessions SET versions = ?", [changed])
+        database.commit()
+    with caplog.at_level(logging.WARNING):
+        resume(folder, ["vlm.limit=100"])
+    (said,) = caplog.messages
+    assert "abacus 1.0 -> None, numpy 0.9 -> " in said
+
+
+def test_a_candidate_that_reads_differently_now_is_not_given_another_ones_reward(toy, tmp_path):
+    folder = tmp_path / "run"
+    begin(toy, folder, vlm_limit=6)
+    with closing(sqlite3.connect(folder / FILE)) as database:
+        database.execute("UPDATE evaluations SET content = 'other' WHERE candidate = 'g0-a0-s0-p1'")
+        database.commit()
+    with pytest.raises(UserError, match=f"g0-a0-s0-p1 reads differently now .* vlm=replay vlm.run={folder}"):
+        resume(folder, ["vlm.limit=100"])
+
+
+# --- where there is nothing to go on with -----------------------------------------------------------------------
+
+
+def test_folders_without_a_run(toy, tmp_path):
+    with pytest.raises(UserError, match=r"nowhere holds no run$"):
+        resume(tmp_path / "nowhere")
+    begin(toy, tmp_path / "sweep" / "0_seed=5")
+    with pytest.raises(UserError, match=r"sweep holds no run; there is one in .*sweep/0_seed=5$"):
+        resume(tmp_path / "sweep")
+    assert not (tmp_path / "sweep" / LOCK).exists()
+
+
+def test_a_run_killed_before_it_stored_anything_begins_anew(toy, whole, tmp_path):
+    for stored in (None, b"", "tables only"):
+        folder = tmp_path / f"run {stored}"
+        (folder / ".hydra").mkdir(parents=True)
+        OmegaConf.save(toys.config(toy.file), folder / ".hydra" / "config.yaml")
+        if stored == "tables only":  # as the first version of the store left it
+            with closing(sqlite3.connect(folder / FILE)) as database:
+                for statement in _STEPS[0]:
+                    database.execute(statement)
+        elif stored is not None:
+            (folder / FILE).write_bytes(stored)
+        resume(folder)
+        assert_same_run(folder, whole)
+
+
+def test_a_note_of_hydra_that_cannot_be_read(tmp_path):
+    (tmp_path / ".hydra").mkdir()
+    (tmp_path / ".hydra" / "config.yaml").write_text("task: {name: Bring")
+    with pytest.raises(UserError, match=r"config.yaml can't be used: "):
+        resume(tmp_path)
+
+
+# --- one process at a time --------------------------------------------------------------------------------------
+
+
+def test_a_second_process_is_refused_and_the_first_goes_on(toy, whole, tmp_path):
+    folder = tmp_path / "run"
+    begin(toy, folder, vlm_limit=3)
+    code = "import sys; from core.store import RunStore; from pathlib import Path; s = RunStore.open(Path(sys.argv[1]))"
+    hold = f"{code}; print('held', flush=True); sys.stdin.read()"
+    command = [sys.executable, "-c", hold, str(folder)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "held\n"
+        with pytest.raises(UserError, match=f"another process is at work on the run in {folder}"):
+            resume(folder)
+        other.kill()  # its lock dies with it
+        other.wait()
+    resume(folder, ["vlm.limit=100"])
+    assert_same_run(folder, whole)
+
+
+def test_no_candidate_is_stored_twice(toy, tmp_path):
+    folder = tmp_path / "run"
+    result = begin(toy, folder)
+    store = RunStore.open(folder)
+    store.past.candidates.clear()
+    with pytest.raises(sqlite3.IntegrityError, match="UNIQUE"):
+        store.candidate_evaluated(result.best)
+    store.run_ended()
+
+
+# --- forms of the store, damage ---------------------------------------------------------------------------------
+
+
+def test_a_store_of_the_first_form_goes_on(toy, whole, tmp_path):
+    folder = tmp_path / "run"
+    begin(toy, folder, vlm_limit=6)
+    asked, tried = len(toy.lines("asked")), len(toy.lines("tried"))
+    new = (folder / FILE).rename(tmp_path / "new.sqlite")
+    with closing(sqlite3.connect(folder / FILE)) as database:
+        for statement in _STEPS[0]:
+            database.execute(statement)
+        database.execute("ATTACH ? AS new", [str(new)])
+        database.execute("INSERT INTO run SELECT 1, config FROM new.run")
+        for table in ("requests", "replies", "strategies", "evaluations", "generations"):
+            columns = ", ".join(row[1] for row in database.execute(f"PRAGMA main.table_info({table})"))
+            database.execute(f"INSERT INTO {table} SELECT {columns} FROM new.{table}")
+        database.commit()
+    resume(folder, ["vlm.limit=100"])
+    assert len(toy.lines("asked")) == asked + 2
+    assert len(toy.lines("tried")) == len(set(toy.lines("tried"))) == tried
+    assert result_of(folder) == result_of(whole)
+    assert rows(folder / FILE, "SELECT schema_version FROM run") == [(SCHEMA_VERSION,)]
+
+
+def damaged(folder, how):
+    file = folder / FILE
+    data = file.read_bytes()
+    if how == "newer":
+        with closing(sqlite3.connect(file)) as database:
+            database.execute("UPDATE run SET schema_version = 99")
+            database.commit()
+    elif how == "text":
+        file.write_text("no database at all, only text " * 200)
+    elif how == "half":
+        file.write_bytes(data[: len(data) // 2])
+    elif how == "a hole":
+        file.write_bytes(data[:8192] + bytes(len(data) - 8192))
+    elif how == "another's":
+        file.unlink()
+        with closing(sqlite3.connect(file)) as database:
+            database.execute("CREATE TABLE songs (title TEXT)")
+            database.commit()
+
+
+@pytest.mark.parametrize("how", ["newer", "text", "half", "a hole", "another's"])
+def test_a_store_that_cannot_be_used_is_left_as_it_is(toy, tmp_path, how):
+    folder = tmp_path / "run"
+    begin(toy, folder, vlm_limit=6)
+    damaged(folder, how)
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    said = "form is 99, this version knows up to" if how == "newer" else "run.sqlite is damaged: "
+    for _ in range(2):
+        with pytest.raises(UserError, match=said) as error:
+            resume(folder)
+        assert "\n" not in str(error.value)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+# --- disks ------------------------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def small_files(size):
+    """No file may grow beyond ``size`` bytes."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def mount(*words):
+    """Where that isn't allowed, as in most containers, the test is skipped."""
+    done = subprocess.run(["mount", *words], capture_output=True, text=True)
+    if done.returncode != 0:
+        pytest.skip(f"can't mount: {done.stderr.strip()}")
+
+
+@pytest.fixture
+def disk(tmp_path):
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    if not shutil.which("mount"):
+        pytest.skip("no mount here")
+    yield folder
+    subprocess.run(["umount", "-l", folder], capture_output=True)
+
+
+def assert_full(toy, folder, whole, error):
+    assert "\n" not in str(error.value)
+    assert f"{folder} can't be written: " in str(error.value)
+    assert f"what is in it is kept; to go on: python -m core.run resume={folder}" in str(error.value)
+    stored = [f"asked {request}" for (request,) in rows(folder / FILE, "SELECT request_id FROM replies")]
+    stored += [f"tried {content}" for (content,) in rows(folder / FILE, "SELECT content FROM evaluations")]
+    toy.add("session")
+    resume(folder)
+    assert_same_run(folder, whole)
+    assert not set(stored) & set(toy.file.read_text().split("session\n")[1].splitlines())
+    return len(stored)
+
+
+@pytest.mark.parametrize("size", [80_000, 150_000, 250_000])
+def test_a_disk_that_refuses_ends_the_run_and_later_it_goes_on(toy, whole, tmp_path, size):
+    """As a quota does: at first the store's log can't grow, or the database itself, or a file."""
+    folder = tmp_path / "run"
+    with small_files(size), pytest.raises(UserError) as error:
+        begin(toy, folder)
+    assert (assert_full(toy, folder, whole, error) > 0) == (size > 80_000)
+
+
+@pytest.mark.parametrize("size", ["500k", "600k", "800k"])
+def test_a_disk_that_is_full_ends_the_run_and_later_it_goes_on(toy, whole, disk, size):
+    mount("-t", "tmpfs", "-o", f"size={size}", "toys", str(disk))
+    folder = disk / "run"
+    with pytest.raises(UserError) as error:
+        begin(toy, folder)
+    assert "No space left on device" in str(error.value) or "disk is full" in str(error.value)
+    mount("-o", "remount,size=50m", str(disk))
+    assert_full(toy, folder, whole, error)
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_folder_that_cannot_be_written(toy, disk, begun):
+    mount("-t", "tmpfs", "-o", "size=50m", "toys", str(disk))
+    if begun:
+        begin(toy, disk / "run", vlm_limit=3)
+    mount("-o", "remount,ro", str(disk))
+    with pytest.raises(UserError, match=r"can't be written: Read-only file system; what is in it is kept$"):
+        resume(disk / "run") if begun else begin(toy, disk / "run")

@@ -48,9 +48,10 @@ class ToyModel(VLM):
 
     model = "a toy"
 
-    def __init__(self, notes: str, limit: int | None = None) -> None:
+    def __init__(self, notes: str, limit: int | None = None, only_agent: int | None = None) -> None:
         self.notes = Notes(notes)
         self.limit = limit
+        self.only_agent = only_agent  # all agents are like this one
         self.answered: set[str] = set()
 
     @hookimpl
@@ -62,7 +63,7 @@ class ToyModel(VLM):
             if self.limit is not None and len(self.answered) >= self.limit:
                 raise LimitReached(f"{self.limit} replies are all there may be; {len(requests) - i} are left without")
             self.notes.add(f"asked {request.id}")
-            agent = request.brief.agent % 4
+            agent = (request.brief.agent if self.only_agent is None else self.only_agent) % 4
             text = "" if agent == 2 else "I would rather not." if agent == 1 else answer(request.brief)
             yield Reply(request.id, text, self.model, "out of order" if agent == 2 else None, 1000, 500, 0.01)
 
@@ -115,13 +116,18 @@ def vars_of(state: State) -> tuple[Any, ...]:
 
 
 class Here(Executor):
-    """In this process."""
+    """In this process. Somebody interrupts when the chunk number ``fails_at`` comes, counted from 1."""
 
-    def __init__(self, notes: str) -> None:
+    def __init__(self, notes: str, fails_at: int | None = None) -> None:
         self.notes = Notes(notes)
+        self.fails_at = fails_at
+        self.chunks = 0
 
     def map(self, function, chunks):
         for chunk in chunks:
+            self.chunks += 1
+            if self.chunks == self.fails_at:
+                raise KeyboardInterrupt
             for candidate in chunk:
                 self.notes.add(f"tried {candidate.content}")
             yield chunk, function(chunk)

@@ -74,6 +74,7 @@ class ProgressListener:
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
+        self._stop()
         rate = result.n_evaluations / result.wall_time_s
         took = f"{result.n_evaluations} rollouts in {result.wall_time_s:.0f} s, {rate:.1f} per second"
         self._console.print(took, highlight=False)
