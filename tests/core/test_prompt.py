@@ -16,6 +16,7 @@ from core.errors import UserError
 from core.interfaces import VLM, Picture
 from core.prompt import compose, main
 from core.prompts import as_markdown
+from core.run import run
 
 ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests/tasks/solutions/OneBook.json"
@@ -175,3 +176,14 @@ def test_an_output_that_can_not_be_written(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "argv", ["prompt", "task=OneBook", f"output={tmp_path / 'file'}"])
     with pytest.raises(UserError, match="can't write"):
         main()
+
+
+def test_a_run_shows_its_elites_as_pictures_and_keeps_them(tmp_path):
+    small = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1"]
+    told = ["prompt.feedback=full", "budget.reward_save=-1", "film=false", "logger={}", "executor.workers=1"]
+    run(load("config", ["task=BringCube", *small, *told]), tmp_path)
+    text = (tmp_path / "requests" / "g1-a0.md").read_text()
+    (name, *_) = names = re.findall(r"!\[(elite_g0-a0-s\d-p0)\]", text)
+    assert len(names) == len(set(names)) <= 2
+    assert Image.open(tmp_path / "requests" / f"{name}.png").size == (640, 480)
+    assert '"moved_m": {' in text
