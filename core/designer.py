@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ import pluggy
 
 from core.artifacts import draw_stages, png
 from core.design import Candidate, DesignError, Evaluation, Tool
-from core.errors import choices
+from core.errors import NoPicture, choices
 from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulator, Task, ToolRepresentation
 from core.prompts import Prompts, answer_schema
 from core.reading import parse_reply, read_designs
@@ -195,7 +196,8 @@ def make_designer(
     tool_kinds: Sequence[str],
     events: pluggy.PluginManager,
 ) -> ModelDesigner:
-    """A designer that shows pictures which ``simulator`` draws: of the scene, and of what elites did.
+    """A designer that shows pictures which ``simulator`` draws: of the scene, and of what elites did. Where nothing can
+    draw any, standard error says why, and the model has the words.
 
     Raises:
         UserError: a tool kind that there is not, or no given tool for the task.
@@ -210,6 +212,11 @@ def make_designer(
         stages = draw_stages(task, simulator, candidate, seed, prompts.rollout)
         return Picture(png(stages), f"elite_{candidate.id}")
 
+    try:
+        picture = Picture(png(simulator.render(task, seed=seed, tool=mounted)))
+    except NoPicture as error:
+        picture = None
+        sys.stderr.write(f"no pictures: {error}\n")
     return ModelDesigner(
         task,
         vlm,
@@ -219,7 +226,7 @@ def make_designer(
         seed=seed,
         sampling=sampling,
         tool_kinds=cast(Sequence[ToolKind], tool_kinds),
-        picture=Picture(png(simulator.render(task, seed=seed, tool=mounted))),
+        picture=picture,
         events=events,
-        show=show,
+        show=show if picture is not None else None,
     )

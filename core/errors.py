@@ -11,6 +11,10 @@ class UserError(Exception):
     """What is wrong, where, and what is possible; for a person."""
 
 
+class NoPicture(UserError):
+    """Nothing here can draw a picture; says why, and what would."""
+
+
 class UsageError(UserError):
     """A command was told something that it doesn't understand."""
 

@@ -148,6 +148,8 @@ class Outcome:
 class Simulator(ABC):
     """A physics engine. Batch first: many jobs in, as many outcomes out, in order. One thread uses it at a time."""
 
+    drawn_by: str = ""  # what drew the last picture, for people, where an engine has more than one way
+
     @abstractmethod
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
         """Try each job in a world of its own. A job that breaks gives an outcome with an error; its neighbours are
@@ -168,7 +170,11 @@ class Simulator(ABC):
         width: int = 640,
         height: int = 480,
     ) -> Image:
-        """A picture (height, width, 3) of the scene and the robot; what is left out is as at spawn."""
+        """A picture (height, width, 3) of the scene and the robot; what is left out is as at spawn.
+
+        Raises:
+            NoPicture: nothing here can draw one (see `core.errors`).
+        """
 
 
 # --- the model --------------------------------------------------------------------------------------------------

@@ -22,8 +22,8 @@ MAX_PIXELS = 4096
 USAGE = "usage: python -m core.render task=NAME [designs=FILE strategy=N] [seed=N] [width=W height=H] [output=FILE.png]"
 
 
-def render(cfg: DictConfig) -> Image:
-    """The picture (H, W, 3).
+def render(cfg: DictConfig) -> tuple[Image, str]:
+    """The picture (H, W, 3), and what drew it if there was a choice.
 
     Raises:
         UserError: a part, a setting, or the tool can't be had.
@@ -36,7 +36,7 @@ def render(cfg: DictConfig) -> Image:
     simulator = part("sim", cfg.sim).create()
     tool = None if cfg.designs is None else _tool(cfg, task)
     picture: Image = simulator.render(task, seed=cfg.seed, tool=tool, width=cfg.width, height=cfg.height)
-    return picture
+    return picture, simulator.drawn_by
 
 
 def _tool(cfg: DictConfig, task: Task) -> Tool:
@@ -55,8 +55,9 @@ def _tool(cfg: DictConfig, task: Task) -> Tool:
 
 def main() -> None:
     cfg = load("render", arguments(USAGE))
-    write_bytes(Path(cfg.output), png(render(cfg)))
-    sys.stdout.write(f"{cfg.output}\n")
+    picture, drawn_by = render(cfg)
+    write_bytes(Path(cfg.output), png(picture))
+    sys.stdout.write(f"{cfg.output}\n" + (f"drawn by {drawn_by}\n" if drawn_by else ""))
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from core.cli import command
 from core.config import PromptConfig, check_seed, explain, node, part, register
 from core.database import writing
 from core.designer import DEFAULT_KINDS, Sampling, make_designer
-from core.errors import UsageError, UserError
+from core.errors import NoPicture, UsageError, UserError
 from core.evolution import evolve
 from core.fitness import fitness
 from core.interfaces import Budget, Executor, RolloutSettings, Simulator
@@ -80,12 +80,12 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     store = store or RunStore.create(folder, config)  # from here on the folder is this run's
     events.register(store, "store")
     events.register(vlm, "vlm")
-    assert designer.picture is not None
     parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "fitness", "executor")}
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     try:
         with writing(folder):
-            (folder / "scene.png").write_bytes(designer.picture.png)
+            if designer.picture is not None:
+                (folder / "scene.png").write_bytes(designer.picture.png)
         events.hook.run_started(run=this)
         with executor:
             result = evolve(strategy, earns, executor, budget, events, store.past.evaluation)
@@ -113,7 +113,10 @@ def save_best(result: Result, this: Run, simulator: Simulator, settings: Rollout
     shutil.rmtree(folder, ignore_errors=True)  # of a run that went on, the best so far
     save_design(best.candidate, this.representation, folder)
     if film and result.stopped != INTERRUPTED:
-        save_film(this.task, simulator, best.candidate, this.seed, settings, folder / "rollout.gif")
+        try:
+            save_film(this.task, simulator, best.candidate, this.seed, settings, folder / "rollout.gif")
+        except NoPicture as error:
+            sys.stderr.write(f"no film: {error}\n")
 
 
 def to_go_on(folder: Path) -> str:

@@ -11,7 +11,7 @@ from core.conformance.simulator import CHECKS, digest
 from core.plugins import installed
 
 ROOT = Path(__file__).parents[3]
-SIMULATORS = {"pybullet": "pybullet"}  # by name, and the module that it can't do without
+SIMULATORS = {"pybullet": "pybullet", "sapien": "sapien"}  # by name, and the module that it can't do without
 
 every_simulator = pytest.mark.parametrize("name", SIMULATORS)
 

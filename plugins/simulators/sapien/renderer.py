@@ -1,0 +1,118 @@
+"""Pictures by SAPIEN's own renderer, which needs Vulkan: a scene of its own that holds shapes to look at and no
+physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from PIL import Image as Pillow
+from scipy.spatial.transform import Rotation
+
+from core.design import Tool
+from core.geometry import Array, Box, Pose, Sphere
+from core.geometry import Shape as Geometry
+from core.interfaces import Image, Task
+from core.robot import ARM_JOINTS, FINGER_JOINTS
+from core.scene import Camera, Color, State
+from plugins.simulators.sapien.description import place, robot
+from plugins.simulators.sapien.engine import sapien
+from plugins.simulators.sapien.shapes import to_sapien
+
+_OVERSAMPLING = 2  # the renderer draws hard edges; halving a picture of twice the size smooths them
+_GAMMA = 2.2
+_AMBIENT = [0.35, 0.35, 0.35]
+_LIGHT = [1.8, 1.8, 1.8]
+_LIGHT_WAY = [-1.0, 1.0, -2.0]
+
+
+class Renderer:
+    """Draws one scene after another; what is loaded stays until another is asked for.
+
+    Raises:
+        RuntimeError: there is no Vulkan here.
+    """
+
+    def __init__(self) -> None:
+        self.device = str(sapien.render.RenderSystem().device.name)
+        self._loaded: tuple[Task, int, Tool | None] | None = None
+
+    def load(self, task: Task, seed: int, tool: Tool | None) -> None:
+        if self._loaded is not None and self._loaded[0] is task and self._loaded[1:] == (seed, tool):
+            return
+        self._scene = sapien.Scene([sapien.render.RenderSystem()])
+        self._scene.set_ambient_light(_AMBIENT)
+        self._scene.add_directional_light(_LIGHT_WAY, _LIGHT, shadow=True, shadow_scale=2.0)
+        self._cameras: dict[tuple[int, int], Any] = {}
+        self._links = robot(tool if tool is not None else Tool(gripper=True))
+        self._entities = []
+        for link in self._links:
+            self._entities.append(self._add(((s.shape, s.pose, s.color) for s in link.visuals), Pose()))
+        self._bodies = {}
+        for body in task.scene(seed).bodies:
+            self._bodies[body.name] = self._add(((p.shape, p.pose, p.color) for p in body.visuals), body.pose)
+        self._loaded = (task, seed, tool)
+
+    def _add(self, seen: Iterable[tuple[Geometry | Path, Pose, Color]], pose: Pose) -> Any:
+        component = sapien.render.RenderBodyComponent()
+        for shape, at, color in seen:
+            drawn = _drawn(shape, color)
+            drawn.local_pose = to_sapien(at)
+            component.attach(drawn)
+        entity = sapien.Entity()
+        entity.add_component(component)
+        entity.pose = to_sapien(pose)
+        self._scene.add_entity(entity)
+        return entity
+
+    def pose(self, arm: Array, fingers: Array, state: State) -> None:
+        """Put the robot's joints, arm (7,) and fingers (2,), and the free bodies where they are to be seen."""
+        joints = dict(zip((*ARM_JOINTS, *FINGER_JOINTS), [*arm, *fingers], strict=True))
+        for entity, pose in zip(self._entities, place(self._links, joints), strict=True):
+            entity.pose = to_sapien(pose)
+        for name in state.names:
+            self._bodies[name].pose = to_sapien(state.pose(name))
+
+    def shoot(self, camera: Camera, width: int, height: int) -> Image:
+        """A picture (height, width, 3)."""
+        size = width * _OVERSAMPLING, height * _OVERSAMPLING
+        if size not in self._cameras:
+            self._cameras[size] = self._scene.add_camera("camera", *size, 1.0, 0.02, 10.0)
+        shot = self._cameras[size]
+        shot.set_fovy(np.radians(camera.fov_deg), compute_x=True)
+        shot.entity.pose = to_sapien(_look(camera))
+        self._scene.update_render()
+        shot.take_picture()
+        picture = np.asarray(shot.get_picture("Color"))
+        picture = np.where(picture[..., 3:] > 0, picture[..., :3], 1.0)  # white where nothing is
+        drawn = Pillow.fromarray(np.clip(255 * picture, 0, 255).astype(np.uint8))
+        return np.asarray(drawn.resize((width, height), Pillow.Resampling.LANCZOS))
+
+
+def _look(camera: Camera) -> Pose:
+    """A camera looks along its x axis, z up."""
+    forward = np.subtract(camera.target, camera.position)
+    forward /= np.linalg.norm(forward)
+    left = np.cross([0.0, 0.0, 1.0], forward)
+    left /= np.linalg.norm(left)
+    axes = np.stack([forward, left, np.cross(forward, left)], axis=1)
+    return Pose.from_rotation(camera.position, Rotation.from_matrix(axes))
+
+
+def _drawn(shape: Geometry | Path, color: Color) -> Any:
+    if isinstance(shape, Path):
+        return sapien.render.RenderShapeTriangleMesh(str(shape))
+    red, green, blue, opacity = color
+    linear = [red**_GAMMA, green**_GAMMA, blue**_GAMMA, opacity]  # the picture is made for a screen at the end
+    material = sapien.render.RenderMaterial(base_color=linear, roughness=0.6, specular=0.3)
+    if isinstance(shape, Box):
+        return sapien.render.RenderShapeBox(np.array(shape.size) / 2, material)
+    if isinstance(shape, Sphere):
+        return sapien.render.RenderShapeSphere(shape.radius, material)
+    smooth = trimesh.graph.smooth_shade(shape.to_trimesh(), angle=np.radians(30.0))
+    flat = np.zeros((len(smooth.vertices), 2))
+    return sapien.render.RenderShapeTriangleMesh(smooth.vertices, smooth.faces, smooth.vertex_normals, flat, material)

@@ -1,0 +1,133 @@
+"""The arm with its tool in a PhysX scene: an articulation with a drive in each joint."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
+from core.geometry import Array
+from core.interfaces import JointTrajectory
+from core.robot import ARM_JOINTS, FINGER_FRICTION, FINGER_JOINTS, GRIP_FORCE, TOOL_FRICTION
+from plugins.simulators.sapien.bodies import weigh
+from plugins.simulators.sapien.description import Joint, Shape, robot
+from plugins.simulators.sapien.engine import physx, sapien
+from plugins.simulators.sapien.shapes import collision, hull, to_sapien
+from plugins.simulators.sapien.surfaces import Surface, Surfaces
+
+# A drive is a spring and a damper. The spring is so stiff that a joint presses with all its force where it is this far
+# off its target, in radians or metres; the damper, so that what is left shrinks at the tracking rate.
+_GIVES_WAY = 0.001
+# The fingers are light, 15 g each, and with such a force the solver would let them into what they hold; but what moves
+# them weighs too, here this much each, in kg.
+_FINGER_DRIVE = 0.1
+# One motor moves both fingers: a spring (N/m) and a damper (N s/m) between them keep them as far from the middle.
+_COUPLING = {"stiffness": 1e6, "damping": 1e3}
+
+_BEARERS = {RIGID_MOUNT: ("panda_link7", "panda_link8"), **dict.fromkeys(GRIPPER_MOUNTS, ("panda_hand",))}
+
+
+def surface_of(part: str) -> Surface:
+    return Surface(FINGER_FRICTION if part in GRIPPER_MOUNTS else TOOL_FRICTION)
+
+
+def surfaces_of(tool: Tool) -> set[Surface]:
+    return {surface_of(felt.part) for link in robot(tool) for felt in link.collisions}
+
+
+class Robot:
+    """The arm with ``tool``, its base at the origin, its joints at the trajectory's first targets."""
+
+    def __init__(
+        self,
+        scene: Any,
+        surfaces: Surfaces,
+        tool: Tool,
+        trajectory: JointTrajectory,
+        folder: Path,
+        tracking_rate: float,
+    ) -> None:
+        self._gripper = tool.gripper
+        links = robot(tool)
+        made: list[Any] = []
+        for link in links:
+            component = physx.PhysxArticulationLinkComponent(None if link.parent is None else made[link.parent])
+            made.append(component)
+            weigh(component, link.inertia)
+            for felt in link.collisions:
+                _attach(component, felt, tool, surfaces, folder)
+            if link.joint is None:
+                component.joint.type = "fixed"
+            else:
+                _drive(component.joint, link.joint, tracking_rate)
+        if tool.gripper:
+            fingers = [i for i, link in enumerate(links) if link.joint is not None and link.joint.name in FINGER_JOINTS]
+            chain = [made[i].parent for i in fingers[:1]] + [made[i] for i in fingers]
+            difference = [0.0, 1.0, -1.0]  # of the two joints, that is
+            made[0].articulation.create_fixed_tendon(chain, difference, difference, **_COUPLING)
+        for link, component in zip(links, made, strict=True):
+            entity = sapien.Entity()
+            entity.name = link.name
+            entity.add_component(component)
+            scene.add_entity(entity)
+        self._articulation = made[0].articulation
+        active = {joint.name: number for number, joint in enumerate(self._articulation.active_joints)}
+        self._numbers = [active[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ()))]
+        self._joints = [self._articulation.active_joints[number] for number in self._numbers]
+        start = np.empty(len(self._numbers))
+        start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * 2 if tool.gripper else ())]
+        self._articulation.qpos = start
+
+    def drive(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+        """Set the joints' targets (7,), a finger opening, and the speeds at which these are approached."""
+        targets, velocities = arm.tolist(), speeds.tolist()
+        if self._gripper:
+            targets += [fingers, fingers]
+            velocities += [finger_speed, finger_speed]
+        for joint, target, velocity in zip(self._joints, targets, velocities, strict=True):
+            joint.set_drive_target(target)
+            joint.set_drive_velocity_target(velocity)
+
+    def joints(self) -> tuple[Array, Array]:
+        """Arm (7,) and fingers (2,) as they are."""
+        values = self._articulation.qpos[self._numbers].astype(np.float64)
+        return values[:7], values[7:] if self._gripper else np.zeros(2)
+
+
+def _attach(component: Any, felt: Shape, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
+    def make(material: Any) -> Any:
+        shape = felt.shape
+        made = hull(shape, material) if isinstance(shape, Path) else collision(shape, material, folder)
+        made.local_pose = to_sapien(felt.pose)
+        return made
+
+    for shape in surfaces.copies(surface_of(felt.part), make, apart=_apart(felt.part, tool)):
+        component.attach(shape)
+
+
+def _apart(part: str, tool: Tool) -> int:
+    """Bits: parts of the robot that have one in common don't touch each other. The arm's own overlap by construction,
+    and what is mounted is in its bearer.
+    """
+    bits = 0 if part in tool.mounts else 1
+    for number, mount in enumerate(tool.mounts, start=1):
+        if part == mount or part in _BEARERS[mount]:
+            bits |= 1 << number
+    return bits
+
+
+def _drive(joint: Any, about: Joint, tracking_rate: float) -> None:
+    joint.name = about.name
+    joint.type = about.kind
+    joint.pose_in_parent = to_sapien(about.in_parent)
+    joint.pose_in_child = to_sapien(about.in_child)
+    joint.limit = [[about.lower, about.upper]]
+    joint.friction = 0.0
+    force = about.effort
+    if about.name in FINGER_JOINTS:
+        force = GRIP_FORCE
+        joint.armature = [_FINGER_DRIVE]
+    stiffness = force / _GIVES_WAY
+    joint.set_drive_properties(stiffness, stiffness / tracking_rate, force, "force")

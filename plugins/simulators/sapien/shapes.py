@@ -1,0 +1,56 @@
+"""Shapes as PhysX has them."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
+from plugins.simulators.sapien.engine import physx, sapien
+
+_SIDES = 64
+
+
+def to_sapien(pose: Pose) -> Any:
+    return sapien.Pose(pose.position, pose.quaternion)
+
+
+def collision(shape: Shape, material: Any, folder: Path) -> Any:
+    """The shape as it is felt. Hulls are computed once per file; the files are put in ``folder``."""
+    match shape:
+        case Box(size=size):
+            return physx.PhysxCollisionShapeBox(np.array(size) / 2, material)
+        case Sphere(radius=radius):
+            return physx.PhysxCollisionShapeSphere(radius, material)
+        case Cylinder(radius=radius, length=length):
+            return hull(_prism(folder), material, (radius, radius, length))
+        case Mesh():
+            return hull(_file(folder, str(shape.to_trimesh().export(file_type="obj"))), material)
+
+
+def hull(file: Path, material: Any, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Any:
+    """The convex hull of a mesh file."""
+    return physx.PhysxCollisionShapeConvexMesh(str(file), np.array(scale), material)
+
+
+def _prism(folder: Path) -> Path:
+    """PhysX has no cylinders. This is one of radius and length 1, with sides: its corners are as far outside the
+    cylinder as its sides are inside.
+    """
+    file = folder / "cylinder.obj"
+    if not file.exists():
+        radius = 2 / (1 + np.cos(np.pi / _SIDES))
+        prism = trimesh.creation.cylinder(radius=radius, height=1.0, sections=_SIDES)
+        file.write_text(str(prism.export(file_type="obj")))
+    return file
+
+
+def _file(folder: Path, text: str) -> Path:
+    file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.obj"
+    if not file.exists():
+        file.write_text(text)
+    return file

@@ -1,0 +1,74 @@
+"""One PhysX scene: what stands in it, the robot with a tool, and steps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from core.design import Tool
+from core.geometry import Array
+from core.interfaces import JointTrajectory
+from core.scene import State
+from plugins.simulators.sapien.bodies import GRAVITY, Bodies, Weighed
+from plugins.simulators.sapien.engine import physx, sapien
+from plugins.simulators.sapien.robot import Robot, surfaces_of
+from plugins.simulators.sapien.surfaces import Surfaces
+
+# Contacts are seen to when shapes are this close, metres: what strikes is slowed down before it is inside.
+_CONTACT_OFFSET = 0.002
+# m/s: slower ones don't bounce.
+_BOUNCE = 0.2
+# A body whose kinetic energy per mass, (m/s)^2 / 2, stays below this for 0.4 s sleeps until it is touched: 3 mm/s.
+_SLEEP = 5e-6
+
+
+class World:
+    """A fresh scene, the robot at the trajectory's first targets; free bodies at their places."""
+
+    def __init__(
+        self,
+        folder: Path,
+        weighed: Weighed,
+        tool: Tool,
+        trajectory: JointTrajectory,
+        *,
+        time_step: float,
+        solver_iterations: int,
+        tracking_rate: float,
+    ) -> None:
+        self.time_step = time_step
+        # These belong to the process; what is made from here on takes them over.
+        physx.set_scene_config(
+            gravity=[0.0, 0.0, -GRAVITY],
+            bounce_threshold=_BOUNCE,
+            enable_pcm=True,
+            enable_tgs=False,
+            enable_ccd=False,
+            enable_enhanced_determinism=True,
+            enable_friction_every_iteration=True,
+        )
+        physx.set_body_config(
+            solver_position_iterations=solver_iterations, solver_velocity_iterations=1, sleep_threshold=_SLEEP
+        )
+        physx.set_shape_config(contact_offset=_CONTACT_OFFSET, rest_offset=0.0)
+        self._system = physx.PhysxCpuSystem()
+        self._system.timestep = time_step
+        self._scene = sapien.Scene([self._system])
+        surfaces = Surfaces(surfaces_of(tool) | weighed.moving, weighed.fixed)
+        self._bodies = Bodies(self._scene, surfaces, weighed, folder, time_step)
+        self._robot = Robot(self._scene, surfaces, tool, trajectory, folder, tracking_rate)
+
+    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+        """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one
+        time step.
+        """
+        self._robot.drive(arm, fingers, speeds, finger_speed)
+        self._system.step()
+        self._bodies.stepped()
+
+    def joints(self) -> tuple[Array, Array]:
+        """Arm (7,) and fingers (2,) as they are."""
+        return self._robot.joints()
+
+    def state(self) -> State:
+        """Of the free bodies."""
+        return self._bodies.state()
