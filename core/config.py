@@ -156,6 +156,18 @@ class ReportConfig:
     resamples: int = 10_000
 
 
+@dataclass
+class GalleryConfig:
+    """What ``python -m core.gallery`` may be told. ``top``: how many tools of each task; ``plate_mm``: the printer's
+    build volume (x, y, z); ``min_wall_mm``: the thinnest wall that it makes.
+    """
+
+    output: str = "gallery"
+    top: int = 3
+    plate_mm: list[float] = field(default_factory=lambda: [250.0, 210.0, 220.0])
+    min_wall_mm: float = 0.8
+
+
 def register() -> None:
     """Make the schemas known to Hydra; the primary configs in ``conf/`` start from them."""
     store = ConfigStore.instance()
@@ -166,6 +178,7 @@ def register() -> None:
     store.store("transfer_schema", TransferConfig)
     store.store("conformance_schema", ConformanceConfig)
     store.store("report_schema", ReportConfig)
+    store.store("gallery_schema", GalleryConfig)
 
 
 def load(name: str, overrides: Sequence[str]) -> DictConfig:

@@ -23,7 +23,7 @@ from markupsafe import Markup
 from core.reading import clean
 from core.report.drawing import painted
 from core.report.figures import INK
-from core.report.tables import Cell, Link, printed, relative
+from core.report.tables import Cell, Link, number, printed, relative
 from core.report.tools import Winner
 
 _LONGEST = 20_000  # characters of any text
@@ -47,7 +47,9 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(printed=printed, links=_links, sort_key=_sort_key, href=lambda to: href(to, folder))
+    environment.filters.update(
+        printed=printed, links=_links, sort_key=_sort_key, number=number, href=lambda to: href(to, folder)
+    )
     return environment.get_template(template).render(
         **values,
         policy=Markup(policy),  # noqa: S704

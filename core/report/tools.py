@@ -31,7 +31,9 @@ _FINGER_BASE = 0.0584  # of the finger joints below the hand, in the Panda's des
 
 @dataclass(frozen=True, eq=False)
 class Winner:
-    """A tool and what its best action plan earned. Texts are the model's, on one line, without control characters."""
+    """A tool and what its best action plan earned. Texts are the model's, on one line, without control characters;
+    ``design`` is tool and plan as a strategy of a designs file.
+    """
 
     run: FinishedRun
     tool: Tool
@@ -39,6 +41,7 @@ class Winner:
     generation: int
     reward: float
     distance_m: float | None
+    design: dict[str, Any]
     strategy_name: str = ""
     strategy_description: str = ""
 
@@ -46,6 +49,11 @@ class Winner:
     def name(self) -> str:
         """Never empty."""
         return self.tool.name or self.strategy_name or self.candidate
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Sorts the best first: higher reward, then shorter distance."""
+        return (-self.reward, np.inf if self.distance_m is None else self.distance_m)
 
 
 @lru_cache(maxsize=256)
@@ -137,6 +145,7 @@ def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
                 row["generation"],
                 row["reward"],
                 row["distance_m"],
+                design | {"action_sets": [json.loads(row["waypoints"])]},
                 text["strategy_name"],
                 text["strategy_description"],
             )

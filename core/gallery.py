@@ -1,0 +1,208 @@
+"""``python -m core.gallery RUN_DIR... output=DIR``: the best tools of each task, to look at, to turn, and to print."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from core.artifacts import png
+from core.cli import command, folders_and_overrides, write_bytes
+from core.config import load
+from core.errors import UsageError, UserError
+from core.report.drawing import draw, painted
+from core.report.figures import told
+from core.report.methods import label
+from core.report.page import in_viewer, picture_address, render
+from core.report.printing import Piece, Printer, grams, pieces, to_3mf
+from core.report.runs import FinishedRun, LeftOutRun, find_runs
+from core.report.tools import Winner, outline, size, winners
+
+USAGE = (
+    "usage: python -m core.gallery FOLDER [FOLDER ...] [output=DIR] [top=3] [plate_mm=[250,210,220]] "
+    "[min_wall_mm=0.8]; a folder is a run's, or holds runs, as a multirun's does"
+)
+PICTURE = (640, 480)
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A tool of the gallery: ``place`` is 1 for the best of its task, ``folder`` is where its files are in it."""
+
+    place: int
+    method: str
+    winner: Winner
+    pieces: tuple[Piece, ...]
+    folder: Path
+
+    @property
+    def ready(self) -> bool:
+        return all(piece.ready for piece in self.pieces)
+
+    @property
+    def faults(self) -> list[str]:
+        """What speaks against printing it as it is."""
+        return [
+            f"{check.name}: {check.found}" + (f" ({piece.name})" if len(self.pieces) > 1 else "")
+            for piece in self.pieces
+            for check in piece.checks
+            if not check.passed
+        ]
+
+
+def gallery(folders: Sequence[Path], output: Path, top: int, printer: Printer) -> tuple[list[Entry], list[LeftOutRun]]:
+    """Write pictures, STL, 3MF and designs files of the ``top`` best tools of each task, and a page of them, to
+    ``output``. Also the runs that were not looked at, since they failed or are unfinished.
+
+    Raises:
+        UserError: a folder holds no run, the tools of a run can't be read, or nothing can be written.
+    """
+    finished, left_out = find_runs(folders)
+    entries = []
+    for task, runs in _by_task(finished).items():
+        for place, (method, winner) in enumerate(_best(runs, top), 1):
+            folder = Path(_name(task)) / f"{place}_{_name(winner.name)}"
+            entries.append(Entry(place, method, winner, tuple(pieces(winner.tool, printer)), folder))
+    if not entries:
+        raise UserError(f"no tool to show: {len(finished)} finished runs, all with the bare hand")
+    pictures = {}
+    for entry in entries:
+        pictures[entry.folder] = _write(entry, output)
+    write_bytes(output / "gallery.json", (json.dumps([_record(e) for e in entries], indent=2) + "\n").encode())
+    write_bytes(output / "index.html", _page(entries, left_out, pictures, output, printer).encode())
+    return entries, left_out
+
+
+def _by_task(runs: Sequence[FinishedRun]) -> dict[str, list[tuple[str, FinishedRun]]]:
+    """Runs with their method's name, by task in alphabetical order."""
+    labels = label([(run.task, run.config) for run in runs])
+    found: dict[str, list[tuple[str, FinishedRun]]] = {run.task: [] for run in sorted(runs, key=lambda run: run.task)}
+    for run, method in zip(runs, labels, strict=True):
+        found[run.task].append((method, run))
+    return found
+
+
+def _best(runs: Sequence[tuple[str, FinishedRun]], top: int) -> list[tuple[str, Winner]]:
+    """The best tools of all runs, each of another shape."""
+    found = [(method, winner) for method, run in runs for winner in winners(run, top) if winner.tool.components]
+    found.sort(key=lambda item: item[1].rank)
+    chosen: list[tuple[str, Winner]] = []
+    shapes: list[Any] = []
+    for method, winner in found:
+        shape = outline(winner.tool)
+        if shape not in shapes and len(chosen) < top:
+            shapes.append(shape)
+            chosen.append((method, winner))
+    return chosen
+
+
+def _name(text: str) -> str:
+    """A file's name of a text that anybody may have written."""
+    return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:40] or "tool"
+
+
+def _write(entry: Entry, output: Path) -> bytes:
+    """The entry's files; the picture comes back."""
+    folder = output / entry.folder
+    picture = png(draw(painted(entry.winner.tool), *PICTURE))
+    write_bytes(folder / "picture.png", picture)
+    for piece in entry.pieces:
+        data = piece.mesh.export(file_type="stl")
+        assert isinstance(data, bytes)
+        write_bytes(folder / f"{piece.name}.stl", data)
+    write_bytes(folder / "tool.3mf", to_3mf(entry.pieces))
+    design = json.dumps({"strategies": [entry.winner.design]}, indent=2) + "\n"
+    write_bytes(folder / "design.json", design.encode())
+    return picture
+
+
+def _record(entry: Entry) -> dict[str, Any]:
+    """An entry of ``gallery.json``."""
+    winner = entry.winner
+    return {
+        "task": winner.run.task,
+        "place": entry.place,
+        "tool": winner.name,
+        "method": entry.method,
+        "reward": winner.reward,
+        "distance_m": winner.distance_m,
+        "candidate": winner.candidate,
+        "run": str(winner.run.folder),
+        "folder": entry.folder.as_posix(),
+        "simulated_g": 1000 * winner.tool.mass,
+        "solid_pla_g": grams(entry.pieces),
+        "ready": entry.ready,
+        "pieces": [
+            {
+                "name": piece.name,
+                "size_mm": piece.mesh.extents.tolist(),
+                "volume_cm3": piece.volume_cm3,
+                "checks": {check.name: {"passed": check.passed, "found": check.found} for check in piece.checks},
+            }
+            for piece in entry.pieces
+        ],
+    }
+
+
+def _page(
+    entries: Sequence[Entry],
+    left_out: Sequence[LeftOutRun],
+    pictures: dict[Path, bytes],
+    folder: Path,
+    printer: Printer,
+) -> str:
+    names = [f"{e.winner.run.task}, {e.place}: {e.winner.name}" for e in entries]
+    captions = [f"{e.winner.tool.description} ({told(e.winner)})" for e in entries]
+    tools = [in_viewer(e.winner, name, caption) for e, name, caption in zip(entries, names, captions, strict=True)]
+    return render(
+        "gallery.html.j2",
+        folder,
+        tools,
+        title="Tools to print",
+        tasks=list(dict.fromkeys(entry.winner.run.task for entry in entries)),
+        entries=entries,
+        grams=grams,
+        size=size,
+        root=folder,
+        pictures={where: picture_address(data) for where, data in pictures.items()},
+        left_out=len(left_out),
+        printer=printer,
+    )
+
+
+def show(entries: Sequence[Entry]) -> None:
+    """Print a table."""
+    import rich.console
+
+    from core.report.tables import Column, Table
+    from core.report.terminal import rich_table
+
+    columns = (Column("task"), Column("place", 0), Column("tool"), Column("reward", 3), Column("to print"))
+    rows = [
+        (e.winner.run.task, e.place, e.winner.name, e.winner.reward, "ready" if e.ready else "; ".join(e.faults))
+        for e in entries
+    ]
+    rich.console.Console(file=sys.stdout).print(rich_table(Table("gallery", "", columns, tuple(rows))))
+
+
+def main() -> None:
+    folders, overrides = folders_and_overrides(USAGE)
+    cfg = load("gallery", overrides)
+    if not folders:
+        raise UsageError(f"no folder given; {USAGE}")
+    if cfg.top < 1:
+        raise UsageError(f"top must be at least 1, got {cfg.top}")
+    printer = Printer(tuple(cfg.plate_mm), cfg.min_wall_mm)
+    entries, left_out = gallery(folders, Path(cfg.output), cfg.top, printer)
+    show(entries)
+    if left_out:
+        sys.stdout.write(f"{len(left_out)} runs failed or are unfinished, and were left out\n")
+    sys.stdout.write(f"{Path(cfg.output) / 'index.html'}\n")
+
+
+if __name__ == "__main__":
+    command(main)
