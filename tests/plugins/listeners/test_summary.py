@@ -1,0 +1,157 @@
+"""What is said at the end of a run and of a multirun, and that the commands it names work as they stand."""
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.design import Candidate, Evaluation
+from core.interfaces import Reply
+from core.plugins import event_hub, installed
+from core.record import Generation, Result, Run
+from core.report.tables import number
+from tests.core.run_folders import hook
+
+TINY = [
+    "task=BringCube",
+    "budget.n_agent=1",
+    "budget.n_tool=2",
+    "budget.n_action=1",
+    "budget.n_iteration=1",
+    "film=false",
+    "logger=[progress,summary]",
+    "executor.workers=1",
+]
+
+
+def call(folder, *words):
+    return subprocess.run(
+        [sys.executable, "-m", *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        env=os.environ | {"COLUMNS": "100"},
+    )
+
+
+def tell(capsys, *rewards, replies=(), name="hook", **settings):
+    """What is printed of a run with these rewards by generation."""
+    events = event_hub()
+    events.register(installed().create("logger", "summary", settings))
+    for reply in replies:
+        events.hook.reply_received(request=None, reply=reply)
+    generations = []
+    for index, row in enumerate(rewards):
+        evaluations = []
+        for i, reward in enumerate(row):
+            candidate = Candidate(hook(0.1, name), np.zeros((1, 6)), index, 0, i)
+            good = Evaluation(candidate, "ok", reward=reward or 0.0, distance_m=0.5 + i)
+            evaluations.append(good if reward is not None else Evaluation(candidate, "rejected", reason="heavy"))
+        generations.append(Generation(index, tuple(evaluations)))
+    parts = {"task": "BringCube", "sim": "pybullet", "tool": "urdf"}
+    run = Run(Path("runs/it's here/x=1"), {"logger": {"rerun": {}}}, parts, "m", None, None, None, 3, None, None)
+    events.hook.run_finished(run=run, result=Result(tuple(generations), 1.0))
+    return capsys.readouterr().err
+
+
+def rows(said):
+    return [line.split() for line in said.splitlines()]
+
+
+def test_generations_and_tools(capsys):
+    said = rows(tell(capsys, [0.2, 0.4, None], [0.3, 0.1]))
+    assert ["0", "0.400", "0.400", "0.300", "0.141", "3", "1", "0"] in said
+    assert ["1", "0.300", "0.400", "0.200", "0.141", "2", "0", "0"] in said
+    tools = [line for line in said if line[-1:] == ["hook"]]
+    assert [line[0] for line in tools] == ["0.400", "0.300", "0.200"]
+    assert tools[0] == ["0.400", "1.50", "2", "10", "g0-a0-s1-p0", "hook"]
+
+
+def test_as_many_tools_as_asked_for(capsys):
+    said = rows(tell(capsys, [0.2, 0.4, 0.6], top=1))
+    assert [line[0] for line in said if line[-1:] == ["hook"]] == ["0.600"]
+
+
+def test_what_the_model_took(capsys):
+    replies = [
+        Reply("a", "", "m", prompt_tokens=10, completion_tokens=5, cost_usd=0.5),
+        Reply("b", "", "m", error="no"),
+        Reply("c", "", "m", prompt_tokens=1, cost_usd=0.25),
+    ]
+    assert "3 replies, 1 of them failed, 16 tokens, 0.75 USD" in tell(capsys, [0.5], replies=replies)
+    assert "1 replies\n" in tell(capsys, [0.5], replies=[Reply("a", "", "m")])
+
+
+def test_a_models_words_stay_words(capsys):
+    said = tell(capsys, [0.5], name="[red]x[/]\x1b[31m\nevil")
+    assert "[red]x[/][31m evil" in said
+    assert "\x1b[31m" not in said
+
+
+def test_nothing_could_be_tried(capsys):
+    said = tell(capsys, [None])
+    assert ["0", "–", "0.000", "–", "–", "1", "1", "0"] in rows(said)
+    assert "core.evaluate" not in said
+
+
+def test_commands_are_quoted(capsys):
+    lines = [line for line in tell(capsys, [0.5]).splitlines() if line.startswith("python -m ")]
+    words = [shlex.split(line)[2:] for line in lines]
+    folder = "runs/it's here/x=1"
+    assert words == [
+        ["core.view", folder],
+        ["core.report", folder],
+        ["core.gallery", folder],
+        [
+            *("core.evaluate", "task=BringCube", "sim=pybullet", "tool=urdf", "seed=3"),
+            f'designs="{folder}/best/design.json"',
+        ],
+    ]
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """A multirun in a folder, and what it said."""
+    folder = tmp_path_factory.mktemp("swept")
+    done = call(folder, "core.run", "-m", *TINY, "seed=0,1", "hydra.sweep.dir=multirun/of it")
+    assert done.returncode == 0, done.stderr
+    return folder, done
+
+
+def test_a_multirun_says_at_its_end_what_it_came_to(swept):
+    folder, done = swept
+    told = [json.loads((path / "result.json").read_text()) for path in (folder / "multirun" / "of it").glob("*/")]
+    rewards = [t["best"]["reward"] for t in told]
+    line = next(line for line in done.stderr.splitlines() if line.strip().startswith("BringCube"))
+    runs, best, average = line.split()[-5:-2]
+    assert (int(runs), best, average) == (2, number(max(rewards), 3), number(np.mean(rewards), 3))
+    commands = [line for line in done.stderr.splitlines() if line.startswith("python -m ")]
+    assert commands == ["python -m core.report 'multirun/of it'", "python -m core.gallery 'multirun/of it'"]
+
+
+def test_the_commands_it_names_work(swept):
+    folder, _ = swept
+    done = call(folder, "core.run", *TINY, "seed=0", 'hydra.run.dir="runs/a=b, c"')
+    assert done.returncode == 0, done.stderr
+    commands = [line for line in done.stderr.splitlines() if line.startswith("python -m ")]
+    assert len(commands) == 3
+    for line in commands:
+        again = call(folder, *shlex.split(line)[2:])
+        assert again.returncode == 0, again.stderr
+        assert "Traceback" not in again.stderr
+    assert (folder / "report" / "index.html").exists()
+    assert (folder / "gallery" / "index.html").exists()
+
+
+def test_a_multirun_whose_jobs_all_fail_says_why_and_nothing_else(tmp_path):
+    done = call(tmp_path, "core.run", "-m", *TINY, "seed=-1,-2")
+    assert done.returncode == 2
+    assert "seed must be 0 or greater" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert "Callback" not in done.stderr
