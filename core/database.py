@@ -110,6 +110,7 @@ class Database:
                 )
                 self._connection.row_factory = sqlite3.Row
                 self._connection.execute("PRAGMA journal_mode=WAL")
+                self._connection.execute("PRAGMA synchronous=FULL")  # what is committed outlives a power cut
         except BaseException:
             self._lock.release()
             raise

@@ -48,6 +48,10 @@ MISTAKES = [
     ("run", ["executor.workers=0"], "executor.workers must be at least 1, got 0"),
     ("run", ["seed=-1"], "seed"),
     ("run", ["prompt.dir=no_such_folder"], "no_such_folder"),
+    ("run", ["hydra.run.dir=/proc/run"], "can't write /proc/run: "),
+    ("run", ["resume=nowhere"], "nowhere holds no run"),
+    ("run", ["resume=nowhere", "resume=elsewhere"], "resume=RUN_DIR goes on with one run"),
+    ("run", ["-m", "resume=nowhere"], "-m resume=nowhere: resume=RUN_DIR goes on with one run, such as a sweep's"),
     ("evaluate", [], "no designs file given; usage: "),
     ("evaluate", ["--designs", "x"], "can't read '--designs'; usage: "),
     ("evaluate", ["designs=missing.json"], "no designs file missing.json"),
@@ -60,6 +64,8 @@ MISTAKES = [
     ("render", [f"designs={SOLUTION}", "strategy=1"], "has 1 strategies; there is no strategy=1"),
     ("render", ["task=OneBok"], "no task 'OneBok' (did you mean 'OneBook'?)"),
     ("render", ["width=0"], "width"),
+    ("prompt", ["prompt=evolve"], "this prompt evolves elites, and there are none"),
+    ("run", ["prompt=human", "prompt.file=missing.md"], "prompt.file=missing.md: there is no such file"),
 ]
 
 
@@ -77,7 +83,7 @@ def test_a_mistake_is_one_line_that_says_what_is_wrong(tmp_path, command, words,
 
 
 def test_help(tmp_path):
-    for command in ("evaluate", "render"):
+    for command in ("evaluate", "render", "prompt"):
         done = call(tmp_path, command, "--help")
         assert done.returncode == 0
         assert done.stdout.startswith(f"usage: python -m core.{command} task=NAME")

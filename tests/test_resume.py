@@ -27,7 +27,7 @@ from tests import toys
 ROOT = Path(__file__).parents[1]
 POINTS = int(os.environ.get("VLMGINEER_KILLS", "25"))
 TIMES = ("wall_time_s", "rollouts_per_s")
-LOCAL = ("notes", "limit", "fails_at")  # settings of toys
+LOCAL = ("notes", "limit", "fails_at", "workers")  # settings that may differ between sessions
 
 
 @pytest.fixture

@@ -1,0 +1,214 @@
+"""Real runs that are interrupted, ended and killed from outside: what is said, who is left, and how they go on."""
+
+import contextlib
+import json
+import os
+import pty
+import re
+import shlex
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from tests.test_resume import assert_same_run
+
+ROOT = Path(__file__).parents[1]
+SMALL = [
+    "task=BringCube",
+    "budget.n_agent=1",
+    "budget.n_tool=2",
+    "budget.n_action=3",
+    "budget.n_iteration=1",
+    "film=false",
+    "seed=5",
+    "logger=[progress]",
+]
+POINTS = int(os.environ.get("VLMGINEER_REAL_KILLS", "1"))
+PATIENCE_S = 180
+
+
+def start(folder, command, *words, **settings):
+    """``python -m core.COMMAND words...`` in a group of its own."""
+    words = [sys.executable, "-m", f"core.{command}", *words]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **settings}
+    return subprocess.Popen(words, cwd=folder, text=True, start_new_session=True, **pipes)
+
+
+def stored(folder):
+    """How many candidates are."""
+    try:
+        with closing(sqlite3.connect(f"file:{folder / 'run.sqlite'}?mode=ro", uri=True)) as database:
+            return database.execute("SELECT count(*) FROM evaluations").fetchone()[0]
+    except sqlite3.Error:
+        return 0
+
+
+def wait_until(what, process):
+    deadline = time.monotonic() + PATIENCE_S
+    while not what():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def living():
+    """The parent of every process; without those that are dead and wait for somebody to take notice."""
+    done = subprocess.run(["ps", "-A", "-o", "pid=,ppid=,stat="], capture_output=True, text=True, check=True)
+    rows = [line.split() for line in done.stdout.splitlines()]
+    return {int(own): int(parent) for own, parent, state in rows if state[0] != "Z"}
+
+
+def family(process):
+    """A process and all that descend from it."""
+    parents, found = living(), [process.pid]
+    for one in found:
+        found += [own for own, parent in parents.items() if parent == one]
+    return found
+
+
+def all_gone(pids):
+    """Whether they end soon, if they have not."""
+    deadline = time.monotonic() + 20
+    while set(pids) & set(living()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return not set(pids) & set(living())
+
+
+def finished(process):
+    """Exit code, standard output, standard error."""
+    out, err = process.communicate(timeout=PATIENCE_S)
+    assert "Traceback" not in err
+    return process.returncode, out, err
+
+
+def go_on(folder, *words):
+    code, out, err = finished(start(folder.parent, "run", f"resume={folder}", *words))
+    assert code == 0, err
+    return out
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A run that nothing happened to."""
+    folder = tmp_path_factory.mktemp("whole") / "run"
+    code, _, err = finished(start(folder.parent, "run", *SMALL, f"hydra.run.dir={folder}"))
+    assert code == 0, err
+    return folder
+
+
+# --- Ctrl-C -----------------------------------------------------------------------------------------------------
+
+
+class Terminal:
+    """A run at a terminal, which is read as it goes."""
+
+    def __init__(self, folder, *words):
+        self.ours, theirs = pty.openpty()
+        command = [sys.executable, "-m", "core.run", *words]
+        environment = os.environ | {"TERM": "xterm", "COLUMNS": "200"}
+        self.run = subprocess.Popen(command, cwd=folder, env=environment, preexec_fn=lambda: os.login_tty(theirs))
+        os.close(theirs)
+        self.said = b""
+        self.reader = threading.Thread(target=self.read, daemon=True)
+        self.reader.start()
+
+    def read(self):
+        with contextlib.suppress(OSError):  # the other end is closed
+            while data := os.read(self.ours, 4096):
+                self.said += data
+
+    def type(self, key):
+        os.write(self.ours, key)
+
+    def end(self):
+        """Exit code, and all that was said."""
+        code = self.run.wait(PATIENCE_S)
+        self.reader.join(PATIENCE_S)
+        os.close(self.ours)
+        return code, self.said.decode()
+
+
+def test_ctrl_c_at_a_terminal_and_the_run_goes_on(whole, tmp_path):
+    folder = tmp_path / "a run"
+    terminal = Terminal(tmp_path, *SMALL, f"hydra.run.dir='{folder}'")
+    wait_until(lambda: stored(folder) > 0, terminal.run)
+    processes = family(terminal.run)
+    assert len(processes) > 1
+    terminal.type(b"\x03")
+    code, said = terminal.end()
+    assert code == 130
+    assert all_gone(processes)
+    assert "Traceback" not in said
+    assert "generation 0" in said  # the bar; it is wiped out, and the cursor is given back
+    assert said.rindex("\x1b[?25h") > said.rindex("\x1b[?25l")
+    *_, last, empty = re.split(r"[\r\n]+", said)
+    assert last == f"interrupted; to go on: python -m core.run resume='{folder}'"
+    assert empty == ""
+    assert json.loads((folder / "result.json").read_text())["stopped"] == "interrupted"
+    assert (folder / "best" / "design.json").exists()
+
+    command = shlex.split(last.partition("python -m ")[2])
+    assert command[0] == "core.run"
+    code, out, err = finished(start(tmp_path, "run", *command[1:], "executor.workers=1"))
+    assert code == 0, err
+    assert out.splitlines()[-1] == str(folder / "best")
+    assert_same_run(folder, whole)
+
+
+# --- kill -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("point", range(POINTS))
+def test_a_run_whose_process_is_killed_leaves_nobody_and_goes_on(whole, tmp_path, point):
+    """With real workers, a real engine, and the embedded designer; at so many evaluations."""
+    folder = tmp_path / "run"
+    run = start(tmp_path, "run", *SMALL, f"hydra.run.dir={folder}", "executor.workers=2")
+    wait_until(lambda: stored(folder) > point * 12 // POINTS, run)
+    processes = family(run)
+    run.kill()
+    assert finished(run)[0] == -signal.SIGKILL
+    assert all_gone(processes)
+    before = stored(folder)
+    assert 0 < before < 12
+    go_on(folder, "executor.workers=2")
+    assert_same_run(folder, whole)
+
+
+# --- SIGTERM ----------------------------------------------------------------------------------------------------
+
+
+def test_a_sweep_that_is_ended(tmp_path):
+    """By a scheduler, say, which signals every process of the group."""
+    folder = tmp_path / "sweep"
+    words = [word for word in SMALL if not word.startswith("seed=")]
+    run = start(tmp_path, "run", "-m", *words, "seed=5,6", f"hydra.sweep.dir={folder}", "hydra.sweep.subdir=${seed}")
+    wait_until(lambda: stored(folder / "5") > 0, run)
+    processes = family(run)
+    os.killpg(run.pid, signal.SIGTERM)
+    code, out, err = finished(run)
+    assert code == 130
+    assert all_gone(processes)
+    assert "best" not in out
+    assert err.splitlines()[-1] == f"interrupted; to go on: python -m core.run resume={folder / '5'}"
+    assert not (folder / "6").exists()
+
+
+def test_an_evaluation_that_is_ended(tmp_path):
+    document = json.loads((ROOT / "tests" / "tasks" / "solutions" / "BringCube.json").read_text())
+    (plan,) = document["strategies"][0]["action_sets"]
+    plans = [[[x + 1e-4 * i, *others] for x, *others in plan] for i in range(400)]
+    document["strategies"][0]["action_sets"] = plans
+    (tmp_path / "designs.json").write_text(json.dumps(document))
+    run = start(tmp_path, "evaluate", "task=BringCube", "designs=designs.json", "executor.workers=2")
+    wait_until(lambda: len(family(run)) > 2, run)
+    processes = family(run)
+    run.send_signal(signal.SIGTERM)
+    assert finished(run) == (130, "", "interrupted\n")
+    assert all_gone(processes)
