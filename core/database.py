@@ -64,7 +64,7 @@ _REFUSALS = {
     sqlite3.SQLITE_CORRUPT,
     sqlite3.SQLITE_NOTADB,
 }
-_PATIENCE_S = 60.0  # with whoever else has the file open, such as a person's SQLite shell
+_PATIENCE_S = 10.0  # with whoever else has the file open, such as a person's SQLite shell
 
 
 @contextmanager

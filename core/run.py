@@ -143,6 +143,8 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
             tell_best(ended["best"], folder)
             return
         store.overrides = overrides
+        there = f"{len(store.past.replies)} replies and {len(store.past.candidates)} evaluated candidates are there"
+        sys.stderr.write(f"{folder} goes on: {there}\n")
         tell(run(cfg, folder, store), folder)
     finally:
         store.run_ended()
@@ -157,8 +159,10 @@ def tell(result: Result, folder: Path) -> None:
     """
     if result.stopped == INTERRUPTED:
         raise KeyboardInterrupt(to_go_on(folder))
+    if result.best is None and result.stopped is not None:
+        raise UserError(f"no candidate could be tried: {result.stopped}; {to_go_on(folder)}")
     reasons = [e.reason for g in result.generations for e in g.evaluations]
-    tell_best(best_figures(result), folder, result.stopped or (reasons[0] if reasons else "no candidate came"))
+    tell_best(best_figures(result), folder, reasons[0] if reasons else "no candidate came")
     if result.stopped is not None:
         sys.stderr.write(f"stopped: {result.stopped}\n{to_go_on(folder)}\n")
 

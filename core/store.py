@@ -116,8 +116,8 @@ class RunStore:
                 overrides=json.dumps(list(self.overrides)),
                 versions=json.dumps(found),
             )
-            if run.config != self.config:
-                self._database.execute("UPDATE run SET config = ?", json.dumps(run.config))
+            # Until it ends again it has not ended, whatever befalls it.
+            self._database.execute("UPDATE run SET config = ?, result = NULL", json.dumps(run.config))
 
     def _compare(self, before: dict[str, str], now: dict[str, str]) -> None:
         names = sorted(name for name in {*before, *now} if before.get(name) != now.get(name))

@@ -20,7 +20,7 @@ from omegaconf import OmegaConf
 from core.database import _STEPS, FILE, LOCK, SCHEMA_VERSION
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from core.run import resume, run
+from core.run import resume, run, tell
 from core.store import RunStore
 from tests import toys
 
@@ -147,6 +147,7 @@ def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(toy, who
     said = capsys.readouterr()
     assert said.out.splitlines()[-1] == str(folder / "best")
     assert said.err.splitlines() == [
+        f"{folder} goes on: 6 replies and 21 evaluated candidates are there",
         f"stopped: {result.stopped}",
         f"to go on: python -m core.run resume={folder}",
     ]
@@ -247,6 +248,29 @@ def test_more_generations_can_be_asked_for(toy, tmp_path):
     assert [json.loads(overrides) for (overrides,) in notes] == [[], ["budget.n_iteration=2"]]
     with pytest.raises(UsageError, match=r"budget\.n_iteration .* can only be raised; it is 2"):
         resume(folder, ["budget.n_iteration=1"])
+
+
+def test_a_run_that_had_ended_and_was_killed_while_it_went_on_has_not_ended(toy, tmp_path, monkeypatch):
+    """A resume of ShinkaEvolve (#98) believed itself finished."""
+    whole, folder = tmp_path / "whole", tmp_path / "run"
+    run(toys.config(tmp_path / "other notes", "budget.n_iteration=2"), whole)
+    begin(toy, folder)
+    with monkeypatch.context() as patched:
+        patched.setattr("core.run.save_design", lambda *_: 1 / 0)  # nothing after this is written
+        with pytest.raises(ZeroDivisionError):
+            resume(folder, ["budget.n_iteration=2"])
+    resume(folder)
+    assert len(toy.lines("asked")) == 12
+    assert_same_run(folder, whole)
+
+
+def test_a_limit_before_anything_came(toy, tmp_path):
+    cfg = toys.config(toy.file)
+    OmegaConf.update(cfg, "vlm.limit", 0, force_add=True)
+    result = run(cfg, tmp_path / "run")
+    assert (result.generations, result_of(tmp_path / "run")["best"]) == ((), None)
+    with pytest.raises(UserError, match=r"no candidate could be tried: 0 replies are .*; to go on: python -m core.run"):
+        tell(result, tmp_path / "run")
 
 
 REFUSED = [
