@@ -113,42 +113,51 @@ def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
         raise UserError(f"{run.folder} has no {STORE}, and so no designs")
     given, representation = given_tool(run), _part(run, "tool")
     query = (
-        "SELECT evaluations.*, strategies.design FROM evaluations JOIN strategies USING (generation, agent, strategy)"
+        "SELECT candidate, generation, agent, strategy FROM evaluations"
         " WHERE status = 'ok' AND generation = coalesce(:generation, generation)"
-        " ORDER BY reward DESC, distance_m, generation, agent, strategy, plan"
+        " ORDER BY reward DESC, distance_m IS NULL, distance_m, generation, agent, strategy, plan"
     )
     seen = set()
-    with opened(run.folder / STORE) as database, closing(database.execute(query, {"generation": generation})) as rows:
-        for row in rows:
-            key = (row["generation"], row["agent"], row["strategy"])
-            if key in seen:
-                continue
-            seen.add(key)
-            design = json.loads(row["design"])
-            try:
-                tool = given or representation.parse(design, gripper=bool(design["gripper"]))
-            except DesignError as error:
-                raise UserError(f"the design of {row['candidate']} can't be read again: {error}") from error
-            text = {
-                name: clean(str(design.get(name) or ""), longest)
-                for name, longest in (
-                    *(("strategy_name", MAX_NAME), ("strategy_description", MAX_DESCRIPTION)),
-                    *(("tool_name", MAX_NAME), ("tool_description", MAX_DESCRIPTION)),
-                )
-            }
-            if given is None:
-                tool = replace(tool, name=text["tool_name"], description=text["tool_description"])
-            yield Winner(
-                run,
-                tool,
-                row["candidate"],
-                row["generation"],
-                row["reward"],
-                row["distance_m"],
-                design | {"action_sets": [json.loads(row["waypoints"])]},
-                text["strategy_name"],
-                text["strategy_description"],
-            )
+    with opened(run.folder / STORE) as database, closing(database.execute(query, {"generation": generation})) as order:
+        for candidate, *key in order:
+            if tuple(key) not in seen:
+                seen.add(tuple(key))
+                yield _winner(run, _stored(database, candidate), given, representation)
+
+
+def _stored(database: sqlite3.Connection, candidate: str) -> sqlite3.Row:
+    row: sqlite3.Row = database.execute(
+        "SELECT evaluations.*, strategies.design FROM evaluations JOIN strategies USING (generation, agent, strategy)"
+        " WHERE candidate = ?",
+        [candidate],
+    ).fetchone()
+    return row
+
+
+def _winner(run: FinishedRun, row: sqlite3.Row, given: Tool | None, representation: ToolRepresentation) -> Winner:
+    design = json.loads(row["design"])
+    try:
+        tool = given or representation.parse(design, gripper=bool(design["gripper"]))
+    except DesignError as error:
+        raise UserError(f"the design of {row['candidate']} can't be read again: {error}") from error
+    if given is None:
+        name, description = _text(design, "tool_name", MAX_NAME), _text(design, "tool_description", MAX_DESCRIPTION)
+        tool = replace(tool, name=name, description=description)
+    return Winner(
+        run,
+        tool,
+        row["candidate"],
+        row["generation"],
+        row["reward"],
+        row["distance_m"],
+        design | {"action_sets": [json.loads(row["waypoints"])]},
+        _text(design, "strategy_name", MAX_NAME),
+        _text(design, "strategy_description", MAX_DESCRIPTION),
+    )
+
+
+def _text(design: dict[str, Any], name: str, longest: int) -> str:
+    return clean(str(design.get(name) or ""), longest)
 
 
 # --- solids -----------------------------------------------------------------------------------------------------
