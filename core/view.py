@@ -1,0 +1,171 @@
+"""``python -m core.view RUN_DIR [web=true] [port=N]``: a run's recording in Rerun's viewer; in a window, or with
+``web=true`` in the browser. Whatever listens, listens on this machine only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import IO
+from urllib.parse import quote
+
+from core.cli import command, folders_and_overrides
+from core.errors import UsageError, UserError
+from core.plugins import check_settings
+
+HERE = "127.0.0.1"
+USAGE = "usage: python -m core.view RUN_DIR [web=true] [port=N]"
+_RERUN = "import sys, rerun_cli.__main__ as rerun; sys.exit(rerun.main())"  # as its console script does
+_START_S = 30.0  # a viewer that doesn't listen by then won't
+_END_S = 5.0
+
+
+def recordings(run: Path) -> list[Path]:
+    """That of a run's folder, those of a multirun's, or ``run`` itself, if it is one.
+
+    Raises:
+        UserError: there is none.
+    """
+    if run.suffix == ".rrd" and run.is_file():
+        return [run]
+    if not run.is_dir():
+        raise UserError(f"no run folder {run}")
+    found = sorted(run.glob("recording.rrd")) or sorted(run.glob("*/recording.rrd"))
+    if not found:
+        raise UserError(f"{run} holds no recording.rrd; a run to which the logger rerun listens leaves one")
+    return found
+
+
+def start_viewer(*arguments: str, output: IO[bytes] | int = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
+    """Rerun's viewer, bound to this machine, in a process group of its own, so that the terminal's Ctrl-C does not
+    reach it.
+
+    Raises:
+        UserError: Rerun is not installed.
+    """
+    if importlib.util.find_spec("rerun_cli") is None:
+        raise UserError("Rerun's viewer is not installed: pip install rerun-sdk")
+    words = [sys.executable, "-c", _RERUN, *arguments, "--bind", HERE]
+    return subprocess.Popen(  # noqa: S603
+        words, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+    )
+
+
+def end(viewer: subprocess.Popen[bytes]) -> None:
+    """End a viewer and what it has started."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(viewer.pid, number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            viewer.wait(_END_S)
+            return
+
+
+def listens(port: int, host: str = HERE) -> bool:
+    """Whether somebody does."""
+    try:
+        with socket.create_connection((host, port), timeout=1.0):
+            return True
+    except OSError:
+        return False
+
+
+def free_port(wanted: int = 0) -> int:
+    """``wanted``, or with 0 any that nobody listens on.
+
+    Raises:
+        UserError: it is taken.
+    """
+    with socket.socket() as door:
+        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            door.bind((HERE, wanted))
+        except (OSError, OverflowError) as error:
+            raise UserError(
+                f"port {wanted} of {HERE} can't be had ({error}); choose another with port=N, or any with port=0"
+            ) from error
+        return int(door.getsockname()[1])
+
+
+@contextlib.contextmanager
+def served(files: Sequence[Path], port: int) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """The web viewer with recordings in it: its address, and the process that serves it until the end of the block.
+
+    Raises:
+        UserError: the port is taken, or the viewer does not start.
+    """
+    page, data = free_port(port), free_port()
+    ports = ("--web-viewer-port", str(page), "--port", str(data))
+    with tempfile.TemporaryFile() as output:
+        viewer = start_viewer(*map(str, files), "--serve-web", *ports, output=output)
+        try:
+            deadline = time.monotonic() + _START_S
+            while not (listens(page) and listens(data)):
+                if viewer.poll() is not None or time.monotonic() > deadline:
+                    raise UserError(f"the web viewer did not start: {_last_line(output)}")
+                time.sleep(0.05)
+            yield f"http://{HERE}:{page}/?url={quote(f'rerun+http://{HERE}:{data}/proxy', safe='')}", viewer
+        finally:
+            end(viewer)
+
+
+def window(files: Sequence[Path]) -> None:
+    """Show recordings in a window, until it is closed.
+
+    Raises:
+        UserError: no window can be opened.
+    """
+    with tempfile.TemporaryFile() as output:
+        viewer = start_viewer(*map(str, files), "--port", str(free_port()), output=output)
+        try:
+            status = viewer.wait()
+        finally:
+            end(viewer)
+        if status:
+            raise UserError(
+                f"the viewer ended with status {status}: {_last_line(output)}; without a screen, use web=true"
+            )
+
+
+def _last_line(output: IO[bytes]) -> str:
+    output.seek(0)
+    lines = output.read().decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else "it said nothing"
+
+
+def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
+    """Show recordings until the window is closed or an interrupt comes, which is how a server is meant to be ended.
+
+    Raises:
+        UserError: they can't be shown.
+    """
+    with contextlib.suppress(KeyboardInterrupt):
+        if not web:
+            window(files)
+            return
+        with served(files, port) as (address, viewer):
+            sys.stdout.write(f"{address}\n")
+            sys.stdout.flush()
+            sys.stderr.write("Ctrl-C ends it\n")
+            raise UserError(f"the web viewer ended by itself, with status {viewer.wait()}")
+
+
+def main() -> None:
+    folders, options = folders_and_overrides(USAGE)
+    if len(folders) != 1:
+        raise UsageError(f"{len(folders)} run folders given, where one is needed; {USAGE}")
+    settings = check_settings(view, dict(option.split("=", 1) for option in options), "core.view", {"files": None})
+    view(recordings(folders[0]), **settings)
+
+
+if __name__ == "__main__":
+    command(main)

@@ -1,0 +1,140 @@
+"""Hears what happens in a run and has it written down for Rerun. Nothing that fails here is the run's concern."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Literal
+
+from core.design import Evaluation, best_first
+from core.errors import check_positive
+from core.hooks import hookimpl
+from core.interfaces import Reply, Request
+from plugins.listeners.rerun.sinks import address, sinks
+from plugins.listeners.rerun.spending import Spending
+
+if TYPE_CHECKING:
+    from core.record import Generation, Run
+    from plugins.listeners.rerun.streams import Streams
+    from plugins.listeners.rerun.writer import Writer
+
+FILE = "recording.rrd"
+
+
+class RerunListener:
+    """Records what can be seen of a run in its folder, in ``recording.rrd``. The first failure is told in one line, and
+    nothing is recorded from there on.
+
+    Args:
+        spawn: show the recording as it grows, in a viewer on this machine that is opened if there is none.
+        connect: send it to a viewer elsewhere: ``HOST:PORT``, a port of this machine, or Rerun's own address.
+        elites: play a generation's ``best`` again to be seen, or ``all`` of its best tools, at most ``k_top``.
+        hz: frames per simulated second.
+    """
+
+    def __init__(
+        self,
+        spawn: bool = False,
+        connect: str | None = None,
+        elites: Literal["best", "all"] = "best",
+        hz: float = 25.0,
+    ) -> None:
+        check_positive("logger.rerun.", hz=hz)
+        self._spawn = spawn
+        self._connect = None if connect is None else address(connect)
+        self._elites = elites
+        self._hz = hz
+        self._run: Run | None = None
+        self._streams: Streams | None = None
+        self._writer: Writer | None = None
+        self._spent: dict[int, Spending] = {}
+        self._lock = threading.Lock()  # replies come from a thread of their own
+
+    @hookimpl
+    def run_started(self, run: Run) -> None:
+        self._run = run
+        self._attempt(self._open, run)
+
+    @hookimpl
+    def reply_received(self, request: Request, reply: Reply) -> None:
+        with self._lock:
+            generation = request.brief.generation
+            self._spent[generation] = self._spent.get(generation, Spending()) + reply
+
+    @hookimpl
+    def generation_finished(self, generation: Generation) -> None:
+        if self._writer is not None and self._streams:
+            self._attempt(self._record, generation)
+
+    @hookimpl
+    def run_ended(self) -> None:
+        if self._streams is not None:
+            self._attempt(self._streams.close)
+            self._streams = None
+
+    def _open(self, run: Run) -> None:
+        with _quiet():  # Rerun takes a third of a second to import, so only now
+            from plugins.listeners.rerun.streams import Streams
+            from plugins.listeners.rerun.writer import Writer
+
+        found = sinks(run.folder / FILE, self._spawn, self._connect, _say)
+        self._streams = Streams(found, f"{run.task.name}, {run.folder.name}", _say)
+        self._writer = Writer(run, self._streams)
+
+    def _record(self, generation: Generation) -> None:
+        from plugins.listeners.rerun.replay import replay
+
+        assert self._run is not None
+        assert self._writer is not None
+        ranked = best_tools(generation, self._run.budget.k_top)
+        with self._lock:
+            spent = self._spent.get(generation.index, Spending())
+        self._writer.generation(generation, ranked, spent)
+        shown = list(enumerate(ranked, start=1))[: None if self._elites == "all" else 1]
+        for rank, evaluation in reversed(shown):  # the best last: it is what stays to be seen
+            try:
+                played = replay(self._run, evaluation.candidate, self._hz)
+            except ValueError as error:
+                self._writer.unseen(generation.index, evaluation, str(error))
+            else:
+                self._writer.rollout(generation.index, rank, evaluation, played)
+
+    def _attempt(self, function: Callable[..., None], *arguments: object) -> None:
+        try:
+            function(*arguments)
+        except Exception as error:  # whatever Rerun, the disk or the network raises
+            self._writer = None
+            _say(f"no recording from here on: {_reason(error)}")
+
+
+def best_tools(generation: Generation, most: int) -> list[Evaluation]:
+    """Of each tool its best candidate, the best tools first, at most so many."""
+    tools: dict[tuple[int, int, int], Evaluation] = {}
+    for evaluation in best_first(generation.evaluations):
+        tools.setdefault(evaluation.candidate.key[:3], evaluation)
+    return list(tools.values())[:most]
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Rerun, imported here, writes no log lines to the terminal: what fails is raised as well."""
+    before = os.environ.get("RUST_LOG")
+    os.environ.setdefault("RUST_LOG", "off")
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["RUST_LOG"]
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ModuleNotFoundError) and error.name == "rerun":
+        return "Rerun is not installed (pip install rerun-sdk)"
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _say(what: str) -> None:
+    sys.stderr.write(f"rerun: {what}\n")

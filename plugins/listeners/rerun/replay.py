@@ -1,0 +1,45 @@
+"""A candidate's rollout once more, to be looked at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.design import Candidate
+from core.geometry import Array
+from core.interfaces import Recording
+from core.kinematics import arm
+from core.record import Run
+from core.rollout import prepare
+from core.scene import State
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """What a candidate does: the recording over instants (T,), the reward (T,) if it ended there, nan while the scene
+    settles, and the way of the end-effector's origin, (T, 3).
+    """
+
+    recording: Recording
+    rewards: Array
+    path: Array
+
+
+def replay(run: Run, candidate: Candidate, hz: float) -> Replay:
+    """Play a candidate in the run's own simulator, in this process.
+
+    Raises:
+        ValueError: the rollout breaks, or the run has no simulator.
+    """
+    if run.simulator is None:
+        raise ValueError("the run has no simulator to play it with")
+    _, job = prepare(run.task, candidate, run.seed, run.settings, record_hz=hz)
+    outcome = run.simulator.rollout(run.task, [job])[0]
+    recording, start = outcome.recording, outcome.start
+    if recording is None or start is None:
+        raise ValueError(outcome.error or "no recording came back")
+    starts = State.stack([start] * len(recording.times))
+    rewards = np.asarray(run.task.reward(starts, recording.states), dtype=np.float64)
+    settled = np.where(recording.times >= 0, rewards, np.nan)
+    return Replay(recording, settled, arm().positions(recording.arm))

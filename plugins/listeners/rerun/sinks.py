@@ -1,0 +1,88 @@
+"""Where a recording goes: a file, and viewers that show it as it grows. One that is opened here listens on this machine
+only.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from core.errors import UsageError
+from core.view import HERE, listens, start_viewer
+
+PORT = 9876  # Rerun's own
+_WAIT_S = 15.0
+_SCREEN_S = 1.0  # it listens before it looks for a screen, and ends if there is none
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a viewer listens."""
+
+    host: str
+    port: int
+    url: str
+
+
+def address(text: str) -> Address:
+    """Of ``PORT``, ``HOST:PORT``, or ``rerun+http://HOST:PORT/proxy``.
+
+    Raises:
+        UsageError: it is none of these.
+    """
+    text = text.strip()
+    full = text if "://" in text else f"rerun+http://{HERE if text.isdigit() else ''}{':' * text.isdigit()}{text}/proxy"
+    try:
+        parts = urlsplit(full)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host, port = None, None
+    if not host or not port or parts.scheme not in ("rerun", "rerun+http", "rerun+https"):
+        raise UsageError(
+            f"logger.rerun.connect can't be {text!r}; it is HOST:PORT, a port of this machine, or "
+            "rerun+http://HOST:PORT/proxy"
+        )
+    return Address(host, port, full)
+
+
+def sinks(file: Path, spawn: bool, connect: Address | None, say: Callable[[str], None]) -> dict[str, Any]:
+    """The file, and the viewers that are there, by what a person is told that they are."""
+    import rerun as rr
+
+    found: dict[str, Any] = {str(file): rr.FileSink(file)}
+    viewers = []
+    if connect is not None:
+        if listens(connect.port, connect.host):
+            viewers.append(connect)
+        else:
+            say(f"nobody listens at {connect.host}:{connect.port}")
+    if spawn:
+        if listens(PORT) or _opened():
+            viewers.append(address(str(PORT)))
+        else:
+            say("no viewer can be opened here (is there a screen?)")
+    for viewer in viewers:
+        name = f"the viewer at {viewer.host}:{viewer.port}"
+        found[name] = rr.GrpcSink(viewer.url)
+        say(f"what is recorded goes to {name} too")
+    return found
+
+
+def _opened() -> bool:
+    """Whether a viewer could be opened. It outlives the run."""
+    viewer = start_viewer("--port", str(PORT), "--expect-data-soon")
+    deadline = time.monotonic() + _WAIT_S
+    while not listens(PORT):
+        if viewer.poll() is not None or time.monotonic() > deadline:
+            return False
+        time.sleep(0.1)
+    try:
+        viewer.wait(_SCREEN_S)
+    except subprocess.TimeoutExpired:
+        return True
+    return False

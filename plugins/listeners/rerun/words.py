@@ -1,0 +1,97 @@
+"""Texts of a recording. What a model wrote is shown as plain text, never as Markdown, which can fetch pictures and hide
+where a link leads.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Sequence
+
+from core.design import Candidate, Evaluation
+from core.record import Generation, Run
+
+MAX_NAME = 200
+MAX_TEXT = 4000
+_INDENT = "    "  # before every line of a model's, so that none can pass for one of ours
+
+
+def clean(text: str, most: int, *, lines: bool = False) -> str:
+    """Without characters that are not seen or that turn the direction of reading, and cut to ``most`` characters; in
+    one line, or with its ``lines``.
+    """
+    text = "\n".join(text[: 4 * most].splitlines()) if lines else " ".join(text[: 4 * most].split())
+    kept = "".join(c for c in text if c == "\n" or unicodedata.category(c)[0] not in "C")
+    return kept if len(kept) <= most else f"{kept[: most - 1].rstrip()}…"
+
+
+def design_text(evaluation: Evaluation, replayed: float | None, note: str = "") -> str:
+    """What is to be read beside a candidate. ``replayed``: what the rollout that is shown earned."""
+    candidate = evaluation.candidate
+    lines = [
+        f"candidate {candidate.id}, reward {evaluation.reward:.3f}, distance {evaluation.distance_m:.2f} m",
+        _descent(candidate),
+    ]
+    if replayed is not None and abs(replayed - evaluation.reward) > 1e-6:
+        lines.append(f"the rollout that is shown earned {replayed:.3f}")
+    lines += [note] if note else []
+    tool = candidate.tool
+    if tool is not None and tool.components:
+        lines += ["", "tool, in the model's words:", *_quoted(tool.name, tool.description)]
+    lines += ["", "strategy, in the model's words:", *_quoted(candidate.strategy_name, candidate.strategy_description)]
+    if candidate.action_description:
+        lines += ["", "motion, in the model's words:", *_quoted(candidate.action_description)]
+    if tool is not None and tool.components:
+        lines += ["", "components:"]
+        for component in tool.components:
+            name, parent = clean(component.name, MAX_NAME), clean(component.parent, MAX_NAME)
+            lines.append(f"{_INDENT}{name} on {parent}, {1000 * component.mass:.0f} g")
+    return "\n".join(lines) + "\n"
+
+
+def tools_text(ranked: Sequence[Evaluation], reward_save: float) -> str:
+    """What is to be read beside a generation's best tools; those that earned more than ``reward_save`` are elites."""
+    lines = []
+    for rank, evaluation in enumerate(ranked, start=1):
+        candidate = evaluation.candidate
+        elite = "an elite" if evaluation.reward > reward_save else "no elite"
+        lines.append(
+            f"{rank}: {elite}, candidate {candidate.id}, reward {evaluation.reward:.3f}, {_descent(candidate)}"
+        )
+        if candidate.tool is not None:
+            lines += [*_quoted(candidate.tool.name, candidate.tool.description), ""]
+    return "\n".join(lines) + "\n"
+
+
+def _descent(candidate: Candidate) -> str:
+    match candidate.parents:
+        case ():
+            return "a fresh design"
+        case (parent,):
+            return f"a mutation of {parent}"
+        case parents:
+            return f"a crossover of {' and '.join(parents)}"
+
+
+def _quoted(*texts: str) -> list[str]:
+    lines = [line for text in texts for line in clean(text, MAX_TEXT, lines=True).splitlines() if line.strip()]
+    return [f"{_INDENT}{line}" for line in lines] or [f"{_INDENT}(nothing)"]
+
+
+def run_text(run: Run, generations: Sequence[Generation], spent: Sequence[str]) -> str:
+    """The run so far, in Markdown: nothing in it is a model's. ``spent``: of each generation, tokens and cost."""
+    parts = ", ".join(f"{kind}={name}" for kind, name in run.parts.items())
+    lines = [
+        f"# {run.task.name}",
+        run.task.description,
+        "",
+        f"`{parts}, seed={run.seed}`",
+        "",
+        "| generation | best | mean | candidates | rejected | failed | tokens and cost |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for generation, cost in zip(generations, spent, strict=True):
+        best, mean = generation.best, generation.mean_reward
+        figures = ["" if x is None else f"{x:.3f}" for x in (best.reward if best else None, mean)]
+        counts = [len(generation.evaluations), generation.count("rejected"), generation.count("failed")]
+        lines.append(f"| {generation.index} | {' | '.join(map(str, [*figures, *counts, cost]))} |")
+    return "\n".join(lines) + "\n"

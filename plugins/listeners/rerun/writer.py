@@ -1,0 +1,217 @@
+"""What goes into a recording, and when.
+
+There are two timelines. ``sim_time`` runs through the rollouts that are shown, one after another, in their own seconds;
+``generation`` counts. What belongs to a generation begins on both where its rollouts begin, so that everything is there
+on either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Evaluation, Tool
+from core.geometry import Array, Pose
+from core.record import Generation, Run
+from plugins.listeners.rerun.arm import Track, links, tracks
+from plugins.listeners.rerun.layout import Parts, layout
+from plugins.listeners.rerun.lineage import Lineage
+from plugins.listeners.rerun.replay import Replay
+from plugins.listeners.rerun.shapes import Triangles, rgba, tool_alone, tool_parts, triangles
+from plugins.listeners.rerun.spending import Spending
+from plugins.listeners.rerun.streams import Path, Streams
+from plugins.listeners.rerun.words import design_text, run_text, tools_text
+
+_PAUSE_S = 0.5  # between two rollouts
+_GAP_M = 0.08  # between two tools side by side
+_LEAST_M = 0.15  # that a tool is given of the row
+_PATH_COLOR = (230, 120, 20)
+_LABEL_COLOR = (90, 90, 90)
+_ELITE_COLOR = (20, 120, 60)
+_SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200), "spread": (150, 150, 150)}
+_HAND = ("panda_hand", *GRIPPER_MOUNTS)
+_MOUNTS = (RIGID_MOUNT, *GRIPPER_MOUNTS)
+
+
+class Writer:
+    """Writes what can be seen of a run."""
+
+    def __init__(self, run: Run, streams: Streams) -> None:
+        self._run = run
+        self._streams = streams
+        self._clock = 0.0
+        self._generations: list[Generation] = []
+        self._spent: list[Spending] = []
+        self._lineage = Lineage()
+        self._visible: set[Path] = set()  # of what comes and goes
+        self._row = 0.0
+        self._arranged: Parts | None = None
+        self._arrange()
+        self._scene()
+        self._links = links(gripper=True)
+        for name, mesh in self._links.items():
+            if name not in _HAND:
+                self._still(("world", "robot", name), _mesh(mesh))
+        for name, color in _SERIES.items():
+            self._still(("search", "reward", name), rr.SeriesLines(colors=color, names=name, widths=2.0))
+        for name in ("prompt", "completion"):
+            self._still(("search", "tokens", name), rr.SeriesLines(names=f"{name}, so far", widths=2.0))
+        self._still(("search", "cost_usd"), rr.SeriesLines(names="US$, so far", widths=2.0))
+        streams.flush()
+
+    def generation(self, generation: Generation, tools: Sequence[Evaluation], spent: Spending) -> None:
+        """A generation's figures, its best ``tools`` side by side, and whom they derive from."""
+        self._generations.append(generation)
+        self._spent.append(spent)
+        self._streams.at(self._clock, generation.index)
+        rewards = [e.reward for e in generation.evaluations if e.status == "ok"]
+        if rewards:
+            figures = {"best": max(rewards), "mean": float(np.mean(rewards)), "spread": float(np.std(rewards))}
+            for name, figure in figures.items():
+                self._put(("search", "reward", name), rr.Scalars(figure))
+        self._costs()
+        designed = [e for e in tools if e.candidate.tool is not None and e.candidate.tool.components]
+        self._side_by_side(designed)
+        self._put(
+            ("text", "tools"),
+            rr.TextDocument(tools_text(designed, self._run.budget.reward_save), media_type=rr.MediaType.TEXT),
+        )
+        self._lineage.add(generation.index, tools)
+        if self._lineage.places:
+            self._put(("lineage",), self._lineage.nodes(), self._lineage.arrows())
+        text = run_text(self._run, self._generations, [str(s) for s in self._spent])
+        self._put(("text", "run"), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+        self._arrange()
+        self._streams.flush()
+
+    def rollout(self, generation: int, rank: int, evaluation: Evaluation, replay: Replay) -> None:
+        """The arm, the tool and the scene in motion, the reward, and what the model said of it."""
+        candidate, recording = evaluation.candidate, replay.recording
+        assert candidate.tool is not None
+        self._streams.at(self._clock, generation)
+        self._mount(candidate.tool)
+        self._put(("world", "path"), rr.LineStrips3D([replay.path], colors=_PATH_COLOR, radii=0.002))
+        waypoints = rr.Points3D(candidate.plan[:, :3], colors=_PATH_COLOR, radii=0.008)
+        self._put(("world", "waypoints"), waypoints)
+        final = float(replay.rewards[-1])
+        text = f"generation {generation}, rank {rank}\n{design_text(evaluation, final)}"
+        self._put(("text", "design"), rr.TextDocument(text, media_type=rr.MediaType.TEXT))
+
+        times = recording.times - recording.times[0] + self._clock
+        for name, track in tracks(candidate.tool.gripper, recording.arm, recording.fingers).items():
+            self._move(("world", "robot", name), times, generation, track)
+        states = recording.states
+        for k, name in enumerate(states.names):
+            w_last = np.roll(states.quaternions[:, k], -1, axis=-1)
+            self._move(("world", "scene", name), times, generation, Track(states.positions[:, k], w_last))
+        known = np.isfinite(replay.rewards)
+        rewards = rr.Scalars.columns(scalars=replay.rewards[known])
+        self._streams.columns(("reward", candidate.id), times[known], generation, rewards)
+        self._clock = float(times[-1]) + _PAUSE_S
+        self._streams.flush()
+
+    def unseen(self, generation: int, evaluation: Evaluation, reason: str) -> None:
+        """Instead of a rollout that can't be shown."""
+        self._streams.at(self._clock, generation)
+        text = f"generation {generation}\n{design_text(evaluation, None, f'can not be shown: {reason}')}"
+        self._put(("text", "design"), rr.TextDocument(text, media_type=rr.MediaType.TEXT))
+        self._streams.flush()
+
+    # --- pieces -------------------------------------------------------------------------------------------------
+
+    def _scene(self) -> None:
+        for body in self._run.task.scene(self._run.seed).bodies:
+            path = ("world", "scene", body.name)
+            if body.fixed:
+                self._still(path, _transform(body.pose))
+            for k, part in enumerate(body.visuals):
+                opacity = rgba(part.color)[3]
+                mesh = _mesh(triangles(part.shape, (*part.color[:3], 1.0)), opacity)
+                self._still((*path, f"part_{k}"), mesh, _transform(part.pose))
+
+    def _mount(self, tool: Tool) -> None:
+        hand = {name: self._links[name] for name in _HAND} if tool.gripper else {}
+        for name in _HAND:
+            self._show(("world", "robot", name), hand.get(name), once=True)
+        parts = tool_parts(tool)
+        for mount in _MOUNTS:
+            self._show(("world", "robot", mount, "tool"), parts.get(mount))
+
+    def _side_by_side(self, tools: Sequence[Evaluation]) -> None:
+        """Each tool as it hangs from the arm at home, in a row along x; ranks from left to right as seen from -y."""
+        alone = [tool_alone(e.candidate.tool) for e in tools if e.candidate.tool is not None]
+        boxes = [(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)) for mesh in alone]
+        widths = [max(high[0] - low[0], _LEAST_M) + _GAP_M for low, high in boxes]
+        if sum(widths) > 1.2 * self._row:
+            self._row = sum(widths)
+        under = -max((high[2] - low[2] for low, high in boxes), default=0.0) - _GAP_M
+        x = -sum(widths) / 2
+        for rank in range(1, self._run.budget.k_top + 1):
+            path = ("tools", f"rank_{rank}")
+            if rank > len(alone):
+                self._show(path, None)
+                continue
+            (low, high), middle = boxes[rank - 1], x + widths[rank - 1] / 2
+            place = Pose(np.array([middle - (low[0] + high[0]) / 2, 0.0, -high[2]]))
+            self._show(path, alone[rank - 1].moved(place))
+            reward = tools[rank - 1].reward
+            color = _ELITE_COLOR if reward > self._run.budget.reward_save else _LABEL_COLOR
+            label = rr.Points3D([(middle, 0.0, under)], labels=f"{rank}: {reward:.2f}", colors=color, radii=0.001)
+            self._put((*path, "label"), label)
+            x += widths[rank - 1]
+
+    def _costs(self) -> None:
+        total = sum(self._spent, Spending())
+        counts = {"prompt": total.prompt_tokens, "completion": total.completion_tokens}
+        for name, count in counts.items():
+            if count is not None:
+                self._put(("search", "tokens", name), rr.Scalars(count))
+        if total.cost_usd is not None:
+            self._put(("search", "cost_usd"), rr.Scalars(total.cost_usd))
+
+    def _arrange(self) -> None:
+        """Send the layout, again where there is something new to see."""
+        total = sum(self._spent, Spending())
+        tokens = total.prompt_tokens is not None or total.completion_tokens is not None
+        parts = Parts(self._row, bool(self._lineage.edges), tokens, total.cost_usd is not None)
+        if parts != self._arranged:
+            self._streams.arrange(layout(self._run.task.camera, parts))
+            self._arranged = parts
+
+    # --- Rerun --------------------------------------------------------------------------------------------------
+
+    def _put(self, path: Path, *what: rr.AsComponents) -> None:
+        self._streams.log(path, *what)
+
+    def _still(self, path: Path, *what: rr.AsComponents) -> None:
+        self._streams.log(path, *what, static=True)
+
+    def _show(self, path: Path, mesh: Triangles | None, *, once: bool = False) -> None:
+        """What comes and goes; with ``once`` it is the same each time."""
+        if mesh is None:
+            if path in self._visible:
+                self._put(path, rr.Clear(recursive=True))
+                self._visible.discard(path)
+        elif not (once and path in self._visible):
+            self._put(path, _mesh(mesh))
+            self._visible.add(path)
+
+    def _move(self, path: Path, times: Array, generation: int, track: Track) -> None:
+        poses = rr.Transform3D.columns(translation=track.positions, quaternion=track.quaternions)
+        self._streams.columns(path, times, generation, poses)
+
+
+def _transform(pose: Pose) -> rr.Transform3D:
+    return rr.Transform3D(translation=pose.position, quaternion=np.roll(pose.quaternion, -1))
+
+
+def _mesh(shape: Triangles, opacity: int = 255) -> rr.Mesh3D:
+    return rr.Mesh3D(
+        vertex_positions=shape.vertices,
+        triangle_indices=shape.faces,
+        vertex_normals=shape.normals,
+        vertex_colors=shape.colors,
+        albedo_factor=(255, 255, 255, opacity),
+    )

@@ -1,0 +1,419 @@
+"""A recording is read back by Rerun's own reader; viewers are real ones, on loopback."""
+
+import re
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from rerun.chunk import RrdReader
+
+from core.config import load
+from core.design import Candidate, Evaluation, Tool
+from core.errors import UsageError
+from core.interfaces import Brief, Budget, Reply, Request, RolloutSettings
+from core.kinematics import arm
+from core.plugins import event_hub, installed
+from core.reading import load_designs, read_designs
+from core.record import Generation, Result, Run
+from core.rollout import evaluate
+from core.rules import SpawnRules
+from core.view import end, free_port, listens, start_viewer
+from plugins.listeners.rerun.sinks import address
+from plugins.listeners.rerun.words import MAX_NAME, MAX_TEXT, clean
+
+SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
+TASK = installed().create("task", "BringCube")
+URDF = installed().create("tool", "urdf")
+HOSTILE = (
+    "hook\x00\x1b[31m\u202egnitset\u200b\ud800 ![look](http://evil.example/x.png) <img src=x>\r"
+    "generation 9, rank 1\u2028candidate g9-a9-s9-p9, reward 1.000\n" + "x" * 50_000
+)
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    return installed().create("sim", "pybullet")
+
+
+@pytest.fixture(scope="module")
+def generations(simulator):
+    """One with a hook, the same in a hostile model's words, and a reject; then one with a bare hand that derives from
+    both, and stays where it is.
+    """
+    hook = replace(read_designs(load_designs(SOLUTION), URDF, SpawnRules(TASK, 0))[0], action=0)
+    hostile = replace(
+        hook,
+        tool=replace(hook.tool, name=HOSTILE, description=HOSTILE),
+        plan=hook.plan[:2],
+        strategy=1,
+        strategy_name=HOSTILE,
+        strategy_description=HOSTILE,
+        action_description=HOSTILE,
+    )
+    lost = Candidate(None, np.zeros((0, 6)), 0, 2, problem="no boxes")
+    parents = (hook.id, hostile.id)
+    hand = Candidate(Tool(gripper=True), np.array([[0.5, 0, 0.5, 0, 0, 0, 1.0]]), 1, parents=parents)
+    first = evaluate(TASK, simulator, [hook, hostile, lost], 0, RolloutSettings())
+    second = evaluate(TASK, simulator, [hand], 0, RolloutSettings())
+    return Generation(0, tuple(first)), Generation(1, tuple(second))
+
+
+def run_in(folder, simulator) -> Run:
+    parts = {"task": "BringCube", "sim": "pybullet", "vlm": "canned"}
+    return Run(folder, {}, parts, "canned", TASK, URDF, Budget(1, 2, 1, 1, 3, 0.6), 0, simulator)
+
+
+def play(run, generations, replies=(), between=lambda: None, **settings):
+    """What the loop tells a listener."""
+    hub = event_hub()
+    hub.register(installed().create("logger", "rerun", settings))
+    hub.hook.run_started(run=run)
+    for generation in generations:
+        for reply in replies:
+            brief = Brief(TASK, 0, URDF, False, 1, 1, generation.index, agent=0, seed=0)
+            hub.hook.reply_received(request=Request(reply.request_id, brief, (), {}, 1.0), reply=reply)
+        hub.hook.generation_finished(generation=generation)
+        between()
+    hub.hook.run_finished(run=run, result=Result(tuple(generations), 1.0))
+    hub.hook.run_ended()
+
+
+class Recording:
+    """Rows by entity path in the order of writing, static ones apart; ``sim_time`` in seconds."""
+
+    def __init__(self, file: Path) -> None:
+        self.rows: dict[str, list[dict]] = defaultdict(list)
+        self.static: dict[str, list[dict]] = defaultdict(list)
+        reader = RrdReader(file)
+        for chunk in reader.stream().to_chunks():
+            table = pa.Table.from_batches([chunk.to_record_batch()])
+            if "sim_time" in table.column_names:
+                k = table.column_names.index("sim_time")
+                table = table.set_column(k, "sim_time", table["sim_time"].cast(pa.int64()))
+            names = [name.split(":")[-1] for name in table.column_names]
+            (self.static if chunk.is_static else self.rows)[chunk.entity_path] += [
+                dict(zip(names, row.values(), strict=True)) for row in table.to_pylist()
+            ]
+        for rows in self.rows.values():
+            rows.sort(key=lambda row: row.pop("rerun.controls.RowId"))
+            for row in rows:
+                row["sim_time"] = row["sim_time"] / 1e9
+        arranged = [chunk.format(width=400) for b in reader.blueprints() for chunk in reader.stream(store=b)]
+        self.blueprint = "\n".join(arranged)
+
+    def column(self, path: str, name: str) -> list:
+        """None where a row lacks it."""
+        return [row.get(name) for row in self.rows[path]]
+
+    def values(self, path: str, name: str) -> list:
+        """Of components that are logged one by one."""
+        return [value for (value,) in self.column(path, name)]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory, simulator, generations):
+    folder = tmp_path_factory.mktemp("run")
+    replies = [
+        Reply("g0-a0", "", "canned", None, 1000, 200, 0.25),
+        Reply("g0-a1", "", "canned", None, 500, None, 0.25),
+    ]
+    play(run_in(folder, simulator), generations, replies, elites="all")
+    return Recording(folder / "recording.rrd"), folder / "recording.rrd"
+
+
+def test_on_by_default():
+    cfg = load("config", [])
+    assert dict(cfg.logger.rerun) == {"spawn": False, "connect": None, "elites": "best", "hz": 25.0}
+    assert "progress" in cfg.logger
+
+
+def test_the_arm_the_tool_and_the_scene_move(recorded, generations):
+    recording, _ = recorded
+    solved = generations[0].best.candidate
+    links = [f"/world/robot/panda_link{k}" for k in range(9)]
+    for link in links[:8]:
+        assert sum("vertex_positions" in row for row in recording.static[link]) == 1
+    times = recording.column("/world/robot/panda_virtual", "sim_time")
+    assert times == sorted(times)
+    for path in (*links, "/world/scene/cube"):
+        assert recording.column(path, "sim_time") == times
+        numbers = recording.column(path, "generation")
+        assert sorted(set(numbers)) == [0, 1]
+        assert numbers == sorted(numbers)
+    assert 0.03 < np.median(np.diff(times)) < 0.05  # 25 frames a second
+
+    starts = np.flatnonzero(np.diff(times, prepend=-1.0) > 0.4)  # a pause lies between rollouts
+    assert len(starts) == 3
+    last = starts[2] - 1  # of the second rollout: the first generation's best is shown last
+    assert recording.column(f"/reward/{solved.id}", "sim_time")[-1] == times[last]
+    (place,) = recording.column("/world/robot/panda_virtual", "translation")[last]
+    assert np.allclose(place, solved.plan[-1, :3], atol=0.01)
+    (cube,) = recording.column("/world/scene/cube", "translation")[last]
+    assert np.allclose(cube[:2], (0.6, 0.0), atol=0.05)
+    (home,) = recording.column("/world/robot/panda_virtual", "translation")[starts[2]]
+    assert np.allclose(home, TASK.home.position, atol=0.01)
+
+
+def test_the_tool_is_mounted_for_its_rollout_and_the_hand_for_its_own(recorded, generations):
+    recording, _ = recorded
+    solved = generations[0].best.candidate
+    tool = "/world/robot/panda_virtual/tool"
+    assert recording.column(tool, "generation") == [0, 0, 1]
+    shown = recording.column(tool, "vertex_positions")
+    assert [bool(vertices) for vertices in shown] == [True, True, False]
+    assert recording.column(tool, "is_recursive")[2] == [True]  # taken off
+    low, high = np.min(shown[1], axis=0), np.max(shown[1], axis=0)
+    placed = solved.tool.placed()
+    corners = [placed[c.name][1].apply(c.shape.to_trimesh().vertices) for c in solved.tool.components]
+    assert np.allclose(low, np.min(np.concatenate(corners), axis=0), atol=1e-6)
+    assert np.allclose(high, np.max(np.concatenate(corners), axis=0), atol=1e-6)
+    for finger in ("panda_hand", "panda_leftfinger", "panda_rightfinger"):
+        meshes = [row["generation"] for row in recording.rows[f"/world/robot/{finger}"] if row.get("vertex_positions")]
+        assert meshes == [1]
+
+
+def test_the_path_is_the_way_of_the_end_effector(recorded):
+    recording, _ = recorded
+    strips = [strip for (strip,) in recording.column("/world/path", "strips")]
+    assert len(strips) == 3
+    places = [place for (place,) in recording.column("/world/robot/panda_virtual", "translation")]
+    assert np.allclose(np.concatenate(strips), places, atol=1e-5)
+    assert np.allclose(strips[0][0], arm().forward(arm().home_for(TASK.home)).position, atol=1e-3)
+
+
+def test_the_reward_in_the_rollout_ends_at_what_was_earned(recorded, generations):
+    recording, _ = recorded
+    for evaluation in (e for g in generations for e in g.evaluations if e.status == "ok"):
+        course = recording.values(f"/reward/{evaluation.candidate.id}", "scalars")
+        assert course[-1] == pytest.approx(evaluation.reward, abs=1e-9)
+        assert course[0] == pytest.approx(0.0, abs=0.01)
+        assert len(course) > 20
+    assert generations[0].best.reward > 0.95
+
+
+def test_what_a_generation_came_to(recorded, generations):
+    recording, _ = recorded
+    rewards = [[e.reward for e in g.evaluations if e.status == "ok"] for g in generations]
+    assert recording.column("/search/reward/best", "generation") == [0, 1]
+    assert recording.values("/search/reward/best", "scalars") == [max(r) for r in rewards]
+    assert recording.values("/search/reward/mean", "scalars") == pytest.approx([np.mean(r) for r in rewards])
+    assert recording.values("/search/reward/spread", "scalars") == pytest.approx([np.std(r) for r in rewards])
+    assert recording.values("/search/tokens/prompt", "scalars") == [1500, 3000]
+    assert recording.values("/search/tokens/completion", "scalars") == [200, 400]
+    assert recording.values("/search/cost_usd", "scalars") == [0.5, 1.0]
+    last = recording.values("/text/run", "text")[-1]
+    assert f"| 0 | {max(rewards[0]):.3f} | {np.mean(rewards[0]):.3f} | 3 | 1 | 0 | 1500 in, 200 out, $0.5000 |" in last
+
+
+def test_what_belongs_to_a_generation_is_there_while_it_is_shown(recorded):
+    recording, _ = recorded
+    moving = recording.rows["/world/robot/panda_virtual"]
+    begins = {g: min(row["sim_time"] for row in moving if row["generation"] == g) for g in (0, 1)}
+    for path in ("/search/reward/best", "/text/run", "/lineage"):
+        found = {row["generation"]: row["sim_time"] for row in recording.rows[path]}
+        assert found == pytest.approx(begins)
+
+
+def test_the_best_tools_stand_side_by_side(recorded):
+    recording, _ = recorded
+    first, second = (recording.column(f"/tools/rank_{rank}", "vertex_positions") for rank in (1, 2))
+    assert np.max(first[0], axis=0)[0] < np.min(second[0], axis=0)[0]
+    assert not first[1]  # a bare hand is no tool
+    (label,) = recording.values("/tools/rank_1/label", "labels")
+    assert re.fullmatch(r"1: [01]\.\d\d", label)
+    text = recording.values("/text/tools", "text")[0]
+    assert [line.split(",")[0] for line in text.splitlines() if re.match(r"\d:", line)] == [
+        "1: an elite",
+        "2: no elite",
+    ]
+    assert "/tools/rank_3" not in recording.rows
+
+
+def test_lineage(recorded, generations):
+    recording, _ = recorded
+    (hook, hostile, _), (hand,) = ([e.candidate.id for e in g.evaluations] for g in generations)
+    assert recording.column("/lineage", "node_ids") == [[hook, hostile], [hook, hostile, hand]]
+    edges = [(edge["first"], edge["second"]) for edge in recording.column("/lineage", "edges")[-1]]
+    assert edges == [(hook, hand), (hostile, hand)]
+    assert f"a crossover of {hook} and {hostile}" in recording.values("/text/design", "text")[-1]
+
+
+def test_a_models_words_are_plain_text_that_can_fake_nothing(recorded):
+    recording, _ = recorded
+    shown = recording.values("/text/design", "text") + recording.values("/text/tools", "text")
+    for path in ("/text/design", "/text/tools"):
+        assert set(map(tuple, recording.column(path, "media_type"))) == {("text/plain",)}
+    assert any("http://evil.example" in text for text in shown)
+    for text in shown:
+        assert len(text) < 8 * MAX_TEXT
+        assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\u200b\u202e\u2028]", text)
+        for line in text.splitlines():
+            assert not line.startswith(("generation 9", "candidate g9"))
+    assert all("evil" not in text for text in recording.values("/text/run", "text"))
+    assert "evil" not in recording.blueprint
+    assert not any("evil" in path or "hook" in path for path in recording.rows)
+
+
+def test_clean():
+    assert clean("a\tb\n c", 10) == "a b c"
+    assert clean("a\x1bb\u202ec", 10, lines=True) == "abc"
+    assert clean("one\r\ntwo\u2029three", 99, lines=True) == "one\ntwo\nthree"
+    assert clean("x" * 11, 10) == "x" * 9 + "…"
+    assert MAX_NAME < MAX_TEXT
+
+
+def test_it_opens_arranged(recorded):
+    recording, _ = recorded
+    for view in ("rollout", "best tools", "lineage", "design", "reward by generation", "tokens", "cost in US$"):
+        assert view in recording.blueprint
+    assert "sim_time" in recording.blueprint
+
+
+def test_it_is_small(recorded):
+    _, file = recorded
+    assert file.stat().st_size < 5_000_000
+
+
+def test_the_best_alone_unless_all_are_asked_for_and_no_views_of_nothing(tmp_path, simulator, generations, capfd):
+    play(run_in(tmp_path, simulator), generations)
+    recording = Recording(tmp_path / "recording.rrd")
+    best = [f"/reward/{g.best.candidate.id}" for g in generations]
+    assert sorted(path for path in recording.rows if path.startswith("/reward/")) == best
+    assert "tokens" not in recording.blueprint
+    assert said(capfd) == []
+
+
+# --- failures ---------------------------------------------------------------------------------------------------
+
+
+def said(capfd) -> list[str]:
+    """By us: in a run Rerun itself says nothing, but here it was imported by others before."""
+    return [line for line in capfd.readouterr().err.splitlines() if line.startswith("rerun: ")]
+
+
+def test_no_rerun(tmp_path, simulator, generations, monkeypatch, capfd):
+    for name in [name for name in sys.modules if name.split(".")[0] == "rerun" or "listeners.rerun." in name]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    play(run_in(tmp_path, simulator), generations)
+    assert said(capfd) == ["rerun: no recording from here on: Rerun is not installed (pip install rerun-sdk)"]
+
+
+def test_a_file_that_can_not_be_written(tmp_path, simulator, generations, capfd):
+    (tmp_path / "recording.rrd").mkdir()
+    play(run_in(tmp_path, simulator), generations)
+    (line,) = said(capfd)
+    assert line.startswith("rerun: ")
+    assert "recording.rrd" in line
+    assert "Is a directory" in line
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+from core.interfaces import Budget
+from core.plugins import installed
+from core.record import Run
+task, urdf = installed().create("task", "BringCube"), installed().create("tool", "urdf")
+listener = installed().create("logger", "rerun")
+resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
+listener.run_started(Run(Path(sys.argv[1]), {}, {}, "canned", task, urdf, Budget(1, 2, 1, 1, 3, 0.6), 0))
+listener.run_ended()
+print("the run goes on")
+"""
+
+
+def test_a_full_disk(tmp_path):
+    words = [sys.executable, "-c", FULL_DISK, str(tmp_path)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert done.stdout == "the run goes on\n"
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"rerun: nothing more goes to {tmp_path / 'recording.rrd'}: ")
+
+
+def test_a_rollout_that_breaks_is_told_in_its_place(tmp_path, generations, capfd):
+    play(run_in(tmp_path, None), generations)
+    recording = Recording(tmp_path / "recording.rrd")
+    assert "can not be shown: the run has no simulator" in recording.values("/text/design", "text")[0]
+    assert len(recording.values("/search/reward/best", "scalars")) == 2
+    assert said(capfd) == []
+
+
+def test_a_generation_of_rejects_only(tmp_path, simulator, capfd):
+    lost = Evaluation(Candidate(None, np.zeros((0, 6)), problem="no boxes"), "rejected", reason="no boxes")
+    play(run_in(tmp_path, simulator), [Generation(0, (lost,))])
+    recording = Recording(tmp_path / "recording.rrd")
+    assert "| 0 |  |  | 1 | 1 | 0 |" in recording.values("/text/run", "text")[0]
+    assert "/search/reward/best" not in recording.rows
+    assert said(capfd) == []
+
+
+# --- viewers ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def server(tmp_path):
+    """Takes a recording and writes it to ``streamed.rrd``."""
+    port = free_port()
+    viewer = start_viewer("--save", str(tmp_path / "streamed.rrd"), "--port", str(port))
+    deadline = time.monotonic() + 60
+    while not listens(port) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    yield port, viewer
+    end(viewer)
+
+
+def test_what_is_streamed_is_what_is_in_the_file(tmp_path, simulator, generations, server, capfd):
+    port, _ = server
+    play(run_in(tmp_path, simulator), generations, connect=str(port))
+    assert said(capfd) == [f"rerun: what is recorded goes to the viewer at 127.0.0.1:{port} too"]
+    kept = Recording(tmp_path / "recording.rrd")
+    deadline = time.monotonic() + 30
+    while time.monotonic() < deadline:
+        time.sleep(0.2)
+        streamed = Recording(tmp_path / "streamed.rrd")
+        if len(streamed.rows["/text/design"]) == 2:
+            break
+    assert streamed.rows == kept.rows
+    assert streamed.static.keys() == kept.static.keys()
+
+
+def test_a_viewer_that_goes_away_leaves_the_file(tmp_path, simulator, generations, server, capfd):
+    port, viewer = server
+    play(run_in(tmp_path, simulator), generations, between=lambda: end(viewer), connect=f"127.0.0.1:{port}")
+    _, line = said(capfd)
+    assert line.startswith(f"rerun: nothing more goes to the viewer at 127.0.0.1:{port}: ")
+    assert len(Recording(tmp_path / "recording.rrd").values("/text/design", "text")) == 2
+
+
+def test_nobody_listens(tmp_path, simulator, generations, capfd):
+    port = free_port()
+    play(run_in(tmp_path, simulator), generations[:1], connect=f"127.0.0.1:{port}")
+    assert said(capfd) == [f"rerun: nobody listens at 127.0.0.1:{port}"]
+    assert len(Recording(tmp_path / "recording.rrd").values("/text/design", "text")) == 1
+
+
+def test_addresses():
+    for text in ("9876", "localhost:9876", "rerun+http://somewhere.example:9876/proxy", "[::1]:9876"):
+        found = address(text)
+        assert found.port == 9876
+        assert found.url.startswith("rerun+http://")
+        assert found.url.endswith(":9876/proxy")
+    assert address("9876").host == "127.0.0.1"
+    assert address("[::1]:9876").host == "::1"
+    for wrong in ("", "somewhere", "somewhere:port", "http://somewhere:9876/proxy", "a:b:c", "1:99999999", "0"):
+        with pytest.raises(UsageError, match=r"logger\.rerun\.connect can't be"):
+            address(wrong)
+
+
+def test_wrong_settings():
+    create = installed().create
+    for settings in ({"hz": 0.0}, {"connect": "nowhere"}, {"elites": "some"}, {"spwan": True}):
+        with pytest.raises(UsageError, match=next(iter(settings))):
+            create("logger", "rerun", settings)
