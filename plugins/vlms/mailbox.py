@@ -121,9 +121,7 @@ class Letter:
                         (self.folder / f"{part.name}.png").write_bytes(part.png)
             schema = json.dumps(self.request.schema, indent=1, ensure_ascii=False) + "\n"
             (self.folder / "schema.json").write_text(schema, encoding="utf-8")
-            partial = self.folder / "prompt.partial"
-            partial.write_text(text, encoding="utf-8")
-            partial.replace(prompt)  # last and at once: where it is, the rest is
+            _write(prompt, text)  # last: where it is, the rest is
         except (OSError, UnicodeDecodeError) as error:
             raise UserError(f"the mailbox {self.folder} can't be used: {error}") from error
 
@@ -170,7 +168,7 @@ class Letter:
             file.unlink(missing_ok=True)
             return
         listed = "".join(f"- {problem}\n" for problem in problems)
-        file.write_text(f"{heading}\n\n{listed}\n{ending}", encoding="utf-8")
+        _write(file, f"{heading}\n\n{listed}\n{ending}")
 
 
 def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
@@ -192,6 +190,13 @@ def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
     whole = not any(isinstance(strategy, Unread) for strategy in strategies)
     problems = dict.fromkeys(f"strategy {c.strategy + 1}: {c.problem}" for c in candidates if c.problem is not None)
     return whole, any(c.problem is None for c in candidates), list(problems)
+
+
+def _write(file: Path, text: str) -> None:
+    """At once: nobody sees half of it."""
+    partial = file.with_suffix(".partial")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(file)
 
 
 def _mark(file: Path) -> tuple[int, int] | None:

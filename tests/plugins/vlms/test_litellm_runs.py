@@ -93,7 +93,7 @@ def test_what_goes_wrong_costs_what_it_must_and_tells_no_key(tmp_path):
         return acts[min(tries[seed], len(acts)) - 1]
 
     words = [
-        *("vlm=gemini", "vlm.timeout_s=5", "vlm.retries=1", "executor.workers=1", "film=false", "budget.n_tool=2"),
+        *("vlm=gemini", "vlm.timeout_s=8", "vlm.retries=1", "executor.workers=1", "film=false", "budget.n_tool=2"),
         *(f"budget.n_agent={len(FAULTS)}", "budget.n_action=1", "budget.n_iteration=0", "hydra.run.dir=run"),
     ]
     with serving(script) as server:
@@ -121,7 +121,7 @@ def test_what_goes_wrong_costs_what_it_must_and_tells_no_key(tmp_path):
     with closing(sqlite3.connect(tmp_path / "run" / "run.sqlite")) as database:
         reasons = [row[0] for row in database.execute("SELECT reason FROM evaluations WHERE status = 'rejected'")]
     for reason in (
-        *("no answer within 5 s (after 2 tries)", "safety filter blocked", "the reply is empty", "AuthenticationError"),
+        *("no answer within 8 s (after 2 tries)", "safety filter blocked", "the reply is empty", "AuthenticationError"),
         *("no JSON object", "the strategy is cut off or malformed"),
     ):
         assert any(reason in told for told in reasons), (reason, reasons)
