@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, MissingConfigException
 from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
@@ -66,7 +68,7 @@ class RunConfig(BenchConfig):
     vlm: dict[str, Any] = MISSING
     tool: dict[str, Any] = MISSING
     evolution: dict[str, Any] = MISSING
-    fitness: dict[str, Any] = MISSING
+    fitness: dict[str, Any] = field(default_factory=lambda: {"name": "nominal"})
     executor: dict[str, Any] = MISSING
     logger: dict[str, Any] = field(default_factory=dict)
     prompt: PromptConfig = field(default_factory=PromptConfig)
@@ -195,7 +197,8 @@ def load(name: str, overrides: Sequence[str]) -> DictConfig:
 
 
 def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
-    with initialize_config_module("conf", version_base="1.3"):
+    within = GlobalHydra.instance().is_initialized()  # a job of Hydra's
+    with nullcontext() if within else initialize_config_module("conf", version_base="1.3"):
         config: DictConfig = compose(name, list(overrides))
     return config
 

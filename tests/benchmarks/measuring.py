@@ -242,7 +242,9 @@ def measured(task: str, sim: Part, folder: Path) -> bool:
 
 
 def estimate(names: Sequence[str], sims: Mapping[str, Part], by: Part, count: int, workers: int, folder: Path) -> None:
-    """Say how long all that is not there yet will take, by the time that each task's reference solution takes."""
+    """Say how long the rollouts that are not there yet will take, by what each task's reference solution takes;
+    inventing the designs comes on top.
+    """
     total = 0.0
     plugins = installed()
     for name in names:
@@ -260,9 +262,9 @@ def estimate(names: Sequence[str], sims: Mapping[str, Part], by: Part, count: in
             seconds.append(evaluation.details["cpu_s"] * n / workers)
         total += sum(seconds)
         parts = ", ".join(f"{shown} {s:.0f} s" for (shown, _, _), s in zip(missing, seconds, strict=True))
-        console.print(f"{name}: about {sum(seconds):.0f} s ({parts})", highlight=False, soft_wrap=True)
+        console.print(f"{name}: rollouts of about {sum(seconds):.0f} s ({parts})", highlight=False, soft_wrap=True)
     if total:
-        console.print(f"all: about {total / 60:.1f} min with {workers} workers", highlight=False)
+        console.print(f"all: rollouts of about {total / 60:.1f} min with {workers} workers", highlight=False)
 
 
 # --- comparing --------------------------------------------------------------------------------------------------

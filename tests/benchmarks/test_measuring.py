@@ -23,7 +23,6 @@ def test_the_same_order_is_1_the_reverse_is_minus_1(percent, random):
     a = [p / 100 for p in percent]
     first = [random.random() < 0.5 for _ in a]
     assert measuring.compare(a, a, first)["rank_correlation"] == pytest.approx(1)
-    assert measuring.compare(a, [np.sqrt(r) for r in a], first)["rank_correlation"] > 0.9
     assert measuring.compare(a, [1 - r for r in a], first)["rank_correlation"] == pytest.approx(-1)
     assert measuring.compare(a, a, first)["mean_difference"] == 0
 
@@ -127,7 +126,7 @@ def test_both_measure_the_same_designs_and_nothing_twice(tmp_path, monkeypatch, 
     measure(monkeypatch, agreement, "sims=[pybullet,{name: pybullet, time_step: 0.008}]")
     said = capsys.readouterr()
     assert "| BringCube | 4 |" in said.out
-    assert "BringCube: about" in said.err
+    assert "BringCube: rollouts of about" in said.err
     document = json.loads(Path("measured/designs/BringCube.json").read_text())
     assert [name[:2] for name in document["ids"]] == ["g0", "g0", "g1", "g2"]
     (row,) = json.loads(Path("measured/agreement.json").read_text())

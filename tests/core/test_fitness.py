@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from hydra import initialize_config_module
 
 from core.config import load, part
 from core.design import Candidate, Component, Evaluation, Tool
@@ -96,6 +97,11 @@ def test_engines_are_set_as_the_configuration_says_but_for_what_an_entry_says():
     assert list(found) == ["pybullet", "pybullet time_step=0.004"]
     assert found["pybullet"] == usual
     assert dict(found["pybullet time_step=0.004"].settings) == dict(usual.settings) | {"time_step": 0.004}
+
+
+def test_engines_may_be_named_within_a_job_of_hydras():
+    with initialize_config_module("conf", version_base="1.3"):
+        assert engines(["pybullet"])["pybullet"] == part("sim", load("evaluate", []).sim)
 
 
 def test_the_engine_of_a_run_keeps_its_settings():

@@ -85,6 +85,17 @@ def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp
     assert results[0]["designs"][0]["engines"]["pybullet"]["nominal"] == plain["reward"]
 
 
+def test_two_engines_that_were_written_independently():
+    pytest.importorskip("pybullet")
+    pytest.importorskip("sapien")
+    (design,) = transfer(load("transfer", [f"designs={SOLUTION}", "seeds=[3]", "executor.workers=1"]))["designs"]
+    assert list(design["engines"]) == ["pybullet", "sapien"]
+    pybullet, sapien = design["engines"].values()
+    assert pybullet["nominal"] != sapien["nominal"]
+    assert pybullet["nominal"] == pytest.approx(sapien["nominal"], abs=0.05)
+    assert design["robust"] == min(pybullet["mean"], sapien["mean"]) > 0.9
+
+
 def test_no_spread_no_difference():
     words = [f"designs={SOLUTION}", "sims=[pybullet]", "seeds=[1]", "executor.workers=1"]
     (design,) = transfer(
