@@ -77,6 +77,25 @@ def check_tool_stops_at_a_wall(simulator: Simulator) -> None:
     expect(into < 0.01, f"a tool swept at a wall 0.02 m thick came {1000 * into:.0f} mm into it")
 
 
+def check_leaning_tool_stops_at_a_thin_wall(simulator: Simulator) -> None:
+    """A rod that is pushed aslant at a low wall 6 mm thick gives way and leans over its upper edge, but never gets
+    through.
+    """
+    half, inner = 0.006, 0.13
+    rod = Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.15])), Box((2 * half, 2 * half, 0.3)))
+    wall = Body.of("wall", Box((0.5, 0.006, 0.1)), (0.55, inner + 0.003, 0.055), mass=0.0, color=GREY)
+    for angle in (1.2, 1.7, 2.0, 2.2):
+        way = (inner + 0.1) / np.sin(angle)
+        x, y = 0.55 + way * np.cos(angle), way * np.sin(angle)
+        plan = [[0.55, 0, 0.66, 0, 0, 0], [0.55, 0, 0.36, 0, 0, 0], [x, y, 0.36, 0, 0, 0]]
+        joints = film(move(simulator, plan, wall, tool=Tool((rod,)), record_hz=100)).arm
+        tips = tip(joints, (0.0, 0.0, -0.3))
+        low = tips[tips[:, 2] < 0.09]
+        into = low[:, 1].max() + half - inner
+        expect(into > -0.02, "the rod never met the wall")
+        expect(into < 0.006, f"a rod pushed at a wall 6 mm thick came {1000 * into:.0f} mm beyond its face")
+
+
 def check_joints_hold_against_gravity(simulator: Simulator) -> None:
     for name, tool in (("nothing", BARE), ("the hand", HAND), ("a stick of 1 kg", stick(0.3, mass=1.0))):
         outcome = wait(simulator, seconds=3.0, tool=tool, record_hz=20)
@@ -174,6 +193,7 @@ CHECKS = (
     check_thin_blade_stops_at_the_table,
     check_body_is_not_pushed_through_the_table,
     check_tool_stops_at_a_wall,
+    check_leaning_tool_stops_at_a_thin_wall,
     check_joints_hold_against_gravity,
     check_arm_follows_its_trajectory,
     check_struck_body_leaves_as_fast_as_it_was_struck,

@@ -30,7 +30,7 @@ from core.scene import State
 ROOT = Path(__file__).parents[2]
 TASKS = installed().names("task")
 RANDOM_LAYOUT = {"CleanTable", "GatherSpheres", "SnatchCookie", "TurkeyLegs"}
-SIMULATOR = "pybullet"
+SIMULATORS = {"pybullet": "pybullet", "sapien": "sapien"}  # by name, and the module that it can't do without
 
 # n_agent, n_tool, n_action, k_top, reward_save, n_iteration
 PAPER = {
@@ -47,6 +47,7 @@ PAPER = {
 }
 
 every_task = pytest.mark.parametrize("name", TASKS)
+every_simulator = pytest.mark.parametrize("engine", SIMULATORS)
 
 
 @cache
@@ -55,16 +56,17 @@ def task_of(name):
 
 
 @cache
-def simulator():
-    return installed().create("sim", SIMULATOR)
+def simulator(engine):
+    pytest.importorskip(SIMULATORS[engine], exc_type=ImportError)
+    return installed().create("sim", engine)
 
 
 @cache
-def idle(name):
+def idle(name, engine):
     """The outcome of five seconds in which the bare arm stays home."""
     task = task_of(name)
     still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.array([FINGER_OPEN]))
-    (outcome,) = simulator().rollout(task, [Rollout(Tool(), still, settle_s=0.5, hold_s=5.0)])
+    (outcome,) = simulator(engine).rollout(task, [Rollout(Tool(), still, settle_s=0.5, hold_s=5.0)])
     assert outcome.error is None
     return outcome
 
@@ -203,17 +205,19 @@ def test_nothing_stands_inside_another(name, seed):
     assert pairs > 0
 
 
+@every_simulator
 @every_task
-def test_the_bare_arm_starts_clear_of_the_scene(name):
+def test_the_bare_arm_starts_clear_of_the_scene(name, engine):
     """Otherwise it would push things aside in the first instant, or be pushed."""
-    placed, start = task_of(name).scene(0).state(), idle(name).start
+    placed, start = task_of(name).scene(0).state(), idle(name, engine).start
     assert np.linalg.norm(start.positions - placed.positions, axis=-1).max() < 5e-3
-    assert idle(name).tracking_error_rad < 2e-3
+    assert idle(name, engine).tracking_error_rad < 2e-3
 
 
+@every_simulator
 @every_task
-def test_what_is_left_alone_stays_where_it_is(name):
-    start, end = idle(name).start, idle(name).end
+def test_what_is_left_alone_stays_where_it_is(name, engine):
+    start, end = idle(name, engine).start, idle(name, engine).end
     assert np.linalg.norm(end.positions - start.positions, axis=-1).max() < 2e-3
     turned = [(start.pose(body).rotation.inv() * end.pose(body).rotation).magnitude() for body in start.names]
     assert math.degrees(max(turned)) < 2
@@ -245,9 +249,10 @@ def ways(task, start):
         yield shifts
 
 
+@every_simulator
 @every_task
-def test_doing_nothing_earns_nothing(name):
-    reward = task_of(name).reward(idle(name).start, idle(name).end)
+def test_doing_nothing_earns_nothing(name, engine):
+    reward = task_of(name).reward(idle(name, engine).start, idle(name, engine).end)
     assert np.shape(reward) == ()
     assert 0 <= reward < 0.02
 
@@ -304,13 +309,14 @@ def test_everything_flung_far_away_earns_little(name):
 # --- solutions --------------------------------------------------------------------------------------------------
 
 
+@every_simulator
 @every_task
-def test_the_reference_solution_solves_it(name):
+def test_the_reference_solution_solves_it(name, engine):
     task = task_of(name)
     document = load_designs(Path(__file__).parent / "solutions" / f"{name}.json")
     candidates = read_designs(document, installed().create("tool", "urdf"), SpawnRules(task, 0))
     assert [candidate.problem for candidate in candidates] == [None] * len(candidates)
-    evaluations = evaluate(task, simulator(), candidates, 0, RolloutSettings())
+    evaluations = evaluate(task, simulator(engine), candidates, 0, RolloutSettings())
     best = max(evaluations, key=lambda e: e.reward)
     assert best.status == "ok"
     assert best.reward >= 0.95

@@ -1,6 +1,7 @@
 """Nothing hollow leaks: a thin rod, driven fast and hard at every thin wall from inside, never comes out."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from core.trajectory import plan_motion
 THICK, LONG = 0.012, 0.3
 ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -LONG / 2])), Box((THICK, THICK, LONG))),))
 STAND = np.array([0.55, 0.0])  # where the hollow thing is put, within reach
-SIMULATOR = installed().create("sim", "pybullet")
+SIMULATORS = {"pybullet": "pybullet", "sapien": "sapien"}  # by name, and the module that it can't do without
 
 # Hollow bodies: their task and name, the half lengths inside along x and y (or the radius), and how high over the foot
 # the rod's tip is driven along.
@@ -30,6 +31,15 @@ HOLLOW = {
     "bin": ("HighObject", "bin", (0.175, 0.585), 0.06),
     "container": ("GatherSpheres", "container", (0.145, 0.145), 0.1),
 }
+
+
+every_simulator = pytest.mark.parametrize("engine", SIMULATORS)
+
+
+@cache
+def simulator(engine):
+    pytest.importorskip(SIMULATORS[engine], exc_type=ImportError)
+    return installed().create("sim", engine)
 
 
 class Walled(Task):
@@ -60,10 +70,11 @@ def exit_distance(inside: tuple[float, ...], ahead: np.ndarray) -> float:
     return float(np.min(np.array(inside) / np.maximum(np.abs(ahead), 1e-9)))
 
 
+@every_simulator
 @pytest.mark.parametrize("name", HOLLOW)
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(angle=st.floats(-np.pi, np.pi), run_up=st.booleans())
-def test_rod_stays_inside(name, angle, run_up):
+def test_rod_stays_inside(name, engine, angle, run_up):
     _, _, inside, height = HOLLOW[name]
     task = Walled(name)
     ahead = np.array([np.cos(angle), np.sin(angle)])
@@ -76,7 +87,7 @@ def test_rod_stays_inside(name, angle, run_up):
     plan = np.array([[x, y, up, 0.0, 0.0, 0.0] for x, y, up in way])
     motion = plan_motion(plan, task.home, arm())
     job = Rollout(ROD, motion.trajectory, hold_s=1.0, record_hz=200.0)
-    (outcome,) = SIMULATOR.rollout(task, [job])
+    (outcome,) = simulator(engine).rollout(task, [job])
     assert outcome.error is None
     tips = np.array([arm().forward(q).apply([0.0, 0.0, -LONG]) for q in outcome.recording.arm])
     low = tips[tips[:, 2] < height + 0.02]
@@ -97,9 +108,10 @@ BAR = Tool(
 TIP = np.array([BAR_LONG, 0.0, -0.06 + THICK / 2])
 
 
+@every_simulator
 @settings(max_examples=6)
 @given(aside=st.sampled_from([-0.12, 0.0, 0.12]), up=st.sampled_from([0.0, 0.12]), ahead=st.sampled_from([0.0, 0.1]))
-def test_bar_stays_in_the_pipe(aside, up, ahead):
+def test_bar_stays_in_the_pipe(engine, aside, up, ahead):
     """Put in at the near opening, then driven aside, up, or on."""
     if not (aside or up or ahead):
         return
@@ -111,7 +123,7 @@ def test_bar_stays_in_the_pipe(aside, up, ahead):
     alone = Alone(pipe)
     motion = plan_motion(plan, alone.home, arm())
     assert motion.ik_error_m < 0.001
-    (outcome,) = SIMULATOR.rollout(alone, [Rollout(BAR, motion.trajectory, hold_s=1.0, record_hz=200.0)])
+    (outcome,) = simulator(engine).rollout(alone, [Rollout(BAR, motion.trajectory, hold_s=1.0, record_hz=200.0)])
     assert outcome.error is None
     tips = np.array([arm().forward(q).apply(TIP) for q in outcome.recording.arm])
     low = int(np.argmax(tips[:, 2] < 0.1))  # from here on it is before or in the pipe

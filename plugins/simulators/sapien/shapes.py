@@ -22,12 +22,12 @@ def to_sapien(pose: Pose) -> Any:
 def collision(shape: Shape, material: Any, folder: Path) -> Any:
     """The shape as it is felt. Hulls are computed once per file; the files are put in ``folder``."""
     match shape:
-        case Box(size=size):
-            return physx.PhysxCollisionShapeBox(np.array(size) / 2, material)
+        case Box(size=size):  # as a hull: what PhysX does for two boxes loses an edge that leans on a thin wall's
+            return hull(_unit(folder, "box", trimesh.creation.box((1.0, 1.0, 1.0))), material, size)
         case Sphere(radius=radius):
             return physx.PhysxCollisionShapeSphere(radius, material)
         case Cylinder(radius=radius, length=length):
-            return hull(_prism(folder), material, (radius, radius, length))
+            return hull(_unit(folder, "cylinder", _prism()), material, (radius, radius, length))
         case Mesh():
             return hull(_file(folder, str(shape.to_trimesh().export(file_type="obj"))), material)
 
@@ -37,15 +37,17 @@ def hull(file: Path, material: Any, scale: tuple[float, float, float] = (1.0, 1.
     return physx.PhysxCollisionShapeConvexMesh(str(file), np.array(scale), material)
 
 
-def _prism(folder: Path) -> Path:
-    """PhysX has no cylinders. This is one of radius and length 1, with sides: its corners are as far outside the
-    cylinder as its sides are inside.
+def _prism() -> trimesh.Trimesh:
+    """PhysX has no cylinders. This stands for one of radius and length 1; its corners are as far outside as its sides
+    are inside.
     """
-    file = folder / "cylinder.obj"
+    return trimesh.creation.cylinder(radius=2 / (1 + np.cos(np.pi / _SIDES)), height=1.0, sections=_SIDES)
+
+
+def _unit(folder: Path, name: str, mesh: trimesh.Trimesh) -> Path:
+    file = folder / f"{name}.obj"
     if not file.exists():
-        radius = 2 / (1 + np.cos(np.pi / _SIDES))
-        prism = trimesh.creation.cylinder(radius=radius, height=1.0, sections=_SIDES)
-        file.write_text(str(prism.export(file_type="obj")))
+        file.write_text(str(mesh.export(file_type="obj")))
     return file
 
 
