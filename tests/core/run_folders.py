@@ -1,6 +1,7 @@
 """Run folders made by the store itself, without a model or a simulator: what reports are made from."""
 
 import json
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,8 @@ def write_run(
     Each candidate has a tool of its own, ``tools[i]`` or a longer hook each time. Without ``finish`` the run is left
     as a killed one leaves it, its store open (as `write_run.open`).
     """
-    cfg = load("config", ["logger=[]", *overrides])
+    cfg = _composed(*(word for word in overrides if not word.startswith("seed="))).copy()
+    cfg.seed = next((int(word[5:]) for word in overrides if word.startswith("seed=")), 0)
     config = OmegaConf.to_container(cfg, resolve=True)
     task, representation = (
         part("task", cfg.task, without=("tool_kinds", "paper")).create(),
@@ -86,6 +88,12 @@ def write_run(
 
 
 write_run.open = []
+
+
+@lru_cache(maxsize=64)
+def _composed(*overrides: str):
+    """Hydra takes its time."""
+    return load("config", ["logger=[]", *overrides])
 
 
 def result(folder: Path) -> dict:
