@@ -26,11 +26,11 @@ from core.robot import FINGER_OPEN
 from core.rollout import evaluate
 from core.rules import SpawnRules
 from core.scene import State
+from tests.engines import every_simulator, simulator
 
 ROOT = Path(__file__).parents[2]
 TASKS = installed().names("task")
 RANDOM_LAYOUT = {"CleanTable", "GatherSpheres", "SnatchCookie", "TurkeyLegs"}
-SIMULATORS = {"pybullet": "pybullet", "sapien": "sapien"}  # by name, and the module that it can't do without
 
 # n_agent, n_tool, n_action, k_top, reward_save, n_iteration
 PAPER = {
@@ -47,18 +47,11 @@ PAPER = {
 }
 
 every_task = pytest.mark.parametrize("name", TASKS)
-every_simulator = pytest.mark.parametrize("engine", SIMULATORS)
 
 
 @cache
 def task_of(name):
     return installed().create("task", name)
-
-
-@cache
-def simulator(engine):
-    pytest.importorskip(SIMULATORS[engine], exc_type=ImportError)
-    return installed().create("sim", engine)
 
 
 @cache
@@ -309,12 +302,16 @@ def test_everything_flung_far_away_earns_little(name):
 # --- solutions --------------------------------------------------------------------------------------------------
 
 
+def solutions(name):
+    document = load_designs(Path(__file__).parent / "solutions" / f"{name}.json")
+    return read_designs(document, installed().create("tool", "urdf"), SpawnRules(task_of(name), 0))
+
+
 @every_simulator
 @every_task
 def test_the_reference_solution_solves_it(name, engine):
     task = task_of(name)
-    document = load_designs(Path(__file__).parent / "solutions" / f"{name}.json")
-    candidates = read_designs(document, installed().create("tool", "urdf"), SpawnRules(task, 0))
+    candidates = solutions(name)
     assert [candidate.problem for candidate in candidates] == [None] * len(candidates)
     evaluations = evaluate(task, simulator(engine), candidates, 0, RolloutSettings())
     best = max(evaluations, key=lambda e: e.reward)
@@ -322,3 +319,13 @@ def test_the_reference_solution_solves_it(name, engine):
     assert best.reward >= 0.95
     assert best.reward >= task.success_reward
     assert best.distance_m > 0.05
+
+
+@every_simulator
+@pytest.mark.parametrize("name", ["OneBook", "ScoreGoal"])
+def test_the_same_seed_gives_the_same_result(name, engine):
+    """In a simulator that has done other things, and in a new one."""
+    ours, new = simulator(engine), installed().create("sim", engine)
+    first, again = (evaluate(task_of(name), sim, solutions(name), 1, RolloutSettings()) for sim in (ours, new))
+    for one, other in zip(first, again, strict=True):
+        assert (one.reward, one.moved_m) == (other.reward, other.moved_m)

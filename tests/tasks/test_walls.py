@@ -1,7 +1,6 @@
 """Nothing hollow leaks: a thin rod, driven fast and hard at every thin wall from inside, never comes out."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -15,11 +14,11 @@ from core.kinematics import arm
 from core.plugins import installed
 from core.scene import Scene, floor, table
 from core.trajectory import plan_motion
+from tests.engines import every_simulator, simulator
 
 THICK, LONG = 0.012, 0.3
 ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -LONG / 2])), Box((THICK, THICK, LONG))),))
 STAND = np.array([0.55, 0.0])  # where the hollow thing is put, within reach
-SIMULATORS = {"pybullet": "pybullet", "sapien": "sapien"}  # by name, and the module that it can't do without
 
 # Hollow bodies: their task and name, the half lengths inside along x and y (or the radius), and how high over the foot
 # the rod's tip is driven along.
@@ -31,15 +30,6 @@ HOLLOW = {
     "bin": ("HighObject", "bin", (0.175, 0.585), 0.06),
     "container": ("GatherSpheres", "container", (0.145, 0.145), 0.1),
 }
-
-
-every_simulator = pytest.mark.parametrize("engine", SIMULATORS)
-
-
-@cache
-def simulator(engine):
-    pytest.importorskip(SIMULATORS[engine], exc_type=ImportError)
-    return installed().create("sim", engine)
 
 
 class Walled(Task):
