@@ -158,7 +158,7 @@ class RunStore:
         try:
             # One that comes after the end of an interrupted run is kept as a file only.
             if self._open and reply.request_id not in self.past.replies:
-                with self._database.transaction():
+                with self._database.transaction(paid=True):
                     self._database.insert("replies", **vars(reply))
         finally:
             file = self.folder / "replies" / f"{reply.request_id}.txt"

@@ -9,7 +9,7 @@ from core.evolution import CHUNK, evaluate_all, evolve
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
 from core.interfaces import Budget, EvolutionStrategy, Executor
-from core.plugins import event_hub
+from core.plugins import event_hub, installed
 from core.record import INTERRUPTED
 
 
@@ -388,3 +388,21 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when):
 
 def test_a_run_that_comes_to_its_end_was_not_stopped():
     assert run([population(0, 1)])[0].stopped is None
+
+
+def test_processes_come_to_the_same_as_this_one():
+    """Candidates are read in another thread then, while results come: identical and rejected ones, and a limit."""
+    asked = [
+        *population(0, 3, 3),
+        *alike((0, 1, 0, 0), (0, 1, 0, 1), (0, 2, 0, 0)),
+        *population(0, 0, 0, 0, 2, problem="a rule"),
+    ]
+    found = []
+    for executor in (Here(), installed().create("executor", "local", {"workers": 2})):
+        strategy = Limited([asked, asked], 5)
+        with executor:
+            result = evolve(strategy, earn, executor, Budget(1, 1, 1, 1, 5, 0.5), event_hub())
+        found.append([[(e.candidate.id, e.status, e.reward) for e in g.evaluations] for g in result.generations])
+        assert result.stopped == "3 dollars are spent"
+    assert found[0] == found[1]
+    assert [len(generation) for generation in found[0]] == [11, 5]
