@@ -56,7 +56,7 @@ def look() -> tuple[Part, ...]:
 def cookie(number: int, position: Array, yaw: float) -> Body:
     felt = (Part(Cylinder(RADIUS, THICKNESS)),)
     pose = Pose.xyz_rpy(position, (0.0, 0.0, yaw))
-    return Body(f"cookie_{number}", pose, 0.02, look(), felt, friction=0.8, rolling_friction=0.005)
+    return Body(f"cookie_{number}", pose, 0.02, look(), felt, friction=0.8)
 
 
 class SnatchCookie(Task):

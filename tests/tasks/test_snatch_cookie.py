@@ -5,7 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.design import Tool
 from core.geometry import Array
+from core.interfaces import JointTrajectory, Rollout
+from core.kinematics import arm
+from core.plugins import installed
+from core.robot import FINGER_OPEN
 from core.scene import State
 from tasks.snatch_cookie import BODY_RADIUS, BOTTOM, COOKIES, JAR, MOUTH, RADIUS, THICKNESS, SnatchCookie
 
@@ -78,3 +83,13 @@ def test_the_layout_follows_the_seed() -> None:
     layouts = [TASK.scene(seed).state().positions for seed in (3, 3, 4)]
     assert np.array_equal(layouts[0], layouts[1])
     assert not np.array_equal(layouts[0], layouts[2])
+
+
+def test_the_columns_stand_still() -> None:
+    """Stacks on stacks are what a contact solver is worst at."""
+    still = JointTrajectory(np.zeros(1), arm().home_for(TASK.home)[None], np.array([FINGER_OPEN]))
+    jobs = [Rollout(Tool(), still, seed, settle_s=0.5, hold_s=5.0) for seed in (5, 6, 7)]
+    for outcome in installed().create("sim", "pybullet").rollout(TASK, jobs):
+        assert outcome.start is not None
+        assert outcome.end is not None
+        assert np.linalg.norm(outcome.end.positions - outcome.start.positions, axis=-1).max() < 1.1e-3
