@@ -12,6 +12,10 @@ from tasks.assets import board, open_box, round_wall, turned
 
 POT = (0.75, -0.2)  # x, y of its middle
 POT_RADIUS, POT_HEIGHT, POT_WALL = 0.12, 0.0875, 0.004  # inside; the bottom is as thick as the wall
+OUTSIDE, AROUND = POT_RADIUS + POT_WALL, np.tile(np.arange(24) * np.pi / 12, 2)
+POT_EDGES = np.stack(  # points around its foot and its mouth
+    [OUTSIDE * np.cos(AROUND), OUTSIDE * np.sin(AROUND), np.repeat((0.0, POT_HEIGHT), 24)], axis=-1
+)
 HANDLE_Z, HANDLE_Y = 0.07, 0.152  # of the handles' bars, which run along x on the pot's left and right
 
 BOX = (0.8, 0.25)  # x, y of its middle
@@ -33,14 +37,13 @@ ROAST, BONE = (0.72, 0.40, 0.18, 1.0), (0.93, 0.90, 0.82, 1.0)
 @cache
 def pot() -> Body:
     """A round pot, open on top, with a handle on either side; its frame is below its bottom's middle."""
-    outside = POT_RADIUS + POT_WALL
-    bottom = Part(Cylinder(outside, POT_WALL), Pose(np.array([0.0, 0.0, POT_WALL / 2])), METAL)
-    wall = round_wall((POT_RADIUS, POT_RADIUS), (outside, outside), POT_WALL, POT_HEIGHT, METAL, 20)
+    bottom = Part(Cylinder(OUTSIDE, POT_WALL), Pose(np.array([0.0, 0.0, POT_WALL / 2])), METAL)
+    wall = round_wall((POT_RADIUS, POT_RADIUS), (OUTSIDE, OUTSIDE), POT_WALL, POT_HEIGHT, METAL, 20)
     shell = turned(
         [
             (0.0, 0.0),
-            (outside, 0.0),
-            (outside, POT_HEIGHT),
+            (OUTSIDE, 0.0),
+            (OUTSIDE, POT_HEIGHT),
             (POT_RADIUS, POT_HEIGHT),
             (POT_RADIUS, POT_WALL),
             (0.0, POT_WALL),
@@ -113,9 +116,12 @@ class TurkeyLegs(Task):
         return Scene((floor(), table(), chefs_box(), pot(), *legs))
 
     def reward(self, start: State, end: State) -> Array:
-        """The share of the legs that is inside the box; 0.7 of it if the pot is in there too."""
+        """The share of the legs that is inside the box; 0.7 of it if any of the pot's edges is in there too."""
         legs = sum(inside_box(end.position(name)).astype(np.float64) for name in LEGS) / len(LEGS)
-        reward: Array = legs * np.where(inside_box(end.position("pot")), 0.7, 1.0)
+        w, xyz = np.split(end.quaternion("pot")[..., None, :], [1], axis=-1)
+        edges = POT_EDGES + 2 * np.cross(xyz, w * POT_EDGES + np.cross(xyz, POT_EDGES))  # turned as the pot is
+        pot = inside_box(end.position("pot")[..., None, :] + edges).any(axis=-1)
+        reward: Array = legs * np.where(pot, 0.7, 1.0)
         return reward
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.geometry import Array
+from core.geometry import Array, Pose
 from core.scene import State
 from tasks.turkey_legs import (
     BONE_RADIUS,
@@ -19,6 +19,7 @@ from tasks.turkey_legs import (
     MEAT_RADIUS,
     MEAT_X,
     POT,
+    POT_HEIGHT,
     POT_RADIUS,
     POT_WALL,
     TurkeyLegs,
@@ -36,7 +37,7 @@ def end(**moved: Array) -> State:
     positions = START.positions.copy()
     for name, position in moved.items():
         positions[START.names.index(name)] = position
-    return replace(START, positions=positions)
+    return replace(START, positions=positions, quaternions=START.quaternions.copy())
 
 
 def rewards(ends: list[State]) -> Array:
@@ -64,6 +65,30 @@ def test_many_worlds_are_judged_as_each_alone() -> None:
 def test_with_the_pot_dropped_along_it_is_0_7() -> None:
     everything = dict.fromkeys((*LEGS, "pot"), IN_THE_BOX)
     assert rewards([end(**everything)])[0] == pytest.approx(0.7)
+
+
+LEANS = Pose.xyz_rpy((BOX[0] + 0.17, BOX[1] - 0.045, BOX_HEIGHT + 0.005), (2.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("pose", "inside"),
+    [
+        pytest.param(Pose(np.array([*BOX, 0.01])), True, id="stands in it"),
+        pytest.param(Pose.xyz_rpy((*BOX, POT_HEIGHT + 0.01), (np.pi, 0.0, 0.0)), True, id="lies in it upside down"),
+        pytest.param(LEANS, True, id="leans in it with its bottom above the edge"),
+        pytest.param(
+            Pose.xyz_rpy((*BOX, BOX_HEIGHT + POT_HEIGHT + 0.01), (np.pi, 0.0, 0.0)), False, id="is held above"
+        ),
+        pytest.param(
+            Pose.xyz_rpy((BOX[0], BOX[1] - 0.3, 0.15), (2.0, 0.0, 0.0)), False, id="is held beside it, tilted"
+        ),
+        pytest.param(Pose(np.array([BOX[0], BOX[1] - BOX_WIDTH / 2 - 0.13, 0.0])), False, id="stands beside it"),
+    ],
+)
+def test_the_pot_is_in_the_box_if_any_of_it_is(pose: Pose, inside: bool) -> None:
+    state = end(**dict.fromkeys(LEGS, IN_THE_BOX), pot=pose.position)
+    state.quaternions[state.names.index("pot")] = pose.quaternion
+    assert rewards([state, state]) == pytest.approx([0.7 if inside else 1.0] * 2)
 
 
 @pytest.mark.parametrize(
