@@ -13,7 +13,7 @@ START = (0.8, 0.6, PUCK_HEIGHT / 2)
 CENTER_X, CENTER_Y = 2.0, 0.0  # the goal's middle; its mouth faces the robot
 DEPTH, WIDTH, HEIGHT = 0.254, 0.457, 0.305  # inside the goal, along x, y, z
 BAR = 0.019  # radius of the goal's bars, which stand around that inside
-NET = 0.004  # thickness of the net
+NET, THREAD = 2 * BAR, 0.004  # thickness of the net as it is felt, so that no shot gets through, and of its strings
 RUBBER, ICE = 0.5, 0.02  # friction: a contact has the geometric mean of both, so that anything of 0.5 meets ice at 0.1
 
 RED: Color = (0.80, 0.14, 0.14, 1.0)
@@ -39,7 +39,7 @@ def strings(net: Part) -> Part:
         if along == thin:
             continue
         for at in np.linspace(-size[across] / 2, size[across] / 2, round(size[across] / 0.045) + 1)[1:-1]:
-            piece, center = np.full(3, NET), np.zeros(3)
+            piece, center = np.full(3, THREAD), np.zeros(3)
             piece[along], center[across] = size[along], at
             pieces.append(trimesh.creation.box(piece).apply_translation(center))
     return Part(Mesh.from_trimesh(trimesh.util.concatenate(pieces)), net.pose, STRING)

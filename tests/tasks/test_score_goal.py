@@ -3,15 +3,26 @@ from dataclasses import replace
 import coal
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from core.geometry import Cylinder
-from core.scene import State
-from tasks.score_goal import PUCK_HEIGHT, PUCK_RADIUS, START, ScoreGoal
+from core.design import Tool
+from core.geometry import Box, Cylinder, Pose
+from core.interfaces import JointTrajectory, Rollout, Task
+from core.kinematics import arm
+from core.plugins import installed
+from core.scene import Scene, State
+from tasks.score_goal import BAR, DEPTH, HEIGHT, PUCK_HEIGHT, PUCK_RADIUS, START, WIDTH, ScoreGoal
 
 TASK = ScoreGoal()
 SCENE = TASK.scene(0)
 BEFORE = SCENE.state()
 LYING = PUCK_HEIGHT / 2
+SIMULATOR = installed().create("sim", "pybullet")
+GOAL = SCENE["goal"]
+BARS = [part for part in GOAL.collisions if isinstance(part.shape, Cylinder)]
+NETS = [part for part in GOAL.collisions if isinstance(part.shape, Box)]
 
 
 def reward(*places):
@@ -19,16 +30,21 @@ def reward(*places):
     return TASK.reward(State.stack([BEFORE] * len(ends)), State.stack(ends)).tolist()
 
 
-def gap(place):
-    """Metres between a puck lying at a place (x, y) and the goal; negative is how deep it is in a bar or in the net."""
-    puck, at = coal.Cylinder(PUCK_RADIUS, PUCK_HEIGHT), coal.Transform3s(np.eye(3), np.array([*place, LYING]))
+def gap(puck):
+    """Metres between a puck and the goal it is given in the frame of; negative is how deep it is in a bar or a net."""
+    disc, at = coal.Cylinder(PUCK_RADIUS, PUCK_HEIGHT), coal.Transform3s(puck.rotation.as_matrix(), puck.position)
     gaps = []
-    for part in SCENE["goal"].collisions:
-        shape, pose = part.shape, SCENE["goal"].pose @ part.pose
+    for part in GOAL.collisions:
+        shape, pose = part.shape, part.pose
         solid = coal.Cylinder(shape.radius, shape.length) if isinstance(shape, Cylinder) else coal.Box(*shape.size)
         there = coal.Transform3s(pose.rotation.as_matrix(), pose.position)
-        gaps.append(coal.distance(puck, at, solid, there, coal.DistanceRequest(), coal.DistanceResult()))
+        gaps.append(coal.distance(disc, at, solid, there, coal.DistanceRequest(), coal.DistanceResult()))
     return min(gaps)
+
+
+def lying(x, y):
+    """A puck on the ice, in the goal's frame."""
+    return GOAL.pose.inverse() @ Pose.xyz_rpy((x, y, LYING))
 
 
 def test_the_scene():
@@ -76,7 +92,127 @@ def test_a_puck_shot_past_or_the_wrong_way_earns_nothing(place):
 
 
 def test_the_mouth_is_open_and_the_rest_is_shut():
-    assert all(gap((x, y)) > 0 for x in np.linspace(1.7, 2.08, 20) for y in (-0.19, 0.0, 0.19))
+    assert all(gap(lying(x, y)) > 0 for x in np.linspace(1.7, 2.08, 20) for y in (-0.19, 0.0, 0.19))
     for inside, outside in [((2.0, 0), (2.3, 0)), ((2.0, 0), (2.0, 0.4)), ((2.0, 0), (2.0, -0.4))]:
-        assert min(gap(np.add(inside, share * np.subtract(outside, inside))) for share in np.linspace(0, 1, 40)) < 0
-    assert min(gap((1.85, y)) for y in (-0.2475, 0.2475)) < 0  # the posts
+        way = [np.add(inside, share * np.subtract(outside, inside)) for share in np.linspace(0, 1, 40)]
+        assert min(gap(lying(*place)) for place in way) < 0
+    assert min(gap(lying(1.85, y)) for y in (-0.2475, 0.2475)) < 0  # the posts
+
+
+# --- shots ------------------------------------------------------------------------------------------------------
+
+
+class Shot(Task):
+    """A goal turned so that a direction in it points straight down, and a puck that falls as high as it takes to
+    arrive at a point of the goal with a speed: gravity shoots, so that every engine can.
+    """
+
+    name = "Shot"
+    description = ""
+    goals = ()
+
+    def __init__(self, aim, direction, speed, rpy):
+        turn, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [direction])
+        self.goal = Pose.from_rotation(GOAL.pose.position - turn.as_matrix() @ aim, turn)
+        self.puck = self.goal @ Pose.xyz_rpy(aim - direction * speed**2 / 2 / 9.81, rpy)
+
+    def scene(self, seed):
+        return Scene((replace(GOAL, pose=self.goal), replace(SCENE["puck"], pose=self.puck)))
+
+    def reward(self, start, end):
+        return np.zeros(start.positions.shape[:-2])
+
+
+def flight(aim, direction, speed, rpy):
+    """Where the puck is (S, 3) in the goal's frame, at each step until 0.3 s after it should have hit."""
+    task = Shot(aim, direction / np.linalg.norm(direction), speed, rpy)
+    still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.zeros(1))
+    job = Rollout(Tool(), still, settle_s=0.0, hold_s=speed / 9.81 + 0.3, record_hz=500.0)
+    (outcome,) = SIMULATOR.rollout(task, [job])
+    assert outcome.error is None
+    places: np.ndarray = task.goal.inverse().apply(outcome.recording.states.position("puck"))
+    return places
+
+
+def has_room(aim, direction, rpy):
+    """Whether a puck can come to a point of the goal from this direction."""
+    steps = np.linspace(0.15, 1.5, 60)[:, None] * direction / np.linalg.norm(direction)
+    return all(gap(Pose.xyz_rpy(place, rpy)) > 0.001 for place in aim - steps)
+
+
+def through_nets(places):
+    """Which nets a way (S, 3) in the goal's frame goes through."""
+    passed = []
+    for net in NETS:
+        at, half = net.pose.inverse().apply(places), np.array(net.shape.size) / 2
+        thin = int(np.argmin(half))
+        for i in np.flatnonzero(at[:-1, thin] * at[1:, thin] < 0):
+            share = at[i, thin] / (at[i, thin] - at[i + 1, thin])
+            if (np.abs(at[i] + share * (at[i + 1] - at[i])) <= half).all():
+                passed.append(net)
+    return passed
+
+
+def nearest_to_a_bar(places):
+    """Metres from a way (S, 3) in the goal's frame to the nearest axis of a bar."""
+    fine = np.concatenate([places[:-1] + share * np.diff(places, axis=0) for share in (0.0, 0.25, 0.5, 0.75)])
+    nearest = []
+    for part in BARS:
+        at = part.pose.inverse().apply(fine)
+        beyond = np.maximum(np.abs(at[:, 2]) - part.shape.length / 2, 0.0)
+        nearest.append(np.sqrt(at[:, 0] ** 2 + at[:, 1] ** 2 + beyond**2).min())
+    return min(nearest)
+
+
+def outward(net):
+    """The direction of a net's outer face."""
+    size = np.array(net.shape.size)
+    return np.where(size == size.min(), np.sign(net.pose.position - (0.0, 0.0, HEIGHT / 2)), 0.0)
+
+
+@pytest.mark.parametrize("net", NETS, ids=["behind", "above", "right", "left"])
+def test_no_shot_gets_through_the_net_with_the_flat_side_ahead(net):
+    """The puck is thinnest that way. At each speed another of its steps meets the net."""
+    across = np.abs(outward(net))
+    flat = (across[1] * np.pi / 2, across[0] * np.pi / 2, 0.0)
+    for speed in np.linspace(6.0, 8.0, 8):
+        way = flight(net.pose.position, -outward(net), speed, flat)
+        assert not through_nets(way), f"at {speed:.2f} m/s"
+
+
+SHARES, SPEEDS, TURNS = st.floats(-0.85, 0.85), st.floats(2.0, 8.0), st.floats(-np.pi, np.pi)
+
+
+@settings(max_examples=20)
+@given(
+    net=st.sampled_from(NETS),
+    at=st.tuples(SHARES, SHARES, SHARES),
+    mouth=st.tuples(SHARES, SHARES),
+    aside=st.none() | st.tuples(*[st.floats(-0.7, 0.7)] * 3),
+    speed=SPEEDS,
+    rpy=st.tuples(TURNS, TURNS, TURNS),
+)
+def test_no_shot_gets_through_the_net(net, at, mouth, aside, speed, rpy):
+    """From outside, or from inside through the mouth."""
+    aim = net.pose.apply(np.array(net.shape.size) / 2 * at)
+    front = (-DEPTH / 2, mouth[0] * WIDTH / 2, (1 + mouth[1]) * HEIGHT / 2)
+    direction = aim - front if aside is None else np.array(aside) - outward(net)
+    assume(has_room(aim, direction, rpy))
+    assert not through_nets(flight(aim, direction, speed, rpy))
+
+
+@settings(max_examples=20)
+@given(
+    bar=st.sampled_from(BARS), at=SHARES, aside=st.tuples(*[st.floats(-1.0, 1.0)] * 3), speed=SPEEDS, lies=st.booleans()
+)
+def test_no_shot_gets_through_a_bar(bar, at, aside, speed, lies):
+    """Aimed at its axis, from wherever there is room."""
+    along = bar.pose.rotation.apply([0.0, 0.0, 1.0])
+    direction = np.array(aside) - 0.9 * np.dot(aside, along) * along
+    assume(np.linalg.norm(direction) > 0.2)
+    aim = bar.pose.apply([0.0, 0.0, at * bar.shape.length / 2])
+    rpy = (0.0 if lies else np.pi / 2, 0.0, 0.0)
+    assume(has_room(aim, direction, rpy))
+    way = flight(aim, direction, speed, rpy)
+    assert nearest_to_a_bar(way) > BAR / 2
+    assert not through_nets(way)
