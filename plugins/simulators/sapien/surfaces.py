@@ -15,8 +15,10 @@ from typing import Any
 from core.scene import Body
 from plugins.simulators.sapien.engine import physx
 
-# Coefficients of friction within this ratio are of one kind; what the arithmetic mean then misses is 0.2 % at most.
-_ALIKE = 1.2
+# As many surfaces as this are kinds of their own. Where there are more, coefficients of friction within a ratio share a
+# kind; then friction is off by 1.2 % at most.
+_FEW = 4
+_ALIKE = 1.5
 
 _HIGH_BITS = 16  # shapes whose last word differs in its upper half never touch each other
 
@@ -39,9 +41,9 @@ class Surfaces:
     def __init__(self, moving: Iterable[Surface], fixed: Iterable[Surface]) -> None:
         moving = {*moving}
         self._kinds = _kinds({*moving, *fixed})
-        self._typical = {kind: surface for surface, kind in reversed(self._kinds.items())}  # the lowest friction
-        self._all = sorted(self._typical)
+        self._all = sorted({*self._kinds.values()})
         self._moving = sorted({self._kinds[surface] for surface in moving})
+        self._typical = {kind: _typical([s for s, k in self._kinds.items() if k == kind]) for kind in self._all}
         self._materials: dict[tuple[Surface, int], Any] = {}
 
     def copies(
@@ -67,19 +69,26 @@ class Surfaces:
         key = (surface, other)
         if key not in self._materials:
             one, two = self._typical[self._kinds[surface]], self._typical[other]
-            mean = math.sqrt(one.friction * two.friction)
-            if mean > 0:  # half of what the surface has more than the typical one of its kind counts, to first order
-                mean *= 2 * math.sqrt(surface.friction / one.friction) - 1
-            self._materials[key] = physx.PhysxMaterial(mean, mean, one.restitution * two.restitution)
+            friction = math.sqrt(one.friction * two.friction)
+            if friction > 0:  # a surface's share of what a pair has more than the typical one of its kinds
+                friction *= 2 * math.sqrt(surface.friction / one.friction) - 1
+            self._materials[key] = physx.PhysxMaterial(friction, friction, one.restitution * two.restitution)
         return self._materials[key]
 
 
 def _kinds(surfaces: set[Surface]) -> dict[Surface, int]:
-    """Each surface's kind, in rising order: one restitution, and about one friction."""
+    """Each surface's kind: one restitution, and one friction or a narrow range."""
+    ratio = 1.0 if len(surfaces) <= _FEW else _ALIKE
     kinds: dict[Surface, int] = {}
-    first: Surface | None = None  # of its kind
+    first, kind = Surface(-1.0), -1
     for surface in sorted(surfaces, key=lambda s: (s.restitution, s.friction)):
-        if first is None or surface.restitution != first.restitution or surface.friction > _ALIKE * first.friction:
-            first = surface
-        kinds[surface] = len({*kinds.values()}) - (first is not surface)
+        if surface.restitution != first.restitution or surface.friction > ratio * first.friction:
+            first, kind = surface, kind + 1
+        kinds[surface] = kind
     return kinds
+
+
+def _typical(surfaces: list[Surface]) -> Surface:
+    """The middle of a kind."""
+    frictions = [surface.friction for surface in surfaces]
+    return Surface(math.sqrt(min(frictions) * max(frictions)), surfaces[0].restitution)
