@@ -178,9 +178,10 @@ class _Worker:
         with _reaping:
             if self._closed:
                 raise _Died("the executor is closed")
-            resource_tracker.ensure_running()  # or it is started below, and lets signals through again
-            # The process inherits it: Ctrl-C is not for it, not even while it starts.
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            if hasattr(signal, "pthread_sigmask"):  # not on Windows
+                resource_tracker.ensure_running()  # or it is started below, and lets signals through again
+                # The process inherits it: Ctrl-C is not for it, not even while it starts.
+                signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             self._pipe, theirs = _spawn.Pipe()
             self._process = _spawn.Process(target=_work, args=[theirs], name="worker", daemon=True)
             self._process.start()

@@ -132,3 +132,26 @@ def test_a_folder_holds_one_run(opened):
     events.hook.run_ended()
     with pytest.raises(UserError, match=r"already holds a run; go on with it with resume=.*run, or choose another"):
         RunStore.create(store.folder, {})
+
+
+def test_numbers_come_back_to_the_last_bit(opened):
+    store, events, _ = opened
+    numbers = {
+        "reward": 0.1 + 0.2,
+        "distance_m": np.float64(1) / 3,
+        "ik_error_m": np.float32(0.1),
+        "ik_error_rad": 5e-324,
+    }
+    candidate = Candidate(ROD, PLAN)
+    told = Evaluation(candidate, "ok", **numbers, moved_m={"cube": 1 / 7}, warnings=("a", "b"), details={"x": [1 / 9]})
+    events.hook.candidate_evaluated(evaluation=told)
+    events.hook.run_ended()
+    again = RunStore.open(store.folder)
+    again.run_ended()
+    back = again.past.evaluation(candidate)
+    assert {name: getattr(back, name) for name in numbers} == {name: float(number) for name, number in numbers.items()}
+    assert np.isnan(back.tracking_error_rad)
+    assert (back.moved_m, back.warnings, back.details) == (told.moved_m, told.warnings, told.details)
+    assert back.candidate is candidate
+    assert again.past.evaluation(Candidate(ROD, PLAN, action=1)).reward == back.reward  # identical
+    assert again.past.evaluation(Candidate(ROD, np.nextafter(PLAN, 1.0), action=1)) is None
