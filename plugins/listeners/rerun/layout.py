@@ -42,7 +42,7 @@ def layout(camera: Camera, parts: Parts) -> rrb.Blueprint:
     told = rrb.Vertical(
         rrb.Tabs(
             rrb.TextDocumentView(origin="/text/design", name="design"),
-            rrb.TextDocumentView(origin="/text/tools", name="best tools"),
+            rrb.TextDocumentView(origin="/text/tools", name="tools"),
             rrb.TextDocumentView(origin="/text/run", name="run"),
             active_tab=0,
         ),

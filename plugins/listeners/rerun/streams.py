@@ -78,7 +78,8 @@ class Streams:
     def close(self) -> None:
         self.flush()
         for where in list(self._streams):
-            self._end(where)
+            if not self._ended(where):
+                self._say(f"{where} does not take what is left")
 
     def _each(self, function: Callable[[str, rr.RecordingStream], object]) -> None:
         for where, stream in list(self._streams.items()):
@@ -86,12 +87,13 @@ class Streams:
                 function(where, stream)
             except RuntimeError as error:  # what Rerun raises when a disk or a viewer fails
                 self._say(f"nothing more goes to {where}: {' '.join(str(error).split())}")
-                self._end(where)
+                self._ended(where)
 
-    def _end(self, where: str) -> None:
-        """A stream to a viewer that hangs would hold up the process for as long, also when it exits."""
+    def _ended(self, where: str) -> bool:
+        """End a stream. One to a viewer that hangs would hold up the process for as long, also when it exits."""
         ending = threading.Thread(target=self._streams.pop(where).disconnect, daemon=True)
         ending.start()
         ending.join(_END_S)
         if ending.is_alive():
             rr.unregister_shutdown()
+        return not ending.is_alive()

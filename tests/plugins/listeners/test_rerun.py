@@ -1,11 +1,14 @@
 """A recording is read back by Rerun's own reader; viewers are real ones, on loopback."""
 
+import os
 import re
+import signal
 import subprocess
 import sys
 import time
 from collections import defaultdict
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -320,6 +323,9 @@ from pathlib import Path
 from core.interfaces import Budget
 from core.plugins import installed
 from core.record import Run
+from plugins.listeners.rerun import streams
+streams._FLUSH_S = 2.0  # Rerun may or may not notice by itself
+streams._END_S = 0.5
 task, urdf = installed().create("task", "BringCube"), installed().create("tool", "urdf")
 listener = installed().create("logger", "rerun")
 resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
@@ -331,7 +337,8 @@ print("the run goes on")
 
 def test_a_full_disk(tmp_path):
     words = [sys.executable, "-c", FULL_DISK, str(tmp_path)]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    quiet = os.environ | {"RUST_LOG": "off"}
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, env=quiet)
     assert done.stdout == "the run goes on\n"
     (line,) = done.stderr.splitlines()
     assert line.startswith(f"rerun: nothing more goes to {tmp_path / 'recording.rrd'}: ")
@@ -389,6 +396,19 @@ def test_a_viewer_that_goes_away_leaves_the_file(tmp_path, simulator, generation
     play(run_in(tmp_path, simulator), generations, between=lambda: end(viewer), connect=f"127.0.0.1:{port}")
     _, line = said(capfd)
     assert line.startswith(f"rerun: nothing more goes to the viewer at 127.0.0.1:{port}: ")
+    assert len(Recording(tmp_path / "recording.rrd").values("/text/design", "text")) == 2
+
+
+def test_a_viewer_that_hangs_holds_nothing_up(tmp_path, simulator, generations, server, capfd, monkeypatch):
+    for seconds in ("_FLUSH_S", "_END_S"):
+        monkeypatch.setattr(f"plugins.listeners.rerun.streams.{seconds}", 1.0)
+    port, viewer = server
+    hang = partial(os.killpg, viewer.pid, signal.SIGSTOP)
+    play(run_in(tmp_path, simulator), generations, between=hang, connect=str(port))
+    os.killpg(viewer.pid, signal.SIGKILL)
+    _, line = said(capfd)  # it depends on how much is still taken on the way there
+    where = f"the viewer at 127.0.0.1:{port}"
+    assert line.startswith((f"rerun: nothing more goes to {where}: ", f"rerun: {where} does not take what is left"))
     assert len(Recording(tmp_path / "recording.rrd").values("/text/design", "text")) == 2
 
 
