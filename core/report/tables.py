@@ -415,7 +415,8 @@ def relative(target: Path, folder: Path) -> str:
 
 
 def _no_formula(text: str) -> str:
-    """A spreadsheet must not take a text for a formula."""
+    """A spreadsheet must not take a text for a formula, nor a terminal for an order."""
+    text = "".join(character for character in text if character.isprintable())
     return f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
 
 

@@ -11,12 +11,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 import scipy.stats
+import trimesh
 from lxml import etree
 from PIL import Image
 
 from core.errors import UserError
 from core.report.__main__ import main, report
-from core.report.drawing import draw, painted
+from core.report.drawing import Painted, draw, painted
 from core.report.figures import COLORS
 from core.report.page import inline
 from core.report.statistics import Resampling
@@ -265,9 +266,13 @@ def test_a_tool_is_drawn_in_its_colours_with_its_edges():
 
 
 def test_what_is_nearer_hides_what_is_behind():
-    shaft, blade = painted(hook(0.3))[1:]
-    front, behind = (draw([*order], 200, 200) for order in ([shaft, blade], [blade, shaft]))
-    assert np.abs(front.astype(int) - behind.astype(int)).mean() < 1
+    toward = np.array([0.52, -0.74, 0.42])  # the eye
+    red = Painted(trimesh.creation.box((0.1, 0.1, 0.1)).apply_translation(0.2 * toward), (0.9, 0.1, 0.1, 1.0))
+    blue = Painted(trimesh.creation.box((0.2, 0.2, 0.2)).apply_translation(-0.2 * toward), (0.1, 0.1, 0.9, 1.0))
+    for order in ([red, blue], [blue, red]):
+        picture = draw(order, 200, 200).astype(int)
+        assert picture[100, 100, 0] > picture[100, 100, 2] + 60  # red, in the middle
+        assert (picture[..., 2] > picture[..., 0] + 60).any()
 
 
 def test_the_hand_is_drawn_for_a_gripper(tmp_path):
@@ -302,7 +307,7 @@ class Page(HTMLParser):
 def hostile(tmp_path_factory):
     """A report of a run whose texts are an attack, in a folder whose name is one."""
     root = tmp_path_factory.mktemp("hostile")
-    folder = root / "runs" / "javascript:alert(1) <b>&\"'"
+    folder = root / "runs" / "javascript:alert(1) <b>&\"'\x1b[31m\u202e"
     write_run(folder, rewards=[[0.5], [0.7]], tools=[hook(0.2, HOSTILE, HOSTILE)], name=HOSTILE)
     bad = write_run(root / "runs" / "<i>bad", rewards=[[0.5]])
     (bad / "result.json").write_text(json.dumps(result(bad) | {"seed": HOSTILE}))
