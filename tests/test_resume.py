@@ -38,6 +38,17 @@ def toy(tmp_path, monkeypatch):
     return toys.Notes(str(tmp_path / "notes"))
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A run with toys that nothing happened to."""
+    folder = tmp_path_factory.mktemp("whole")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(installed(), "offers", dict(installed().offers))
+        toys.offer(installed())
+        run(toys.config(folder / "notes"), folder / "run")
+    return folder / "run"
+
+
 def result_of(folder):
     return {k: v for k, v in json.loads((folder / "result.json").read_text()).items() if k not in TIMES}
 
@@ -78,45 +89,31 @@ def assert_same_run(one, other):
 # --- killed at any moment ---------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def killed(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("kills")
-    command = [sys.executable, "-m", "tests.kills", str(folder), str(POINTS)]
+def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(tmp_path):
+    command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(POINTS)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr
-    return folder
-
-
-@pytest.fixture(scope="module")
-def whole(killed):
-    """A run that nothing happened to."""
-    return killed / "whole" / "run"
-
-
-def test_a_run_killed_at_any_moment_comes_to_the_same_end(killed, whole):
-    assert result_of(whole)["best"]["generation"] == 1
-    for point in range(POINTS):
-        assert_same_run(killed / str(point) / "run", whole)
-
-
-def test_what_is_stored_is_neither_asked_nor_tried_again(killed):
+    assert result_of(tmp_path / "whole" / "run")["best"]["generation"] == 1
     stored = []
     for point in range(POINTS):
-        at = killed / str(point)
+        at = tmp_path / str(point)
+        assert_same_run(at / "run", tmp_path / "whole" / "run")
         first, *later = (at / "notes").read_text().removeprefix("session\n").split("session\n")
-        before = set(first.split("\n"))
-        after = "".join(later).split("\n")
-        if not (at / "killed" / FILE).exists() or not rows(at / "killed" / FILE, "SELECT name FROM sqlite_master"):
-            stored.append(0)
-            continue
-        replies = rows(at / "killed" / FILE, "SELECT request_id FROM replies")
-        evaluations = rows(at / "killed" / FILE, "SELECT content FROM evaluations WHERE status != 'rejected'")
-        known = {f"asked {request}" for (request,) in replies} | {f"tried {content}" for (content,) in evaluations}
-        assert known <= before
-        assert not known & set(after)
+        known = what_is_stored(at / "killed")
+        assert known <= set(first.split("\n"))
+        assert not known & set("".join(later).split("\n"))
         stored.append(len(known))
-    assert stored == sorted(stored)  # the moments are spread over the run's life
-    assert len(set(stored)) > min(POINTS, 25) / 3
+    assert stored == sorted(stored)
+    assert len(set(stored)) > min(POINTS, 25) / 3  # the moments are spread over the run's life
+
+
+def what_is_stored(folder):
+    """As lines of the toys' notes."""
+    if not (folder / FILE).exists() or not rows(folder / FILE, "SELECT name FROM sqlite_master"):
+        return set()
+    replies = rows(folder / FILE, "SELECT request_id FROM replies")
+    evaluations = rows(folder / FILE, "SELECT content FROM evaluations WHERE status != 'rejected'")
+    return {f"asked {request}" for (request,) in replies} | {f"tried {content}" for (content,) in evaluations}
 
 
 # --- limits, failures, interrupts -------------------------------------------------------------------------------
@@ -496,12 +493,11 @@ def assert_full(toy, folder, whole, error):
     assert "\n" not in str(error.value)
     assert f"{folder} can't be written: " in str(error.value)
     assert f"what is in it is kept; to go on: python -m core.run resume={folder}" in str(error.value)
-    stored = [f"asked {request}" for (request,) in rows(folder / FILE, "SELECT request_id FROM replies")]
-    stored += [f"tried {content}" for (content,) in rows(folder / FILE, "SELECT content FROM evaluations")]
+    stored = what_is_stored(folder)
     toy.add("session")
     resume(folder)
     assert_same_run(folder, whole)
-    assert not set(stored) & set(toy.file.read_text().split("session\n")[1].splitlines())
+    assert not stored & set(toy.file.read_text().split("session\n")[1].splitlines())
     return len(stored)
 
 

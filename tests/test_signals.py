@@ -30,7 +30,7 @@ SMALL = [
     "seed=5",
     "logger=[progress]",
 ]
-POINTS = int(os.environ.get("VLMGINEER_REAL_KILLS", "1"))
+POINTS = int(os.environ.get("VLMGINEER_REAL_KILLS", "0"))
 PATIENCE_S = 180
 
 
@@ -135,7 +135,7 @@ class Terminal:
         return code, self.said.decode()
 
 
-def test_ctrl_c_at_a_terminal_and_the_run_goes_on(whole, tmp_path):
+def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(whole, tmp_path):
     folder = tmp_path / "a run"
     terminal = Terminal(tmp_path, *SMALL, f"hydra.run.dir='{folder}'")
     wait_until(lambda: stored(folder) > 0, terminal.run)
@@ -155,28 +155,30 @@ def test_ctrl_c_at_a_terminal_and_the_run_goes_on(whole, tmp_path):
     assert (folder / "best" / "design.json").exists()
 
     command = shlex.split(last.partition("python -m ")[2])
-    assert command[0] == "core.run"
-    code, out, err = finished(start(tmp_path, "run", *command[1:], "executor.workers=1"))
-    assert code == 0, err
-    assert out.splitlines()[-1] == str(folder / "best")
+    assert command == ["core.run", f"resume={folder}"]
+    kill(start(tmp_path, "run", *command[1:], "executor.workers=1"), folder, stored(folder))
+    assert go_on(folder).splitlines()[-1] == str(folder / "best")
     assert_same_run(folder, whole)
 
 
 # --- kill -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("point", range(POINTS))
-def test_a_run_whose_process_is_killed_leaves_nobody_and_goes_on(whole, tmp_path, point):
-    """With real workers, a real engine, and the embedded designer; at so many evaluations."""
-    folder = tmp_path / "run"
-    run = start(tmp_path, "run", *SMALL, f"hydra.run.dir={folder}", "executor.workers=2")
-    wait_until(lambda: stored(folder) > point * 12 // POINTS, run)
+def kill(run, folder, more_than):
+    """When more candidates are stored; nobody is left."""
+    wait_until(lambda: stored(folder) > more_than, run)
     processes = family(run)
     run.kill()
     assert finished(run)[0] == -signal.SIGKILL
     assert all_gone(processes)
-    before = stored(folder)
-    assert 0 < before <= 12
+
+
+@pytest.mark.skipif(POINTS == 0, reason="takes a minute for every two; VLMGINEER_REAL_KILLS says how many")
+@pytest.mark.parametrize("point", range(POINTS or 1))
+def test_a_run_whose_process_is_killed_leaves_nobody_and_goes_on(whole, tmp_path, point):
+    """With real workers, a real engine, and the embedded designer; at so many evaluations."""
+    folder = tmp_path / "run"
+    kill(start(tmp_path, "run", *SMALL, f"hydra.run.dir={folder}", "executor.workers=2"), folder, point * 12 // POINTS)
     go_on(folder, "executor.workers=2")
     assert_same_run(folder, whole)
 
