@@ -16,11 +16,12 @@ _INDENT = "    "  # before every line of a model's, so that none can pass for on
 
 
 def clean(text: str, most: int, *, lines: bool = False) -> str:
-    """Without characters that are not seen or that turn the direction of reading, and cut to ``most`` characters; in
-    one line, or with its ``lines``.
+    """Without characters that are not seen or that turn the direction of reading, without needless space, and cut to
+    ``most`` characters; in one line, or with its ``lines``.
     """
-    text = "\n".join(text[: 4 * most].splitlines()) if lines else " ".join(text[: 4 * most].split())
-    kept = "".join(c for c in text if c == "\n" or unicodedata.category(c)[0] not in "C")
+    seen = "".join(c for c in text[: 4 * most] if c.isspace() or unicodedata.category(c)[0] != "C")
+    rows = [" ".join(row.split()) for row in seen.splitlines()]
+    kept = ("\n" if lines else " ").join(row for row in rows if row)
     return kept if len(kept) <= most else f"{kept[: most - 1].rstrip()}…"
 
 
@@ -73,7 +74,7 @@ def _descent(candidate: Candidate) -> str:
 
 
 def _quoted(*texts: str) -> list[str]:
-    lines = [line for text in texts for line in clean(text, MAX_TEXT, lines=True).splitlines() if line.strip()]
+    lines = [line for text in texts for line in clean(text, MAX_TEXT, lines=True).splitlines()]
     return [f"{_INDENT}{line}" for line in lines] or [f"{_INDENT}(nothing)"]
 
 

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import unicodedata
 from collections import defaultdict
 from dataclasses import replace
 from functools import partial
@@ -14,6 +15,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
 from core.config import load
@@ -269,6 +272,16 @@ def test_clean():
     assert clean("one\r\ntwo\u2029three", 99, lines=True) == "one\ntwo\nthree"
     assert clean("x" * 11, 10) == "x" * 9 + "…"
     assert MAX_NAME < MAX_TEXT
+
+
+@given(st.text(st.characters(), max_size=60), st.integers(1, 40), st.booleans())
+def test_clean_of_anything(text, most, lines):
+    cleaned = clean(text, most, lines=lines)
+    assert len(cleaned) <= most
+    assert clean(cleaned, most, lines=lines) == cleaned
+    shown = cleaned.replace("\n", "") if lines else cleaned
+    assert not any(unicodedata.category(c).startswith(("C", "Zl", "Zp")) for c in shown)
+    cleaned.encode()  # no lone surrogates
 
 
 def test_it_opens_arranged(recorded):
