@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.design import Candidate, Evaluation, Tool
-from core.errors import UsageError, check_positive
+from core.errors import UsageError, check_positive, choices
 from core.geometry import Array, Pose
 from core.scene import Camera, Goal, Scene, State
 
@@ -96,10 +96,16 @@ class Rollout:
     record_hz: float = 0.0
 
 
+CHEATS = ("forbid", "warn", "ignore")
+
+
 @dataclass
 class RolloutSettings:
     """How a plan is executed: the least time of a segment, the pauses before and after the motion, the share of the
     arm's velocity and acceleration limits that is used, and the longest motion, beyond which a plan is rejected.
+
+    ``cheats``: what a rollout earns in which solids passed through one another (`core.cheats`): with ``forbid``
+    nothing, with ``warn`` what the task's reward says, and either way it is told; with ``ignore`` nobody looks.
     """
 
     segment_s: float = 0.5
@@ -107,6 +113,7 @@ class RolloutSettings:
     hold_s: float = 1.0
     speed: float = 0.95
     max_motion_s: float = 120.0
+    cheats: str = "forbid"
 
     def __post_init__(self) -> None:
         check_positive("rollout.", segment_s=self.segment_s, speed=self.speed, max_motion_s=self.max_motion_s)
@@ -115,6 +122,8 @@ class RolloutSettings:
                 raise UsageError(f"rollout.{name} must be between 0 and 60 seconds, got {seconds}")
         if self.speed > 1:
             raise UsageError(f"rollout.speed is a share of the arm's limits, at most 1, got {self.speed}")
+        if self.cheats not in CHEATS:
+            raise choices("rollout.cheats", self.cheats, CHEATS)
 
 
 @dataclass(frozen=True, eq=False)

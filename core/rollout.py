@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from core.cheats import SAMPLE_HZ, Explosion, Finding, findings
 from core.design import Candidate, Evaluation
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.kinematics import arm
@@ -88,7 +89,7 @@ def evaluate(
         if candidate.problem is not None:
             evaluations[i] = rejected(candidate)
             continue
-        motion, job = prepare(task, candidate, seed, settings)
+        motion, job = prepare(task, candidate, seed, settings, SAMPLE_HZ if settings.cheats != "ignore" else 0.0)
         if motion.trajectory.duration > settings.max_motion_s:
             took = f"the motion takes {motion.trajectory.duration:.0f} s under the arm's limits"
             evaluations[i] = rejected(
@@ -99,14 +100,33 @@ def evaluate(
         jobs.append(job)
     outcomes = dict(zip(motions, simulator.rollout(task, jobs), strict=True))
     sound: list[tuple[int, State, State]] = []
+    seen: dict[int, list[Finding]] = {}
+    scene = task.scene(seed) if any(outcome.recording is not None for outcome in outcomes.values()) else None
     for i, outcome in outcomes.items():
+        tool = candidates[i].tool
+        if outcome.recording is not None and scene is not None and tool is not None:
+            try:
+                seen[i] = findings(scene, tool, outcome.recording)
+            except Explosion as error:
+                evaluations[i] = Evaluation(candidates[i], "failed", reason=f"the simulation blew up: {error}")
+                continue
         if outcome.error is None and outcome.start is not None and outcome.end is not None:
             sound.append((i, outcome.start, outcome.end))
         else:
             evaluations[i] = Evaluation(candidates[i], "failed", reason=outcome.error or "no state came back")
     for i, evaluation in _scored(task, candidates, motions, outcomes, sound):
-        evaluations[i] = evaluation
+        evaluations[i] = judged(evaluation, seen.get(i, []), forbid=settings.cheats == "forbid")
     return [evaluations[i] for i in range(len(candidates))]
+
+
+def judged(evaluation: Evaluation, seen: Sequence[Finding], *, forbid: bool) -> Evaluation:
+    """The evaluation with what was seen among its warnings; where cheats are forbidden, it earns nothing with one."""
+    warnings = (*evaluation.warnings, *(finding.text for finding in seen))
+    cheats = [finding.text for finding in seen if finding.cheat]
+    if not (forbid and cheats and evaluation.reward > 0):
+        return replace(evaluation, warnings=warnings)
+    reason = f"{cheats[0]}, so that its reward of {evaluation.reward:.2f} does not count"
+    return replace(evaluation, warnings=warnings, reward=0.0, reason=evaluation.reason or reason)
 
 
 def _scored(

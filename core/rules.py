@@ -46,7 +46,7 @@ def box_gap(a: Box, pose_a: Pose, b: Box, pose_b: Pose) -> float:
 
 
 @lru_cache(maxsize=2)
-def _robot_solids(gripper: bool) -> tuple[Solid, ...]:
+def robot_solids(gripper: bool) -> tuple[Solid, ...]:
     """The collision shapes of the robot without a tool, each in the frame of its link."""
     solids = []
     robot = etree.fromstring(assemble(Tool(gripper=gripper), visuals=False))
@@ -108,7 +108,7 @@ def _check_component(component: Component) -> None:
 def _mount_solids(mount: str) -> list[Solid]:
     if mount == RIGID_MOUNT:
         return [Solid(mount, solid_geometry(FLANGE), Pose())]
-    return [solid for solid in _robot_solids(True) if solid.name == mount]
+    return [solid for solid in robot_solids(True) if solid.name == mount]
 
 
 def _check_contacts(tool: Tool) -> None:
@@ -243,7 +243,7 @@ class SpawnRules:
         """The robot's solids, and the world poses of its links."""
         if gripper not in self._robots:
             frames = _link_frames(self._joints, gripper)
-            solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in _robot_solids(gripper))
+            solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(gripper))
             self._robots[gripper] = Solids(solids), frames
         return self._robots[gripper]
 

@@ -37,8 +37,8 @@ class Solid:
         return self.pose.apply((local.max_ + local.min_) / 2), half
 
 
-def hull(mesh: trimesh.Trimesh) -> Any:
-    """The convex hull of a mesh, for Coal."""
+def hull(mesh: trimesh.Trimesh | trimesh.PointCloud) -> Any:
+    """The convex hull of a mesh or of points, for Coal."""
     convex = mesh.convex_hull
     points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     points.extend(np.asarray(convex.vertices, dtype=np.float64))

@@ -1,0 +1,381 @@
+"""What physics let happen and the world would not: things that pass through one another, and things that are flung.
+
+It is found in what a simulator recorded, so engines need not know of it. Two solids are followed from one moment to the
+next at which they can have met: between samples poses are interpolated, and as long as what lies between two moments is
+too short a way to get deeper than the limit, nothing need be looked at (conservative advancement: B. Mirtich, "Impulse-
+based dynamic simulation of rigid body systems", PhD thesis, Berkeley 1996, section 2.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Any
+
+import coal
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from core.design import Tool
+from core.geometry import Array, Mesh, Pose, Shape, Sphere
+from core.interfaces import Recording
+from core.robot import ARM_JOINTS, FINGER_JOINTS, assemble
+from core.rules import robot_solids
+from core.scene import Scene
+from core.solids import hull, solid_geometry
+
+SAMPLE_HZ = 25.0
+
+DEEP_M = 0.01  # what presses hard may be this deep in something, or half of how far it would be on its way through
+THIN_M = 0.003  # but of thin things this much
+DEEP_S = 0.06  # what is struck hard may be deeper, for this long
+THROUGH = 2 / 3  # share of the way to the middle that one must have got into the other to have passed through it
+
+FLUNG_M_S = 5.0  # faster than this, and
+FLUNG_TIMES = 3.0  # so many times as fast as the robot ever was: an elastic blow gives twice the speed at most
+LOST_M = 5.0  # from the arm's base
+EXPLODED_M_S = 100.0
+
+_FROM_AFAR_M = 0.02  # from here on the first look finds the two still apart, so that it is known from where one came
+_REQUEST = coal.DistanceRequest()
+_GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that would not happen, told for people; ``cheat`` where a reward that came of it means nothing."""
+
+    text: str
+    cheat: bool
+
+
+class Explosion(Exception):
+    """The simulation went to pieces; says how."""
+
+
+def findings(scene: Scene, tool: Tool, recording: Recording) -> list[Finding]:
+    """What would not happen, in a rollout of ``tool`` in ``scene``: one finding for each two things that passed through
+    one another, whichever moment it was first, and one for each that was flung.
+
+    The robot's own parts are not held against each other, nor what stands inside each other from the beginning.
+
+    Raises:
+        Explosion: a body's state is not finite, or it is faster than `EXPLODED_M_S` and no fall has made it so.
+    """
+    states = recording.states
+    for what in (states.positions, states.quaternions, states.linear_velocities, recording.arm):
+        if not np.isfinite(what).all():
+            raise Explosion("a body's state is not finite")
+    robot = _robot_tracks(tool, recording)
+    found = _flung(recording, max((track.fastest(recording.times) for track in robot), default=0.0))
+    return _passages(robot, _body_tracks(scene, recording), recording.times) + found
+
+
+# --- solids over time -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Track:
+    """A convex solid and where it is at each sample: rotations (T, 3, 3) and positions (T, 3) of its frame. One that
+    never moves has T = 1.
+
+    ``way`` (T,) is how far a point of it can have gone since the first sample; ``low`` and ``high`` (T, 3) bound its
+    place at a sample and on the way to the next. ``of`` is what it is part of, ``reach`` how far from its frame's
+    origin turning moves it, ``thick`` its least half width.
+    """
+
+    name: str
+    of: str
+    geometry: Any
+    rotations: Array
+    positions: Array
+    way: Array
+    low: Array
+    high: Array
+    reach: float
+    thick: float
+
+    @classmethod
+    def make(cls, name: str, of: str, solid: _Measured, rotations: Array, positions: Array) -> _Track:
+        if solid.pose is not None:
+            positions = positions + rotations @ solid.pose.position
+            rotations = rotations @ solid.pose.rotation.as_matrix()
+        middles, reach = positions + rotations @ solid.middle, np.abs(rotations) @ solid.half
+        low, high = middles - reach, middles + reach
+        low[:-1], high[:-1] = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
+        (way,) = _ways(rotations[None], positions[None], np.array([solid.reach]))
+        thick = float(solid.half.min())
+        return cls(name, of, solid.geometry, rotations, positions, way, low, high, solid.reach, thick)
+
+    def fastest(self, times: Array) -> float:
+        """The speed that no point of it passed, m/s, taken over a tenth of a second."""
+        count = max(1, min(len(times) - 1, round(0.1 * SAMPLE_HZ)))
+        if len(times) < 2:
+            return 0.0
+        return float(((self.way[count:] - self.way[:-count]) / (times[count:] - times[:-count])).max())
+
+    def at(self, k: int, share: float) -> tuple[Any, Array]:
+        """Coal's transform at sample ``k`` or so far on the way to the next, and the rotation (3, 3)."""
+        if len(self.positions) == 1:
+            k, share = 0, 0.0
+        rotation, position = self.rotations[k], self.positions[k]
+        if share > 0:
+            position = position + share * (self.positions[k + 1] - position)
+            rotation = rotation @ pin.exp3(share * pin.log3(rotation.T @ self.rotations[k + 1]))
+        return coal.Transform3s(rotation, position), rotation
+
+
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """A solid in the frame of what it is part of: its bounding box there, and how far its points are from its origin
+    where turning moves them.
+    """
+
+    geometry: Any
+    pose: Pose | None
+    middle: Array
+    half: Array
+    reach: float
+
+
+@lru_cache(maxsize=1024)
+def _measured(shape: Shape, pose: Pose) -> _Measured:
+    geometry = _hull(shape.vertices.tobytes()) if isinstance(shape, Mesh) else solid_geometry(shape)
+    return _measure(geometry, pose, round=isinstance(shape, Sphere))
+
+
+@lru_cache(maxsize=256)
+def _hull(vertices: bytes) -> Any:
+    """Of points (V, 3), by content: scenes are made anew for each rollout, their meshes are mostly the same."""
+    return hull(trimesh.PointCloud(np.frombuffer(vertices).reshape(-1, 3)))
+
+
+def _measure(geometry: Any, pose: Pose, *, round: bool = False) -> _Measured:
+    geometry.computeLocalAABB()
+    box = geometry.aabb_local
+    middle, half = (box.max_ + box.min_) / 2, (box.max_ - box.min_) / 2
+    reach = 0.0 if round else float(np.linalg.norm(np.abs(middle) + half))
+    return _Measured(geometry, None if pose == Pose() else pose, middle, half, reach)
+
+
+@lru_cache(maxsize=2)
+def _robot(gripper: bool) -> tuple[Any, dict[str, tuple[int, Pose]], list[tuple[str, _Measured]]]:
+    """The kinematic model, on which joint each link sits and where, and the solids that move, by link."""
+    model = pin.buildModelFromXML(assemble(Tool(gripper=gripper), visuals=False))
+    bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+    links = {frame.name: (frame.parentJoint, Pose.from_matrix(frame.placement.homogeneous)) for frame in bodies}
+    solids = [(s.name, _measure(s.geometry, s.pose)) for s in robot_solids(gripper) if links[s.name][0] > 0]
+    return model, links, solids
+
+
+def _joints(tool: Tool, recording: Recording) -> tuple[Array, Array]:
+    """Rotations (J, T, 3, 3) and positions (J, T, 3) of the joints' frames in the world, numbered as in the kinematic
+    model; by numpy, for all samples at once, which is a tenth of the time that Pinocchio takes one by one.
+    """
+    model, _, _ = _robot(tool.gripper)
+    count = len(recording.times)
+    rotations, positions = np.zeros((model.njoints, count, 3, 3)), np.zeros((model.njoints, count, 3))
+    rotations[0] = np.eye(3)
+    cosines, sines = np.cos(recording.arm), np.sin(recording.arm)
+    for joint in range(1, model.njoints):
+        parent, placement = model.parents[joint], model.jointPlacements[joint]
+        rotations[joint] = rotations[parent] @ placement.rotation
+        positions[joint] = positions[parent] + rotations[parent] @ placement.translation
+        if joint <= len(ARM_JOINTS):  # about z
+            turn = np.zeros((count, 3, 3))
+            turn[:, 0, 0] = turn[:, 1, 1] = cosines[:, joint - 1]
+            turn[:, 1, 0], turn[:, 0, 1] = sines[:, joint - 1], -sines[:, joint - 1]
+            turn[:, 2, 2] = 1.0
+            rotations[joint] = rotations[joint] @ turn
+        else:  # along y, the second finger's frame the other way
+            side = 1.0 if model.names[joint] == FINGER_JOINTS[0] else -1.0
+            opening = recording.fingers[:, FINGER_JOINTS.index(model.names[joint])]
+            positions[joint] += side * opening[:, None] * rotations[joint][:, :, 1]
+    return rotations, positions
+
+
+def _robot_tracks(tool: Tool, recording: Recording) -> list[_Track]:
+    _, links, solids = _robot(tool.gripper)
+    rotations, positions = _joints(tool, recording)
+
+    @cache
+    def frames(link: str) -> tuple[Array, Array]:
+        joint, pose = links[link]
+        return rotations[joint] @ pose.rotation.as_matrix(), positions[joint] + rotations[joint] @ pose.position
+
+    placed = tool.placed()
+    tracks = [_Track.make(name, "the robot", solid, *frames(name)) for name, solid in solids]
+    for component in tool.components:
+        link, pose = placed[component.name]
+        tracks.append(_Track.make(component.name, "the robot", _measured(component.shape, pose), *frames(link)))
+    return tracks
+
+
+def _body_tracks(scene: Scene, recording: Recording) -> list[_Track]:
+    states = recording.states
+    number = {name: i for i, name in enumerate(states.names)}
+    tracks = []
+    for body in scene.bodies:
+        if body.fixed:
+            rotations, positions = body.pose.rotation.as_matrix()[None], body.pose.position[None]
+        else:
+            rotations = _matrices(states.quaternions[:, number[body.name]])
+            positions = states.positions[:, number[body.name]]
+        for part in body.collisions:
+            solid = _measured(part.shape, part.pose)
+            tracks.append(_Track.make(body.name, body.name, solid, rotations, positions))
+    return tracks
+
+
+def _matrices(quaternions: Array) -> Array:
+    """Rotations (T, 3, 3) of quaternions (T, 4)."""
+    return Rotation.from_quat(quaternions[:, [1, 2, 3, 0]]).as_matrix()
+
+
+# --- passing through --------------------------------------------------------------------------------------------
+
+
+def _passages(robot: Sequence[_Track], bodies: Sequence[_Track], times: Array) -> list[Finding]:
+    found: dict[tuple[str, str], tuple[float, str]] = {}
+    for one, other, near, way in _meetings(robot, bodies):
+        passage = _passage(one, other, near, way, times)
+        if passage is not None:
+            names = one.name, other.name
+            found[names] = min(found.get(names, passage), passage)
+    return [Finding(f"{one!r} {what.format(repr(other))}", True) for (one, other), (_, what) in found.items()]
+
+
+def _meetings(
+    robot: Sequence[_Track], bodies: Sequence[_Track]
+) -> Iterator[tuple[_Track, _Track, npt.NDArray[np.intp], Array]]:
+    """Pairs whose bounding boxes meet at any time, at least one of the two in motion; the samples at which they do or
+    are about to, rising; and how far a point of the first can have gone in the frame of the second, (T,).
+    """
+    moving = [*robot, *(track for track in bodies if len(track.way) > 1)]
+    if not moving:
+        return
+    low, high = np.array([t.low for t in moving]), np.array([t.high for t in moving])
+    reaches = np.array([t.reach for t in moving])
+    order = {id(track): i for i, track in enumerate(moving)}
+    for other in bodies:
+        many = moving[: order.get(id(other), len(moving))]  # of two bodies that move, each pair once
+        near: npt.NDArray[np.bool_] = (low[: len(many)] <= other.high).all(axis=2) & (
+            other.low <= high[: len(many)]
+        ).all(axis=2)
+        met = [i for i in np.flatnonzero(near.any(axis=1)) if many[i].of != other.of]
+        if not met:
+            continue
+        if len(other.way) == 1:
+            yield from ((many[i], other, np.flatnonzero(near[i]), many[i].way) for i in met)
+            continue
+        back = other.rotations.swapaxes(1, 2)
+        positions = np.array([many[i].positions for i in met]) - other.positions
+        rotations = back @ np.array([many[i].rotations for i in met])
+        ways = _ways(rotations, (back @ positions[..., None])[..., 0], reaches[met])
+        yield from ((many[i], other, np.flatnonzero(near[i]), way) for i, way in zip(met, ways, strict=True))
+
+
+def _ways(rotations: Array, positions: Array, reaches: Array) -> Array:
+    """How far points can have gone since the first sample, (N, T), if they are within reaches (N,) of frames with
+    rotations (N, T, 3, 3) and positions (N, T, 3).
+    """
+    steps = np.linalg.norm(np.diff(positions, axis=1), axis=2)
+    traces = (rotations[:, 1:] * rotations[:, :-1]).sum(axis=(2, 3))  # of the turns
+    steps += reaches[:, None] * np.arccos(np.clip((traces - 1) / 2, -1.0, 1.0))
+    return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
+
+
+def _passage(
+    one: _Track, other: _Track, near: npt.NDArray[np.intp], way: Array, times: Array
+) -> tuple[float, str] | None:
+    """When one got into the other, seconds, and how it is told; None: it never did."""
+    across = one.thick + other.thick
+    deep = min(DEEP_M, max(across / 2, min(THIN_M, 0.9 * across)))
+    through = THROUGH * across
+    limit = min(deep, through)
+    last = len(way) - 1
+    entry: Array | None = (
+        None  # the way out of ``other`` when the two last only touched, if at all; before that nothing counts
+    )
+    reached = 0.0  # how deep since then
+    since, stuck = 0.0, None  # when it got in, and since which sample it is too deep
+    k, share = int(near[0]), 0.0
+    while True:
+        depth, out = _look(one, other, k, share)
+        if depth < (limit if entry is None else 0.0):
+            if entry is not None and reached >= through and out @ entry < 0.5:
+                return since, f"passed through {{}} at {since:.2f} s"
+            entry, reached = out, 0.0
+        if depth >= limit and entry is not None:
+            now = float(times[k] + (share * (times[k + 1] - times[k]) if share else 0.0))
+            since = now if reached < limit else since
+            reached = max(reached, depth)
+        if depth < deep:
+            stuck = None
+        elif share == 0 and entry is not None:
+            stuck = float(times[k]) if stuck is None else stuck
+            if times[k] - stuck >= DEEP_S:
+                return stuck, f"was {1000 * reached:.0f} mm deep inside {{}} at {stuck:.2f} s"
+        ahead = way[k] + (share * (way[k + 1] - way[k]) if share else 0.0)
+        if depth >= limit:
+            if k == last:
+                return None
+            ahead = min(ahead + limit, way[k + 1])
+            k, share = (k + 1, 0.0) if ahead >= way[k + 1] else (k, share)
+            if ahead == way[k]:
+                continue
+        else:
+            ahead += max(limit - depth, limit / 4) if -depth < _FROM_AFAR_M else -depth
+            if ahead > way[last]:
+                return None
+            further = int(np.searchsorted(way, ahead, side="right")) - 1
+            if further > k:
+                k, share = further, 0.0
+                if depth < 0:
+                    at = int(np.searchsorted(near, k))
+                    if at == len(near):
+                        return None
+                    k = int(near[at])
+                continue
+        share = (ahead - way[k]) / (way[k + 1] - way[k])
+
+
+def _look(one: _Track, other: _Track, k: int, share: float) -> tuple[float, Array]:
+    """How deep the two are in each other, metres, negative if they are apart; and the way out for ``one``, in the frame
+    of ``other``.
+    """
+    at, _ = one.at(k, share)
+    others_at, others_rotation = other.at(k, share)
+    result = coal.DistanceResult()
+    distance = coal.distance(other.geometry, others_at, one.geometry, at, _REQUEST, result)
+    return -float(distance), result.normal @ others_rotation
+
+
+# --- flung ------------------------------------------------------------------------------------------------------
+
+
+def _flung(recording: Recording, robots_fastest: float) -> list[Finding]:
+    """Bodies faster than anything here can have made them, beyond what a fall gives; and bodies that are far away.
+
+    Raises:
+        Explosion: one is faster than `EXPLODED_M_S`.
+    """
+    states, found = recording.states, []
+    fallen = np.maximum(states.positions[:1, :, 2] - states.positions[:, :, 2], 0.0)
+    squares = (states.linear_velocities**2).sum(axis=2) - 2 * _GRAVITY * fallen
+    fastest = np.sqrt(np.maximum(squares, 0.0).max(axis=0))
+    farthest = np.linalg.norm(states.positions[:, :, :2], axis=2).max(axis=0)
+    for name, speed, far in zip(states.names, fastest, farthest, strict=True):
+        if speed > EXPLODED_M_S:
+            raise Explosion(f"{name!r} reached {speed:.0f} m/s")
+        if speed > max(FLUNG_M_S, FLUNG_TIMES * robots_fastest):
+            found.append(
+                Finding(f"{name!r} was flung: it reached {speed:.1f} m/s, the robot {robots_fastest:.1f} m/s", False)
+            )
+        elif far > LOST_M:
+            found.append(Finding(f"{name!r} was flung: it got {far:.1f} m away", False))
+    return found
