@@ -108,7 +108,7 @@ def _name(evaluation: Evaluation) -> str:
 
 
 def _asked(replies: list[Reply]) -> str:
-    said = f"{len(replies)} replies"
+    said = f"{len(replies)} repl{'y' if len(replies) == 1 else 'ies'}"
     failed = sum(reply.error is not None for reply in replies)
     tokens = [n for reply in replies for n in (reply.prompt_tokens, reply.completion_tokens) if n is not None]
     costs = [reply.cost_usd for reply in replies if reply.cost_usd is not None]

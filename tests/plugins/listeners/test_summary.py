@@ -85,7 +85,7 @@ def test_what_the_model_took(capsys):
         Reply("c", "", "m", prompt_tokens=1, cost_usd=0.25),
     ]
     assert "3 replies, 1 of them failed, 16 tokens, 0.75 USD" in tell(capsys, [0.5], replies=replies)
-    assert "1 replies\n" in tell(capsys, [0.5], replies=[Reply("a", "", "m")])
+    assert "1 reply\n" in tell(capsys, [0.5], replies=[Reply("a", "", "m")])
 
 
 def test_a_models_words_stay_words(capsys):
