@@ -15,6 +15,7 @@ from hydra.errors import HydraException, MissingConfigException
 from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
+from core import hydra_sources
 from core.designer import Sampling
 from core.errors import UsageError, UserError, choices
 from core.interfaces import RolloutSettings
@@ -123,9 +124,14 @@ class RenderConfig(BenchConfig):
 
 @dataclass
 class ConformanceConfig:
-    """What ``python -m core.conformance`` may be told."""
+    """What ``python -m core.conformance`` may be told: of each kind the part that is to be checked, if any."""
 
-    sim: dict[str, Any] = MISSING
+    task: dict[str, Any] | None = None
+    sim: dict[str, Any] | None = None
+    vlm: dict[str, Any] | None = None
+    tool: dict[str, Any] | None = None
+    evolution: dict[str, Any] | None = None
+    executor: dict[str, Any] | None = None
 
 
 @dataclass
@@ -171,7 +177,8 @@ class GalleryConfig:
 
 
 def register() -> None:
-    """Make the schemas known to Hydra; the primary configs in ``conf/`` start from them."""
+    """Make the schemas known to Hydra, from which the primary configs in ``conf/`` start, and what plugins bring."""
+    hydra_sources.register()
     store = ConfigStore.instance()
     store.store("run_schema", RunConfig)
     store.store("evaluate_schema", EvaluateConfig)

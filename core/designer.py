@@ -16,9 +16,10 @@ from core.artifacts import draw_stages, png
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.errors import NoPicture, choices
 from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulator, Task, ToolRepresentation
+from core.plugins import whose
 from core.prompts import Prompts, answer_schema
 from core.reading import parse_reply, read_designs
-from core.rules import SpawnRules
+from core.rules import SpawnRules, shorten
 
 ToolKind = Literal["rigid", "gripper"]
 TOOL_KINDS: tuple[ToolKind, ...] = get_args(ToolKind)
@@ -113,10 +114,15 @@ class ModelDesigner:
         """
         arrived: queue.SimpleQueue[Reply | Exception | None] = queue.SimpleQueue()
         asked = {request.id: request for request in requests}
+        missing = set(asked)
 
         def listen() -> None:
             try:
                 for reply in self.vlm.complete(requests):
+                    if not isinstance(reply, Reply) or reply.request_id not in missing:
+                        sys.stderr.write(f"{whose(self.vlm)}: complete gave {_told(reply)}; it is left out\n")
+                        continue
+                    missing.remove(reply.request_id)
                     self.events.hook.reply_received(request=asked[reply.request_id], reply=reply)
                     arrived.put(reply)
             except Exception as error:  # to be raised where somebody sees it
@@ -176,6 +182,13 @@ class ModelDesigner:
             n_tool=brief.n_tool,
             n_action=brief.n_action,
         )
+
+
+def _told(reply: object) -> str:
+    """What is wrong with a reply that answers no request."""
+    if isinstance(reply, Reply):
+        return f"a reply to {reply.request_id!r}, which was not asked or had its reply"
+    return f"{shorten(repr(reply))}, which is no Reply"
 
 
 def _lost(brief: Brief, problem: str) -> Candidate:

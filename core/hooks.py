@@ -75,6 +75,17 @@ class Parts:
         raise NotImplementedError
 
 
+class Configs:
+    """What else a plugin may bring."""
+
+    @hookspec
+    def config_path(self) -> str:
+        """The package that holds the plugin's Hydra configs, ``"pkg://my_package.conf"``: a folder per config group, in
+        it a file per part, ``sim/mine.yaml``. Of a part without one, the config is its factory's defaults.
+        """
+        raise NotImplementedError
+
+
 class Events:
     """What happens in a run, in this order. A listener implements those that it wants; the loop waits for it."""
 

@@ -5,10 +5,15 @@ An entry point that fails to load is remembered with its reason and hurts nobody
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.metadata
+import importlib.util
 import inspect
+import subprocess
+import sys
 import typing
+import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,8 +22,10 @@ from typing import Any
 import pluggy
 import pydantic
 
+from core.cli import command
 from core.errors import UsageError, UserError, choices
-from core.hooks import PROJECT, Events, Factory, Parts
+from core.hooks import PROJECT, Configs, Events, Factory, Parts
+from core.interfaces import VLM, EvolutionStrategy, Executor, Simulator, Task, ToolRepresentation
 
 KINDS = {
     "task": "tasks",
@@ -31,6 +38,22 @@ KINDS = {
 }
 """The config group of each kind of part, and the hook that offers it."""
 
+INTERFACES: dict[str, type] = {
+    "task": Task,
+    "sim": Simulator,
+    "vlm": VLM,
+    "tool": ToolRepresentation,
+    "evolution": EvolutionStrategy,
+    "executor": Executor,
+}
+"""What the parts of a kind are; listeners are whatever hears an event."""
+
+ATTRIBUTES = {"task": ("name", "description", "goals"), "vlm": ("model",)}
+"""What they have besides methods."""
+
+GIVEN = {"evolution": ("designer", "budget")}
+"""Which arguments of a kind's factories the program gives; the others are settings."""
+
 
 @dataclass(frozen=True)
 class Offer:
@@ -41,6 +64,9 @@ class Offer:
     entry_point: str
     distribution: str
     factory: Factory
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.name!r} of {self.distribution} (hook {KINDS[self.kind]!r})"
 
 
 @dataclass(frozen=True)
@@ -53,10 +79,13 @@ class Failure:
 
 
 class Plugins:
-    """What is installed: ``offers`` by (kind, name), and ``failures``."""
+    """What is installed: ``offers`` by (kind, name), the packages of Hydra ``configs`` by distribution, and
+    ``failures``.
+    """
 
     def __init__(self, entry_points: Mapping[str, Any] | None = None) -> None:
         self.offers: dict[tuple[str, str], Offer] = {}
+        self.configs: dict[str, list[str]] = {}
         self.failures: list[Failure] = []
         for entry in importlib.metadata.entry_points(group=PROJECT):
             distribution = entry.dist.name if entry.dist else "?"
@@ -75,6 +104,7 @@ class Plugins:
         """Take in what ``plugin`` (a module or an object) offers, as if an entry point ``name`` had named it."""
         manager = pluggy.PluginManager(PROJECT)
         manager.add_hookspecs(Parts)
+        manager.add_hookspecs(Configs)
         try:
             manager.register(plugin, name)
         except pluggy.PluginValidationError as error:
@@ -88,6 +118,14 @@ class Plugins:
             except Exception as error:  # whatever a stranger's hook raises
                 reason = f"hook {hook!r} failed: {type(error).__name__}: {error}"
                 self.failures.append(Failure(name, distribution, reason))
+
+        try:
+            for path in manager.hook.config_path():
+                _check_config_path(path)
+                self.configs.setdefault(distribution, []).append(path)
+        except Exception as error:  # whatever a stranger's hook raises
+            reason = f"hook 'config_path' failed: {type(error).__name__}: {error}"
+            self.failures.append(Failure(name, distribution, reason))
 
     def _offer(self, offer: Offer) -> None:
         if not isinstance(offer.factory, str) and not callable(offer.factory):
@@ -132,11 +170,80 @@ class Plugins:
         caller gives.
 
         Raises:
-            UserError: no such part, a setting that it does not have or whose type is wrong, or a setting that it needs.
+            UserError: no such part, a setting that it does not have or whose type is wrong, a setting that it needs, or
+            what the factory gives is no part of that kind; says whose it is.
         """
-        factory = self.factory(kind, name)
+        factory, offer = self.factory(kind, name), self.offers[kind, name]
         checked = check_settings(factory, settings or {}, f"{kind}={name}", given)
-        return factory(**checked, **given)
+        left = sorted(getattr(factory, "__abstractmethods__", ()))
+        if left:
+            raise UserError(f"{offer} can't be made: {factory.__qualname__} lacks {', '.join(left)}")
+        try:
+            part = factory(**checked, **given)
+        except (UserError, KeyboardInterrupt):
+            raise
+        except Exception as error:  # whatever a stranger's code raises
+            raise UserError(f"{offer} can't be made: {type(error).__name__}: {error}") from error
+        _check_part(part, offer)
+        with contextlib.suppress(TypeError):  # one that can't be a key is told by its class
+            _made[part] = offer
+        return part
+
+
+_made: weakref.WeakKeyDictionary[Any, Offer] = weakref.WeakKeyDictionary()
+
+
+def whose(part: object) -> str:
+    """Of a part that was made here: its kind, its name, the distribution and the hook; of others the class."""
+    with contextlib.suppress(TypeError):
+        if part in _made:
+            return str(_made[part])
+    return f"{type(part).__module__}.{type(part).__qualname__}"
+
+
+def _check_part(part: object, offer: Offer) -> None:
+    """Refuse what the rest of the program could not use.
+
+    Raises:
+        UserError: says what it is and lacks.
+    """
+    interface = INTERFACES.get(offer.kind)
+    if interface is None:
+        _check_listener(part, offer)
+        return
+    if not isinstance(part, interface):
+        what = f"a {type(part).__name__}, which is no core.interfaces.{interface.__name__}"
+        raise UserError(f"{offer} makes {what}")
+    missing = [name for name in ATTRIBUTES.get(offer.kind, ()) if not hasattr(part, name)]
+    if missing:
+        raise UserError(f"{offer}: {type(part).__qualname__} has no {' and no '.join(missing)}")
+
+
+def _check_listener(part: object, offer: Offer) -> None:
+    hub = event_hub()
+    try:
+        hub.register(part)
+    except pluggy.PluginValidationError as error:
+        raise UserError(f"{offer}: {' '.join(str(error).split())}") from error
+    known = [name for name in vars(Events) if not name.startswith("_")]
+    heard = {caller.name for caller in hub.get_hookcallers(part) or ()}
+    if not heard & set(known):
+        raise UserError(f"{offer} hears nothing: {type(part).__qualname__} implements none of {', '.join(known)}")
+    hub.unregister(part)
+
+
+def _check_config_path(path: object) -> None:
+    """Refuse what is no package that is there.
+
+    Raises:
+        ValueError: says what is expected.
+    """
+    expected = 'expected a package that holds YAML files, "pkg://my_package.conf"'
+    if not isinstance(path, str) or not path.startswith("pkg://"):
+        raise ValueError(f"it gave {path!r}; {expected}")
+    package = path.removeprefix("pkg://").replace("/", ".")
+    if importlib.util.find_spec(package) is None:  # raises where a package above is missing
+        raise ValueError(f"there is no package {package!r}; {expected}")
 
 
 def check_settings(
@@ -181,8 +288,53 @@ def event_hub() -> pluggy.PluginManager:
     return hub
 
 
+USAGE = "usage: python -m core.plugins [--check NAME]"
+
+
 def main() -> None:
-    """Print a table of every part, and what failed to load."""
+    """Print a table of every part, and what failed to load; with ``--check NAME`` run the conformance suites of the
+    parts of that name, or of all parts of the plugin or distribution NAME.
+
+    Raises:
+        UserError: there is no such part, or it fails a check.
+    """
+    match sys.argv[1:]:
+        case []:
+            _list()
+        case ["--check", name]:
+            _check(name)
+        case ["--help" | "-h"]:
+            sys.stdout.write(f"{USAGE}\n")
+        case words:
+            raise UsageError(f"can't read {' '.join(words)!r}; {USAGE}")
+
+
+def _check(name: str) -> None:
+    found = installed()
+    asked = [offer for offer in found.offers.values() if name in (offer.name, offer.entry_point, offer.distribution)]
+    failures = [failure for failure in found.failures if name in (failure.entry_point, failure.distribution)]
+    for failure in failures:
+        sys.stdout.write(f"{failure.entry_point} of {failure.distribution}: {failure.reason}\n")
+    if not asked and not failures:
+        names = {key for o in found.offers.values() for key in (o.name, o.entry_point, o.distribution)}
+        raise choices("part, plugin or distribution", name, names)
+    for offer in asked:
+        if offer.kind not in INTERFACES:
+            found.create(offer.kind, offer.name)  # listeners may do what they like; that they hear events is checked
+            sys.stdout.write(f"{offer.kind} {offer.name}: can be made, and hears events\n")
+    words = [f"{offer.kind}={offer.name}" for offer in asked if offer.kind in INTERFACES]
+    if failures:
+        raise UserError(f"{len(failures)} of the plugin's hooks failed")
+    failed = 0
+    for word in words:
+        sys.stdout.write(f"{word}\n")
+        sys.stdout.flush()
+        failed += subprocess.run([sys.executable, "-m", "core.conformance", word]).returncode != 0  # noqa: S603
+    if failed:
+        raise UserError(f"{failed} of {len(words)} parts don't do what they must")
+
+
+def _list() -> None:
     import rich.console
     import rich.table
 
@@ -201,4 +353,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    command(main)

@@ -21,7 +21,8 @@ from core.design import Candidate, DesignError, Tool
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
-from core.rules import WAYPOINT, SpawnRules, check_plan, check_tool, kind
+from core.plugins import whose
+from core.rules import WAYPOINT, SpawnRules, check_plan, check_tool, kind, shorten
 
 MAX_NAME = 200
 MAX_DESCRIPTION = 5000
@@ -162,12 +163,30 @@ def _read_tool(
     try:
         name = _read_text(strategy, "tool_name", MAX_NAME)
         description = _read_text(strategy, "tool_description", MAX_DESCRIPTION)
-        tool = replace(representation.parse(strategy, gripper=gripper), name=name, description=description)
+        tool = replace(_parsed(representation, strategy, gripper), name=name, description=description)
         check_tool(tool)
         spawn.check(tool)
     except DesignError as error:
         return tool, str(error)
     return tool, None
+
+
+def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], gripper: bool) -> Tool:
+    """What the representation reads; where it fails at it otherwise than it may, the design is lost, not the run.
+
+    Raises:
+        DesignError: a rule is broken, or the representation; then it says whose that is.
+    """
+    try:
+        tool = representation.parse(strategy, gripper=gripper)
+    except DesignError:
+        raise
+    except Exception as error:
+        raise DesignError(f"{whose(representation)}: parse raised {type(error).__name__}: {error}") from error
+    if not isinstance(tool, Tool) or tool.gripper != gripper:
+        wanted = "a Tool for the fingers" if gripper else "a rigid Tool"
+        raise DesignError(f"{whose(representation)}: parse gave {shorten(repr(tool))}; expected {wanted}")
+    return tool
 
 
 def _read_action_sets(strategy: dict[Any, Any]) -> list[Any]:

@@ -1,38 +1,52 @@
-"""``python -m core.conformance sim=NAME``: does a simulator do what every simulator must?"""
+"""``python -m core.conformance KIND=NAME``: does a part do what every part of its kind must?"""
 
 from __future__ import annotations
 
 import sys
-import time
 
 from core.cli import arguments, command
 from core.config import load, part
-from core.conformance.simulator import CHECKS
-from core.errors import UserError
+from core.conformance.suites import SUITES, verdicts
+from core.errors import UsageError, UserError
+from core.rollout import Part
 
-USAGE = "usage: python -m core.conformance sim=NAME [sim.SETTING=VALUE ...]"
+USAGE = f"usage: python -m core.conformance {{{'|'.join(SUITES)}}}=NAME [KIND.SETTING=VALUE ...]"
 
 
 def main() -> None:
     """One line per check.
 
     Raises:
+        UsageError: no part is named.
         UserError: some did not pass; says how many.
     """
-    simulator = part("sim", load("conformance", arguments(USAGE)).sim).create()
-    failed = 0
-    for check in CHECKS:
-        begun, verdict = time.perf_counter(), "ok"
-        try:
-            check(simulator)
-        except Exception as error:  # whatever a stranger's engine raises is its result
-            failed += 1
-            told = str(error) if isinstance(error, AssertionError) else f"{type(error).__name__}: {error}"
-            verdict = f"FAILED: {told}"
-        name = check.__name__.removeprefix("check_").replace("_", " ")
-        sys.stdout.write(f"{time.perf_counter() - begun:6.2f} s  {name}: {verdict}\n")
+    config = load("conformance", arguments(USAGE))
+    asked = [part(kind, config[kind], without=TASK_ONLY) for kind in SUITES if config.get(kind) is not None]
+    if not asked:
+        raise UsageError(f"what is to be checked? {USAGE}")
+    report(asked)
+
+
+TASK_ONLY = ("tool_kinds", "paper")  # of a task's config, which are not its settings
+
+
+def report(asked: list[Part]) -> None:
+    """Print a line for each check of each part.
+
+    Raises:
+        UserError: some did not pass; says how many.
+    """
+    failed = count = 0
+    for one in asked:
+        if len(asked) > 1:
+            sys.stdout.write(f"{one.kind} {one.name}\n")
+        for verdict in verdicts(one):
+            count += 1
+            failed += verdict.problem is not None
+            told = "ok" if verdict.problem is None else f"FAILED: {verdict.problem}"
+            sys.stdout.write(f"{verdict.seconds:6.2f} s  {verdict.check}: {told}\n")
     if failed:
-        raise UserError(f"{failed} of {len(CHECKS)} checks failed")
+        raise UserError(f"{failed} of {count} checks failed")
 
 
 if __name__ == "__main__":

@@ -8,30 +8,30 @@ from pathlib import Path
 
 import pytest
 import yaml
+from omegaconf import OmegaConf
 
-from core import plugins
+from core import hydra_sources, plugins
+from core.config import load
 from core.errors import UsageError, UserError
-from core.hooks import PROJECT, Events, Parts, hookimpl
-from core.interfaces import EvolutionStrategy, Executor, Simulator, Task, ToolRepresentation
-from core.plugins import KINDS, Plugins, installed
+from core.hooks import PROJECT, Configs, Events, Parts, hookimpl
+from core.interfaces import VLM, Simulator, Task
+from core.plugins import GIVEN, INTERFACES, KINDS, Plugins, installed, whose
 
 ROOT = Path(__file__).parents[2]
-INTERFACES = {
-    "task": Task,
-    "sim": Simulator,
-    "tool": ToolRepresentation,
-    "evolution": EvolutionStrategy,
-    "executor": Executor,
-}
 BUILT_IN = sorted(installed().offers)
-GIVEN = {"evolution": ("designer", "budget")}  # what the program gives; the rest are settings
 
 
-class Engine:
+class Engine(Simulator):
     """A part with settings."""
 
     def __init__(self, grid: int, time_step: float = 0.01, walls: list[str] | None = None) -> None:
         self.grid, self.time_step, self.walls = grid, time_step, walls
+
+    def rollout(self, task, jobs):
+        raise NotImplementedError
+
+    def render(self, task, **_):
+        raise NotImplementedError
 
 
 class Offering:
@@ -255,6 +255,119 @@ def test_a_named_factory_that_cannot_be_imported(found, factory, reason):
     assert reason in str(error.value)
 
 
+# --- what is no part ---------------------------------------------------------------------------------------------
+
+
+def test_a_part_that_lacks_a_method_is_told_with_its_plugin(found):
+    class Half(Simulator):
+        def rollout(self, task, jobs):
+            return []
+
+    found.register(Offering(simulators={"grid": Half}), "mine", "my-package")
+    told = r"sim 'grid' of my-package \(hook 'simulators'\) can't be made: .*Half lacks render"
+    with pytest.raises(UserError, match=told):
+        found.create("sim", "grid")
+
+
+def test_a_part_of_another_kind_is_refused(found):
+    found.register(Offering(executors={"grid": Engine}), "mine", "my-package")
+    told = r"executor 'grid' of my-package \(hook 'executors'\) makes a Engine, which is no core.interfaces.Executor"
+    with pytest.raises(UserError, match=told):
+        found.create("executor", "grid", {"grid": 1})
+
+
+@pytest.mark.parametrize(("kind", "hook", "interface", "lacks"), [
+    ("task", "tasks", Task, "name and no description and no goals"),
+    ("vlm", "vlms", VLM, "model"),
+])  # fmt: skip
+def test_a_part_that_lacks_an_attribute(found, kind, hook, interface, lacks):
+    methods = dict.fromkeys(interface.__abstractmethods__, lambda *_: None)
+    bare = type("Bare", (interface,), methods)
+    found.register(Offering(**{hook: {"bare": bare}}), "mine", "my-package")
+    with pytest.raises(UserError, match=rf"{kind} 'bare' of my-package \(hook '{hook}'\): Bare has no {lacks}"):
+        found.create(kind, "bare")
+
+
+def test_a_listener_is_what_hears_an_event(found):
+    class Deaf:
+        pass
+
+    class Wrong:
+        @hookimpl
+        def run_started(self, number):
+            pass
+
+    found.register(Offering(listeners={"deaf": Deaf, "wrong": Wrong}), "mine", "my-package")
+    with pytest.raises(
+        UserError, match=r"logger 'deaf' of my-package .* hears nothing: .*Deaf implements none of r"
+    ):
+        found.create("logger", "deaf")
+    with pytest.raises(UserError, match=r"logger 'wrong' of my-package .*number") as error:
+        found.create("logger", "wrong")
+    assert "\n" not in str(error.value)
+
+
+def test_a_part_that_cannot_be_made_is_told_in_one_line(found):
+    def make() -> Engine:
+        raise RuntimeError("no licence")
+
+    found.register(Offering(simulators={"grid": make}), "mine", "my-package")
+    with pytest.raises(UserError, match=r"sim 'grid' of my-package .* can't be made: RuntimeError: no licence"):
+        found.create("sim", "grid")
+
+
+def test_whose_part_it_is(found):
+    found.register(Offering(simulators={"grid": Engine}), "mine", "my-package")
+    assert whose(found.create("sim", "grid", {"grid": 1})) == "sim 'grid' of my-package (hook 'simulators')"
+    assert whose(Engine(1)) == f"{__name__}.Engine"
+
+
+# --- configs ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("path", "reason"),
+    [
+        ("conf", "it gave 'conf'; expected a package that holds YAML files"),
+        (5, "it gave 5"),
+        ("pkg://no_such_package_anywhere", "there is no package 'no_such_package_anywhere'"),
+        ("pkg://no_such_package_anywhere.conf", "No module named 'no_such_package_anywhere'"),
+    ],
+)
+def test_configs_that_are_not_there_are_told(found, path, reason):
+    class Brings:
+        @hookimpl
+        def config_path(self):
+            return path
+
+        @hookimpl
+        def simulators(self):
+            return {"grid": Engine}
+
+    found.register(Brings(), "mine", "my-package")
+    (failure,) = found.failures
+    assert failure.reason.startswith("hook 'config_path' failed: ")
+    assert reason in failure.reason
+    assert not found.configs
+    assert found.names("sim") == ["grid"]
+
+
+def test_a_part_without_a_config_file_has_its_signature(found, monkeypatch):
+    def listener(color: str = "red", where: Path = ROOT) -> object:
+        raise NotImplementedError
+
+    found.register(Offering(simulators={"grid": Engine}, listeners={"shout": listener}), "mine", "my-package")
+    found.register(Offering(executors={"gone": "no_such_module:Executor"}), "other", "other-package")
+    monkeypatch.setattr(hydra_sources, "installed", lambda: found)
+    cfg = load("config", ["sim=grid", "sim.walls=[a]", "logger=[shout]", "logger.shout.color=blue", "executor=gone"])
+    assert dict(OmegaConf.to_container(cfg.sim)) == {"name": "grid", "grid": "???", "time_step": 0.01, "walls": ["a"]}
+    assert cfg.logger == {"shout": {"color": "blue"}}  # what YAML can't say is left out
+    assert cfg.executor == {"name": "gone"}
+    assert load("config", ["sim=grid", "sim.grid=4"]).sim.grid == 4
+    with pytest.raises(UsageError, match=r"no sim 'gird' \(did you mean 'grid'\?\); possible: grid, .*pybullet"):
+        load("config", ["sim=gird"])
+
+
 # --- settings ---------------------------------------------------------------------------------------------------
 
 
@@ -395,7 +508,7 @@ def test_tasks_are_scenes_and_numpy():
 def test_every_kind_has_a_hook_and_every_event_a_word():
     hooks = {name for name in vars(Parts) if not name.startswith("_")}
     assert set(KINDS.values()) == hooks
-    for spec in (Parts, Events):
+    for spec in (Parts, Configs, Events):
         for name, function in vars(spec).items():
             if not name.startswith("_"):
                 assert function.__doc__, name
@@ -406,8 +519,34 @@ def test_python_m_core_plugins_lists_every_part(capsys, monkeypatch):
     found = Plugins()
     found.register(Offering(simulators=RuntimeError("oh no")), "mine", "my-package")
     monkeypatch.setattr(plugins, "installed", lambda: found)
+    monkeypatch.setattr(sys, "argv", ["core.plugins"])
     plugins.main()
     out = capsys.readouterr().out
     for kind, name in BUILT_IN:
         assert any(line.split()[:2] == [kind, name] for line in out.splitlines()), (kind, name)
     assert "failed mine (my-package): hook 'simulators' failed: RuntimeError: oh no" in out
+
+
+def check(monkeypatch, found, *words):
+    monkeypatch.setattr(plugins, "installed", lambda: found)
+    monkeypatch.setattr(sys, "argv", ["core.plugins", *words])
+    plugins.main()
+
+
+def test_a_part_is_checked_by_its_name(monkeypatch, capfd):
+    check(monkeypatch, Plugins(), "--check", "none")
+    out = capfd.readouterr().out
+    assert out.startswith("tool=none\n")
+    assert out.count(": ok\n") == 5
+
+
+def test_what_there_is_not_is_not_checked(monkeypatch, capsys):
+    found = Plugins()
+    found.register(Offering(simulators=RuntimeError("oh no")), "mine", "my-package")
+    with pytest.raises(UsageError, match=r"no part, plugin or distribution 'nine' \(did you mean '[mn]\w*ne'"):
+        check(monkeypatch, found, "--check", "nine")
+    with pytest.raises(UserError, match="1 of the plugin's hooks failed"):
+        check(monkeypatch, found, "--check", "my-package")
+    assert "mine of my-package: hook 'simulators' failed: RuntimeError: oh no" in capsys.readouterr().out
+    with pytest.raises(UsageError, match=r"can't read '--chek none'; usage"):
+        check(monkeypatch, found, "--chek", "none")

@@ -1,0 +1,43 @@
+"""One part of each kind, as somebody who never met the framework's authors would add them."""
+
+from core.hooks import hookimpl
+
+
+@hookimpl
+def simulators():
+    return {"toy": "toybench.simulator:ToySimulator"}
+
+
+@hookimpl
+def vlms():
+    return {"echo": "toybench.vlm:Echo"}
+
+
+@hookimpl
+def tasks():
+    return {"PushButton": "toybench.push_button:PushButton"}
+
+
+@hookimpl
+def tool_representations():
+    return {"boxes": "toybench.boxes:Boxes"}
+
+
+@hookimpl
+def evolution_strategies():
+    return {"restarts": "toybench.restarts:Restarts"}
+
+
+@hookimpl
+def executors():
+    return {"here": "toybench.here:Here"}
+
+
+@hookimpl
+def listeners():
+    return {"csv": "toybench.rows:Rows"}
+
+
+@hookimpl
+def config_path():
+    return "pkg://toybench.conf"

@@ -1,0 +1,22 @@
+"""Packages of somebody else's, installed for a test."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+PYTHON = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+
+
+def install(package: Path, into: Path) -> Path:
+    """Build the distribution in folder ``package`` and install it into a folder, which goes into PYTHONPATH. What
+    builds it is in this environment, so that no network is needed.
+    """
+    copy = into / "source"
+    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    site = into / "site"
+    words = ["pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index", "--target", str(site)]
+    done = subprocess.run([sys.executable, "-m", *words, str(copy)], capture_output=True, text=True, env=PYTHON)
+    assert done.returncode == 0, done.stderr
+    return site

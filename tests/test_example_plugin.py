@@ -1,0 +1,98 @@
+"""A package of somebody else's, installed as anybody would: found at once, and at home with all that is built in."""
+
+import csv
+import json
+import re
+import subprocess
+import sys
+from itertools import product
+from pathlib import Path
+
+import pytest
+
+from tests.strangers import PYTHON, install
+
+HERE = Path(__file__).parent
+SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1", "film=false"]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The folder that it is installed in."""
+    return install(HERE / "example_plugin", tmp_path_factory.mktemp("site"))
+
+
+def python_m(site, folder, *words):
+    return subprocess.run(
+        [sys.executable, "-m", *words], cwd=folder, env=PYTHON | {"PYTHONPATH": str(site)}, capture_output=True,
+        text=True, timeout=600,
+    )  # fmt: skip
+
+
+def test_all_its_parts_together_right_after_its_installation(site, tmp_path):
+    parts = ["sim=toy", "task=PushButton", "tool=boxes", "evolution=restarts"]
+    parts += ["vlm=echo", "executor=here", "logger=[csv]", "logger.csv.delimiter=';'"]
+    done = python_m(site, tmp_path, "core.run", *parts, *SMALL, "hydra.run.dir=run")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("best reward 0.")
+    rows = list(csv.DictReader((tmp_path / "run/candidates.csv").open(), delimiter=";"))
+    assert [row["candidate"] for row in rows] == [f"g{g}-a0-s0-p{p}" for g in (0, 1) for p in (0, 1)]
+    assert {row["status"] for row in rows} == {"ok"}
+    assert float(rows[0]["reward"]) < float(rows[1]["reward"])
+    assert json.loads((tmp_path / "run/best/design.json").read_text())["strategies"][0]["boxes"]
+
+
+def test_every_combination_with_what_is_built_in(site, tmp_path):
+    """In one multirun, each for one candidate."""
+    choices = {
+        "sim": ("toy", "pybullet"),
+        "task": ("PushButton", "BringCube"),
+        "vlm": ("echo", "offline"),
+        "tool": ("boxes", "urdf"),
+    }
+    sweep = [f"{kind}={','.join(names)}" for kind, names in choices.items()]
+    fixed = [*SMALL, "budget.n_iteration=0", "budget.n_action=1", "evolution=restarts", "executor=here", "logger=[csv]"]
+    folders = ["hydra.sweep.dir=sweep", "hydra.sweep.subdir=${hydra.job.num}"]
+    done = python_m(site, tmp_path, "core.run", "-m", *sweep, *fixed, *folders)
+    assert done.returncode == 0, done.stderr
+    tables = list((tmp_path / "sweep").glob("*/candidates.csv"))
+    assert len(tables) == len(list(product(*choices.values())))
+    for table in tables:
+        (row,) = csv.DictReader(table.open())
+        assert row["status"] == "ok", table
+
+
+@pytest.mark.parametrize("part", ["sim=toy", "vlm=echo", "task=PushButton tool=boxes", "evolution=restarts"])
+def test_its_parts_travel_to_our_workers(site, tmp_path, part):
+    run = ["executor.workers=1", "logger=[csv,progress]", "hydra.run.dir=run"]
+    done = python_m(site, tmp_path, "core.run", *part.split(), *run, *SMALL)
+    assert done.returncode == 0, done.stderr
+    assert "ok" in {row["status"] for row in csv.DictReader((tmp_path / "run/candidates.csv").open())}
+
+
+def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
+    out = python_m(site, tmp_path, "core.plugins").stdout
+    offered = {line.split()[0]: line.split()[1] for line in out.splitlines() if "toybench" in line}
+    assert offered == {
+        "task": "PushButton",
+        "sim": "toy",
+        "vlm": "echo",
+        "tool": "boxes",
+        "evolution": "restarts",
+        "executor": "here",
+        "logger": "csv",
+    }
+    help_text = python_m(site, tmp_path, "core.run", "--help").stdout
+    assert re.search(r"^sim: .*\btoy\b", help_text, re.M)
+
+
+def test_a_mistake_in_its_settings_is_told_in_one_line(site, tmp_path):
+    done = python_m(site, tmp_path, "core.run", "sim=toy", "sim.radios=1")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: no key 'radios' in sim (did you mean 'radius'?); possible: name, radius, time_step\n"
+
+
+def test_nothing_of_ours_imports_it():
+    for folder in ("core", "plugins", "tasks"):
+        for file in (HERE.parent / folder).rglob("*.py"):
+            assert "toybench" not in file.read_text(), file
