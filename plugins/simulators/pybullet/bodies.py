@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,60 @@ from lxml import etree
 
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.scene import Body, Inertia
+from plugins.simulators.pybullet.engine import pybullet as p
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedBody:
+    """A body as PyBullet takes it, ready to be placed in one world after another: its inertia and its file, which take
+    their time, are made once.
+
+    ``offset`` is its frame in the frame of its centre of mass, which is PyBullet's; None where they are the same.
+    """
+
+    file: Path
+    fixed: bool
+    position: list[float]
+    orientation: list[float]  # x, y, z, w
+    dynamics: dict[str, float]
+    offset: Pose | None
+
+    @classmethod
+    def of(cls, body: Body, folder: Path) -> PreparedBody:
+        """The files go to ``folder``."""
+        inertia = None if body.fixed else body.inertia()
+        dynamics = {
+            "lateralFriction": np.sqrt(
+                body.friction
+            ),  # PyBullet multiplies the two bodies'; ours is their geometric mean
+            "rollingFriction": body.rolling_friction
+            / np.sqrt(0.5),  # multiplied by the other's lateral one: 0.5, mostly
+            "restitution": body.restitution,
+            "linearDamping": 0.0,
+            "angularDamping": 0.0,
+        }
+        same = inertia is None or inertia.frame == Pose()
+        return cls(
+            text_file(folder, body_urdf(body, inertia, folder), "urdf"),
+            body.fixed,
+            body.pose.position.tolist(),
+            list(body.pose.rotation.as_quat()),
+            dynamics,
+            None if inertia is None or same else inertia.frame.inverse(),
+        )
+
+    def place(self, client: int) -> int:
+        """Its number in the world."""
+        number = p.loadURDF(
+            str(self.file),
+            basePosition=self.position,
+            baseOrientation=self.orientation,
+            useFixedBase=self.fixed,
+            flags=p.URDF_USE_INERTIA_FROM_FILE | p.URDF_USE_IMPLICIT_CYLINDER,
+            physicsClientId=client,
+        )
+        p.changeDynamics(number, -1, **self.dynamics, physicsClientId=client)
+        return int(number)
 
 
 def _text(values: Any) -> str:
@@ -54,17 +109,18 @@ def _geometry(shape: Shape, folder: Path) -> Any:
 
 def mesh_file(mesh: Mesh, folder: Path) -> Path:
     """An OBJ file of the mesh in ``folder``, to be felt."""
-    return _once(folder, str(mesh.to_trimesh().export(file_type="obj")))
+    return text_file(folder, str(mesh.to_trimesh().export(file_type="obj")), "obj")
 
 
 def facets_file(shape: Shape, folder: Path) -> Path:
     """An OBJ file of the shape in ``folder``, to be seen: edges of less than 30 degrees are shaded as if round."""
     smooth = trimesh.graph.smooth_shade(shape.to_trimesh(), angle=np.radians(30.0))
-    return _once(folder, str(smooth.export(file_type="obj", include_normals=True)))
+    return text_file(folder, str(smooth.export(file_type="obj", include_normals=True)), "obj")
 
 
-def _once(folder: Path, text: str) -> Path:
-    file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.obj"
+def text_file(folder: Path, text: str, suffix: str) -> Path:
+    """A file in ``folder`` that holds ``text``, written if it is not there yet."""
+    file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.{suffix}"
     if not file.exists():
         file.write_text(text)
     return file

@@ -16,7 +16,7 @@ from core.robot import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Camera, Part, State
 from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import pybullet as p
-from plugins.simulators.pybullet.world import joint_numbers, load_robot
+from plugins.simulators.pybullet.world import joint_numbers, load_robot, robot_file
 
 _OUT_OF_SIGHT = [0.0, 0.0, -100.0]
 _OVERSAMPLING = 2  # the renderer draws hard edges; halving a picture of twice the size smooths them
@@ -36,7 +36,8 @@ class Renderer:
             return
         client = self._client
         p.resetSimulation(physicsClientId=client)
-        self._robot = load_robot(client, self._folder, tool if tool is not None else Tool(gripper=True), visuals=True)
+        shown = tool if tool is not None else Tool(gripper=True)
+        self._robot = load_robot(client, robot_file(self._folder, shown, visuals=True))
         numbers, _ = joint_numbers(client, self._robot)
         gripper = tool is None or tool.gripper
         self._joints = [numbers[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if gripper else ()))]

@@ -19,7 +19,7 @@ from core.robot import FINGER_OPEN
 from core.scene import Camera, State
 from plugins.simulators.pybullet.engine import pybullet
 from plugins.simulators.pybullet.renderer import Renderer
-from plugins.simulators.pybullet.world import World
+from plugins.simulators.pybullet.world import PreparedScene, World, robot_file
 
 MAX_TIME_STEP = 0.02
 
@@ -60,6 +60,9 @@ class PyBulletSimulator(Simulator):
         self._client = pybullet.connect(pybullet.DIRECT)
         weakref.finalize(self, pybullet.disconnect, self._client)
         self._renderer: Renderer | None = None
+        # Of the last job, since jobs in a row mostly share them; the world itself is fresh each time.
+        self._scene: tuple[Task, int, PreparedScene] | None = None
+        self._robot: tuple[Tool, Path] | None = None
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
         return [self._one(task, job) for job in jobs]
@@ -74,8 +77,8 @@ class PyBulletSimulator(Simulator):
     def _world(self, task: Task, job: Rollout) -> World:
         return World(
             self._client,
-            Path(self._folder.name),
-            task.scene(job.seed),
+            self._prepared(task, job.seed),
+            self._robot_file(job.tool),
             job.tool,
             job.trajectory,
             time_step=self.time_step,
@@ -83,6 +86,16 @@ class PyBulletSimulator(Simulator):
             tracking_rate=self.tracking_rate,
             separation_rate=self.separation_rate,
         )
+
+    def _prepared(self, task: Task, seed: int) -> PreparedScene:
+        if self._scene is None or self._scene[0] is not task or self._scene[1] != seed:
+            self._scene = task, seed, PreparedScene(task.scene(seed), Path(self._folder.name))
+        return self._scene[2]
+
+    def _robot_file(self, tool: Tool) -> Path:
+        if self._robot is None or self._robot[0] is not tool:
+            self._robot = tool, robot_file(Path(self._folder.name), tool, visuals=False)
+        return self._robot[1]
 
     def render(
         self,

@@ -7,12 +7,77 @@ import pytest
 
 from core.conformance.worlds import BARE, Bodies, cube, end, film, move, stick, still
 from core.errors import UserError
+from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.robot import FINGER_OPEN
-from core.scene import table
+from core.scene import Body, Part, Scene, table
 
 pytest.importorskip("pybullet")
+
+
+def bits(outcome):
+    """All numbers of an outcome."""
+    states = [outcome.start, outcome.end, outcome.recording.states]
+    arrays = [
+        array for s in states for array in (s.positions, s.quaternions, s.linear_velocities, s.angular_velocities)
+    ]
+    arrays += [outcome.recording.arm, outcome.recording.fingers, np.array(outcome.tracking_error_rad)]
+    return b"".join(array.tobytes() for array in arrays)
+
+
+def hammer(name, at, side=0.05):
+    """A body whose centre of mass is not its frame's origin, and whose axes of inertia are not its own."""
+    parts = (
+        Part(Box((side, 0.02, 0.02)), Pose.xyz_rpy((0.03, 0.01, 0), (0.2, 0.3, 0.4))),
+        Part(Box((0.03, side, 0.04)), Pose.xyz_rpy((0, 0, 0.02))),
+    )
+    return Body(name, Pose.xyz_rpy(at, (0.3, 0, 0.5)), 0.2, parts, parts)
+
+
+PLAN = [[0.6, 0.2, 0.15, 0, 0.3, 0], [0.6, -0.2, 0.15, 0, 0, 0.5]]
+THINGS = (table(), cube(at=(0.6, 0, 0.05)), hammer("hammer", (0.7, 0.1, 0.1)), hammer("other", (0.5, -0.1, 0.1), 0.06))
+
+
+def test_what_is_kept_between_rollouts_changes_no_bit_of_them():
+    def played(sim, tool, bodies):
+        return bits(move(sim, PLAN, *bodies, tool=tool, record_hz=25))
+
+    jobs = [(stick(0.25), THINGS), (stick(0.3), THINGS), (stick(0.25), THINGS[:2]), (stick(0.25), THINGS)]
+    one = installed().create("sim", "pybullet")
+    assert [played(one, *job) for job in jobs] == [played(installed().create("sim", "pybullet"), *job) for job in jobs]
+
+
+def test_motors_that_are_told_nothing_new_need_not_be_told(monkeypatch):
+    from plugins.simulators.pybullet.world import World
+
+    sim, step = installed().create("sim", "pybullet"), World.step
+    told = []
+
+    def anew(world, *targets):
+        told.append(world._driven)
+        world._driven = None
+        step(world, *targets)
+
+    kept = bits(move(sim, PLAN, *THINGS, tool=stick(0.25), record_hz=25))
+    monkeypatch.setattr(World, "step", anew)
+    assert bits(move(sim, PLAN, *THINGS, tool=stick(0.25), record_hz=25)) == kept
+    assert len(told) > 500
+
+
+def test_frames_of_many_bodies_are_those_of_each(tmp_path):
+    from plugins.simulators.pybullet.world import PreparedScene
+
+    scene = PreparedScene(Scene(THINGS), tmp_path)
+    assert scene.shifted  # of the free bodies
+    offsets = [body.offset for body in scene.bodies if not body.fixed and body.offset is not None]
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        centers, quaternions = rng.normal(size=(len(offsets), 3)), rng.normal(size=(len(offsets), 4))
+        each = [Pose(c, q) @ offset for c, q, offset in zip(centers, quaternions, offsets, strict=True)]
+        positions, turned = scene.frames(centers, quaternions)
+        assert positions.tobytes() == np.array([pose.position for pose in each]).tobytes()
+        assert turned.tobytes() == np.array([pose.quaternion for pose in each]).tobytes()
 
 
 @pytest.mark.parametrize("time_step", [0.001, 0.004])
