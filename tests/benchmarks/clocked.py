@@ -1,0 +1,218 @@
+"""A bench with a clock in each of its parts, and the reference it is held against. What is measured runs as it is: the
+clocks are put around its functions from outside, in the process that runs them.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import core.rollout
+from core.design import Candidate, Evaluation
+from core.errors import choices
+from core.geometry import Array
+from core.interfaces import Outcome, Rollout, RolloutSettings
+from core.kinematics import arm as panda_arm
+from core.playback import World, schedule, targets
+from core.plugins import installed
+from core.reading import load_designs, read_designs
+from core.rollout import Bench, prepare
+from core.rules import SpawnRules
+from core.scene import State
+
+STEPS = {  # where each engine's own steps are called: nothing of ours is in there
+    "pybullet": "pybullet:stepSimulation",
+    "sapien": "sapien.physx:PhysxCpuSystem.step",
+    "mujoco": "plugins.simulators.mujoco.engine:Batch.rollout",  # a whole trajectory's steps
+}
+PLAYED = ("pybullet", "sapien")  # by `core.playback.play`, step by step
+
+
+class Clock:
+    """Seconds on the wall inside functions, by name. What runs inside another is counted in both."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.calls: dict[str, int] = {}
+
+    def around(self, holder: Any, name: str, label: str) -> None:
+        """Replace a function by one that is timed."""
+        inner: Callable[..., Any] = getattr(holder, name)
+        self.seconds[label], self.calls[label] = 0.0, 0
+        seconds, calls, now = self.seconds, self.calls, time.perf_counter
+
+        def timed(*args: Any, **named: Any) -> Any:
+            began = now()
+            try:
+                return inner(*args, **named)
+            finally:
+                seconds[label] += now() - began
+                calls[label] += 1
+
+        setattr(holder, name, timed)
+
+
+_clock: Clock | None = None
+
+
+def _started(bench: Bench) -> Clock:
+    """The process's clock, around the parts of this bench."""
+    global _clock
+    if _clock is None:
+        bench([])  # its parts are made before the clock runs
+        clock = Clock()
+        clock.around(*step_of(bench.sim.name), "step")
+        clock.around(core.rollout, "prepare", "ik")
+        clock.around(core.rollout, "findings", "checks")
+        task, simulator = core.rollout._task(bench.task), core.rollout._simulator(bench.sim)
+        clock.around(type(task), "reward", "reward")
+        clock.around(type(simulator), "rollout", "simulator")
+        module = sys.modules[type(simulator).__module__]
+        if hasattr(module, "play"):
+            clock.around(module, "play", "playing")
+        elif hasattr(module, "World"):  # an engine that plays by itself
+            clock.around(module.World, "play", "playing")
+        _clock = clock
+    return _clock
+
+
+def step_of(sim: str) -> tuple[Any, str]:
+    """Where the engine's step function is, and its name.
+
+    Raises:
+        UsageError: it isn't known of this engine.
+    """
+    if sim not in STEPS:
+        raise choices("sim", sim, list(STEPS), "engines whose step function is known")
+    module, _, path = STEPS[sim].partition(":")
+    holder: Any = importlib.import_module(module)
+    *outer, name = path.split(".")
+    for attribute in outer:
+        holder = getattr(holder, attribute)
+    return holder, name
+
+
+@dataclass(frozen=True)
+class Clocked:
+    """A bench whose first evaluation of each chunk tells what the chunk took, in ``details["clock"]``."""
+
+    bench: Bench
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        clock = _started(self.bench)
+        before, calls, began, cpu = dict(clock.seconds), dict(clock.calls), time.perf_counter(), time.process_time()
+        evaluations = self.bench(candidates)
+        took: dict[str, Any] = {label: total - before[label] for label, total in clock.seconds.items()}
+        took["chunk"], took["cpu"] = time.perf_counter() - began, time.process_time() - cpu
+        took["steps"] = clock.calls["step"] - calls["step"]
+        took["pid"], took["peak_mb"], took["mb"] = os.getpid(), peak_mb(), resident_mb()
+        evaluations[0].details["clock"] = took
+        return evaluations
+
+
+@dataclass(frozen=True)
+class Still:
+    """Candidates that earn nothing without being tried."""
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        return [Evaluation(candidate, "ok", moved_m={"cube": 0.0}) for candidate in candidates]
+
+
+@dataclass(frozen=True)
+class Roll:
+    """Keeps a worker until as many have come as there are, so that each has started and has its parts."""
+
+    folder: str
+    workers: int
+    bench: Clocked
+
+    def __call__(self, chunk: Sequence[Any]) -> list[Any]:
+        _started(self.bench.bench)
+        self.bench.bench(chunk)
+        (Path(self.folder) / str(os.getpid())).touch()
+        while len(list(Path(self.folder).iterdir())) < self.workers:
+            time.sleep(0.01)
+        return [None] * len(chunk)
+
+
+def peak_mb() -> float:
+    """The most that this process had in memory so far; nan where there is no /proc. Not by getrusage: its figure begins
+    with that of the process that started this one.
+    """
+    return _memory_mb("VmHWM")
+
+
+def resident_mb() -> float:
+    """What this process has in memory now; nan where there is no /proc."""
+    return _memory_mb("VmRSS")
+
+
+def _memory_mb(field: str) -> float:
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+    except OSError:
+        return float("nan")
+    (line,) = (line for line in lines if line.startswith(f"{field}:"))
+    return int(line.split()[1]) / 1024
+
+
+# --- the reference ----------------------------------------------------------------------------------------------
+
+
+class _Solving:
+    """A world that is told poses, and computes the joints at each step."""
+
+    def __init__(self, world: World, job: Rollout) -> None:
+        self._world = world
+        self.time_step = world.time_step
+        self._arm = panda_arm()
+        self._joints = job.trajectory.arm[0]
+        settle, times = schedule(job, world.time_step)
+        moving = round(job.trajectory.duration / world.time_step)
+        self._poses = [self._arm.forward(q) for q in targets(job.trajectory, times, world.time_step)[0]]
+        self._solve = range(settle, settle + moving)
+        self._count = 0
+
+    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+        if self._count in self._solve:
+            self._joints = self._arm.inverse(self._poses[self._count], self._joints).joints
+        self._count += 1
+        self._world.step(self._joints, fingers, speeds, finger_speed)
+
+    def joints(self) -> tuple[Array, Array]:
+        return self._world.joints()
+
+    def state(self) -> State:
+        return self._world.state()
+
+
+def reference(task_name: str, sim: str, designs: str, number: int, seed: int) -> float:
+    """One rollout as a script of its own would do it: everything is loaded for it, inverse kinematics is computed at
+    each step of 1 ms. Its reward.
+    """
+    plugins = installed()
+    task, simulator = plugins.create("task", task_name), plugins.create("sim", sim, {"time_step": 0.001})
+    candidates = read_designs(load_designs(Path(designs)), plugins.create("tool", "urdf"), SpawnRules(task, seed))
+    candidate = [c for c in candidates if c.problem is None][number]
+    _, job = prepare(task, candidate, seed, RolloutSettings())
+    module = sys.modules[type(simulator).__module__]
+    play: Callable[[Any, Rollout], Outcome] = module.play  # type: ignore[attr-defined]
+    module.play = lambda world, job: play(_Solving(world, job), job)  # type: ignore[attr-defined]
+    (outcome,) = simulator.rollout(task, [job])
+    if outcome.start is None or outcome.end is None:
+        return 0.0
+    return float(np.asarray(task.reward(outcome.start, outcome.end)))
+
+
+if __name__ == "__main__":
+    asked = json.loads(sys.argv[1])
+    sys.stdout.write(f"{reference(**asked)}\n")
