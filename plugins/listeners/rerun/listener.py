@@ -38,7 +38,7 @@ class RerunListener:
     def __init__(
         self,
         spawn: bool = False,
-        connect: str | None = None,
+        connect: int | str | None = None,
         elites: Literal["best", "all"] = "best",
         hz: float = 25.0,
     ) -> None:

@@ -29,16 +29,17 @@ class Address:
     url: str
 
 
-def address(text: str) -> Address:
+def address(where: int | str) -> Address:
     """Of ``PORT``, ``HOST:PORT``, or ``rerun+http://HOST:PORT/proxy``.
 
     Raises:
         UsageError: it is none of these.
     """
-    text = text.strip()
-    full = text if "://" in text else f"rerun+http://{HERE if text.isdigit() else ''}{':' * text.isdigit()}{text}/proxy"
+    text = str(where).strip()
+    place = f"{HERE}:{text}" if text.isdigit() else text
+    url = place if "://" in place else f"rerun+http://{place}/proxy"
     try:
-        parts = urlsplit(full)
+        parts = urlsplit(url)
         host, port = parts.hostname, parts.port
     except ValueError:
         host, port = None, None
@@ -47,7 +48,7 @@ def address(text: str) -> Address:
             f"logger.rerun.connect can't be {text!r}; it is HOST:PORT, a port of this machine, or "
             "rerun+http://HOST:PORT/proxy"
         )
-    return Address(host, port, full)
+    return Address(host, port, url)
 
 
 def sinks(file: Path, spawn: bool, connect: Address | None, say: Callable[[str], None]) -> dict[str, Any]:
@@ -63,7 +64,7 @@ def sinks(file: Path, spawn: bool, connect: Address | None, say: Callable[[str],
             say(f"nobody listens at {connect.host}:{connect.port}")
     if spawn:
         if listens(PORT) or _opened():
-            viewers.append(address(str(PORT)))
+            viewers.append(address(PORT))
         else:
             say("no viewer can be opened here (is there a screen?)")
     for viewer in viewers:

@@ -391,7 +391,7 @@ def server(tmp_path):
 
 def test_what_is_streamed_is_what_is_in_the_file(tmp_path, simulator, generations, server, capfd):
     port, _ = server
-    play(run_in(tmp_path, simulator), generations, connect=str(port))
+    play(run_in(tmp_path, simulator), generations, connect=port)
     assert said(capfd) == [f"rerun: what is recorded goes to the viewer at 127.0.0.1:{port} too"]
     kept = Recording(tmp_path / "recording.rrd")
     deadline = time.monotonic() + 30
