@@ -10,7 +10,7 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout
 from core.scene import State
 
-_LAG_EVERY = 10  # steps between two looks at how far the arm is behind
+LAG_EVERY = 10  # steps between two looks at how far the arm is behind
 
 
 class World(Protocol):
@@ -39,7 +39,7 @@ def play(world: World, job: Rollout) -> Outcome:
     if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
         return Outcome(None, None, error="the trajectory's targets are not finite")
     settle, times = schedule(job, dt)
-    every = max(1, round(1 / (job.record_hz * dt))) if job.record_hz > 0 else 0
+    every = record_every(job, dt)
     arm, fingers, speeds, finger_speeds = targets(trajectory, times, dt)
 
     film: list[tuple[float, Array, Array, State]] = []
@@ -51,7 +51,7 @@ def play(world: World, job: Rollout) -> Outcome:
         world.step(arm[k], fingers[k], speeds[k], finger_speeds[k])
         if k == settle - 1:
             start = world.state()
-        if k >= settle and k % _LAG_EVERY == 0:
+        if k >= settle and k % LAG_EVERY == 0:
             lag = max(lag, float(np.abs(world.joints()[0] - arm[k]).max()))
     if every:
         film.append((float(times[-1] + dt), *world.joints(), world.state()))
@@ -66,6 +66,11 @@ def schedule(job: Rollout, dt: float) -> tuple[int, Array]:
     settle, hold = round(job.settle_s / dt), round(job.hold_s / dt)
     moving = int(np.ceil(job.trajectory.duration / dt))
     return settle, np.arange(-settle, moving + hold, dtype=np.float64) * dt
+
+
+def record_every(job: Rollout, dt: float) -> int:
+    """The number of steps between two instants of a recording; 0 without one."""
+    return max(1, round(1 / (job.record_hz * dt))) if job.record_hz > 0 else 0
 
 
 def targets(trajectory: JointTrajectory, times: Array, dt: float) -> tuple[Array, Array, Array, Array]:

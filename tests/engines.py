@@ -7,7 +7,8 @@ import pytest
 from core.interfaces import Simulator
 from core.plugins import installed
 
-SIMULATORS = {"pybullet": "pybullet", "sapien": "sapien"}  # by name, and the module that it can't do without
+# By name, and the module that it can't do without.
+SIMULATORS = {"pybullet": "pybullet", "sapien": "sapien", "mujoco": "mujoco"}
 
 every_simulator = pytest.mark.parametrize("engine", SIMULATORS)
 

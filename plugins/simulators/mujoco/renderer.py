@@ -1,0 +1,184 @@
+"""Pictures by MuJoCo's own renderer, which needs OpenGL: a model of its own that holds shapes to look at and no
+physics.
+"""
+
+from __future__ import annotations
+
+import ctypes.util
+import importlib
+import os
+import platform
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from lxml import etree
+from PIL import Image as Pillow
+
+from core.design import Tool
+from core.geometry import Array, Mesh, Pose, Shape
+from core.interfaces import Image, Task
+from core.robot import ARM_JOINTS, FINGER_JOINTS, assemble
+from core.scene import Camera, Color, State
+from plugins.simulators.mujoco.engine import mujoco
+from plugins.simulators.mujoco.shapes import Element, add_geom
+
+_OVERSAMPLING = 2  # edges are hard; halving a picture of twice the size smooths them
+_EXTENT = 1.0  # metres: the unit of MuJoCo's view settings
+
+
+class NoOpenGL(Exception):
+    """There is no OpenGL here that draws without a window. The message says what was tried."""
+
+
+class Renderer:
+    """Draws one scene after another; what is loaded stays until another is asked for.
+
+    Raises:
+        NoOpenGL: there is none here.
+    """
+
+    def __init__(self) -> None:
+        self._opengl, self.device = _open_gl()
+        self._context: Any = None
+        self._loaded: tuple[Task, int, Tool | None] | None = None
+
+    def load(self, task: Task, seed: int, tool: Tool | None) -> None:
+        if self._loaded is not None and self._loaded[0] is task and self._loaded[1:] == (seed, tool):
+            return
+        shown = tool if tool is not None else Tool(gripper=True)
+        spec = mujoco.MjSpec.from_string(assemble(shown, visuals=False, mesh_path=_nothing), assets={"0.stl": _SPECK})
+        spec.compiler.discardvisual = False  # a description's reader would
+        for geom in list(spec.geoms):
+            spec.delete(geom)
+        _dress_arm(spec, shown.gripper)
+        for name, (mount, pose) in shown.placed().items():
+            (component,) = (c for c in shown.components if c.name == name)
+            _show(spec, spec.body(mount), component.shape, pose, component.color)
+        for body in task.scene(seed).bodies:
+            element = spec.worldbody.add_body(name=f"scene/{body.name}", mocap=True, pos=body.pose.position)
+            element.quat = body.pose.quaternion
+            for part in body.visuals:
+                _show(spec, element, part.shape, part.pose, part.color)
+        _light(spec)
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        self._opengl.make_current()
+        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 10)
+        self._joints = (*ARM_JOINTS, *(FINGER_JOINTS if shown.gripper else ()))
+        self._loaded = (task, seed, tool)
+
+    def pose(self, arm: Array, fingers: Array, state: State) -> None:
+        """Put the robot's joints, arm (7,) and fingers (2,), and the free bodies where they are to be seen."""
+        for name, value in zip(self._joints, [*arm, *fingers], strict=False):
+            self._data.joint(name).qpos[0] = value
+        for name in state.names:
+            number = self._model.body_mocapid[self._model.body(f"scene/{name}").id]
+            self._data.mocap_pos[number], self._data.mocap_quat[number] = state.position(name), state.quaternion(name)
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+
+    def shoot(self, camera: Camera, width: int, height: int) -> Image:
+        """A picture (height, width, 3)."""
+        w, h = width * _OVERSAMPLING, height * _OVERSAMPLING
+        self._model.vis.global_.fovy = camera.fov_deg
+        self._opengl.make_current()
+        mujoco.mjr_resizeOffscreen(w, h, self._context)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        everything = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(
+            self._model, self._data, mujoco.MjvOption(), mujoco.MjvPerturb(), _look(camera), everything, self._scene
+        )
+        view, picture = mujoco.MjrRect(0, 0, w, h), np.empty((h, w, 3), np.uint8)
+        mujoco.mjr_render(view, self._scene, self._context)
+        mujoco.mjr_readPixels(picture, None, view, self._context)
+        drawn = Pillow.fromarray(picture[::-1])
+        return np.asarray(drawn.resize((width, height), Pillow.Resampling.LANCZOS))
+
+
+def _open_gl() -> tuple[Any, str]:
+    """A context that draws without a window, and the name of what draws in it.
+
+    The environment's MUJOCO_GL chooses, as everywhere with MuJoCo; otherwise it is whatever library is there.
+    """
+    libraries = {"cgl": "OpenGL"} if platform.system() == "Darwin" else {"egl": "EGL", "osmesa": "OSMesa"}
+    chosen = os.environ.get("MUJOCO_GL", "").lower()
+    found = [name for name, library in libraries.items() if ctypes.util.find_library(library)]
+    name = chosen if chosen in libraries else found[0] if found else ""
+    if not name:
+        raise NoOpenGL(f"none of the libraries {', '.join(libraries.values())} is there")
+    try:
+        context = importlib.import_module(f"mujoco.{name}").GLContext(640, 480)
+        context.make_current()
+        gl = importlib.import_module("OpenGL.GL")
+        return context, f"{gl.glGetString(gl.GL_RENDERER).decode()} ({libraries[name]})"
+    except Exception as error:  # PyOpenGL's own kinds of errors differ with what is missing
+        raise NoOpenGL(f"{libraries[name]}: {' '.join(str(error).split()) or type(error).__name__}") from error
+
+
+_SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")  # for meshes that are not looked at
+
+
+def _nothing(_: Path) -> str:
+    return "0.stl"
+
+
+def _dress_arm(spec: Element, gripper: bool) -> None:
+    """The visual meshes of the description, in the colours of their materials."""
+    robot = etree.fromstring(assemble(Tool(gripper=gripper)).encode())
+    for link in robot.findall("link"):
+        for visual in link.findall("visual"):
+            xyz, rpy = (str(visual.xpath(f"string(origin/@{key})")) or "0 0 0" for key in ("xyz", "rpy"))
+            pose = Pose.xyz_rpy([float(x) for x in xyz.split()], [float(x) for x in rpy.split()])
+            for mesh, color in _pieces(Path(str(visual.xpath("string(geometry/mesh/@filename)")))):
+                _show(spec, spec.body(link.get("name")), mesh, pose, color)
+
+
+@lru_cache(maxsize=16)
+def _pieces(file: Path) -> tuple[tuple[Mesh, Color], ...]:
+    """What a Collada file shows."""
+    pieces: list[tuple[Mesh, Color]] = []
+    for piece in trimesh.load_scene(file).dump():
+        if isinstance(piece, trimesh.Trimesh) and len(piece.faces):  # there are lines too
+            red, green, blue, opacity = (float(x) / 255 for x in piece.visual.material.main_color)
+            piece.merge_vertices(merge_tex=True, merge_norm=True)
+            pieces.append((Mesh.from_trimesh(piece), (red, green, blue, opacity)))
+    return tuple(pieces)
+
+
+def _show(spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color) -> None:
+    geom = add_geom(spec, bearer, shape, pose)
+    geom.rgba, geom.contype, geom.conaffinity, geom.mass = color, 0, 0, 1e-6
+    if isinstance(shape, Mesh):
+        mesh = spec.mesh(geom.meshname)
+        mesh.userface = np.ravel(shape.faces).astype(np.int32)
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it need not be closed
+
+
+def _light(spec: Element) -> None:
+    """One sun, with shadows, and light from everywhere; a white background."""
+    white = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_FLAT}
+    spec.add_texture(**white, rgb1=[1, 1, 1], rgb2=[1, 1, 1], width=8, height=48)
+    sun = spec.worldbody.add_light(pos=[1.5, -1.5, 3.0], dir=[-1.0, 1.0, -2.0], castshadow=True)
+    sun.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    sun.diffuse, sun.ambient, sun.specular = [0.55] * 3, [0.0] * 3, [0.1] * 3
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.5] * 3, [0.1] * 3
+    spec.visual.headlight.specular = [0.0] * 3
+    spec.stat.extent, spec.stat.center = _EXTENT, [0.6, 0.0, 0.2]
+    spec.visual.map.znear, spec.visual.map.zfar, spec.visual.map.shadowclip = 0.02, 15.0, 2.5
+    spec.visual.quality.shadowsize = 4096
+
+
+def _look(camera: Camera) -> Any:
+    """A camera by where it looks from and to."""
+    way = np.subtract(camera.target, camera.position)
+    view = mujoco.MjvCamera()
+    view.type = mujoco.mjtCamera.mjCAMERA_FREE
+    view.lookat[:] = camera.target
+    view.distance = float(np.linalg.norm(way))
+    view.azimuth = float(np.degrees(np.arctan2(way[1], way[0])))
+    view.elevation = float(np.degrees(np.arctan2(way[2], np.hypot(way[0], way[1]))))
+    return view

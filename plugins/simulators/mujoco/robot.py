@@ -1,0 +1,93 @@
+"""The assembled arm in MuJoCo: links, what they touch, and the servos."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
+from core.geometry import Array
+from core.robot import ARM_JOINTS, FINGER_FRICTION, FINGER_JOINTS, GRIP_FORCE, HOME_JOINTS, TOOL_FRICTION, assemble
+from plugins.simulators.mujoco.contacts import Felt, Role, Surface
+from plugins.simulators.mujoco.engine import mujoco
+from plugins.simulators.mujoco.shapes import Element
+
+# Inertia of the motors as the joints feel it, kg m^2: Franka's figures for the FR3, in the README of Drake's
+# franka_description. A description has none of it; without it 12 Nm turn the wrist's links at 600 rad/s^2.
+MOTOR_INERTIA = (0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064, 0.205544064, 0.205544064)
+FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
+_AHEAD = 3.0  # how many times faster than its position a joint's speed comes to what it should be
+
+
+def load(tool: Tool) -> tuple[Element, list[Felt]]:
+    """A spec of the arm with a tool, and its geoms. Links without a joint between them are one body."""
+    assets: dict[str, bytes] = {}
+
+    def asset(path: Path) -> str:
+        assets[path.name] = path.read_bytes()
+        return path.name
+
+    urdf = assemble(tool, fused=True, visuals=False, mesh_path=asset)
+    spec = mujoco.MjSpec.from_string(urdf, assets=assets)
+    spec.compiler.degree = False
+    mounts, bearer = (GRIPPER_MOUNTS, "panda_hand") if tool.gripper else ((RIGID_MOUNT,), "panda_link7")
+    links = [(geom, geom.parent.name) for geom in spec.geoms]
+    spec.fuse_static()
+    felt = []
+    for geom, link in links:
+        role = Role.TOOL if link in mounts else Role.BEARER if link == bearer else Role.ARM
+        friction = FINGER_FRICTION if link in GRIPPER_MOUNTS else TOOL_FRICTION
+        felt.append(Felt(geom, geom.parent.name, role, Surface(friction)))
+    return spec, felt
+
+
+def add_servos(spec: Element) -> None:
+    """Position control with velocity feed-forward. Gains come later, see `set_gains`.
+
+    The controllers hold the arm up, tool and all: the torques for that are known and are part of what a joint can
+    give. The fingers' coupling, which the description has, is a constraint.
+    """
+    for body in spec.bodies:
+        body.gravcomp = float(body.name != "world")
+    for joint in spec.joints:
+        joint.actgravcomp = True
+        joint.solref_limit = [2 * spec.option.timestep, 1.0]
+        if joint.name in FINGER_JOINTS:
+            joint.actfrcrange, joint.armature = [-GRIP_FORCE, GRIP_FORCE], FINGER_INERTIA
+        else:  # the description's effort is the limit
+            joint.armature = MOTOR_INERTIA[ARM_JOINTS.index(joint.name)]
+        servo = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_pid(kp=1.0, kv=1.0)
+    for coupling in spec.equalities:
+        coupling.solref = [2 * spec.option.timestep, 1.0]
+
+
+def set_gains(model: Element, tracking_rate: float) -> None:
+    """Place each joint's two poles, by its inertia at home: one at the tracking rate, one beyond.
+
+    In units of the inertia M and the time step h, with a = h kv / M and b = h^2 kp / M, a step makes of the error x
+    and its rate v, where forces are those at the step's end, v' = (v - b x / h) / (1 + a + b), and, where only speeds
+    are, v' = (v - b x / h) / (1 + a); then x' = x + h v'. The product and the sum of the two factors by which errors
+    shrink, exp(-rate h), give a and b.
+
+    A faster second pole would follow better, but a joint whose force is at its limit moves by more than it should
+    within a step, and shakes.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[: len(HOME_JOINTS)] = HOME_JOINTS
+    mujoco.mj_forward(model, data)
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    count, h = len(model.actuator_biasprm), model.opt.timestep
+    shrink = np.exp(-h * tracking_rate * np.array([1.0, _AHEAD]))
+    product, total = float(np.prod(shrink)), float(np.sum(shrink))
+    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE:
+        b = 1 - (total - 1) / product
+        a = 1 / product - 1 - b
+    else:
+        a = 1 / product - 1
+        b = (1 + product - total) / product
+    masses: Array = np.diag(inertia)[:count]
+    model.actuator_biasprm[:, 1] = -b * masses / h**2
+    model.actuator_biasprm[:, 2] = -a * masses / h

@@ -1,0 +1,115 @@
+"""One scene and one tool, compiled, and jobs played in it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.design import Tool
+from core.geometry import Array
+from core.interfaces import JointTrajectory, Outcome, Recording, Rollout
+from core.playback import LAG_EVERY, record_every, schedule, targets
+from core.robot import ARM_JOINTS, FINGER_JOINTS
+from core.scene import Inertia, Scene, State
+from plugins.simulators.mujoco import contacts, robot
+from plugins.simulators.mujoco.contacts import Felt, Role, Surface
+from plugins.simulators.mujoco.engine import Batch, SimulationError, mujoco, warnings_caught
+from plugins.simulators.mujoco.shapes import Element, add_free_body, add_geom
+
+GRAVITY = 9.81
+_ARM = len(ARM_JOINTS)
+
+
+def compiled(
+    scene: Scene, inertias: dict[str, Inertia], tool: Tool, time_step: float, tracking_rate: float, slip_rate: float
+) -> Element:
+    """The model: the arm's joints first, then those of the free bodies, in order.
+
+    Fixed bodies are all part of the world's body: MuJoCo looks for contacts with it by a tree of boxes.
+    """
+    spec, felt = robot.load(tool)
+    surfaces = [Surface(body.friction, body.rolling_friction, body.restitution) for body in scene.bodies]
+    contacts.options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
+    robot.add_servos(spec)
+    for number, (body, surface) in enumerate(zip(scene.bodies, surfaces, strict=True)):
+        if body.fixed:
+            bearer, frame = spec.worldbody, body.pose
+        else:
+            bearer, frame = add_free_body(spec, f"body_{number}", body, inertias[body.name]), None
+        for part in body.collisions:
+            geom = add_geom(spec, bearer, part.shape, part.pose if frame is None else frame @ part.pose)
+            felt.append(Felt(geom, bearer.name, Role.SCENE, surface, not body.fixed))
+    contacts.set_contacts(spec, felt, slip_rate)
+    model = spec.compile()
+    robot.set_gains(model, tracking_rate)
+    return model
+
+
+class World:
+    """Plays one job after another, each from the start: nothing of a rollout reaches the next."""
+
+    def __init__(self, scene: Scene, tool: Tool, model: Element) -> None:
+        self._names = tuple(body.name for body in scene.free)
+        self._model = model
+        self._joints = _ARM + (len(FINGER_JOINTS) if tool.gripper else 0)
+        self._batch = Batch(model, nsim=1, nthread=1, persistent=True)  # only a world that persists can sleep
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+
+    def play(self, job: Rollout) -> Outcome:
+        """What `core.playback.play` does, but all controls are given at once, and all states come back at once."""
+        trajectory, dt = job.trajectory, self._model.opt.timestep
+        if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
+            return Outcome(None, None, error="the trajectory's targets are not finite")
+        settle, times = schedule(job, dt)
+        with warnings_caught() as warnings:
+            try:
+                qpos, qvel = self._run(trajectory, times)
+            except SimulationError as error:
+                return Outcome(None, None, error=f"MuJoCo: {error}")
+        if self._batch.warning[..., 1].any():  # the state is not finite, or too large, or there is no more memory
+            return Outcome(None, None, error=f"MuJoCo: {' '.join(warnings[0].split()) if warnings else 'a warning'}")
+        looks = np.arange(-(-settle // LAG_EVERY) * LAG_EVERY, len(times), LAG_EVERY)
+        lag = np.abs(qpos[looks + 1, :_ARM] - trajectory.sample(times[looks] + dt)[0]).max(initial=0.0)
+        recording = None
+        if every := record_every(job, dt):
+            at = np.append(np.arange(0, len(times), every), len(times))
+            instants = np.append(times, times[-1] + dt)[at]
+            fingers = np.zeros((len(at), len(FINGER_JOINTS)))
+            fingers[:, : self._joints - _ARM] = qpos[at, _ARM : self._joints]
+            recording = Recording(instants, qpos[at, :_ARM], fingers, self._state(qpos[at], qvel[at]))
+        start, end = (self._state(qpos[step], qvel[step]) for step in (settle, -1))
+        return Outcome(start, end, float(lag), recording=recording)
+
+    def _run(self, trajectory: JointTrajectory, times: Array) -> tuple[Array, Array]:
+        """Joint positions (S + 1, Q) and speeds (S + 1, V) before each step that begins at ``times`` (S,), and after
+        the last. A world that explodes stops there.
+
+        Raises:
+            SimulationError: MuJoCo refuses to go on.
+        """
+        self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._qpos[0, :_ARM], self._qpos[0, _ARM : self._joints] = trajectory.arm[0], trajectory.fingers[0]
+        first = self._qpos.copy(), self._qvel.copy()
+        controls = self._controls(trajectory, times)
+        then = self._batch.rollout(len(times), controls[None], record=("qpos", "qvel"))
+        return np.concatenate([first[0], then["qpos"][0]]), np.concatenate([first[1], then["qvel"][0]])
+
+    def _controls(self, trajectory: JointTrajectory, times: Array) -> Array:
+        """For each step (S, 2 J) the joints' positions and speeds in turn."""
+        arm, fingers, speeds, finger_speeds = targets(trajectory, times, self._model.opt.timestep)
+        if self._model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
+            arm, fingers = trajectory.sample(times)  # servos compare them with where joints are when the step begins
+        controls = np.empty((len(times), self._joints, 2))
+        controls[:, :_ARM, 0], controls[:, :_ARM, 1] = arm, speeds
+        controls[:, _ARM:, 0], controls[:, _ARM:, 1] = fingers[:, None], finger_speeds[:, None]
+        return controls.reshape(len(times), -1)
+
+    def _state(self, qpos: Array, qvel: Array) -> State:
+        """Of the free bodies, from joint positions (..., Q) and speeds (..., V)."""
+        shape = (*qpos.shape[:-1], len(self._names))
+        poses, speeds = qpos[..., self._joints :].reshape(*shape, 7), qvel[..., self._joints :].reshape(*shape, 6)
+        turning = speeds[..., 3:].copy()  # in the body's own axes
+        if turning.size:
+            axes = Rotation.from_quat(poses[..., 3:].reshape(-1, 4), scalar_first=True)
+            turning = axes.apply(turning.reshape(-1, 3)).reshape(turning.shape)
+        return State(self._names, poses[..., :3].copy(), poses[..., 3:].copy(), speeds[..., :3].copy(), turning)

@@ -1,0 +1,479 @@
+"""What is MuJoCo's own: settings, contacts, servos, the renderer, and how it does without what is not there."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.conformance.worlds import (
+    BARE,
+    GRAVITY,
+    GREY,
+    HAND,
+    HOME,
+    Bodies,
+    cube,
+    end,
+    film,
+    motion,
+    move,
+    slope,
+    start,
+    stick,
+    still,
+    wait,
+)
+from core.design import Candidate, Component, Tool
+from core.errors import UserError
+from core.geometry import Box, Cylinder, Pose, Sphere
+from core.interfaces import JointTrajectory, Outcome, Rollout, RolloutSettings
+from core.kinematics import arm
+from core.playback import play
+from core.plugins import installed
+from core.reading import load_designs, read_designs
+from core.robot import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS
+from core.rollout import prepare
+from core.rules import SpawnRules
+from core.scene import Body, State, floor, table
+
+pytest.importorskip("mujoco")
+
+import mujoco as mj
+
+from plugins.simulators.mujoco.renderer import NoOpenGL, Renderer
+from plugins.simulators.mujoco.world import compiled
+
+ROOT = Path(__file__).parents[3]
+
+
+def mujoco(**settings):
+    return installed().create("sim", "mujoco", settings)
+
+
+def model(*bodies, tool=BARE, time_step=0.0025, tracking_rate=50.0):
+    scene = Bodies(*bodies).scene(0)
+    inertias = {body.name: body.inertia() for body in scene.free}
+    return compiled(scene, inertias, tool, time_step, tracking_rate, 100.0)
+
+
+# --- settings ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("time_step", [0.001, 0.004])
+def test_what_happens_does_not_depend_on_the_time_step(time_step):
+    plan = [[0.6, 0.2, 0.3, 0, 0.3, 0], [0.6, -0.2, 0.3, 0, 0, 0.5]]
+    bodies = table(), cube(at=(0.6, 0, 0.05))
+    sims = mujoco(), mujoco(time_step=time_step)
+    ours, theirs = (end(move(sim, plan, *bodies, tool=stick(0.25))).position("cube") for sim in sims)
+    np.testing.assert_allclose(ours, theirs, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [("time_step", 0), ("time_step", 0.1), ("time_step", math.nan), ("tracking_rate", 0), ("slip_rate", -1.0)],
+)
+def test_numbers_that_make_no_sense(setting, value):
+    with pytest.raises(UserError, match=setting):
+        mujoco(**{setting: value})
+
+
+# --- playing ----------------------------------------------------------------------------------------------------
+
+
+class Stepped:
+    """A world for `core.playback.play`: MuJoCo, step by step, the plain way."""
+
+    def __init__(self, made, job, names):
+        self.model, self.names, self.data = made, names, mj.MjData(made)
+        self.time_step = made.opt.timestep
+        self.joint_count = made.nq - 7 * len(names)
+        self.data.qpos[:7], self.data.qpos[7 : self.joint_count] = job.trajectory.arm[0], job.trajectory.fingers[0]
+
+    def step(self, arm_targets, fingers, speeds, finger_speed):
+        self.data.ctrl[0:14:2], self.data.ctrl[1:14:2] = arm_targets, speeds
+        self.data.ctrl[14::2], self.data.ctrl[15::2] = fingers, finger_speed
+        mj.mj_step(self.model, self.data)
+
+    def joints(self):
+        return self.data.qpos[:7].copy(), np.append(self.data.qpos[7 : self.joint_count], np.zeros(2))[:2]
+
+    def state(self):
+        positions, quaternions, linear, angular = [], [], [], []
+        for i in range(len(self.names)):
+            q = self.data.qpos[self.joint_count + 7 * i :][:7]
+            v = self.data.qvel[self.joint_count + 6 * i :][:6]
+            positions.append(q[:3])
+            quaternions.append(q[3:])
+            linear.append(v[:3])
+            angular.append(Pose(np.zeros(3), q[3:]).rotation.apply(v[3:]))
+        return State(self.names, *(np.array(rows) for rows in (positions, quaternions, linear, angular)))
+
+
+@pytest.mark.parametrize("tool", [stick(0.25), HAND], ids=["stick", "hand"])
+@pytest.mark.parametrize("settle_s", [0.0, 0.1])
+def test_all_steps_at_once_are_what_the_core_plays_step_by_step(tool, settle_s):
+    """The same start and end, the same lag, the same film; to the last bit."""
+    bodies = table(), cube(at=(0.6, 0, 0.05)), Body.of("can", Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=0.3, color=GREY)
+    plan = [[0.45, 0, 0.3, 0, 0, 0, 0.3], [0.65, 0, 0.3, 0, 0, 0, 1.0]]
+    job = Rollout(tool, motion(plan), settle_s=settle_s, hold_s=0.2, record_hz=30.0)
+    task = Bodies(*bodies)
+    (ours,) = mujoco().rollout(task, [job])
+    theirs = play(Stepped(model(*bodies, tool=tool), job, task.scene(0).state().names), job)
+    assert ours.tracking_error_rad == theirs.tracking_error_rad
+    for one, other in ((ours.start, theirs.start), (ours.end, theirs.end), (film(ours).states, film(theirs).states)):
+        np.testing.assert_array_equal(one.positions, other.positions)
+        np.testing.assert_array_equal(one.linear_velocities, other.linear_velocities)
+        np.testing.assert_allclose(one.angular_velocities, other.angular_velocities, atol=1e-12)
+    np.testing.assert_array_equal(film(ours).times, film(theirs).times)
+    np.testing.assert_array_equal(film(ours).arm, film(theirs).arm)
+    np.testing.assert_array_equal(film(ours).fingers, film(theirs).fingers)
+
+
+@pytest.mark.parametrize("time_step", [0.001, 0.0025, 0.004])
+@pytest.mark.parametrize("rate", [20.0, 50.0])
+def test_joints_close_in_on_their_targets_at_the_tracking_rate(time_step, rate):
+    job = Rollout(BARE, still())
+    world = Stepped(model(time_step=time_step, tracking_rate=rate), job, ())
+    target, rest = still().arm[0] + 2e-3, np.zeros(7)  # all at once: none pushes another away
+    left = []
+    for _ in range(round(3 / rate / time_step)):
+        world.step(target, FINGER_OPEN, rest, 0.0)
+        left.append(target - world.joints()[0])
+    first, last = round(0.5 / rate / time_step), len(left) - 1
+    found = np.log(left[first] / left[last]) / ((last - first) * time_step)
+    np.testing.assert_allclose(found, rate, rtol=0.25)  # a joint's inertia is not that of its link alone
+
+
+def test_a_world_that_explodes_is_an_error_and_nothing_else(tmp_path, monkeypatch, capfd):
+    """No log file where one stands, nothing on the terminal, and the next job in the same world is as it would be."""
+    monkeypatch.chdir(tmp_path)
+    far = np.stack([still().arm[0], still().arm[0] + 1e12])
+    broken = Rollout(BARE, JointTrajectory(np.array([0.0, 0.1]), far, np.full(2, FINGER_OPEN)))
+    task = Bodies(table(), cube(at=(0.6, 0, 0.05)))
+    sim = mujoco()
+    before, failed, after = sim.rollout(task, [Rollout(BARE, still()), broken, Rollout(BARE, still())])
+    assert isinstance(failed, Outcome)
+    assert failed.error is not None
+    assert failed.error.startswith("MuJoCo: ")
+    assert "\n" not in failed.error
+    assert failed.start is None
+    assert failed.end is None
+    assert before.error is None
+    np.testing.assert_array_equal(end(before).positions, end(after).positions)
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+
+
+def test_worlds_are_made_once_and_not_kept_for_ever():
+    sim, task = mujoco(), Bodies(table(), cube(at=(0.6, 0, 0.05)))
+    tools = [stick(0.1 + 0.01 * i) for i in range(10)]
+    jobs = [Rollout(tool, still(), hold_s=0.01) for tool in tools for _ in range(3)]
+    sim.rollout(task, jobs)
+    assert 0 < len(sim._worlds) < 10
+    kept = dict(sim._worlds)
+    sim.rollout(task, jobs[-3:])
+    assert dict(sim._worlds) == kept
+
+
+# --- contacts ---------------------------------------------------------------------------------------------------
+
+
+def pair(made, one, other):
+    """The explicit pair of the first geoms of two bodies."""
+    numbers = {int(made.body_geomadr[made.body(name).id]) for name in (one, other)}
+    (found,) = (i for i in range(made.npair) if {int(made.pair_geom1[i]), int(made.pair_geom2[i])} == numbers)
+    return found
+
+
+def test_every_contact_of_a_free_body_has_the_pairs_friction():
+    bodies = [replace(cube(f"c{f}", (0.4 + f, 0, 0.05)), friction=f) for f in (0.1, 0.5, 0.9)]
+    made = model(table(), *bodies)
+    for i, one in enumerate(bodies):
+        for k, other in enumerate(bodies[:i]):
+            found = pair(made, f"body_{i + 1}", f"body_{k + 1}")
+            np.testing.assert_allclose(made.pair_friction[found][:2], math.sqrt(one.friction * other.friction))
+
+
+def test_links_of_the_arm_do_not_touch_each_other_and_tools_touch_all_but_their_bearer():
+    for tool, bearer in ((stick(0.3), "panda_link7"), (HAND, "panda_link7")):
+        made = model(tool=tool)
+        geoms = [(made.body(made.geom_bodyid[i]).name, i) for i in range(made.ngeom)]
+        mounted = [i for name, i in geoms if "finger" in name or (name == bearer and made.geom_contype[i] == 4)]
+        assert len(mounted) == (8 if tool.gripper else 1)
+
+        def touch(i, k, made=made):
+            return bool(
+                made.geom_contype[i] & made.geom_conaffinity[k] or made.geom_contype[k] & made.geom_conaffinity[i]
+            )
+
+        for _, i in geoms:
+            for name, k in geoms:
+                if i not in mounted and k not in mounted:
+                    assert not touch(i, k)
+                elif i in mounted and name not in (bearer, made.body(made.geom_bodyid[i]).name):
+                    assert touch(i, k)
+
+
+def test_what_slides_fast_stays_on_the_ground():
+    """Down a steep slope, at more than 1 m/s: its middle stays at its height, and friction is what it should be."""
+    hill = slope(0.6, 0.5)
+    at = hill.pose.apply([-1.5, 0, 0.05 + 0.035])
+    block = Body.of("block", Box((0.07, 0.07, 0.07)), at, mass=1.0, color=GREY, rpy=(0, 0.6, 0))
+    outcome = wait(mujoco(), hill, block, seconds=0.8, record_hz=400)
+    heights = hill.pose.inverse().apply(film(outcome).states.position("block"))[:, 2] - 0.085
+    assert np.abs(heights).max() < 0.003
+    speed = np.linalg.norm(end(outcome).linear_velocity("block"))
+    assert speed == pytest.approx(0.8 * GRAVITY * (math.sin(0.6) - 0.5 * math.cos(0.6)), rel=0.05)
+
+
+def test_what_friction_holds_does_not_creep():
+    hill = slope(math.atan(0.45), 0.5)  # at 0.5 it would slide
+    at = hill.pose.apply([0, 0, 0.05 + 0.02])
+    block = Body.of("block", Box((0.1, 0.1, 0.04)), at, mass=1.0, color=GREY, rpy=(0, math.atan(0.45), 0))
+    outcome = wait(mujoco(), hill, block, seconds=5.0, settle_s=0.5)
+    crept = np.linalg.norm(end(outcome).position("block") - start(outcome).position("block"))
+    assert crept < 5e-4
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.6, 0.9])
+def test_what_bounces_comes_back_as_high_as_it_should(restitution):
+    plate = replace(Body.of("plate", Box((1, 1, 0.1)), (3, 3, -0.05), mass=0, color=GREY), restitution=1.0)
+    ball = replace(Body.of("ball", Sphere(0.05), (3, 3, 0.55), mass=0.5, color=GREY), restitution=restitution)
+    speeds = film(wait(mujoco(), plate, ball, seconds=0.6, record_hz=400)).states.linear_velocity("ball")[:, 2]
+    assert speeds.max() / -speeds.min() == pytest.approx(restitution, abs=0.03)
+
+
+def test_a_ball_that_rolls_slowly_is_not_put_to_sleep():
+    """Down a slope of 0.1 degrees, from rest."""
+    hill = slope(2e-3, 1.0)
+    at = hill.pose.apply([0, 0, 0.05 + 0.1])
+    ball = Body.of("ball", Sphere(0.1), at, mass=1.0, color=GREY, friction=1.0)
+    rolled = np.linalg.norm(end(wait(mujoco(), hill, ball, seconds=5.0)).position("ball") - at)
+    assert rolled == pytest.approx(5 / 7 * GRAVITY * 2e-3 * 5**2 / 2, rel=0.1)
+
+
+def test_what_sleeps_wakes_when_it_is_touched():
+    plan = [[0.45, 0, 0.3, 0, 0, 0], [0.65, 0, 0.3, 0, 0, 0]]
+    bodies = table(), cube(at=(0.6, 0, 0.05)), cube("far", (0.6, 0.4, 0.05))
+    outcome = move(mujoco(), plan, *bodies, tool=stick(0.25))
+    assert end(outcome).position("cube")[0] > 0.65
+    np.testing.assert_array_equal(end(outcome).linear_velocity("far"), 0)
+    np.testing.assert_allclose(end(outcome).position("far"), [0.6, 0.4, 0.05], atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["GatherSpheres", "TurkeyLegs"])
+def test_sparse_factors_give_the_accelerations_of_dense_ones(name):
+    """MuJoCo 4.0.0 had a fault in them, which our scenes did not meet; see its changelog, 4.0.1."""
+    task = installed().create("task", name)
+    designs = load_designs(ROOT / f"tests/tasks/solutions/{name}.json")
+    candidate: Candidate = read_designs(designs, installed().create("tool", "urdf"), SpawnRules(task, 0))[0]
+    _, job = prepare(task, candidate, 0, RolloutSettings())
+    scene = task.scene(0)
+    made = compiled(scene, {body.name: body.inertia() for body in scene.free}, job.tool, 0.0025, 50.0, 100.0)
+    world, dt = Stepped(made, job, scene.state().names), made.opt.timestep
+    compared = 0
+    for k in range(int((job.trajectory.duration + 0.2) / dt)):
+        arms, fingers = job.trajectory.sample(np.array([k * dt]))
+        world.step(arms[0], fingers[0], np.zeros(7), 0.0)
+        if k % 200 or world.data.ncon < 20:
+            continue
+        found = []
+        for jacobian in (mj.mjtJacobian.mjJAC_SPARSE, mj.mjtJacobian.mjJAC_DENSE):
+            made.opt.jacobian = jacobian
+            data = mj.MjData(made)
+            data.qpos[:], data.qvel[:], data.ctrl[:] = world.data.qpos, world.data.qvel, world.data.ctrl
+            mj.mj_forward(made, data)
+            found.append(data.qacc.copy())
+        made.opt.jacobian = mj.mjtJacobian.mjJAC_SPARSE
+        np.testing.assert_allclose(found[0], found[1], atol=1e-6 * np.abs(found[1]).max())
+        compared += 1
+        if compared == 4:
+            break
+    assert compared >= 3
+
+
+# --- the robot --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tool", [BARE, HAND, stick(0.3, mass=1.0)], ids=["bare", "hand", "stick"])
+def test_links_weigh_what_the_description_says(tool):
+    """Few links, the same mass and the same kinematics: joints anywhere put the flange where Pinocchio has it."""
+    made = model(tool=tool)
+    assert made.nbody == (10 if tool.gripper else 8)
+    assert made.body_mass.sum() == pytest.approx(17 + 0.7 * tool.gripper + tool.mass, abs=1.0)
+    assert [made.joint(i).name for i in range(made.njnt)] == [*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ())]
+    data, rng = mj.MjData(made), np.random.default_rng(3)
+    for _ in range(5):
+        data.qpos[:7] = rng.uniform(arm().lower, arm().upper)
+        mj.mj_kinematics(made, data)
+        body = data.body("panda_link7")
+        flange = Pose(body.xpos, body.xquat) @ Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4))
+        np.testing.assert_allclose(flange.matrix, arm().forward(data.qpos[:7]).matrix, atol=1e-6)
+
+
+def test_the_mounted_tool_adds_its_inertia():
+    heavy = Tool((Component("block", "panda_virtual", Pose(np.array([0, 0, -0.1])), Box((0.1, 0.1, 0.2)), mass=2.0),))
+    bare, loaded = (model(tool=tool).body("panda_link7") for tool in (BARE, heavy))
+    assert loaded.mass[0] == pytest.approx(bare.mass[0] + 2)
+    in_link = Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4)).apply([0, 0, -0.1])
+    centre = (bare.mass[0] * bare.ipos + 2 * in_link) / loaded.mass[0]
+    np.testing.assert_allclose(loaded.ipos, centre, atol=1e-9)
+
+
+def test_a_joint_gives_no_more_than_its_torque_gravity_and_all():
+    made = model(tool=stick(0.3, mass=1.0))
+    data = mj.MjData(made)
+    data.qpos[:7], data.ctrl[0:14:2] = HOME_JOINTS, HOME_JOINTS
+    mj.mj_forward(made, data)
+    assert (np.abs(data.qfrc_actuator) < 60).all()  # what holds it up
+    data.ctrl[0:14:2] = np.array(HOME_JOINTS) + 1.0
+    mj.mj_forward(made, data)
+    np.testing.assert_allclose(np.abs(data.qfrc_actuator), [87] * 4 + [12] * 3)
+
+
+def test_a_joint_whose_force_is_at_its_limit_does_not_shake():
+    """A stick pressed on the table with all that the arm can: joints stand still."""
+    outcome = move(
+        mujoco(),
+        [[0.5, 0, 0.32, 0, 0, 0], [0.5, 0, 0.15, 0, 0, 0]],
+        table(),
+        tool=stick(0.3),
+        record_hz=400,
+        hold_s=1.0,
+    )
+    last = film(outcome).arm[-100:]
+    assert outcome.tracking_error_rad > 0.05
+    assert (last.max(axis=0) - last.min(axis=0)).max() < 1e-3
+
+
+def test_the_arm_moves_smoothly():
+    """From one step to the next no joint's speed changes by much more than its trajectory's does."""
+    trajectory = motion([[0.6, 0.2, 0.3, 0, 0.3, 0], [0.5, -0.2, 0.4, 0, 0, 0.5]])
+    (outcome,) = mujoco().rollout(Bodies(), [Rollout(BARE, trajectory, settle_s=0.0, hold_s=0.1, record_hz=400)])
+    dt = 0.0025
+    told, _ = trajectory.sample(film(outcome).times)
+    jumps = [np.abs(np.diff(joints, n=2, axis=0)).max() / dt for joints in (film(outcome).arm, told)]
+    assert jumps[0] < 2 * jumps[1]
+
+
+def test_fingers_stay_as_far_from_the_middle():
+    """One motor moves both: a body off the middle is not pushed there by one finger alone."""
+    over = 0.1034 + 0.02
+    plan = [[0.5, 0, over, 0, 0, 0, 0], [0.5, 0, over, 0, 0, 0, 1]]
+    post = Body.of("post", Box((0.02, 0.02, 0.04)), (0.5, 0.015, 0.02), mass=0, color=GREY)
+    fingers = film(move(mujoco(), plan, table(), post, tool=HAND, record_hz=50)).fingers
+    assert fingers[-1].min() > 0.003
+    assert np.abs(fingers[:, 0] - fingers[:, 1]).max() < 3e-3
+
+
+def test_attachments_hold_a_cube_in_the_air_for_two_seconds():
+    """A bar hangs from each finger; between them a cube is picked up that the bare fingers could not reach."""
+
+    def bar(side, finger):
+        pose = Pose(np.array([0.0, side * 0.008, 0.11]))
+        return Component(f"bar_{finger}", f"panda_{finger}finger", pose, Box((0.03, 0.006, 0.16)))
+
+    tool = Tool((bar(1, "left"), bar(-1, "right")), gripper=True)
+    over = 0.0584 + 0.19 + 0.005
+    plan = [[0.5, 0, z, 0, 0, 0, grip] for z, grip in ((over + 0.2, 0), (over, 0), (over, 1), (over + 0.2, 1))]
+    held = cube(at=(0.5, 0, 0.025), side=0.05, mass=0.3)
+    outcome = move(mujoco(), plan, table(), held, tool=tool, record_hz=20, hold_s=2.0)
+    heights = film(outcome).states.position("cube")[:, 2][film(outcome).times > film(outcome).times[-1] - 1.9]
+    assert heights.min() > 0.2
+    assert heights.max() - heights.min() < 2e-3
+
+
+def test_a_tool_touches_the_arm_but_not_its_bearer():
+    inside_the_bearer = Tool((Component("a", "panda_virtual", Pose(), Box((0.05, 0.05, 0.05))),))
+    for tool in (inside_the_bearer, BARE):
+        assert wait(mujoco(), seconds=0.5, tool=tool).tracking_error_rad < 2e-3
+    at = arm().home_for(HOME)
+    where = arm().forward(at).inverse().apply([0.0, 0.0, 0.4])  # in the arm's second link
+    bar = Tool((Component("bar", "panda_virtual", Pose(where), Box((0.05, 0.05, 0.05))),))
+    assert wait(mujoco(), seconds=0.5, tool=bar).tracking_error_rad > 0.01
+
+
+# --- pictures ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def own_renderer():
+    try:
+        return Renderer()
+    except NoOpenGL as error:
+        pytest.skip(f"MuJoCo's renderer needs OpenGL without a window, for example Debian's libegl1: {error}")
+
+
+def test_its_own_renderer_sees_what_pybullets_sees(own_renderer):
+    """The same camera and scene: edges of the cube, the table and the arm are at the same pixels."""
+    pytest.importorskip("pybullet")
+    task = Bodies(floor(), table(), cube(at=(0.7, 0, 0.1), side=0.2))
+    own = mujoco()
+    ours = own.render(task, tool=stick(0.3), width=160, height=120).astype(float).mean(axis=-1)
+    assert own.drawn_by.startswith("MuJoCo's renderer on ")
+    pybullet = installed().create("sim", "pybullet")
+    theirs = pybullet.render(task, tool=stick(0.3), width=160, height=120).astype(float).mean(axis=-1)
+    assert np.corrcoef(ours.ravel(), theirs.ravel())[0, 1] > 0.8
+
+
+def test_what_is_behind_glass_can_be_seen(own_renderer):
+    def picture(opacity):
+        pane = Body.of("pane", Box((0.01, 0.4, 0.4)), (0.8, 0, 0.2), mass=0, color=(0.5, 0.5, 0.5, opacity))
+        red = Body.of("red", Box((0.1, 0.1, 0.1)), (0.6, 0, 0.05), mass=1, color=(1, 0, 0, 1))
+        own_renderer.load(Bodies(table(), red, pane), 0, None)
+        task = Bodies(table(), red, pane)
+        own_renderer.pose(still().arm[0], np.full(2, FINGER_OPEN), task.scene(0).state())
+        camera = replace(task.camera, position=(1.6, 0.0, 0.3), target=(0.6, 0.0, 0.1))
+        seen = own_renderer.shoot(camera, 80, 60).astype(int)
+        return (seen[..., 0] > seen[..., 1] + 60).sum()
+
+    solid, glass = picture(1.0), picture(0.3)
+    assert glass > solid + 20
+
+
+def call(arguments, folder, *missing, **environment):
+    """A command in a process, and in those that it starts, where modules are not installed."""
+    lines = [f"sys.modules[{name!r}] = None\n" for name in missing]
+    (folder / "sitecustomize.py").write_text("import sys\n" + "".join(lines))
+    command = [sys.executable, "-m", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(folder), **environment}
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+
+
+SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0", "executor.workers=2"]
+
+
+def test_without_pybullet_and_opengl_it_runs_without_pictures(tmp_path):
+    done = call(["core.run", "sim=mujoco", *SMALL, "hydra.run.dir=out"], tmp_path, "pybullet", "OpenGL")
+    assert done.returncode == 0, done.stderr
+    assert "no pictures: MuJoCo's own renderer needs OpenGL" in done.stderr
+    assert "pip install pybullet" in done.stderr
+    assert json.loads((tmp_path / "out/result.json").read_text())["best"]["reward"] > 0
+    assert not (tmp_path / "out/scene.png").exists()
+
+
+def test_without_mujoco_others_run(tmp_path):
+    pytest.importorskip("pybullet")
+    done = call(["core.run", *SMALL, "hydra.run.dir=out", "film=false"], tmp_path, "mujoco")
+    assert done.returncode == 0, done.stderr
+    missing = call(["core.run", "sim=mujoco", *SMALL], tmp_path, "mujoco")
+    assert missing.returncode == 1
+    assert missing.stderr.count("\n") == 1
+    assert "sim=mujoco needs MuJoCo 4 or newer: pip install 'mujoco" in missing.stderr
+
+
+def test_render_says_who_drew(tmp_path, own_renderer):
+    arguments = ["core.render", "sim=mujoco", "width=32", "height=24"]
+    done = call(arguments, tmp_path, "pybullet")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("scene.png\ndrawn by MuJoCo's renderer on ")
+    pytest.importorskip("pybullet")
+    done = call(arguments, tmp_path, "OpenGL")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer needs OpenGL")
