@@ -298,9 +298,7 @@ def test_a_listener_is_what_hears_an_event(found):
             pass
 
     found.register(Offering(listeners={"deaf": Deaf, "wrong": Wrong}), "mine", "my-package")
-    with pytest.raises(
-        UserError, match=r"logger 'deaf' of my-package .* hears nothing: .*Deaf implements none of r"
-    ):
+    with pytest.raises(UserError, match=r"logger 'deaf' of my-package .* hears nothing: .*Deaf implements none of r"):
         found.create("logger", "deaf")
     with pytest.raises(UserError, match=r"logger 'wrong' of my-package .*number") as error:
         found.create("logger", "wrong")
