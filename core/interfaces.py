@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.design import Candidate, Evaluation, Tool
-from core.errors import UsageError, check_positive, choices
+from core.errors import UsageError, UserError, check_positive, choices
 from core.geometry import Array, Pose
 from core.scene import Camera, Goal, Scene, State
 
@@ -154,6 +154,26 @@ class Outcome:
     warnings: tuple[str, ...] = ()
 
 
+class World(Protocol):
+    """An engine's world with scene and robot in it, stepped from outside (`core.playback`)."""
+
+    time_step: float
+
+    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+        """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one
+        time step.
+        """
+        ...
+
+    def joints(self) -> tuple[Array, Array]:
+        """Arm (7,) and fingers (2,) as they are; fingers are 0 where there are none."""
+        ...
+
+    def state(self) -> State:
+        """Of the free bodies."""
+        ...
+
+
 class Simulator(ABC):
     """A physics engine. Batch first: many jobs in, as many outcomes out, in order. One thread uses it at a time."""
 
@@ -184,6 +204,15 @@ class Simulator(ABC):
         Raises:
             NoPicture: nothing here can draw one (see `core.errors`).
         """
+
+    def world(self, task: Task, tool: Tool, seed: int = 0) -> World:
+        """A world to be stepped from outside: the scene of ``seed``, and the arm at the task's home with its fingers
+        open. An engine may keep one only: the next world or rollout ends it.
+
+        Raises:
+            UserError: this engine plays whole rollouts only.
+        """
+        raise UserError(f"{type(self).__name__} plays whole rollouts only; one that can be stepped is needed")
 
 
 # --- the model --------------------------------------------------------------------------------------------------

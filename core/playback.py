@@ -2,35 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Outcome, Recording, Rollout
+from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, World
 from core.scene import State
 
 LAG_EVERY = 10  # steps between two looks at how far the arm is behind
-
-
-class World(Protocol):
-    """An engine's world with scene and robot in it, the robot at the trajectory's first targets."""
-
-    time_step: float
-
-    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
-        """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one
-        time step.
-        """
-        ...
-
-    def joints(self) -> tuple[Array, Array]:
-        """Arm (7,) and fingers (2,) as they are; fingers are 0 where there are none."""
-        ...
-
-    def state(self) -> State:
-        """Of the free bodies."""
-        ...
 
 
 def play(world: World, job: Rollout) -> Outcome:

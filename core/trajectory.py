@@ -9,8 +9,9 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 from scipy.spatial.transform import Rotation, Slerp
 
 from core.geometry import Array, Pose
-from core.interfaces import JointTrajectory
+from core.interfaces import JointTrajectory, Task
 from core.kinematics import Arm
+from core.kinematics import arm as panda_arm
 from core.robot import ACCELERATION_LIMITS, FINGER_OPEN
 
 # Inverse kinematics is solved at knots this close; a cubic spline joins them.
@@ -137,3 +138,9 @@ def _time(path: PPoly, arm: Arm, segment_s: float, speed: float) -> tuple[Array,
     since = times - instants[at]
     along = s[at] + rate[at] * since + (rate[at + 1] - rate[at]) / lasts[at] / 2 * since**2
     return times, np.clip(along, 0.0, 1.0)
+
+
+def at_home(task: Task) -> JointTrajectory:
+    """No motion: the arm stays at the task's home pose, the fingers open."""
+    joints = panda_arm().home_for(task.home)
+    return JointTrajectory(np.zeros(1), joints[None], np.array([FINGER_OPEN]))

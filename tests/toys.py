@@ -139,10 +139,14 @@ class Here(Executor):
 OFFERED = {("vlm", "toy"): ToyModel, ("sim", "toy"): ToyEngine, ("executor", "here"): Here}
 
 
+def offered() -> dict[tuple[str, str], Offer]:
+    """The toys as a plugin would offer them."""
+    return {(kind, name): Offer(kind, name, "toys", "tests", factory) for (kind, name), factory in OFFERED.items()}
+
+
 def offer(plugins: Plugins) -> None:
     """Take the toys in."""
-    for (kind, name), factory in OFFERED.items():
-        plugins.offers[kind, name] = Offer(kind, name, "toys", "tests", factory)
+    plugins.offers.update(offered())
 
 
 def config(notes: Path, *overrides: str) -> DictConfig:

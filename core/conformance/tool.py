@@ -11,8 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from core.conformance.checking import as_json, brief, expect, fingers, rigid, some_task
-from core.design import DesignError, Tool
+from core.design import Component, DesignError, Tool
 from core.errors import UserError
+from core.geometry import Pose
 from core.interfaces import Task, ToolRepresentation
 from core.plugins import installed
 from core.rules import check_tool
@@ -89,7 +90,7 @@ def check_tools_come_back_as_they_were(representation: ToolRepresentation) -> No
         expect(again.content == back.content, "what was read once and is written and read again is another tool")
 
 
-def placed(tool: Tool) -> Iterator[tuple[object, tuple[str, object]]]:
+def placed(tool: Tool) -> Iterator[tuple[Component, tuple[str, Pose]]]:
     places = tool.placed()
     return ((component, places[component.name]) for component in tool.components)
 
@@ -100,7 +101,7 @@ def check_nonsense_is_refused_with_a_reason(representation: ToolRepresentation) 
         return
     fields = representation.schema()
     sound = representation.dump(rigid())
-    wild = (None, True, 1, -1e400, "", "x" * 1000, "<a>", [], [[]], [None], {}, {"a": {}}, [1] * 50)
+    wild: tuple[object, ...] = (None, True, 1, -1e400, "", "x" * 1000, "<a>", [], [[]], [None], {}, {"a": {}}, [1] * 50)
     for data in ({}, *({**sound, name: value} for name in fields for value in wild)):
         try:
             read = representation.parse(data, gripper=False)

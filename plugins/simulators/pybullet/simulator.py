@@ -17,6 +17,7 @@ from core.kinematics import arm as panda_arm
 from core.playback import play
 from core.robot import FINGER_OPEN
 from core.scene import Camera, State
+from core.trajectory import at_home
 from plugins.simulators.pybullet.engine import pybullet
 from plugins.simulators.pybullet.renderer import Renderer
 from plugins.simulators.pybullet.world import PreparedScene, World, robot_file
@@ -73,6 +74,9 @@ class PyBulletSimulator(Simulator):
             return play(world, job)
         except pybullet.error as error:
             return Outcome(None, None, error=f"PyBullet: {error}")
+
+    def world(self, task: Task, tool: Tool, seed: int = 0) -> World:
+        return self._world(task, Rollout(tool, at_home(task), seed))
 
     def _world(self, task: Task, job: Rollout) -> World:
         return World(

@@ -17,6 +17,7 @@ from core.playback import play
 from core.plugins import installed
 from core.robot import FINGER_OPEN
 from core.scene import Camera, State
+from core.trajectory import at_home
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.renderer import Renderer
 from plugins.simulators.sapien.world import World
@@ -34,7 +35,7 @@ class SapienSimulator(Simulator):
         tracking_rate: how fast a joint closes in on its target, 1/s.
     """
 
-    def __init__(self, time_step: float = 0.004, solver_iterations: int = 10, tracking_rate: float = 50.0) -> None:
+    def __init__(self, time_step: float = 0.005, solver_iterations: int = 10, tracking_rate: float = 50.0) -> None:
         check_positive("sim.", time_step=time_step, solver_iterations=solver_iterations, tracking_rate=tracking_rate)
         if time_step > MAX_TIME_STEP:
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts would break")
@@ -50,18 +51,23 @@ class SapienSimulator(Simulator):
 
     def _one(self, task: Task, job: Rollout) -> Outcome:
         try:
-            world = World(
-                Path(self._folder.name),
-                self._weighed(task, job.seed),
-                job.tool,
-                job.trajectory,
-                time_step=self.time_step,
-                solver_iterations=self.solver_iterations,
-                tracking_rate=self.tracking_rate,
-            )
-            return play(world, job)
+            return play(self._world(task, job), job)
         except RuntimeError as error:  # what PhysX refuses
             return Outcome(None, None, error=f"SAPIEN: {error}")
+
+    def world(self, task: Task, tool: Tool, seed: int = 0) -> World:
+        return self._world(task, Rollout(tool, at_home(task), seed))
+
+    def _world(self, task: Task, job: Rollout) -> World:
+        return World(
+            Path(self._folder.name),
+            self._weighed(task, job.seed),
+            job.tool,
+            job.trajectory,
+            time_step=self.time_step,
+            solver_iterations=self.solver_iterations,
+            tracking_rate=self.tracking_rate,
+        )
 
     def _weighed(self, task: Task, seed: int) -> Weighed:
         """The scene, made once for jobs in a row that are of one task and seed."""

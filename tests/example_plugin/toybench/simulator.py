@@ -21,7 +21,10 @@ class ToySimulator(Simulator):
         self.radius = radius
 
     def rollout(self, task, jobs):
-        return [play(ToyWorld(task, job.tool, job.seed, self.time_step, self.radius), job) for job in jobs]
+        return [play(self.world(task, job.tool, job.seed), job) for job in jobs]
+
+    def world(self, task, tool, seed=0):
+        return ToyWorld(task, tool, seed, self.time_step, self.radius)
 
     def render(
         self, task, *, seed=0, tool=None, arm=None, fingers=None, state=None, camera=None, width=640, height=480
@@ -58,7 +61,7 @@ def boxes(tool, joints, opening):
 
 
 class ToyWorld:
-    """A `core.playback.World`."""
+    """A `core.interfaces.World`."""
 
     def __init__(self, task, tool, seed, time_step, radius):
         self.time_step = time_step
@@ -67,14 +70,14 @@ class ToyWorld:
         self._start = task.scene(seed).state()
         self._positions = self._start.positions.copy()
         self._velocities = np.zeros_like(self._positions)
-        self._joints = None
+        self._joints, self._fingers = panda().home_for(task.home), FINGER_OPEN
 
     def step(self, arm, fingers, speeds, finger_speed):
-        before = list(boxes(self._tool, self._joints, self._fingers)) if self._joints is not None else None
+        before = list(boxes(self._tool, self._joints, self._fingers))
         self._joints, self._fingers = np.array(arm), float(fingers)
         after = list(boxes(self._tool, self._joints, self._fingers))
         moved = np.zeros_like(self._positions)
-        for (old, box), (new, _) in zip(before or after, after, strict=True):
+        for (old, box), (new, _) in zip(before, after, strict=True):
             for i, position in enumerate(self._positions):
                 local = old.inverse().apply(position)
                 if np.all(np.abs(local) < np.array(box.size) / 2 + self._radius):
@@ -84,8 +87,6 @@ class ToyWorld:
         self._velocities = moved / self.time_step
 
     def joints(self):
-        if self._joints is None:
-            return np.zeros(7), np.zeros(2)
         return self._joints, np.full(2, self._fingers) if self._tool.gripper else np.zeros(2)
 
     def state(self):

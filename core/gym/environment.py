@@ -1,0 +1,196 @@
+"""A task, step by step: an agent drives the arm with a tool that a designs file gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from core.design import Tool
+from core.errors import UserError, choices
+from core.geometry import Array, Pose
+from core.interfaces import Image, Simulator, Task, ToolRepresentation, World
+from core.kinematics import arm as panda_arm
+from core.plugins import installed
+from core.reading import load_designs, read_designs
+from core.robot import FINGER_OPEN
+from core.rules import SpawnRules
+from core.scene import State
+
+ControlMode = Literal["joints", "end_effector"]
+Numbers = npt.NDArray[np.float64]
+
+STEP_S = 0.05  # of one action
+SETTLE_S = 0.5  # before the first
+MAX_SPEED = 0.5  # of the end-effector, m/s along each axis
+MAX_TURN = 2.0  # and rad/s about each
+FINGER_SPEED = 0.1  # m/s
+
+
+class ToolEnv(gymnasium.Env[Numbers, Numbers]):
+    """One episode is one layout of the task's scene.
+
+    Actions (7,) are in [-1, 1]. With ``control_mode="joints"`` they are speeds of the joints' targets, as shares of the
+    arm's limits; with ``"end_effector"`` (6,) speeds of the end-effector's target pose, along and about the world's
+    axes, as shares of 0.5 m/s and 2 rad/s. A tool for the gripper adds one number: the fingers, -1 open to 1 closed.
+
+    Observations (9 + 13 B,): seven joints (rad), two fingers (m from the middle), and of each of the B free bodies
+    position (m), quaternion (w, x, y, z), linear (m/s) and angular (rad/s) velocity, in the world frame.
+
+    The reward of a step is by how much the task's reward has grown with it, so that the sum over an episode is the
+    task's reward in the end; ``info["reward"]`` is that of now. An episode terminates at success.
+
+    Args:
+        task: its name.
+        designs: a designs file, whose ``strategy`` (from 0) has the tool; None: the bare arm, or with ``gripper`` the
+            bare hand.
+        strategy: see ``designs``.
+        gripper: see ``designs``.
+        sim: a simulator that can be stepped, by name, made with the settings ``sim_settings``.
+        sim_settings: see ``sim``.
+        tool: the representation in which the file tells tools.
+        control_mode: what actions are.
+        render_mode: None or ``rgb_array``.
+        width: of pictures, pixels.
+        height: of pictures, pixels.
+
+    Raises:
+        UserError: one of these can't be had; says what is possible.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": round(1 / STEP_S)}  # noqa: RUF012  # Gymnasium's name
+
+    def __init__(
+        self,
+        task: str,
+        designs: str | Path | None = None,
+        strategy: int = 0,
+        *,
+        gripper: bool = False,
+        sim: str = "pybullet",
+        sim_settings: Mapping[str, Any] | None = None,
+        tool: str = "urdf",
+        control_mode: ControlMode = "joints",
+        render_mode: str | None = None,
+        width: int = 640,
+        height: int = 480,
+    ) -> None:
+        if control_mode not in get_args(ControlMode):
+            raise choices("control_mode", str(control_mode), get_args(ControlMode))
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
+        self.task: Task = installed().create("task", task)
+        self.simulator: Simulator = installed().create("sim", sim, sim_settings)
+        self.tool = Tool(gripper=gripper) if designs is None else _tool(Path(designs), strategy, tool, self.task)
+        self.control_mode = control_mode
+        self.render_mode = render_mode
+        self._size = width, height
+        moves = (7 if control_mode == "joints" else 6) + self.tool.gripper
+        seen = 9 + 13 * len(self.task.scene(0).free)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (seen,), np.float64)
+        self._world: World | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Numbers, dict[str, Any]]:
+        """A fresh world of a layout drawn by ``seed``, settled."""
+        super().reset(seed=seed)
+        self._layout = int(self.np_random.integers(2**31))
+        self._world = world = self.simulator.world(self.task, self.tool, self._layout)
+        self._joints, self._fingers = panda_arm().home_for(self.task.home), FINGER_OPEN
+        self._pose = panda_arm().forward(self._joints)
+        self._drive(world, self._joints, self._fingers, SETTLE_S)
+        self._start = world.state()
+        self._earned = self._reward(self._start)
+        return self._observation(world), {"reward": self._earned}
+
+    def step(self, action: Numbers) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
+        """Drive for 0.05 s.
+
+        Raises:
+            ResetNeeded: there is no world yet.
+        """
+        if self._world is None:
+            raise gymnasium.error.ResetNeeded("call reset before step")
+        action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
+        fingers = self._fingers
+        if self.tool.gripper:
+            wanted = FINGER_OPEN * (1 - action[-1]) / 2
+            fingers += float(np.clip(wanted - fingers, -FINGER_SPEED * STEP_S, FINGER_SPEED * STEP_S))
+        self._drive(self._world, self._target(action), fingers, STEP_S)
+        before, self._earned = self._earned, self._reward(self._world.state())
+        done = self._earned >= self.task.success_reward
+        info = {"reward": self._earned, "is_success": done}
+        return self._observation(self._world), self._earned - before, done, False, info
+
+    def _target(self, action: Numbers) -> Array:
+        """Joints (7,) at the end of the step, within the limits of angle and speed."""
+        arm = panda_arm()
+        fastest = arm.velocity_limits * STEP_S
+        if self.control_mode == "joints":
+            joints = self._joints + action[:7] * fastest
+        else:
+            turn = Rotation.from_rotvec(action[3:6] * MAX_TURN * STEP_S)
+            position = self._pose.position + action[:3] * MAX_SPEED * STEP_S
+            wanted = Pose.from_rotation(position, turn * self._pose.rotation)
+            joints = arm.inverse(wanted, self._joints).joints
+        joints = np.clip(joints, self._joints - fastest, self._joints + fastest)
+        return np.clip(joints, arm.lower, arm.upper)
+
+    def _drive(self, world: World, joints: Array, fingers: float, seconds: float) -> None:
+        """To these targets, which are reached evenly."""
+        steps = max(1, round(seconds / world.time_step))
+        span = steps * world.time_step
+        speeds, finger_speed = (joints - self._joints) / span, (fingers - self._fingers) / span
+        for k in range(1, steps + 1):
+            left = span - k * world.time_step
+            world.step(joints - speeds * left, fingers - finger_speed * left, speeds, finger_speed)
+        self._joints, self._fingers = joints, fingers
+        self._pose = panda_arm().forward(joints)  # where the arm can't follow, the target doesn't run away
+
+    def _reward(self, now: State) -> float:
+        return float(np.asarray(self.task.reward(self._start, now)))
+
+    def _observation(self, world: World) -> Numbers:
+        state = world.state()
+        parts = state.positions, state.quaternions, state.linear_velocities, state.angular_velocities
+        return np.concatenate([*world.joints(), np.concatenate(parts, axis=-1).ravel()])
+
+    def render(self) -> Image | None:
+        """(height, width, 3), or None without a ``render_mode``."""
+        if self.render_mode is None or self._world is None:
+            return None
+        arm, fingers = self._world.joints()
+        if not self.tool.gripper:
+            fingers = np.full(2, FINGER_OPEN)
+        return self.simulator.render(
+            self.task,
+            seed=self._layout,
+            tool=self.tool,
+            arm=arm,
+            fingers=fingers,
+            state=self._world.state(),
+            width=self._size[0],
+            height=self._size[1],
+        )
+
+    def close(self) -> None:
+        self._world = None
+
+
+def _tool(designs: Path, strategy: int, representation: str, task: Task) -> Tool:
+    made: ToolRepresentation = installed().create("tool", representation)
+    candidates = read_designs(load_designs(designs), made, SpawnRules(task, 0))
+    chosen = [candidate for candidate in candidates if candidate.strategy == strategy]
+    if not chosen:
+        count = len({candidate.strategy for candidate in candidates})
+        raise UserError(f"{designs} has {count} strategies; there is no strategy={strategy}")
+    if chosen[0].tool is None:
+        raise UserError(f"{designs}: the tool of strategy {strategy} can't be mounted: {chosen[0].problem}")
+    return chosen[0].tool
