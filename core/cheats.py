@@ -263,9 +263,8 @@ def _meetings(
     order = {id(track): i for i, track in enumerate(moving)}
     for other in bodies:
         many = moving[: order.get(id(other), len(moving))]  # of two bodies that move, each pair once
-        near: npt.NDArray[np.bool_] = (low[: len(many)] <= other.high).all(axis=2) & (
-            other.low <= high[: len(many)]
-        ).all(axis=2)
+        apart = (low[: len(many)] > other.high) | (other.low > high[: len(many)])
+        near = ~np.asarray(np.any(apart, axis=2))
         met = [i for i in np.flatnonzero(near.any(axis=1)) if many[i].of != other.of]
         if not met:
             continue

@@ -10,10 +10,13 @@ from dataclasses import replace
 
 import pluggy
 
+from core.blame import PluginError
 from core.design import Candidate, Evaluation
-from core.errors import LimitReached
+from core.errors import LimitReached, UserError
 from core.interfaces import Budget, EvolutionStrategy, Executor
+from core.plugins import whose
 from core.record import INTERRUPTED, Generation, Result
+from core.rules import shorten
 
 CHUNK = 8  # candidates of one tool that travel to a worker together
 
@@ -77,8 +80,16 @@ class _UntilLimit:
         self.limit: str | None = None
 
     def __iter__(self) -> Iterator[Candidate]:
+        """Raises UserError where the strategy gives no candidates; says whose it is."""
         try:
-            yield from self._strategy.ask()
+            asked = self._strategy.ask()
+            if not isinstance(asked, Iterable):
+                raise UserError(f"{whose(self._strategy)}: ask gave {asked!r}; expected an iterator of Candidate")
+            for candidate in asked:
+                if not isinstance(candidate, Candidate):
+                    told = f"ask gave {shorten(repr(candidate))} among its candidates"
+                    raise UserError(f"{whose(self._strategy)}: {told}; expected a Candidate")
+                yield candidate
         except LimitReached as limit:
             self.limit = str(limit)
 
@@ -115,9 +126,11 @@ class Trials:
                 yield from self._results(chunk, result)
         for chunk, result in self._executor.map(self._evaluate, broken):
             if isinstance(result, Exception):
-                result = [Evaluation(chunk[0], "failed", reason=f"{type(result).__name__}: {result}")]
+                result = [Evaluation(chunk[0], "failed", reason=_why(result))]
             yield from self._results(chunk, result)
         yield from _drained(settled)
+        if self._waiting:
+            raise UserError(f"{whose(self._executor)}: map gave no result for {len(self._waiting)} candidates")
 
     def _untried(self, candidates: Iterable[Candidate], settled: deque[Evaluation]) -> Iterator[Candidate]:
         """Those that have to be tried; the others' evaluations go to ``settled``, now or with `_results`."""
@@ -151,6 +164,10 @@ class Trials:
                 waiting = self._waiting.pop(candidate.content)
             yield earned
             yield from (replace(earned, candidate=other) for other in waiting)
+
+
+def _why(error: Exception) -> str:
+    return str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
 
 
 def _drained(settled: deque[Evaluation]) -> Iterator[Evaluation]:

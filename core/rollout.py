@@ -9,11 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from core.blame import PluginError, told
 from core.cheats import SAMPLE_HZ, Explosion, Finding, findings
 from core.design import Candidate, Evaluation
+from core.errors import UserError
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.kinematics import arm
-from core.plugins import installed
+from core.plugins import installed, whose
+from core.rules import shorten
 from core.scene import State
 from core.trajectory import Motion, plan_motion
 
@@ -35,6 +38,9 @@ class Bench:
     """Where candidates are tried: a task, a simulator, the seed of the scene's layout, and how plans are executed.
 
     It is small, hashable and picklable, and may be called: a chunk of candidates in, their evaluations out, in order.
+
+    Raises:
+        PluginError: the task's code or the simulator's raised something; says whose.
     """
 
     task: Part
@@ -43,7 +49,15 @@ class Bench:
     settings: RolloutSettings = field(default_factory=RolloutSettings)
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        return evaluate(_task(self.task), _simulator(self.sim), candidates, self.seed, self.settings)
+        try:
+            return evaluate(_task(self.task), _simulator(self.sim), candidates, self.seed, self.settings)
+        except (UserError, MemoryError):
+            raise
+        except Exception as error:  # whatever a plugin's code raises
+            blamed = told(error)
+            if blamed is None:
+                raise
+            raise PluginError(blamed) from error
 
 
 @lru_cache(maxsize=256)
@@ -98,7 +112,7 @@ def evaluate(
             continue
         motions[i] = motion
         jobs.append(job)
-    outcomes = dict(zip(motions, simulator.rollout(task, jobs), strict=True))
+    outcomes = dict(zip(motions, _outcomes(simulator, task, jobs), strict=True))
     sound: list[tuple[int, State, State]] = []
     seen: dict[int, list[Finding]] = {}
     scene = task.scene(seed) if any(outcome.recording is not None for outcome in outcomes.values()) else None
@@ -117,6 +131,20 @@ def evaluate(
     for i, evaluation in _scored(task, candidates, motions, outcomes, sound):
         evaluations[i] = judged(evaluation, seen.get(i, []), forbid=settings.cheats == "forbid")
     return [evaluations[i] for i in range(len(candidates))]
+
+
+def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
+    """One for each job.
+
+    Raises:
+        PluginError: something else came; says whose simulator it is.
+    """
+    outcomes = simulator.rollout(task, jobs)
+    if not isinstance(outcomes, list) or not all(isinstance(outcome, Outcome) for outcome in outcomes):
+        raise PluginError(f"{whose(simulator)}: rollout gave {shorten(repr(outcomes))}; expected a list of Outcome")
+    if len(outcomes) != len(jobs):
+        raise PluginError(f"{whose(simulator)}: rollout gave {len(outcomes)} outcomes for {len(jobs)} jobs")
+    return outcomes
 
 
 def judged(evaluation: Evaluation, seen: Sequence[Finding], *, forbid: bool) -> Evaluation:
@@ -141,8 +169,8 @@ def _scored(
     starts, ends = State.stack([start for _, start, _ in sound]), State.stack([end for _, _, end in sound])
     rewards = np.asarray(task.reward(starts, ends), dtype=np.float64)
     if rewards.shape != (len(sound),):
-        raise ValueError(
-            f"task {task.name}: reward gave an array of shape {rewards.shape} for {len(sound)} worlds; "
+        raise PluginError(
+            f"{whose(task)}: reward gave an array of shape {rewards.shape} for {len(sound)} worlds; "
             f"expected ({len(sound)},)"
         )
     shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1)

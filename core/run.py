@@ -20,6 +20,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from core.artifacts import save_design, save_film
+from core.blame import told
 from core.cli import command
 from core.config import PromptConfig, check_seed, explain, node, part, register
 from core.database import writing
@@ -98,6 +99,9 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     except KeyboardInterrupt:
         raise KeyboardInterrupt(to_go_on(folder)) from None
     except Exception as error:
+        blamed = told(error)
+        if blamed is not None:
+            error.add_note(blamed)
         error.add_note(to_go_on(folder))
         raise
     finally:

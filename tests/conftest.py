@@ -1,6 +1,17 @@
-"""Examples may take their time: what is slow on a busy machine is not wrong."""
+"""Examples may take their time: what is slow on a busy machine is not wrong.
+
+``HYPOTHESIS_PROFILE`` says how much of what is random is tried: ``patient`` (the default), ``ci`` (where ``CI`` is set)
+or ``nightly``.
+"""
+
+import os
 
 from hypothesis import settings
 
-settings.register_profile("patient", deadline=None)
-settings.load_profile("patient")
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.environ.get("CI") else "patient")
+for name in ("patient", "ci", "nightly"):
+    settings.register_profile(name, deadline=None)
+settings.load_profile(PROFILE)
+
+FUZZ_CASES = {"ci": 1_000, "nightly": 10_000}.get(PROFILE, 150)  # of tools, and as many of replies
+POPULATION = 60 if PROFILE == "patient" else 200  # one in ten of which breaks

@@ -11,8 +11,9 @@ import os
 import pickle
 import queue
 import signal
+import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
@@ -45,23 +46,31 @@ class LocalExecutor(Executor):
 
     Args:
         workers: how many; None: as many as there are cores.
-        timeout_s: a chunk that takes longer is given up and its worker replaced; None: never.
+        timeout_s: for each candidate; a chunk that takes longer than that for all of its candidates is given up and
+            its worker replaced. None: never.
+        memory_mb: that a worker may take for its data; beyond it memory is refused, which ends the chunk and the
+            worker. None: as much as there is. Only Linux keeps to it.
     """
 
-    def __init__(self, workers: int | None = None, timeout_s: float | None = None) -> None:
+    def __init__(
+        self, workers: int | None = None, timeout_s: float | None = 300.0, memory_mb: int | None = 4096
+    ) -> None:
         if workers is not None and workers < 1:
             raise UsageError(f"executor.workers must be at least 1, got {workers}")
         self.workers = workers if workers is not None else _cores()
         if timeout_s is not None:
             check_positive("executor.", timeout_s=timeout_s)
+        if memory_mb is not None:
+            check_positive("executor.", memory_mb=memory_mb)
         self._timeout_s = timeout_s
+        self._memory_mb = memory_mb
         self._pool: list[_Worker] = []
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
         """See `Executor.map`. ``chunks`` is read in a thread of its own, so that results come while the next chunk is
         awaited.
         """
-        self._pool = self._pool or [_Worker(self._timeout_s) for _ in range(self.workers)]
+        self._pool = self._pool or [_Worker(self._timeout_s, self._memory_mb) for _ in range(self.workers)]
         ready: queue.SimpleQueue[tuple[A] | None] = queue.SimpleQueue()
         results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = queue.SimpleQueue()
         room = threading.Semaphore(2 * self.workers)  # for chunks from being read to their results being taken
@@ -126,8 +135,10 @@ class _Died(Exception):
 class _Worker:
     """One process, started when it is needed, and anew when it died."""
 
-    def __init__(self, timeout_s: float | None) -> None:
+    def __init__(self, timeout_s: float | None, memory_mb: int | None) -> None:
         self._timeout_s = timeout_s
+        self._memory_mb = memory_mb
+        self._used = False  # the process has had a chunk before
         self._calling = threading.Lock()
         self._process: SpawnProcess | None = None
         self._pipe: Connection[Any, Any] | None = None
@@ -141,15 +152,28 @@ class _Worker:
         """
         job = pickle.dumps((function, chunk))
         with self._calling:
-            try:
-                self._hand_over(job)
-                result = self._receive(self._timeout_s)
-            except _Died as death:
-                return RuntimeError(str(death))
-            except TimeoutError:
+            result = self._try(job, chunk)
+            if self._used and not self._closed and isinstance(result, _Died | MemoryError):
+                # What was left in the process by chunks before may be to blame.
                 self._bury()
-                return RuntimeError("the rollout took longer than executor.timeout_s and was given up")
-            return result  # type: ignore[no-any-return]
+                result = self._try(job, chunk)
+            self._used = True
+            if isinstance(result, MemoryError):
+                self._bury()
+                return RuntimeError(f"it took more memory than executor.memory_mb={self._memory_mb} allows")
+            return RuntimeError(str(result)) if isinstance(result, _Died) else result
+
+    def _try(self, job: bytes, chunk: Any) -> Any:
+        """What the process makes of the job, or an exception."""
+        count = len(chunk) if isinstance(chunk, Sized) else 1
+        try:
+            self._hand_over(job)
+            return self._receive(None if self._timeout_s is None else self._timeout_s * count)
+        except _Died as death:
+            return death
+        except TimeoutError:
+            self._bury()
+            return RuntimeError(f"the rollout took longer than executor.timeout_s={self._timeout_s:g} and was given up")
 
     def _hand_over(self, job: bytes) -> None:
         """Until the process says that it has the job.
@@ -183,7 +207,8 @@ class _Worker:
                 # The process inherits it: Ctrl-C is not for it, not even while it starts.
                 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             self._pipe, theirs = _spawn.Pipe()
-            self._process = _spawn.Process(target=_work, args=[theirs], name="worker", daemon=True)
+            self._process = _spawn.Process(target=_work, args=[theirs, self._memory_mb], name="worker", daemon=True)
+            self._used = False
             self._process.start()
             theirs.close()
 
@@ -230,9 +255,11 @@ class _Worker:
             self._bury()
 
 
-def _work(pipe: Connection[Any, Any]) -> None:
+def _work(pipe: Connection[Any, Any], memory_mb: int | None) -> None:
     """A worker process's life: job after job, until the pipe ends because the other process closed it or is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if memory_mb is not None:
+        _limit_memory(memory_mb * 2**20)
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
 
     def listen() -> None:
@@ -249,9 +276,25 @@ def _work(pipe: Connection[Any, Any]) -> None:
         pipe.send(None)
         try:
             result = pickle.dumps(function(chunk))
+        except MemoryError:
+            result = pickle.dumps(MemoryError())
         except Exception as error:
             result = pickle.dumps(_portable(error))
         pipe.send_bytes(result)
+
+
+def _limit_memory(limit: int) -> None:
+    """Of the process's data, that is; addresses that are only reserved, as graphics drivers do, don't count. And no
+    image of a dead worker's memory is to be left anywhere.
+    """
+    if sys.platform == "win32":
+        return
+    import resource
+
+    for what, most in ((resource.RLIMIT_DATA, limit), (resource.RLIMIT_CORE, 0)):
+        _, hard = resource.getrlimit(what)
+        allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(what, (allowed, hard))
 
 
 def _portable(error: Exception) -> Exception:

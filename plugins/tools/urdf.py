@@ -113,9 +113,11 @@ def _parse_xml(text: str) -> Element:
         raise DesignError(f"tool_urdf is {len(text)} characters long; at most {MAX_CHARACTERS} are read")
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise DesignError("tool_urdf must not have a DOCTYPE or entities; write plain <link> and <joint> elements")
+    declaration = _DECLARATION.match(text)
+    block = text[declaration.end() :] if declaration else text
     parser = DefusedXMLParser(target=_BoundedBuilder(), forbid_dtd=True)
     try:
-        parser.feed("<robot>\n" + _DECLARATION.sub("", text, count=1) + "\n</robot>")
+        parser.feed(f"<robot>\n{block}\n</robot>")
         root: Element = parser.close()
     except ParseError as error:
         line, column = error.position

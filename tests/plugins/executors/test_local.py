@@ -48,7 +48,7 @@ def misfortune(chunk):
     return chunk
 
 
-def refuse(pipe):
+def refuse(pipe, memory_mb):
     os._exit(7)
 
 
@@ -245,7 +245,45 @@ def test_by_default_there_is_a_worker_for_each_core():
     assert executor(workers=3).workers == 3
 
 
-@pytest.mark.parametrize(("setting", "value"), [("workers", 0), ("workers", -2), ("timeout_s", 0), ("timeout_s", -1)])
+def hoard(chunk):
+    """Takes so many megabytes for good."""
+    held.extend(bytearray(2**20) for _ in range(chunk[0]))
+    return len(held)
+
+
+held = []
+
+
+def test_a_worker_gets_no_more_memory_than_is_allowed():
+    with executor(workers=1, memory_mb=600) as pool:
+        ((_, much),) = pool.map(hoard, [[2000]])
+        assert "executor.memory_mb=600" in str(much)
+        assert [result for _, result in pool.map(hoard, [[200]])] == [200]
+
+
+def test_what_others_left_in_a_worker_is_no_chunks_fault():
+    """Each takes less than is allowed; together they take more."""
+    with executor(workers=1, memory_mb=600) as pool:
+        results = [result for _, result in pool.map(hoard, [[200]] * 6)]
+    assert all(isinstance(result, int) for result in results)
+    assert max(results) < 600
+
+
+def test_the_time_is_for_each_candidate():
+    with executor(workers=1, timeout_s=0.5) as pool:
+        ((_, done),) = pool.map(doze, [[0.3] * 4])
+    assert done == 4
+
+
+def doze(chunk):
+    for seconds in chunk:
+        time.sleep(seconds)
+    return len(chunk)
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"), [("memory_mb", 0), ("workers", 0), ("workers", -2), ("timeout_s", 0), ("timeout_s", -1)]
+)
 def test_numbers_that_make_no_sense(setting, value):
     with pytest.raises(UserError, match=setting):
         executor(**{setting: value})

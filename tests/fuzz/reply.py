@@ -1,0 +1,74 @@
+"""A coverage-guided fuzzer for what reads replies: ``python -m tests.fuzz.reply CORPUS_FOLDER -max_total_time=600``.
+
+It needs Atheris (``pip install atheris``); flags are libFuzzer's. Whatever a reply says, it gives candidates or a
+`DesignError`, in time, and a candidate without a problem keeps the rules. What breaks this is written to a file
+``crash-...``, which the same command takes as an argument to show it again.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import atheris
+
+with atheris.instrument_imports(include=["core.reading", "core.rules", "core.design", "plugins.tools.urdf", "json"]):
+    import json.decoder
+    import json.scanner
+
+    from core.design import Candidate, DesignError
+    from core.reading import parse_reply, read_designs
+    from plugins.tools.urdf import UrdfTools
+
+from tests.hostile import REPLIES, TOOLS, reply_of, sound, spawn_rules
+from tests.soundness import check_candidate
+
+json.scanner.make_scanner = json.scanner.py_make_scanner  # in Python, so that it is seen which way it takes
+PLAN = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]]
+
+
+def one(data: bytes) -> None:
+    """A reply, or where the first byte is even a tool's text."""
+    try:
+        text = data[1:].decode("utf-8", "surrogatepass")
+    except UnicodeDecodeError:
+        text = data[1:].decode("latin-1")
+    if data[:1] and data[0] % 2 == 0:
+        document: object = {"strategies": [{"gripper": data[0] % 4 == 0, "tool_urdf": text, "action_sets": [PLAN]}]}
+        candidates = read_designs(document, UrdfTools(), spawn_rules())
+    else:
+        candidates = reading(text)
+    for candidate in candidates:
+        check_candidate(candidate)
+
+
+def reading(text: str) -> list[Candidate]:
+    try:
+        return read_designs(parse_reply(text), UrdfTools(), spawn_rules(), n_tool=10, n_action=10)
+    except DesignError:
+        return []
+
+
+def main() -> None:
+    folders = [Path(word) for word in sys.argv[1:] if not word.startswith("-")]
+    if folders and not folders[0].is_file():
+        folders[0].mkdir(parents=True, exist_ok=True)
+        seeds = [
+            b"\x01" + text.encode("utf-8", "surrogatepass")
+            for text in (*(value for value in REPLIES.values() if isinstance(value, str)), reply_of(sound()))
+        ]
+        seeds += [
+            b"\x02" + text.encode("utf-8", "surrogatepass")
+            for text in (*(value for value in TOOLS.values() if isinstance(value, str)), sound()["tool_urdf"])
+        ]
+        for number, seed in enumerate(seeds):
+            if len(seed) < 20_000:
+                (folders[0] / f"seed-{number}").write_bytes(seed)
+    spawn_rules()
+    atheris.Setup([*sys.argv, "-timeout=20", "-rss_limit_mb=2048", "-max_len=20000"], one)
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,211 @@
+"""Replies that nobody honest writes, by what is wrong with them; and what a sound one looks like."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from core.plugins import installed
+from core.rules import SpawnRules
+
+ROD = """\
+<link name="rod">
+  <visual><geometry><box size="0.02 0.02 0.1"/></geometry></visual>
+  <collision><geometry><box size="0.02 0.02 0.1"/></geometry></collision>
+  <inertial><mass value="0.02"/></inertial>
+</link>
+<joint name="rod_joint" type="fixed"><parent link="panda_virtual"/><child link="rod"/><origin xyz="0 0 -0.055"/></joint>
+"""
+
+
+def sound(**changes: Any) -> dict[str, Any]:
+    """A strategy that keeps the rules, but for the ``changes``."""
+    plan = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0], [0.45, 0.1, 0.4, 0.0, 0.0, 0.5]]
+    return {"strategy_name": "poke", "gripper": False, "tool_urdf": ROD, "action_sets": [plan], **changes}
+
+
+def reply_of(*strategies: Any) -> str:
+    return json.dumps({"strategies": list(strategies)})
+
+
+@cache
+def spawn_rules() -> SpawnRules:
+    return SpawnRules(installed().create("task", "BringCube"), 0)
+
+
+def tool_reply(name: str) -> str:
+    """A strategy that is sound but for its tool, one of `TOOLS`."""
+    return reply_of(sound(tool_urdf=_text(TOOLS[name])))
+
+
+def reply(name: str) -> str:
+    """One of `REPLIES`."""
+    return _text(REPLIES[name])
+
+
+def _text(value: str | Callable[[], str]) -> str:
+    return value if isinstance(value, str) else value()
+
+
+def mesh(file: str) -> str:
+    return ROD.replace('<box size="0.02 0.02 0.1"/>', f'<mesh filename="{file}"/>')
+
+
+def named(name: str) -> str:
+    return ROD.replace('"rod"', f'"{name}"')
+
+
+def sized(x: str) -> str:
+    return ROD.replace("0.02 0.02 0.1", f"{x} 0.02 0.1")
+
+
+def weighing(mass: str) -> str:
+    return ROD.replace('mass value="0.02"', f'mass value="{mass}"')
+
+
+def many(count: int) -> str:
+    one = '<link name="b{i}"><collision><geometry><box size=".02 .02 .02"/></geometry></collision></link>'
+    joint = '<joint name="j{i}" type="fixed"><parent link="panda_virtual"/><child link="b{i}"/></joint>'
+    return "".join((one + joint).replace("{i}", str(i)) for i in range(count))
+
+
+def bomb() -> str:
+    entities = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
+    return f'<!DOCTYPE r [<!ENTITY a0 "ha">{entities}]><link name="&a9;"/>'
+
+
+def quadratic() -> str:
+    return f'<!DOCTYPE r [<!ENTITY a "{"x" * 100_000}">]><link name="{"&a;" * 10_000}"/>'
+
+
+# Large ones are made when they are asked for.
+TOOLS: dict[str, str | Callable[[], str]] = {
+    "billion laughs": bomb(),
+    "quadratic blow-up": quadratic(),
+    "external entity": f'<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]>{named("&x;")}',
+    "external DTD": f'<!DOCTYPE r SYSTEM "http://127.0.0.1:9/x.dtd">{ROD}',
+    "parameter entity": f'<!DOCTYPE r [<!ENTITY % x SYSTEM "file:///etc/passwd"> %x;]>{ROD}',
+    "entity in UTF-16": f'<?xml version="1.0" encoding="UTF-16"?><!DOCTYPE r [<!ENTITY x "y">]>{ROD}',
+    "undeclared entity": named("&lol;"),
+    "mesh of the system": mesh("/etc/passwd"),
+    "mesh that climbs": mesh("../../../../etc/shadow"),
+    "mesh of a package": mesh("package://panda/meshes/hand.stl"),
+    "mesh of the web": mesh("http://127.0.0.1:9/a.stl"),
+    "texture": ROD.replace("</visual>", '<material name="m"><texture filename="/etc/passwd"/></material></visual>'),
+    "XInclude": '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="/etc/passwd"/>' + ROD,
+    "stylesheet": f'<?xml-stylesheet href="http://127.0.0.1:9/x.xsl"?>{ROD}',
+    "xacro": '<xacro:property xmlns:xacro="x" name="a" value="${__import__(\'os\').system(\'id\')}"/>',
+    "plugin of Gazebo": '<gazebo><plugin filename="libc.so.6" name="x"/></gazebo>' + ROD,
+    "name is Python": named("__import__('os').system('id')"),
+    "name is shell": named("$(touch hacked)"),
+    "name is a template": named("{{ 7 * 7 }}"),
+    "name climbs": named("../../../hacked"),
+    "name is absolute": named("/tmp/hacked"),
+    "name has NUL": named("a\x00b"),
+    "name is HTML": named("&lt;script&gt;alert(1)&lt;/script&gt;"),
+    "name is an escape sequence": named("\x1b[2J\x1b]0;owned\x07"),
+    "name turns the line": named("rod\u202egnp"),
+    "name of a million letters": named("a" * 990_000),
+    "million components": lambda: many(1) * 1_000_000,
+    "ten thousand components": many(9_000)[:999_000],
+    "box of a million kilometres": sized("1e9"),
+    "box of 1e308 m": sized("1e308"),
+    "box of 1e-300 m": sized("1e-300"),
+    "box of size zero": sized("0"),
+    "box of negative size": sized("-0.02"),
+    "box of size NaN": sized("nan"),
+    "box of infinite size": sized("inf"),
+    "box of a Python number": sized("0_1"),
+    "box of Arabic digits": sized("\u0660.\u0661"),
+    "box with a million numbers": sized("0.1 " * 200_000),
+    "mass of zero": weighing("0"),
+    "negative mass": weighing("-1"),
+    "mass of NaN": weighing("nan"),
+    "mass of 1e9": weighing("1e9"),
+    "mass of 1e-320": weighing("-1e-320"),
+    "place is infinite": ROD.replace("0 0 -0.055", "inf 0 0"),
+    "angle of 1e300": ROD.replace('xyz="0 0 -0.055"', 'xyz="0 0 -0.055" rpy="1e300 0 0"'),
+    "nested without end": "<link>" * 100_000,
+    "nested and closed": "<a>" * 50_000 + "</a>" * 50_000,
+    "attributes without end": "<link " + " ".join(f'a{i}="1"' for i in range(60_000)) + "/>",
+    "one attribute twice": '<link name="a" name="b"/>',
+    "links of one name": ROD + ROD.replace("rod_joint", "other_joint"),
+    "joint to itself": ROD.replace('parent link="panda_virtual"', 'parent link="rod"'),
+    "joints in a circle": ROD.replace('parent link="panda_virtual"', 'parent link="b"')
+    + named("b").replace("rod_joint", "b_joint").replace('parent link="panda_virtual"', 'parent link="rod"'),
+    "child of two": ROD + '<joint name="k" type="fixed"><parent link="panda_virtual"/><child link="rod"/></joint>',
+    "link of the arm": named("panda_link4"),
+    "link is the mount": named("panda_virtual"),
+    "joint of the arm": ROD.replace("rod_joint", "panda_joint1"),
+    "hangs from the arm's base": ROD.replace('parent link="panda_virtual"', 'parent link="panda_link0"'),
+    "moves": ROD.replace('type="fixed"', 'type="continuous"'),
+    "closes the robot": ROD + "</robot><robot>" + ROD,
+    "not XML": "\x00\x01\x02\xff",
+    "lone surrogates": named("\ud800"),
+    "CDATA": f"<![CDATA[{ROD}]]>",
+    "comment without end": "<!--" + "-" * 500_000,
+    "whitespace without end": " " * 999_999,
+    "numbers of digits without end": sized("1" * 500_000),
+    "text of ten million": lambda: "x" * 10_000_000,
+}
+
+_WAYPOINT = [0.5, 0.0, 0.4, 0.0, 0.0, 0.0]
+
+
+def planned(plan: Any) -> str:
+    return reply_of(sound(action_sets=[plan]))
+
+
+def raw(plan: str) -> str:
+    return reply_of(sound(action_sets="PLAN")).replace('"PLAN"', plan)
+
+
+REPLIES: dict[str, str | Callable[[], str]] = {
+    "nothing": "",
+    "a refusal": "I can't help with that.",
+    "million waypoints": lambda: planned([_WAYPOINT] * 100_000),
+    "million plans": lambda: raw("[" + ",".join(["[[0.5,0,0.4,0,0,0]]"] * 200_000) + "]"),
+    "million strategies": lambda: '{"strategies": [' + ",".join(["{}"] * 1_000_000) + "]}",
+    "waypoint of a million numbers": lambda: raw("[[[" + ",".join(["0"] * 1_000_000) + "]]]"),
+    "waypoint of NaN": raw("[[[NaN, 0, 0.4, 0, 0, 0]]]"),
+    "waypoint of infinity": raw("[[[-Infinity, 0, 0.4, 0, 0, 0]]]"),
+    "waypoint of 1e999": raw("[[[1e999, 0, 0.4, 0, 0, 0]]]"),
+    "waypoint of 1e300": planned([[1e300, 0, 0.4, 0, 0, 0]]),
+    "waypoint of a million digits": raw("[[[" + "9" * 1_000_000 + ", 0, 0.4, 0, 0, 0]]]"),
+    "waypoint of Python": planned([["__import__('os').system('id')", 0, 0.4, 0, 0, 0]]),
+    "angle of 1e6": planned([[0.5, 0, 0.4, 1e6, 0, 0]]),
+    "nested without end": "[" * 2_000_000,
+    "objects without end": '{"a":' * 500_000,
+    "strategies nested without end": '{"strategies":' + "[" * 1_000_000,
+    "plans nested without end": raw("[" * 50_000 + "]" * 50_000),
+    "quotes without end": '{"strategies": [{"strategy_name": "' + '\\"' * 1_000_000,
+    "braces without end": "{" * 3_000_000,
+    "keys of one name": '{"strategies": [], ' * 1000 + '"strategies": 3' + "}" * 1000,
+    "prototype": reply_of({"__proto__": {"x": 1}, "__class__": "os.system", "constructor": "x"}),
+    "lone surrogates": '{"strategies": [{"strategy_name": "\\ud800", "tool_urdf": "\\udfff", "action_sets": [[]]}]}',
+    "NULs": "\x00" * 1_000_000 + "{",
+    "byte order mark": "\ufeff" + "{" * 10,
+    "name is an escape sequence": reply_of(sound(strategy_name="\x1b]8;;http://x\x07\x1b[2J", action_sets=[])),
+    "name of ten million": lambda: reply_of(sound(strategy_name="x" * 10_000_000, action_sets=[])),
+    "a hundred megabytes of text": lambda: "x" * 100_000_000,
+    "a hundred megabytes of braces": lambda: "{ " * 50_000_000,
+    "a hundred megabytes of plan": lambda: '{"strategies": [{"action_sets": [' + "[0,0,0,0,0,0]," * 7_000_000,
+    **{
+        f"{field} is {what}": reply_of(sound(**{field: value}))
+        for field in ("gripper", "tool_urdf", "action_sets")
+        for what, value in {
+            "null": None,
+            "a number": 1e308,
+            "a list": [[[]]],
+            "an object": {"a": {}},
+            "a text": "true",
+        }.items()
+        if (field, what) != ("tool_urdf", "a text")
+    },
+    **{
+        f"a strategy is {what}": '{"strategies": [' + value + "]}"
+        for what, value in {"null": "null", "a number": "-0", "a list": "[[]]", "a text": '"x"', "true": "true"}.items()
+    },
+}

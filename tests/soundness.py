@@ -1,0 +1,52 @@
+"""What must hold of a candidate, whatever it was read from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.design import Candidate
+from core.rules import (
+    MAX_ANGLE_RAD,
+    MAX_COMPONENT_KG,
+    MAX_COMPONENTS,
+    MAX_REACH_M,
+    MAX_SIDE_M,
+    MAX_TOOL_KG,
+    MAX_WAYPOINTS,
+    MIN_SIDE_M,
+)
+
+MAX_TEXT = 5000
+
+
+def check_candidate(candidate: Candidate) -> None:
+    """Texts can be shown anywhere, a problem can be read, and without one tool and plan keep the rules."""
+    tool = candidate.tool
+    texts = [candidate.strategy_name, candidate.strategy_description, candidate.action_description]
+    names = [] if tool is None else [component.name for component in tool.components]
+    texts += [] if tool is None else [tool.name, tool.description]
+    for text in (*texts, *names, candidate.problem or ""):
+        assert text.isprintable()
+        assert len(text) <= MAX_TEXT
+        text.encode()
+    assert all(set(name) <= _NAME for name in names)
+    assert candidate.problem is None or candidate.problem.strip()
+    if candidate.problem is not None:
+        return
+    assert tool is not None
+    assert 1 <= len(tool.components) <= MAX_COMPONENTS
+    assert len(set(names)) == len(names)
+    assert 0 < tool.mass <= MAX_TOOL_KG
+    for component in tool.components:
+        assert all(MIN_SIDE_M <= side <= MAX_SIDE_M for side in component.shape.size)
+        assert 0 < component.mass <= MAX_COMPONENT_KG
+    plan = candidate.plan
+    assert plan.shape[1] == (7 if tool.gripper else 6)
+    assert 1 <= len(plan) <= MAX_WAYPOINTS
+    assert np.isfinite(plan).all()
+    assert (np.abs(plan[:, :3]) <= MAX_REACH_M).all()
+    assert (np.abs(plan[:, 3:6]) <= MAX_ANGLE_RAD).all()
+    tool.placed()
+
+
+_NAME = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-")

@@ -1,0 +1,116 @@
+"""What breaks one rollout costs that candidate alone."""
+
+import numpy as np
+import pytest
+
+from core.blame import PluginError, culprit, told
+from core.evolution import evaluate_all
+from core.interfaces import Executor
+from core.plugins import Offer, Plugins, installed
+from core.rollout import Bench, Part
+from tests import faults
+from tests.conftest import POPULATION
+from tests.faults import FAULTS, Faulty, Slide, candidate, tried
+
+COUNT, BAD = POPULATION, POPULATION // 10
+
+
+def population():
+    """Two candidates of a tool each; one in ten breaks, in one way or another, never both of a tool."""
+    chosen = np.random.default_rng(7).choice(COUNT // 2, BAD, replace=False)
+    kinds = [kind for kind in FAULTS if kind != "hang"]
+    faults_of = dict(zip(2 * chosen, ["hang", *(kinds[i % 5] for i in range(BAD - 1))], strict=True))
+    return [candidate(number, faults_of.get(number)) for number in range(COUNT)], faults_of
+
+
+def test_where_one_in_ten_breaks_the_sound_ones_earn_what_they_earn_alone():
+    candidates, fates = population()
+    settings = {"workers": 2, "timeout_s": 5.0, "memory_mb": 1500}
+    with installed().create("executor", "local", settings) as pool:
+        found = {e.candidate.key: e for e in evaluate_all(candidates, tried, pool)}
+    assert len(found) == COUNT
+    sound = [c for n, c in enumerate(candidates) if n not in fates]
+    assert len(sound) == COUNT - BAD
+    for one in sound:
+        (alone,) = tried([one])
+        there = found[one.key]
+        assert (there.status, there.reward, there.distance_m) == ("ok", alone.reward, alone.distance_m)
+        assert there.reward > 0
+    why = {
+        "abort": "exit code -6",
+        "segfault": "exit code -11",
+        "hang": "executor.timeout_s",
+        "nan": "the reward nan is not in [0, 1]",
+        "leak": "executor.memory_mb=1500",
+        "raise": "the solver gave up",
+    }
+    for number, fault in fates.items():
+        broken = found[candidates[number].key]
+        assert (broken.status, broken.reward) == ("failed", 0.0)
+        assert why[fault] in broken.reason
+
+
+# --- whose fault it is ------------------------------------------------------------------------------------------
+
+
+class Clumsy(Slide):
+    def reward(self, start, end):
+        return [][0]
+
+
+def bench(monkeypatch, task=Slide, sim=Faulty):
+    for kind, factory in (("task", task), ("sim", sim)):
+        offer = Offer(kind, "theirs", "theirs", "their-distribution", factory)
+        monkeypatch.setitem(installed().offers, (kind, "theirs"), offer)
+    monkeypatch.setattr("core.rollout._task", lambda part: part.create())
+    monkeypatch.setattr("core.rollout._simulator", lambda part: part.create())
+    return Bench(Part("task", "theirs"), Part("sim", "theirs"))
+
+
+def test_a_task_that_raises_is_named(monkeypatch):
+    with pytest.raises(PluginError) as caught:
+        bench(monkeypatch, task=Clumsy)([candidate(0)])
+    assert str(caught.value) == "task 'theirs' of their-distribution raised IndexError: list index out of range"
+
+
+def test_a_simulator_that_raises_is_named(monkeypatch):
+    monkeypatch.setattr(faults.Slide, "__module__", "elsewhere")
+    with pytest.raises(PluginError, match="sim 'theirs' of their-distribution raised ArithmeticError: the solver"):
+        bench(monkeypatch)([candidate(0, "raise")])
+
+
+class Unlucky(Executor):
+    """Hands exceptions back as a worker does."""
+
+    def map(self, function, chunks):
+        for chunk in chunks:
+            try:
+                yield chunk, function(chunk)
+            except Exception as error:
+                yield chunk, error
+
+    def close(self):
+        pass
+
+
+def test_the_reason_that_a_person_reads_names_the_plugin(monkeypatch):
+    (failed,) = evaluate_all([candidate(0)], bench(monkeypatch, task=Clumsy), Unlucky())
+    assert failed.status == "failed"
+    assert failed.reason == "task 'theirs' of their-distribution raised IndexError: list index out of range"
+
+
+def test_who_is_to_blame():
+    plugins = Plugins()
+    plugins.offers = {
+        ("sim", "a"): Offer("sim", "a", "a", "dist-a", "tests.faults:Faulty"),
+        ("logger", "b"): Offer("logger", "b", "b", "dist-b", "somewhere.else:Listener"),
+    }
+    with pytest.raises(ArithmeticError) as caught:
+        Faulty().break_down("raise")
+    assert culprit(caught.value, plugins).distribution == "dist-a"
+    assert told(caught.value, plugins) == "sim 'a' of dist-a raised ArithmeticError: the solver gave up"
+    with pytest.raises(ValueError, match="invalid literal") as caught:
+        int("ours")
+    del plugins.offers["sim", "a"]
+    assert culprit(caught.value, plugins) is None
+    assert told(caught.value, plugins) is None
