@@ -72,6 +72,31 @@ def test_example_plugin_works(tmp_path, monkeypatch, capsys):
         plugins.create("logger", "shout", {"marc": "?"})
 
 
+@pytest.mark.parametrize("number", [0, 1])
+def test_python_as_the_page_has_it(number, tmp_path):
+    (tmp_path / "tests").symlink_to(ROOT / "tests")
+    code = blocks(ROOT / "docs/python.md", "python")[number]
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert len(blocks(ROOT / "docs/python.md", "python")) == 2
+    if number == 0:
+        reward, folder = done.stdout.splitlines()[-1].split()
+        assert json.loads((tmp_path / folder / "result.json").read_text())["best"]["reward"] == float(reward)
+
+
+def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
+    folder = tmp_path / "my_task"
+    (folder / "conf/task").mkdir(parents=True)
+    (folder / "__init__.py").write_text(blocks(ROOT / "docs/plugins.md", "python")[1])
+    monkeypatch.syspath_prepend(tmp_path)
+    import my_task
+
+    plugins = Plugins({"my_task": my_task})
+    assert plugins.configs["this process"] == ["pkg://my_task.conf"]
+    assert not [failure for failure in plugins.failures if failure.entry_point == "my_task"]
+    assert "PullBlock" in plugins.names("task")
+
+
 def test_example_design_is_json():
     (text,) = blocks(ROOT / "docs/designs.md", "json")
     assert json.loads(text)["strategies"][0]["action_sets"]
