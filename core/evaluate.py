@@ -18,7 +18,7 @@ from core.design import Candidate, Evaluation
 from core.errors import UsageError
 from core.evolution import evaluate_all
 from core.interfaces import RolloutSettings
-from core.reading import load_designs, read_designs
+from core.reading import clean, load_designs, read_designs
 from core.rollout import Bench
 from core.rules import SpawnRules
 
@@ -94,7 +94,7 @@ def show(records: list[dict[str, Any]]) -> None:
             distance,
             miss,
             r["status"],
-            escape(r["reason"]),
+            escape(clean(r["reason"], 2000)),
         )
         table.add_row(*row)
     rich.console.Console(file=sys.stdout).print(table)

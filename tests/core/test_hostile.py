@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from core.design import DesignError
+from core.evaluate import show
 from core.plugins import installed
 from core.reading import parse_reply, read_designs
 from plugins.tools.urdf import UrdfTools
@@ -224,3 +225,17 @@ def test_any_reply_gives_sound_candidates_or_a_reason(text):
         return
     for candidate in candidates:
         check_candidate(candidate)
+
+
+def test_a_terminal_is_shown_no_control_sequences(capsys):
+    """A plugin's error may hold what a model wrote."""
+    reason = "\x1b]0;owned\x07\x1b[2J[bold]no[/bold] \u202egnp\x00\nnext"
+    show(
+        [
+            {**dict.fromkeys(("strategy", "plan", "reward"), 0), "distance_m": None, "ik_error_m": None}
+            | {"status": "failed", "reason": reason}
+        ]
+    )
+    shown = capsys.readouterr().out
+    assert "[bold]no" in shown  # as it stands, not as markup
+    assert all(character.isprintable() or character == "\n" for character in shown)
