@@ -119,16 +119,17 @@ class Designs:
 
 def designs(task: str, count: int, by: str, seed: int, workers: int, folder: Path) -> Designs:
     """About ``count`` designs, of a short run in the engine ``by`` whose elites are its best, however little they earn;
-    taken evenly from all that was tried, without a look at the rewards.
+    taken evenly from all that was tried, without a look at the rewards. If the folder has designs of that run already,
+    those, be they more or fewer.
 
     Raises:
-        UserError: the folder has others.
+        UserError: the folder has another run's.
     """
     file = folder / "designs" / f"{task}.json"
-    asked = {"task": task, "count": count, "by": by, "seed": seed}
+    asked = {"task": task, "by": by, "seed": seed}
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
-        save(file, asked | _designed(task, count, by, seed, workers))
+        save(file, asked | {"count": count} | _designed(task, count, by, seed, workers))
     document = typing.cast(dict[str, Any], load_designs(file))
     there = {key: document[key] for key in asked}
     if there != asked:

@@ -151,6 +151,6 @@ def test_both_measure_the_same_designs_and_nothing_twice(tmp_path, monkeypatch, 
     assert rows[0]["rank_correlation"] == pytest.approx(1)
 
     with pytest.raises(UserError, match=r"designs.BringCube.json has other designs"):
-        measure(monkeypatch, timestep, "designs=6")
+        measure(monkeypatch, timestep, "seed=5")
     with pytest.raises(UsageError, match="at least two different time steps"):
         measure(monkeypatch, timestep, "steps=0.002")
