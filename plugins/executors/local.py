@@ -14,12 +14,13 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
-from dataclasses import dataclass
+from functools import partial
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
+from core.dealing import deal
 from core.errors import UsageError, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Executor
@@ -67,53 +68,9 @@ class LocalExecutor(Executor):
         self._pool: list[_Worker] = []
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        """See `Executor.map`. ``chunks`` is read in a thread of its own, so that results come while the next chunk is
-        awaited.
-        """
+        """See `Executor.map` and `core.dealing.deal`."""
         self._pool = self._pool or [_Worker(self._timeout_s, self._memory_mb) for _ in range(self.workers)]
-        ready: queue.SimpleQueue[tuple[A] | None] = queue.SimpleQueue()
-        results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = queue.SimpleQueue()
-        room = threading.Semaphore(2 * self.workers)  # for chunks from being read to their results being taken
-        stop = threading.Event()
-
-        def read() -> None:
-            try:
-                source = iter(chunks)
-                while room.acquire() and not stop.is_set():
-                    ready.put((next(source),))
-            except StopIteration:
-                pass
-            except Exception as error:  # to be raised where somebody sees it
-                results.put(_Raised(error))
-            for _ in range(self.workers):
-                ready.put(None)
-
-        def serve(worker: _Worker) -> None:
-            try:
-                while (taken := ready.get()) is not None and not stop.is_set():
-                    (chunk,) = taken
-                    results.put((chunk, worker.call(function, chunk)))
-            except Exception as error:
-                results.put(_Raised(error))
-            results.put(None)
-
-        threading.Thread(target=read, name="chunks", daemon=True).start()
-        for worker in self._pool:
-            threading.Thread(target=serve, args=[worker], name="worker", daemon=True).start()
-        serving = self.workers
-        try:
-            while serving:
-                result = results.get()
-                if result is None:
-                    serving -= 1
-                elif isinstance(result, _Raised):
-                    raise result.error
-                else:
-                    room.release()
-                    yield result
-        finally:
-            stop.set()
-            room.release()
+        return deal([partial(worker.call, function) for worker in self._pool], chunks)
 
     def close(self) -> None:
         for worker in self._pool:
@@ -121,11 +78,6 @@ class LocalExecutor(Executor):
         for worker in self._pool:
             worker.close()
         self._pool = []
-
-
-@dataclass(frozen=True)
-class _Raised:
-    error: Exception
 
 
 class _Died(Exception):
@@ -206,6 +158,9 @@ class _Worker:
                 resource_tracker.ensure_running()  # or it is started below, and lets signals through again
                 # The process inherits it: Ctrl-C is not for it, not even while it starts.
                 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            if multiprocessing.get_start_method() not in multiprocessing.get_all_start_methods():
+                # In a job of joblib's it is joblib's own, which a process is told of and does not know.
+                multiprocessing.set_start_method("spawn", force=True)
             self._pipe, theirs = _spawn.Pipe()
             self._process = _spawn.Process(target=_work, args=[theirs, self._memory_mb], name="worker", daemon=True)
             self._used = False
