@@ -317,9 +317,9 @@ def share(kept: Sequence[int]) -> str:
 
 
 def kept_share(counts: Sequence[Sequence[int]]) -> str:
-    """Of all tasks together."""
+    """Of all tasks together; never rounded up."""
     kept, whole = (sum(column) for column in zip(*counts, strict=True))
-    return f"{kept}/{whole} ({kept / whole:.0%})" if whole else "0/0"
+    return f"{kept}/{whole} ({100 * kept // whole}%)" if whole else "0/0"
 
 
 # --- files ------------------------------------------------------------------------------------------------------

@@ -50,6 +50,7 @@ def test_how_many_good_designs_stay_good():
     assert figures["means"] == [pytest.approx(0.582), pytest.approx(0.702)]
     assert figures["designs"] == 5
     assert measuring.kept_share([[2, 3], [1, 1]]) == "3/4 (75%)"
+    assert measuring.kept_share([[999, 1000]]) == "999/1000 (99%)"
     assert measuring.kept_share([[0, 0]]) == "0/0"
 
 
