@@ -38,8 +38,8 @@ def _module(offer: Offer) -> str:
 
 
 def told(error: Exception, plugins: Plugins | None = None) -> str | None:
-    """One line that names the plugin and what it raised; None: no plugin was at work."""
-    offer = culprit(error, plugins)
+    """One line that names the plugin and what it raised; None: no plugin was at work, or the error names it already."""
+    offer = None if isinstance(error, PluginError) else culprit(error, plugins)
     if offer is None:
         return None
     return f"{offer.kind} {offer.name!r} of {offer.distribution} raised {type(error).__name__}: {error}"

@@ -5,8 +5,12 @@ or ``nightly``.
 """
 
 import os
+import signal
 
 from hypothesis import settings
+
+# In the background of a shell Ctrl-C is ignored, and every process started from here would ignore it too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.environ.get("CI") else "patient")
 for name in ("patient", "ci", "nightly"):
