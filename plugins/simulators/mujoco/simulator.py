@@ -15,8 +15,9 @@ from core.kinematics import arm as panda_arm
 from core.plugins import installed
 from core.robot import FINGER_OPEN
 from core.scene import Camera, Inertia, Scene, State
+from core.trajectory import at_home
 from plugins.simulators.mujoco.renderer import NoOpenGL, Renderer
-from plugins.simulators.mujoco.world import World, compiled
+from plugins.simulators.mujoco.world import Stepped, World, compiled
 
 MAX_TIME_STEP = 0.005
 _STAND_IN = "pybullet"
@@ -46,6 +47,9 @@ class MuJoCoSimulator(Simulator):
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
         return [self._world(task, job.seed, job.tool).play(job) for job in jobs]
+
+    def world(self, task: Task, tool: Tool, seed: int = 0) -> Stepped:
+        return self._world(task, seed, tool).stepped(at_home(task))
 
     def _world(self, task: Task, seed: int, tool: Tool) -> World:
         key = (task, seed, tool)

@@ -105,11 +105,46 @@ class World:
         return controls.reshape(len(times), -1)
 
     def _state(self, qpos: Array, qvel: Array) -> State:
-        """Of the free bodies, from joint positions (..., Q) and speeds (..., V)."""
-        shape = (*qpos.shape[:-1], len(self._names))
-        poses, speeds = qpos[..., self._joints :].reshape(*shape, 7), qvel[..., self._joints :].reshape(*shape, 6)
-        turning = speeds[..., 3:].copy()  # in the body's own axes
-        if turning.size:
-            axes = Rotation.from_quat(poses[..., 3:].reshape(-1, 4), scalar_first=True)
-            turning = axes.apply(turning.reshape(-1, 3)).reshape(turning.shape)
-        return State(self._names, poses[..., :3].copy(), poses[..., 3:].copy(), speeds[..., :3].copy(), turning)
+        return _state(self._names, qpos[..., self._joints :], qvel[..., self._joints :])
+
+    def stepped(self, start: JointTrajectory) -> Stepped:
+        """The same world, to be stepped from outside; the robot at the trajectory's first targets."""
+        return Stepped(self._model, self._names, start)
+
+
+class Stepped:
+    """A `core.interfaces.World`."""
+
+    def __init__(self, model: Element, names: tuple[str, ...], start: JointTrajectory) -> None:
+        self.time_step = float(model.opt.timestep)
+        self._model, self._names, self._data = model, names, mujoco.MjData(model)
+        self._joints = model.nq - 7 * len(names)
+        self._data.qpos[:_ARM], self._data.qpos[_ARM : self._joints] = start.arm[0], start.fingers[0]
+        self._ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE
+
+    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+        back = 0.0 if self._ahead else self.time_step  # see `World._controls`
+        controls = self._data.ctrl.reshape(-1, 2)
+        controls[:_ARM, 0], controls[:_ARM, 1] = arm - back * speeds, speeds
+        controls[_ARM:] = fingers - back * finger_speed, finger_speed
+        with warnings_caught():  # of a world that explodes; its state tells that too
+            mujoco.mj_step(self._model, self._data)
+
+    def joints(self) -> tuple[Array, Array]:
+        fingers = np.zeros(len(FINGER_JOINTS))
+        fingers[: self._joints - _ARM] = self._data.qpos[_ARM : self._joints]
+        return self._data.qpos[:_ARM].copy(), fingers
+
+    def state(self) -> State:
+        return _state(self._names, self._data.qpos[self._joints :], self._data.qvel[self._joints :])
+
+
+def _state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
+    """Of the free bodies, from their joints' positions (..., 7 B) and speeds (..., 6 B)."""
+    shape = (*qpos.shape[:-1], len(names))
+    poses, speeds = qpos.reshape(*shape, 7), qvel.reshape(*shape, 6)
+    turning = speeds[..., 3:].copy()  # in the body's own axes
+    if turning.size:
+        axes = Rotation.from_quat(poses[..., 3:].reshape(-1, 4), scalar_first=True)
+        turning = axes.apply(turning.reshape(-1, 3)).reshape(turning.shape)
+    return State(names, poses[..., :3].copy(), poses[..., 3:].copy(), speeds[..., :3].copy(), turning)

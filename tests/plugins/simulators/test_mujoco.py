@@ -40,14 +40,14 @@ from core.reading import load_designs, read_designs
 from core.robot import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS
 from core.rollout import prepare
 from core.rules import SpawnRules
-from core.scene import Body, State, floor, table
+from core.scene import Body, floor, table
 
 pytest.importorskip("mujoco")
 
 import mujoco as mj
 
 from plugins.simulators.mujoco.renderer import NoOpenGL, Renderer
-from plugins.simulators.mujoco.world import compiled
+from plugins.simulators.mujoco.world import Stepped, compiled
 
 ROOT = Path(__file__).parents[3]
 
@@ -86,35 +86,6 @@ def test_numbers_that_make_no_sense(setting, value):
 # --- playing ----------------------------------------------------------------------------------------------------
 
 
-class Stepped:
-    """A world for `core.playback.play`: MuJoCo, step by step, the plain way."""
-
-    def __init__(self, made, job, names):
-        self.model, self.names, self.data = made, names, mj.MjData(made)
-        self.time_step = made.opt.timestep
-        self.joint_count = made.nq - 7 * len(names)
-        self.data.qpos[:7], self.data.qpos[7 : self.joint_count] = job.trajectory.arm[0], job.trajectory.fingers[0]
-
-    def step(self, arm_targets, fingers, speeds, finger_speed):
-        self.data.ctrl[0:14:2], self.data.ctrl[1:14:2] = arm_targets, speeds
-        self.data.ctrl[14::2], self.data.ctrl[15::2] = fingers, finger_speed
-        mj.mj_step(self.model, self.data)
-
-    def joints(self):
-        return self.data.qpos[:7].copy(), np.append(self.data.qpos[7 : self.joint_count], np.zeros(2))[:2]
-
-    def state(self):
-        positions, quaternions, linear, angular = [], [], [], []
-        for i in range(len(self.names)):
-            q = self.data.qpos[self.joint_count + 7 * i :][:7]
-            v = self.data.qvel[self.joint_count + 6 * i :][:6]
-            positions.append(q[:3])
-            quaternions.append(q[3:])
-            linear.append(v[:3])
-            angular.append(Pose(np.zeros(3), q[3:]).rotation.apply(v[3:]))
-        return State(self.names, *(np.array(rows) for rows in (positions, quaternions, linear, angular)))
-
-
 @pytest.mark.parametrize("tool", [stick(0.25), HAND], ids=["stick", "hand"])
 @pytest.mark.parametrize("settle_s", [0.0, 0.1])
 def test_all_steps_at_once_are_what_the_core_plays_step_by_step(tool, settle_s):
@@ -122,14 +93,14 @@ def test_all_steps_at_once_are_what_the_core_plays_step_by_step(tool, settle_s):
     bodies = table(), cube(at=(0.6, 0, 0.05)), Body.of("can", Cylinder(0.03, 0.1), (0.7, 0, 0.05), mass=0.3, color=GREY)
     plan = [[0.45, 0, 0.3, 0, 0, 0, 0.3], [0.65, 0, 0.3, 0, 0, 0, 1.0]]
     job = Rollout(tool, motion(plan), settle_s=settle_s, hold_s=0.2, record_hz=30.0)
-    task = Bodies(*bodies)
-    (ours,) = mujoco().rollout(task, [job])
-    theirs = play(Stepped(model(*bodies, tool=tool), job, task.scene(0).state().names), job)
+    sim, task = mujoco(), Bodies(*bodies)
+    (ours,) = sim.rollout(task, [job])
+    theirs = play(sim.world(task, tool), job)
     assert ours.tracking_error_rad == theirs.tracking_error_rad
     for one, other in ((ours.start, theirs.start), (ours.end, theirs.end), (film(ours).states, film(theirs).states)):
         np.testing.assert_array_equal(one.positions, other.positions)
         np.testing.assert_array_equal(one.linear_velocities, other.linear_velocities)
-        np.testing.assert_allclose(one.angular_velocities, other.angular_velocities, atol=1e-12)
+        np.testing.assert_array_equal(one.angular_velocities, other.angular_velocities)
     np.testing.assert_array_equal(film(ours).times, film(theirs).times)
     np.testing.assert_array_equal(film(ours).arm, film(theirs).arm)
     np.testing.assert_array_equal(film(ours).fingers, film(theirs).fingers)
@@ -138,8 +109,7 @@ def test_all_steps_at_once_are_what_the_core_plays_step_by_step(tool, settle_s):
 @pytest.mark.parametrize("time_step", [0.001, 0.0025, 0.004])
 @pytest.mark.parametrize("rate", [20.0, 50.0])
 def test_joints_close_in_on_their_targets_at_the_tracking_rate(time_step, rate):
-    job = Rollout(BARE, still())
-    world = Stepped(model(time_step=time_step, tracking_rate=rate), job, ())
+    world = mujoco(time_step=time_step, tracking_rate=rate).world(Bodies(), BARE)
     target, rest = still().arm[0] + 2e-3, np.zeros(7)  # all at once: none pushes another away
     left = []
     for _ in range(round(3 / rate / time_step)):
@@ -276,18 +246,18 @@ def test_sparse_factors_give_the_accelerations_of_dense_ones(name):
     _, job = prepare(task, candidate, 0, RolloutSettings())
     scene = task.scene(0)
     made = compiled(scene, {body.name: body.inertia() for body in scene.free}, job.tool, 0.0025, 50.0, 100.0)
-    world, dt = Stepped(made, job, scene.state().names), made.opt.timestep
+    world, dt = Stepped(made, scene.state().names, job.trajectory), made.opt.timestep
     compared = 0
     for k in range(int((job.trajectory.duration + 0.2) / dt)):
         arms, fingers = job.trajectory.sample(np.array([k * dt]))
         world.step(arms[0], fingers[0], np.zeros(7), 0.0)
-        if k % 200 or world.data.ncon < 20:
+        if k % 200 or world._data.ncon < 20:
             continue
         found = []
         for jacobian in (mj.mjtJacobian.mjJAC_SPARSE, mj.mjtJacobian.mjJAC_DENSE):
             made.opt.jacobian = jacobian
             data = mj.MjData(made)
-            data.qpos[:], data.qvel[:], data.ctrl[:] = world.data.qpos, world.data.qvel, world.data.ctrl
+            data.qpos[:], data.qvel[:], data.ctrl[:] = world._data.qpos, world._data.qvel, world._data.ctrl
             mj.mj_forward(made, data)
             found.append(data.qacc.copy())
         made.opt.jacobian = mj.mjtJacobian.mjJAC_SPARSE
