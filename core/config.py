@@ -16,12 +16,10 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from core import hydra_sources
-from core.designer import Sampling
 from core.errors import UsageError, UserError, choices
 from core.interfaces import RolloutSettings
-from core.perturbation import Spread
-from core.prompts import PromptSettings
-from core.rollout import Part
+from core.plugins import Part
+from core.settings import PromptSettings, Sampling, Spread
 
 T = TypeVar("T")
 

@@ -6,7 +6,7 @@ import queue
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, cast, get_args
 
 import numpy as np
@@ -19,21 +19,13 @@ from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulat
 from core.plugins import whose
 from core.prompts import Prompts, answer_schema
 from core.reading import parse_reply, read_designs
-from core.rules import SpawnRules, shorten
+from core.rules import SpawnRules
+from core.settings import Sampling
+from core.text import shorten
 
 ToolKind = Literal["rigid", "gripper"]
 TOOL_KINDS: tuple[ToolKind, ...] = get_args(ToolKind)
 DEFAULT_KINDS: tuple[ToolKind, ...] = ("rigid",)  # of a task that names none
-
-
-@dataclass
-class Sampling:
-    """How the model is sampled: an agent's temperature is drawn within ``spread`` of ``temperature``, clipped to [0,
-    2].
-    """
-
-    temperature: float = 1.0
-    spread: float = 0.5
 
 
 class ModelDesigner:

@@ -18,9 +18,10 @@ from core.design import Candidate, Evaluation
 from core.errors import UsageError
 from core.evolution import evaluate_all
 from core.interfaces import RolloutSettings
-from core.reading import clean, load_designs, read_designs
+from core.reading import load_designs, read_designs
 from core.rollout import Bench
 from core.rules import SpawnRules
+from core.text import clean
 
 USAGE = "usage: python -m core.evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
 

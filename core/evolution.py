@@ -16,7 +16,7 @@ from core.errors import LimitReached, UserError
 from core.interfaces import Budget, EvolutionStrategy, Executor
 from core.plugins import whose
 from core.record import INTERRUPTED, Generation, Result
-from core.rules import shorten
+from core.text import shorten
 
 CHUNK = 8  # candidates of one tool that travel to a worker together
 

@@ -16,10 +16,11 @@ from core.config import load, part
 from core.design import Candidate, DesignError, Evaluation
 from core.errors import UsageError, choices
 from core.interfaces import Task
-from core.perturbation import Perturbed, Spread
-from core.plugins import check_settings
-from core.rollout import Bench, Part
+from core.perturbation import Perturbed
+from core.plugins import Part, check_settings
+from core.rollout import Bench
 from core.rules import SpawnRules
+from core.settings import Spread
 
 Fitness = Callable[[Sequence[Candidate]], list[Evaluation]]
 """Picklable: called in workers, with candidates of one tool."""

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # both are slow to import, and who only names poses and shapes needs neither
     import trimesh
+    from scipy.spatial.transform import Rotation
 
 Array = npt.NDArray[np.float64]
 Vector = Sequence[float] | Array
@@ -59,6 +59,8 @@ class Pose:
     @classmethod
     def xyz_rpy(cls, xyz: Vector, rpy: Vector = (0.0, 0.0, 0.0)) -> Pose:
         """From a position and fixed-axis roll, pitch, yaw."""
+        from scipy.spatial.transform import Rotation
+
         return cls.from_rotation(xyz, Rotation.from_euler("xyz", np.asarray(rpy, dtype=np.float64)))
 
     @classmethod
@@ -69,10 +71,14 @@ class Pose:
     @classmethod
     def from_matrix(cls, matrix: Array) -> Pose:
         """From a homogeneous (4, 4) matrix."""
+        from scipy.spatial.transform import Rotation
+
         return cls.from_rotation(matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3]))
 
     @property
     def rotation(self) -> Rotation:
+        from scipy.spatial.transform import Rotation
+
         w, x, y, z = self.quaternion
         return Rotation.from_quat([x, y, z, w])
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from core.errors import UsageError
 from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Body, Scene, State
+from core.settings import Spread
 from core.solids import Solid, Solids, body_solids, signed_distance
 
 TOGETHER_M = 0.0015  # free bodies nearer than this stand together and are moved as one
@@ -22,31 +22,6 @@ CONTACT_M = 0.0005  # what was nearer than this to another stays as near: it kee
 _EXACT_M = 2e-5  # of Coal's distances between convex shapes that touch
 _TRIES = 32  # at each size; then the change is halved
 _HALVINGS = 6
-
-
-@dataclass(unsafe_hash=True)
-class Spread:
-    """How far a scene may be changed, at most; each change is drawn uniformly between plus and minus this.
-
-    ``position``: metres, along x and along y. ``yaw``: radians, about the vertical. ``mass`` and ``friction``: shares
-    of what they are. By default 5 mm and 3 degrees, as things are placed by hand or found by a camera; a tenth of the
-    mass; and a fifth of the friction, which is known worst.
-
-    Raises:
-        UsageError: a number that is negative or not finite, or a share of 1 or more.
-    """
-
-    position: float = 0.005
-    yaw: float = 0.05
-    mass: float = 0.1
-    friction: float = 0.2
-
-    def __post_init__(self) -> None:
-        for name, most in (("position", math.inf), ("yaw", math.inf), ("mass", 1.0), ("friction", 1.0)):
-            value = getattr(self, name)
-            if not 0 <= value < most:
-                less = f" and less than {most:g}" if most < math.inf else ", and finite"
-                raise UsageError(f"spread.{name} must be 0 or greater{less}, got {value}")
 
 
 class Perturbed(Task):

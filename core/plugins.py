@@ -281,6 +281,18 @@ def installed() -> Plugins:
     return Plugins()
 
 
+@dataclass(frozen=True)
+class Part:
+    """A part by name and settings: what a worker process needs to make its own."""
+
+    kind: str
+    name: str
+    settings: tuple[tuple[str, Any], ...] = ()
+
+    def create(self, **given: Any) -> Any:
+        return installed().create(self.kind, self.name, dict(self.settings), **given)
+
+
 def event_hub() -> pluggy.PluginManager:
     """A manager that carries `Events` to the listeners registered with it."""
     hub = pluggy.PluginManager(PROJECT)

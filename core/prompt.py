@@ -17,7 +17,7 @@ from omegaconf import DictConfig, OmegaConf
 from core.cli import arguments, command, write_bytes
 from core.config import PromptConfig, check_seed, load, node, part
 from core.design import Candidate, Evaluation, best_first
-from core.designer import DEFAULT_KINDS, Sampling, make_designer
+from core.designer import DEFAULT_KINDS, make_designer
 from core.errors import UsageError, UserError
 from core.evolution import evaluate_all
 from core.interfaces import VLM, Budget, Estimate, Picture, Request, RolloutSettings, Task, ToolRepresentation
@@ -26,6 +26,7 @@ from core.prompts import Prompts, as_markdown
 from core.reading import load_designs, read_designs
 from core.rollout import Bench
 from core.rules import SpawnRules
+from core.settings import Sampling
 
 USAGE = (
     "usage: python -m core.prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "

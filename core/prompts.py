@@ -12,7 +12,6 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,60 +27,14 @@ from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSett
 from core.robot import FINGER_FRICTION, TOOL_FRICTION, assemble
 from core.rules import MAX_WAYPOINTS
 from core.scene import Body, Goal, Part, floor, table
+from core.settings import FEEDBACK, PromptSettings
 from core.trajectory import plan_motion
 
 SUFFIX = ".md.j2"
-SYSTEM = ("system",)
-_RULES = (
-    "tool_rules",
-    "action_rules",
-    "action_diversity",
-    "workspace",
-    "spawn_rules",
-    "frames",
-    "units",
-    "output",
-    "context",
-)
-INITIAL = ("mission_initial", "procedure", *_RULES)
-EVOLUTION = ("mission_evolve", "elites", "procedure", "evolution_rules", *_RULES)
-GIVEN = (
-    "mission_given",
-    "elites",
-    "procedure",
-    *(rule for rule in _RULES if rule not in ("tool_rules", "spawn_rules")),
-)
 REPAIR = "repair"
 
-FEEDBACK = ("paper", "numbers", "full")
 LONGEST_IDEA = 50_000  # characters
 LONGEST_REPAIRED = 400_000  # characters of an unreadable reply that are sent back
-
-
-@dataclass
-class PromptSettings:
-    """What a model is told.
-
-    Attributes:
-        dir: a folder of templates to use instead of the project's own.
-        file: a text file with a person's idea of the tool and its motion, for templates that pass one on.
-        feedback: what is told of elites: what the ``paper`` tells, ``numbers`` on the rollout and its plan besides, or
-            a picture too (``full``).
-        repair: ask once more, with the reason, where a reply can't be read.
-        system: the parts of the system message; none: no system message.
-        initial: the parts of a first sampling; none: there is none, elites must come from elsewhere.
-        evolution: the parts of a request that shows elites.
-        given: the parts of a request for action plans only, for a tool that is there already.
-    """
-
-    dir: str | None = None
-    file: str | None = None
-    feedback: str = "paper"
-    repair: bool = False
-    system: list[str] = field(default_factory=lambda: list(SYSTEM))
-    initial: list[str] = field(default_factory=lambda: list(INITIAL))
-    evolution: list[str] = field(default_factory=lambda: list(EVOLUTION))
-    given: list[str] = field(default_factory=lambda: list(GIVEN))
 
 
 class Prompts:

@@ -22,7 +22,8 @@ from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
 from core.plugins import whose
-from core.rules import WAYPOINT, SpawnRules, check_plan, check_tool, kind, shorten
+from core.rules import WAYPOINT, SpawnRules, check_plan, check_tool
+from core.text import clean, kind, shorten
 
 MAX_NAME = 200
 MAX_DESCRIPTION = 5000
@@ -147,12 +148,6 @@ def _read_text(strategy: dict[Any, Any], field: str, longest: int) -> str:
     if not isinstance(text, str):
         raise DesignError(f"{field!r} is {kind(text)}; it must be a text")
     return clean(text, longest)
-
-
-def clean(text: str, longest: int) -> str:
-    """``text`` on one line, without control characters, at most ``longest`` characters."""
-    printable = "".join(character for character in " ".join(text.split()) if character.isprintable())
-    return printable if len(printable) <= longest else printable[: longest - 3] + "..."
 
 
 def _read_tool(

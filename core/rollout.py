@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -15,22 +14,10 @@ from core.design import Candidate, Evaluation
 from core.errors import UserError
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.kinematics import arm
-from core.plugins import installed, whose
-from core.rules import shorten
+from core.plugins import Part, whose
 from core.scene import State
+from core.text import shorten
 from core.trajectory import Motion, plan_motion
-
-
-@dataclass(frozen=True)
-class Part:
-    """A part by name and settings: what a worker process needs to make its own."""
-
-    kind: str
-    name: str
-    settings: tuple[tuple[str, Any], ...] = ()
-
-    def create(self, **given: Any) -> Any:
-        return installed().create(self.kind, self.name, dict(self.settings), **given)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from core.interfaces import Task
 from core.kinematics import arm
 from core.robot import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, assemble
 from core.solids import Solid, Solids, body_solids, hull, signed_distance, solid_geometry
+from core.text import kind
 
 MAX_COMPONENTS = 100
 MIN_SIDE_M = 0.0005
@@ -171,21 +172,6 @@ def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> lis
     if reach > MAX_REACH_M:
         raise DesignError(f"{where} is {reach:.2f} m from the base; at most {MAX_REACH_M:g} m make sense for this arm")
     return numbers
-
-
-def kind(value: object) -> str:
-    """What a JSON value is, for a reason."""
-    names: dict[type, str] = {dict: "an object", list: "a list", bool: "a boolean", type(None): "null"}
-    if isinstance(value, str):
-        return f"the text {shorten(value)}"
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return "a number"
-    return names.get(type(value), f"a {type(value).__name__}")
-
-
-def shorten(text: str, length: int = 40) -> str:
-    """``text`` quoted, with what is beyond ``length`` characters left out."""
-    return repr(text if len(text) <= length else text[: length - 3] + "...")
 
 
 # --- the spawn --------------------------------------------------------------------------------------------------

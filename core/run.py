@@ -24,7 +24,7 @@ from core.blame import told
 from core.cli import command
 from core.config import PromptConfig, check_seed, explain, node, part, register
 from core.database import writing
-from core.designer import DEFAULT_KINDS, Sampling, make_designer
+from core.designer import DEFAULT_KINDS, make_designer
 from core.errors import NoPicture, UsageError, UserError
 from core.evolution import evolve
 from core.fitness import fitness
@@ -35,6 +35,7 @@ from core.prompts import Prompts
 from core.record import INTERRUPTED, Result, Run
 from core.resume import changed, hydra_config
 from core.rollout import Bench
+from core.settings import Sampling
 from core.store import RunStore, best_figures
 
 

@@ -26,10 +26,10 @@ from core.errors import UsageError
 from core.evolution import evaluate_all
 from core.fitness import check_draws, engines, perturbed, worst
 from core.interfaces import RolloutSettings, ToolRepresentation
-from core.perturbation import Spread
 from core.reading import load_designs, read_designs
 from core.rollout import Bench
 from core.rules import SpawnRules
+from core.settings import Spread
 from core.stored import stored_config, stored_evaluations
 
 USAGE = (

@@ -8,7 +8,7 @@ from core.cli import arguments, command
 from core.config import load, part
 from core.conformance.suites import SUITES, verdicts
 from core.errors import UsageError, UserError
-from core.rollout import Part
+from core.plugins import Part
 
 USAGE = f"usage: python -m core.conformance {{{'|'.join(SUITES)}}}=NAME [KIND.SETTING=VALUE ...]"
 

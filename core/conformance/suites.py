@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from core.conformance import evolution, executor, simulator, task, tool, vlm
-from core.rollout import Part
+from core.plugins import Part
 
 SUITES: dict[str, tuple[Callable[[Any], None], ...]] = {
     "sim": simulator.CHECKS,

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from core.reading import clean
 from core.report.drawing import draw, painted
 from core.report.methods import Group
 from core.report.results import Results
 from core.report.statistics import Statistic, deviation, interquartile_mean, interval, mean, mean_of_tasks
 from core.report.tables import course, number
 from core.report.tools import Tools, Winner, size
+from core.text import clean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

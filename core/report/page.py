@@ -20,11 +20,11 @@ import numpy as np
 from lxml import etree
 from markupsafe import Markup
 
-from core.reading import clean
 from core.report.drawing import painted
 from core.report.figures import INK
 from core.report.tables import Cell, Link, number, printed, relative
 from core.report.tools import Winner
+from core.text import clean
 
 _LONGEST = 20_000  # characters of any text
 _SHARP = np.deg2rad(20.0)  # between two faces: an edge is drawn

@@ -23,7 +23,7 @@ import pydantic
 from omegaconf import OmegaConf
 
 from core.errors import UserError
-from core.reading import clean
+from core.text import clean
 
 STORE, RESULT, HYDRA = "run.sqlite", "result.json", ".hydra"
 CHOICES = ("task", "sim", "vlm", "tool", "evolution", "budget")  # by name in a result

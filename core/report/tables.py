@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from core.reading import clean
 from core.report.results import Results
 from core.report.runs import FinishedRun, Spending, spending
 from core.report.statistics import (
@@ -26,6 +25,7 @@ from core.report.statistics import (
     mean_of_tasks,
 )
 from core.report.tools import Tools, size
+from core.text import clean
 
 BUDGET = ("n_agent", "n_tool", "n_action", "n_iteration", "k_top", "reward_save", "stop_reward")
 

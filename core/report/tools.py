@@ -18,10 +18,11 @@ from core.design import GRIPPER_MOUNTS, Component, DesignError, Tool
 from core.errors import UserError
 from core.geometry import Pose
 from core.interfaces import Task, ToolRepresentation
-from core.reading import MAX_DESCRIPTION, MAX_NAME, clean
+from core.reading import MAX_DESCRIPTION, MAX_NAME
 from core.report.results import Results
 from core.report.runs import STORE, FinishedRun, opened
 from core.robot import FINGER_OPEN
+from core.text import clean
 
 if TYPE_CHECKING:
     import trimesh

@@ -15,7 +15,7 @@ from hydra.types import RunMode
 
 from core.design import Evaluation, best_first
 from core.hooks import hookimpl
-from core.reading import clean
+from core.text import clean
 
 if TYPE_CHECKING:
     import rich.table

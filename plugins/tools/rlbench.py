@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import choices
@@ -29,6 +28,8 @@ def tool_representations() -> Mapping[str, Callable[..., ToolRepresentation]]:
 
 def _bar(name: str, far: tuple[float, float, float], thickness: tuple[float, float]) -> Component:
     """A bar from the mount's origin to ``far``, so that it touches the flange; its long axis is x."""
+    from scipy.spatial.transform import Rotation  # slow to import, and most runs have no use for these tools
+
     end = np.array(far)
     slope = Rotation.from_euler("y", -np.arctan2(end[2], end[0]))
     size = (float(np.linalg.norm(end)), *thickness)

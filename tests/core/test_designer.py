@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from core.design import Candidate, Component, Evaluation, Tool
-from core.designer import ModelDesigner, Sampling
+from core.designer import ModelDesigner
 from core.errors import LimitReached
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
 from core.interfaces import VLM, Budget, Picture, Reply
 from core.plugins import event_hub, installed
-from core.prompts import Prompts, PromptSettings
+from core.prompts import Prompts
+from core.settings import PromptSettings, Sampling
 from tasks.bring_cube import BringCube
 
 ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")

@@ -18,12 +18,12 @@ from core.errors import UserError
 from core.fitness import FITNESS, Robust, engines, fitness, perturbed, worst
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
-from core.perturbation import Spread
 from core.plugins import installed
 from core.reading import load_designs, read_designs
 from core.rollout import Bench, Part
 from core.rules import SpawnRules
 from core.run import run
+from core.settings import Spread
 
 ROOT = Path(__file__).parents[2]
 COARSE = {"name": "pybullet", "time_step": 0.004}

@@ -12,7 +12,7 @@ from core.design import DesignError
 from core.evaluate import show
 from core.plugins import installed
 from core.reading import parse_reply, read_designs
-from plugins.tools.urdf import UrdfTools
+from plugins.tools.urdf.representation import UrdfTools
 from tests.conftest import FUZZ_CASES
 from tests.hostile import REPLIES, ROD, TOOLS, reply, reply_of, sound, spawn_rules, tool_reply
 from tests.soundness import check_candidate

@@ -19,10 +19,11 @@ from core.errors import UsageError
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import JointTrajectory, Rollout
 from core.kinematics import arm
-from core.perturbation import Perturbed, Spread, perturb, together
+from core.perturbation import Perturbed, perturb, together
 from core.plugins import installed
 from core.robot import FINGER_OPEN
 from core.scene import Body, Part, Scene, table
+from core.settings import Spread
 from core.solids import body_solids, signed_distance
 
 ROOT = Path(__file__).parents[2]

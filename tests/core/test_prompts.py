@@ -26,22 +26,11 @@ from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Pose
 from core.interfaces import Brief, Message, Picture, Reply, Request, Task, Text, ToolRepresentation
 from core.kinematics import arm
-from core.prompts import (
-    EVOLUTION,
-    GIVEN,
-    INITIAL,
-    REPAIR,
-    SUFFIX,
-    SYSTEM,
-    Prompts,
-    PromptSettings,
-    answer_schema,
-    as_markdown,
-    counted,
-)
+from core.prompts import REPAIR, SUFFIX, Prompts, answer_schema, as_markdown, counted
 from core.robot import FINGER_OPEN, assemble
 from core.rollout import RolloutSettings
 from core.scene import Body, Goal, Scene, State, floor, table
+from core.settings import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettings
 from core.trajectory import plan_motion
 
 FOLDER = Path(prompts.__file__).parent

@@ -11,9 +11,10 @@ from core.design import Component, DesignError, Tool
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Task, ToolRepresentation
-from core.reading import MAX_SAVED, clean, dump_design, load_designs, parse_reply, read_designs
+from core.reading import MAX_SAVED, dump_design, load_designs, parse_reply, read_designs
 from core.rules import SpawnRules
 from core.scene import Body, Scene, table
+from core.text import clean
 
 
 class CubeOnTable(Task):

@@ -19,7 +19,7 @@ with atheris.instrument_imports(include=["core.reading", "core.rules", "core.des
 
     from core.design import Candidate, DesignError
     from core.reading import parse_reply, read_designs
-    from plugins.tools.urdf import UrdfTools
+    from plugins.tools.urdf.representation import UrdfTools
 
 from tests.hostile import REPLIES, TOOLS, reply_of, sound, spawn_rules
 from tests.soundness import check_candidate

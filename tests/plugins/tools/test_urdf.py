@@ -12,7 +12,8 @@ from core.geometry import Box, Pose
 from core.plugins import Plugins
 from core.rules import check_tool
 from plugins.tools import urdf
-from plugins.tools.urdf import UrdfTools
+from plugins.tools.urdf import representation
+from plugins.tools.urdf.representation import UrdfTools
 
 BOX = '<geometry><box size="0.02 0.02 0.1"/></geometry>'
 
@@ -98,9 +99,9 @@ def test_mass_is_shared_by_volume():
     [
         ('<material name="m"><color rgba="1 0 0.5 0.5"/></material>', (1, 0, 0.5, 0.5)),
         ('<material name="green"/>', (0, 1, 0, 1)),
-        ('<material name="nowhere"/>', urdf._NO_COLOR),
+        ('<material name="nowhere"/>', representation._NO_COLOR),
         ('<material name="m"><color rgba="255 0 0 0"/></material>', (1, 0, 0, 0.2)),  # seen, whatever was written
-        ("", urdf._NO_COLOR),
+        ("", representation._NO_COLOR),
     ],
 )
 def test_color(material, color):
@@ -309,7 +310,7 @@ def test_visuals_are_matched_in_any_order():
     shapes = shape("visual", origin=high, material=red) + shape("visual", origin=low)
     shapes += shape("collision", origin=low) + shape("collision", origin=high)
     tool = parse(link("a", shapes) + joint("panda_virtual", "a"))
-    assert [c.color for c in tool.components] == [urdf._NO_COLOR, (1, 0, 0, 1)]
+    assert [c.color for c in tool.components] == [representation._NO_COLOR, (1, 0, 0, 1)]
 
 
 def grid(low, high):

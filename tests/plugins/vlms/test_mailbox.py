@@ -18,7 +18,7 @@ from core.errors import UsageError, UserError
 from core.interfaces import Brief, Message, Picture, Request, Text
 from core.plugins import installed
 from core.run import run
-from plugins.vlms.mailbox import Mailbox
+from plugins.vlms.mailbox.model import Mailbox
 from tasks.bring_cube import BringCube
 
 ROOT = Path(__file__).parents[3]
@@ -190,7 +190,7 @@ def test_of_a_reply_that_is_cut_off_the_rest_is_taken_when_all_is_quiet(tmp_path
 
 
 def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("plugins.vlms.mailbox.LARGEST", 100_000)
+    monkeypatch.setattr("plugins.vlms.mailbox.model.LARGEST", 100_000)
     large = GOOD + " " * 100_000
     box = tmp_path / "g0-a0"
     person = Person(

@@ -21,7 +21,6 @@ from lxml import etree
 
 from core.design import Component, DesignError, Tool
 from core.geometry import Box, Pose
-from core.hooks import Factories, hookimpl
 from core.interfaces import Brief, ToolRepresentation
 from core.robot import assemble, tool_urdf
 from core.rules import (
@@ -33,10 +32,9 @@ from core.rules import (
     MAX_TOOL_KG,
     MIN_SIDE_M,
     box_gap,
-    kind,
-    shorten,
 )
 from core.scene import Color
+from core.text import kind, shorten
 
 MAX_CHARACTERS = 1_000_000
 MAX_ELEMENTS = 10_000
@@ -52,11 +50,6 @@ _MIN_OPACITY = 0.2  # what collides must be seen
 _LINK_KG = 0.005
 _SAME_M = 0.0005
 _SAME_RAD = 0.01
-
-
-@hookimpl
-def tool_representations() -> Factories:
-    return {"urdf": UrdfTools}
 
 
 class UrdfTools(ToolRepresentation):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from core.design import DesignError
@@ -25,11 +25,6 @@ _HELP = (
     f"Mend the file or put another one in its place: it is read again when it changes. To leave this request without "
     f"an answer, put a file named {SKIP} here.\n"
 )
-
-
-@hookimpl
-def vlms() -> Mapping[str, Callable[..., VLM]]:
-    return {"mailbox": Mailbox}
 
 
 class Mailbox(VLM):
