@@ -1,6 +1,7 @@
-"""Makes what the pages show: ``python docs/build.py pictures``, and ``python docs/build.py table`` (takes hours).
+"""Makes what the pages show: ``python docs/build.py pictures``, ``notebook``, ``table`` (takes hours).
 
-Pictures: of each task a still and a film of its reference solution, and a sheet of all stills. Table: rewards of doing
+Pictures: of each task a still and a film of its reference solution, and a sheet of all stills. Notebook: runs
+``docs/example.ipynb`` and keeps what its cells show. Table: rewards of doing
 nothing, of the reference solution, of the embedded designer and of the bare gripper, written into ``docs/tasks.md``.
 """
 
@@ -24,7 +25,7 @@ from core.plugins import installed
 from core.reading import load_designs, read_designs
 from core.rollout import evaluate
 from core.rules import SpawnRules
-from core.run import run
+from core.running import run
 
 DOCS = Path(__file__).parent
 IMAGES = DOCS / "images" / "tasks"
@@ -69,6 +70,21 @@ def sheet(names: list[str], stills: list[Any]) -> Any:
     labelled += [np.full_like(labelled[0], 255)] * (-len(labelled) % SHEET_COLUMNS)
     rows = [np.hstack(labelled[i : i + SHEET_COLUMNS]) for i in range(0, len(labelled), SHEET_COLUMNS)]
     return np.vstack(rows)
+
+
+def notebook(file: Path) -> None:
+    """Run a notebook in an empty folder and write it back with its outputs."""
+    import nbclient
+    import nbformat
+
+    document = nbformat.read(file, as_version=4)
+    with tempfile.TemporaryDirectory() as folder:
+        where = {"metadata": {"path": folder}}
+        nbclient.NotebookClient(document, timeout=600, record_timing=False, resources=where).execute()
+    for cell in document.cells:
+        for output in cell.get("outputs", []):
+            output.get("data", {}).pop("image/jpeg", None)  # Pillow offers it beside the PNG
+    nbformat.write(document, file)
 
 
 def best_by_generation(name: str, seed: int, *overrides: str) -> list[float]:
@@ -141,7 +157,7 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["pictures", "table"])
+    parser.add_argument("what", choices=["pictures", "notebook", "table"])
     parser.add_argument("--tasks", nargs="*", default=installed().names("task"))
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
     parser.add_argument("--gripper-seeds", nargs="*", type=int, default=[0, 1, 2])
@@ -149,6 +165,8 @@ def main() -> None:
     given = parser.parse_args()
     if given.what == "pictures":
         pictures(given.tasks)
+    elif given.what == "notebook":
+        notebook(DOCS / "example.ipynb")
     else:
         table(given.tasks, given.seeds, given.gripper_seeds, given.output)
 

@@ -5,16 +5,21 @@ import re
 import shlex
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
+import nbclient
+import nbformat
 import pytest
 
+from core.config import load
 from core.errors import UsageError
 from core.plugins import Plugins
 from tests.core.run_folders import write_run
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+NOTEBOOK = ROOT / "docs/example.ipynb"
 SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0", "film=false"]
 
 
@@ -51,6 +56,72 @@ def test_command(line: str, tmp_path: Path):
     done = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
+
+
+def console(page: Path) -> list[tuple[str, str]]:
+    """Of each block of commands that are not run here: the comment above it, which says why, and the block."""
+    return re.findall(r"(?:<!-- not run: (.*?) -->\n)?```console\n(.*?)```", page.read_text(), re.S)
+
+
+def told(block: str) -> list[str]:
+    """The commands of a console block, with or without a prompt."""
+    return [line.removeprefix("$ ") for line in block.splitlines() if re.match(r"(\$ )?python -m core", line)]
+
+
+def test_what_is_not_run_says_why():
+    for page in PAGES:
+        for reason, block in console(page):
+            assert reason, (
+                f"{page.name}: say why this is not run in a comment '<!-- not run: ... -->' above it:\n{block}"
+            )
+
+
+def test_settings_of_what_is_not_run_are_there():
+    lines = [line for page in PAGES for _, block in console(page) for line in told(block)]
+    assert len(lines) > 10
+    for line in lines:
+        words = shlex.split(line, comments=True)[2:]
+        program, words = words[0], [word for word in words[1:] if word != "-m" and not word.startswith("hydra")]
+        if program in ("core.run", "core.prompt") and not any(word.startswith("resume=") for word in words):
+            load({"core.run": "config", "core.prompt": "prompt"}[program], [word.split(",")[0] for word in words])
+
+
+def test_each_kind_of_block_is_looked_at():
+    """A page with a block of code that no test here knows of fails."""
+    languages = {page.name: Counter(re.findall(r"^```(\w+)", page.read_text(), re.M)) for page in PAGES}
+    known = {"sh", "console"}
+    rest = {name: {k: n for k, n in found.items() if k not in known} for name, found in languages.items()}
+    assert {name: found for name, found in rest.items() if found} == {
+        "designs.md": {"json": 1},
+        "plugins.md": {"python": 2, "toml": 1},
+        "python.md": {"python": 2},
+    }
+
+
+def test_the_notebook_shows_what_it_does(tmp_path):
+    """Run anew, it shows as much of the same kinds, and the rewards that its words speak of."""
+    shown = nbformat.read(NOTEBOOK, as_version=4)
+    again = nbformat.from_dict(shown)
+    again = nbclient.NotebookClient(again, timeout=240, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    assert [kinds(cell) for cell in again.cells] == [kinds(cell) for cell in shown.cells]
+    assert NOTEBOOK.stat().st_size < 500_000
+    for notebook in (shown, again):
+        code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+        assert all(cell.execution_count == number for number, cell in enumerate(code, 1))
+        first, last = (text(code[0]), text(code[-1]).splitlines())
+        best = re.fullmatch(r"16 tried, best reward (0\.9\d\d)\n", first)[1]
+        assert last[0] == "0.000  flange"
+        assert last[-1].startswith(best)
+
+
+def kinds(cell) -> list[str]:
+    """What a cell shows, without Pillow's JPEG beside its PNG, which is not kept."""
+    outputs = cell.get("outputs", [])
+    return [",".join(sorted(set(out.get("data", {"text": ""})) - {"image/jpeg"})) for out in outputs]
+
+
+def text(cell) -> str:
+    return "".join(out["text"] for out in cell.outputs)
 
 
 def test_relative_links_lead_somewhere():
@@ -95,6 +166,13 @@ def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
     assert plugins.configs["this process"] == ["pkg://my_task.conf"]
     assert not [failure for failure in plugins.failures if failure.entry_point == "my_task"]
     assert "PullBlock" in plugins.names("task")
+
+
+def test_the_entry_point_of_the_example_is_toml():
+    import tomllib
+
+    (text,) = blocks(ROOT / "docs/plugins.md", "toml")
+    assert tomllib.loads(text)["project"]["entry-points"]["vlmgineer"] == {"my_plugin": "my_plugin"}
 
 
 def test_example_design_is_json():
