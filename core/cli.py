@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import select
 import signal
 import sys
 import time
@@ -22,6 +23,11 @@ def command(function: Callable[[], None]) -> NoReturn:
             signal.signal(number, _Interrupt())
     try:
         function()
+        sys.stdout.flush()
+    except BrokenPipeError:
+        if not _unread():
+            raise
+        _leave("", 1)  # such as head's, once it has seen enough
     except UserError as error:
         _leave(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
     except KeyboardInterrupt as interrupt:
@@ -58,6 +64,7 @@ def _help_or_words(usage: str) -> list[str]:
     given = sys.argv[1:]
     if "--help" in given or "-h" in given:
         sys.stdout.write(f"{usage}\n")
+        sys.stdout.flush()
         sys.exit(0)
     return given
 
@@ -92,12 +99,21 @@ class _Interrupt:
             raise KeyboardInterrupt
 
 
+def _unread() -> bool:
+    """Whoever read standard output is gone."""
+    if not hasattr(select, "poll"):  # on Windows
+        return False
+    output = select.poll()
+    output.register(sys.stdout, 0)  # errors are told unasked
+    return bool(output.poll(0))
+
+
 def _leave(line: str, code: int) -> NoReturn:
     """Now, whatever other threads are doing: in the middle of a library's code they would fall over an interpreter that
     is being taken down.
     """
     with contextlib.suppress(OSError):  # nobody may be listening any more
-        sys.stderr.write(f"{line}\n")
+        sys.stderr.write(line and f"{line}\n")
         sys.stderr.flush()
         sys.stdout.flush()
     os._exit(code)

@@ -201,6 +201,20 @@ def load(name: str, overrides: Sequence[str]) -> DictConfig:
         raise explain(error, name, overrides) from error
 
 
+def overview(name: str, overrides: Sequence[str]) -> str:
+    """For people: the groups with what they offer, and the primary config ``name`` with command-line overrides.
+
+    Raises:
+        UserError: see `load`.
+    """
+    config = load(name, overrides)
+    with initialize_config_module("conf", version_base="1.3"):
+        loader = GlobalHydra.instance().config_loader()
+        offered = {group: loader.get_group_options(group) for group in loader.list_groups("") if group != "hydra"}
+    groups = "".join(f"{group}: {', '.join(sorted(names))}\n" for group, names in sorted(offered.items()))
+    return f"groups (GROUP=NAME):\n\n{groups}\nkeys (KEY=VALUE), and what they are:\n\n{OmegaConf.to_yaml(config)}"
+
+
 def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
     within = GlobalHydra.instance().is_initialized()  # a job of Hydra's
     with nullcontext() if within else initialize_config_module("conf", version_base="1.3"):

@@ -12,7 +12,7 @@ from omegaconf import DictConfig
 from core.config import load
 from core.database import writing
 from core.record import Result
-from core.run import run
+from core.running import run
 
 
 class Experiment:

@@ -33,7 +33,7 @@ from core.plugins import installed
 from core.reading import dump_design, load_designs, read_designs
 from core.rollout import Bench, Part
 from core.rules import SpawnRules
-from core.run import run
+from core.running import run
 from core.stored import stored_evaluations
 
 T = TypeVar("T")

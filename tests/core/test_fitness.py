@@ -22,7 +22,7 @@ from core.plugins import installed
 from core.reading import load_designs, read_designs
 from core.rollout import Bench, Part
 from core.rules import SpawnRules
-from core.run import run
+from core.running import run
 from core.settings import Spread
 
 ROOT = Path(__file__).parents[2]

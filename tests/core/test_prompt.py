@@ -16,7 +16,7 @@ from core.errors import UserError
 from core.interfaces import VLM, Picture
 from core.prompt import compose, main
 from core.prompts import as_markdown
-from core.run import run
+from core.running import run
 
 ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests/tasks/solutions/OneBook.json"

@@ -14,7 +14,7 @@ from core.config import load
 from core.errors import UserError
 from core.plugins import installed
 from core.rules import SpawnRules
-from core.run import run
+from core.running import run
 from core.stored import stored_config, stored_evaluations
 from core.transfer import as_the_run, transfer
 

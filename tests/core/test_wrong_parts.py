@@ -11,7 +11,7 @@ from core.interfaces import EvolutionStrategy
 from core.plugins import Offer, installed
 from core.reading import read_designs
 from core.rules import SpawnRules
-from core.run import run
+from core.running import run
 from tests import toys
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from core.config import load
-from core.run import run
+from core.running import run
 from tests.plugins.vlms.asking import KEYS, VARIABLES
 from tests.plugins.vlms.servers import Reset, Say, Send, Stall, serving
 

@@ -17,7 +17,7 @@ from core.config import load
 from core.errors import UsageError, UserError
 from core.interfaces import Brief, Message, Picture, Request, Text
 from core.plugins import installed
-from core.run import run
+from core.running import run
 from plugins.vlms.mailbox.model import Mailbox
 from tasks.bring_cube import BringCube
 

@@ -8,7 +8,7 @@ import pytest
 from core.config import load
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from core.run import run
+from core.running import run
 
 SMALL = ["budget.n_agent=2", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1", "film=false", "logger={}"]
 
