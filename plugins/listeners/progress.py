@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
 from core.design import Evaluation
 from core.hooks import hookimpl
 
 if TYPE_CHECKING:
+    import rich.progress
+
     from core.record import Generation, Result, Run
 
 
@@ -24,8 +23,10 @@ class ProgressListener:
     """Writes to standard error, so that standard output stays free for results."""
 
     def __init__(self) -> None:
+        from rich.console import Console
+
         self._console = Console(stderr=True)
-        self._progress: Progress | None = None
+        self._progress: rich.progress.Progress | None = None
         self._population = 0
 
     @hookimpl
@@ -40,6 +41,8 @@ class ProgressListener:
 
     @hookimpl
     def generation_started(self, index: int) -> None:
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
         self._progress = Progress(
             TextColumn(f"generation {index}"),
             BarColumn(),

@@ -10,9 +10,6 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hydra.core.hydra_config import HydraConfig
-from hydra.types import RunMode
-
 from core.design import Evaluation, best_first
 from core.hooks import hookimpl
 from core.text import clean
@@ -119,6 +116,9 @@ def _asked(replies: list[Reply]) -> str:
 
 def _one_of_many() -> bool:
     """Whether this is a job of a multirun, which says at its end how to look further."""
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
+
     return bool(HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN)
 
 
