@@ -47,7 +47,7 @@ class Entry:
     def faults(self) -> list[str]:
         """What speaks against printing it as it is."""
         return [
-            f"{check.name}: {check.found}" + (f" ({piece.name})" if len(self.pieces) > 1 else "")
+            f"✗ {check.name}: {check.found}" + (f" ({piece.name})" if len(self.pieces) > 1 else "")
             for piece in self.pieces
             for check in piece.checks
             if not check.passed

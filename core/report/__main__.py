@@ -93,7 +93,10 @@ def page(
         sections=[section for section in sections if there & {*section.pictures, *section.tables}],
         tables={table.name: table for table in made},
         pictures={picture.name: picture for picture in drawn},
-        drawings={p.name: inline(p.render("svg", ground="none"), p.name, f"{p.title}. {p.caption}") for p in drawn},
+        drawings={
+            p.name: inline(p.render("svg", ground="none", titled=False), p.name, f"{p.title}. {p.caption}")
+            for p in drawn
+        },
         formats=formats,
         files=f"{DATA}/",
     )

@@ -65,12 +65,17 @@ class Picture:
     caption: str
     paint: Callable[[], Figure] = field(repr=False)
 
-    def render(self, format_: str, dpi: int = 160, ground: str = "white") -> bytes:
-        """The figure as a file of one of `FORMATS`, the same bytes each time."""
+    def render(self, format_: str, dpi: int = 160, ground: str = "white", titled: bool = True) -> bytes:
+        """The figure as a file of one of `FORMATS`, the same bytes each time; not ``titled`` where its title stands
+        above it.
+        """
         buffer = io.BytesIO()
         with _style(self.name):
             metadata = {"Software": None} if format_ == "png" else {"Date": None, "Creator": None}
-            self.paint().savefig(buffer, format=format_, dpi=dpi, facecolor=ground, metadata=metadata)
+            figure = self.paint()
+            if not titled:
+                figure.suptitle("").set_in_layout(False)
+            figure.savefig(buffer, format=format_, dpi=dpi, facecolor=ground, metadata=metadata)
         return buffer.getvalue()
 
 

@@ -111,6 +111,8 @@ def inline(svg: bytes, name: str, label: str) -> Markup:
             key, _, value = item.partition(":")
             if value:
                 element.set(key.strip(), value.strip())
+        if etree.QName(element).localname == "image":
+            element.attrib.pop("id", None)  # of the same picture twice it is the same
         if "id" in element.attrib:
             element.set("id", f"{name}-{element.get('id')}")
         link = element.attrib.pop(_HREF, None)
