@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory, Task
 from core.kinematics import Arm
 from core.kinematics import arm as panda_arm
 from core.robot import ACCELERATION_LIMITS, FINGER_OPEN
+from core.splines import Place, Splines, place
 
 # Inverse kinematics is solved at knots this close; a cubic spline joins them.
 _KNOT_M = 0.02
@@ -47,97 +51,150 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
         segment_s: the least time of a segment, seconds.
         speed: the share of the velocity and acceleration limits to use, 0..1.
     """
-    count = len(plan)
-    grip = plan[:, 6] if plan.shape[1] == 7 else np.zeros(count)
-    grips = np.concatenate([[0.0], grip])
+    grips = np.concatenate([[0.0], plan[:, 6] if plan.shape[1] == 7 else np.zeros(len(plan))])
     positions = np.vstack([home.position, plan[:, :3]])
     rotations = Rotation.concatenate([home.rotation, Rotation.from_euler("xyz", plan[:, 3:6])])
 
-    joints = arm.home_for(home)
-    knots: list[Array] = [joints[None]]
-    errors: list[tuple[float, float]] = []
-    for i in range(count):
-        points, turns = _path(positions[i : i + 2], rotations[i : i + 2])
-        solved = [joints]
-        for k, (point, turn) in enumerate(zip(points[1:], turns[1:], strict=True), start=1):
-            solution = arm.inverse(Pose.from_rotation(point, turn), joints)
-            joints = solution.joints
-            solved.append(joints)
-            if i > 0 or k == len(points) - 1:
-                errors.append((solution.error_m, solution.error_rad))
-        knots.append(np.array(solved))
-
-    times, targets, fingers = [np.zeros(1)], [knots[0]], [np.full(1, FINGER_OPEN)]
-    for i, segment in enumerate(knots[1:]):
-        path = _joined(segment, arm)
-        instants, along = _time(path, arm, segment_s, speed)
+    points, turns, ends = _path(positions, rotations)
+    start = arm.home_for(home)
+    solved, errors = arm.follow(points[1:], turns[1:], start)
+    knots = np.vstack([start, solved])
+    segments = _joined([knots[a : b + 1] for a, b in pairwise(ends)], arm)
+    times, targets, fingers = [np.zeros(1)], [start[None]], [np.full(1, FINGER_OPEN)]
+    for i, (instants, joints) in enumerate(_timed(segments, arm, segment_s, speed)):
         times.append(times[-1][-1] + instants)
-        targets.append(np.clip(path(along), arm.lower, arm.upper))
+        targets.append(np.minimum(np.maximum(joints, arm.lower), arm.upper))
         closed = grips[i] + (grips[i + 1] - grips[i]) * instants / instants[-1]
-        fingers.append(FINGER_OPEN * (1 - np.clip(closed, 0.0, 1.0)))
+        fingers.append(FINGER_OPEN * (1 - np.minimum(np.maximum(closed, 0.0), 1.0)))
 
-    way = np.concatenate([knots[1][-1:], *(segment[1:] for segment in knots[2:])])
-    distance = float(np.linalg.norm(np.diff(arm.positions(way), axis=0), axis=1).sum())
-    worst = np.max(errors, axis=0)
+    first = ends[1]  # what happens before the first waypoint counts for nothing
+    distance = float(np.linalg.norm(np.diff(arm.positions(knots[first:]), axis=0), axis=1).sum())
+    worst = errors[first - 1 :].max(axis=0)
     trajectory = JointTrajectory(np.concatenate(times), np.concatenate(targets), np.concatenate(fingers))
     return Motion(trajectory, distance, float(worst[0]), float(worst[1]))
 
 
-def _joined(knots: Array, arm: Arm) -> PPoly:
-    """Joints over s in [0, 1] through knots (K, 7): smooth; where that would swing past a limit, without overshoot."""
-    s = np.linspace(0.0, 1.0, len(knots))
-    path = CubicSpline(s, knots, axis=0)
-    between = path(np.linspace(0.0, 1.0, 8 * len(knots)))
-    if ((between < arm.lower) | (between > arm.upper)).any():
-        return PchipInterpolator(s, knots, axis=0)
-    return path
+def _path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int]]:
+    """Knots from the first pose (N + 1) to the last: positions (K, 3), rotations (K, 3, 3), and which of them are those
+    poses.
+    """
+    ways, turns = np.diff(positions, axis=0), rotations[:-1].inv() * rotations[1:]
+    angles = np.asarray(turns.magnitude())
+    ends, legs, along = [0], [np.zeros(1, dtype=int)], [np.zeros(1)]
+    for number, (way, angle) in enumerate(zip(ways, angles, strict=True)):
+        count = max(1, math.ceil(max(float(np.linalg.norm(way)) / _KNOT_M, float(angle) / _KNOT_RAD)))
+        ends.append(ends[-1] + count)
+        legs.append(np.full(count, number))
+        along.append(np.linspace(0.0, 1.0, count + 1)[1:])
+    leg, share = np.concatenate(legs), np.concatenate(along)[:, None]
+    turned = rotations[leg] * Rotation.from_rotvec(turns.as_rotvec()[leg] * share)  # SLERP
+    quaternions = turned.as_quat(scalar_first=True)
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)  # as a `Pose` would have them, to the last bit
+    matrices = Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
+    return positions[leg] + share * ways[leg], matrices, ends
 
 
-def _path(positions: Array, rotations: Rotation) -> tuple[Array, Rotation]:
-    """Knots from one pose to the next, both included: positions (K, 3) and K rotations."""
-    length = float(np.linalg.norm(positions[1] - positions[0]))
-    angle = float((rotations[0].inv() * rotations[1]).magnitude())
-    count = max(2, int(np.ceil(max(length / _KNOT_M, angle / _KNOT_RAD))) + 1)
-    along = np.linspace(0.0, 1.0, count)
-    points = positions[0] + along[:, None] * (positions[1] - positions[0])
-    return points, Slerp([0.0, 1.0], rotations)(along)
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Where one looks along a segment of so many knots: at s (S,) from 0 to 1, the knots among them, where it bends
+    most; just before each; and eight times as often as there are knots.
+    """
+
+    s: Array
+    at: Place
+    before: Place
+    between: Place
 
 
-def _time(path: PPoly, arm: Arm, segment_s: float, speed: float) -> tuple[Array, Array]:
-    """When to be where along ``path`` (joints over s in [0, 1]), at rest at both ends: instants (S,) in seconds, and
-    s (S,).
+@lru_cache(maxsize=256)
+def _grid(count: int) -> _Grid:
+    cells = count - 1
+    s = np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
+    return _Grid(s, *(place(count, at) for at in (s, np.maximum(s - 1e-9, 0.0), np.linspace(0.0, 1.0, 8 * count))))
+
+
+def _joined(segments: list[Array], arm: Arm) -> Splines:
+    """Joints over s in [0, 1] through each segment's knots (K, 7): smooth; where that would swing past a limit, without
+    overshoot.
+    """
+    curves = Splines(segments)
+    at = curves.places([_grid(len(knots)).between for knots in segments])
+    between = curves(at)
+    beyond = (between < arm.lower) | (between > arm.upper)
+    if beyond.any():
+        cells, _ = at
+        for number in np.unique(np.searchsorted(curves.starts, cells[beyond.any(axis=1)], side="right") - 1):
+            curves.restrain(number)
+    return curves
+
+
+def _timed(curves: Splines, arm: Arm, segment_s: float, speed: float) -> Iterator[tuple[Array, Array]]:
+    """When to be where along each curve (joints over s in [0, 1]), at rest at both ends: instants (S,) in seconds, and
+    joints (S, 7).
 
     Without limits it is a trapezoid of the path's speed: a fifth of the time to speed up, a fifth to slow down. Where
     a joint would pass a limit, the speed is lower there and before and after (forward and backward pass over the
     squared path speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths",
     IJRR 1985; half of each acceleration limit for the path's bend, half for the change of speed).
     """
-    cells = len(path.x) - 1
-    s = np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)  # the knots, where it bends most, are among them
-    step = s[1]
-    slope = np.abs(path(s, 1))
-    curve = np.maximum(np.abs(path(s, 2)), np.abs(path(np.maximum(s - 1e-9, 0.0), 2)))  # on both sides of a knot
+    grids = [_grid(len(knots)) for knots in curves.knots]
+    at = curves.places([grid.at for grid in grids])
+    slope, bend = np.abs(curves(at, 1)), np.abs(curves(at, 2))
+    bend = np.maximum(bend, np.abs(curves(curves.places([grid.before for grid in grids]), 2)))  # both sides of a knot
+    ends = np.cumsum([len(grid.s) for grid in grids])
+    step = np.repeat([grid.s[1] for grid in grids], [len(grid.s) for grid in grids])
     half = ACCELERATION_LIMITS * speed / 2
-    with np.errstate(divide="ignore"):
-        fastest = np.minimum((arm.velocity_limits * speed / slope).min(axis=1) ** 2, (half / curve).min(axis=1))
-        gain = np.minimum((half / slope).min(axis=1), 6.25 / segment_s**2)
-    square = np.minimum(fastest, (1.25 / segment_s) ** 2)
-    square[[0, -1]] = 0.0
-    allowed = 2 * step * np.minimum(gain[:-1], gain[1:])
-    for k in range(len(allowed)):
-        square[k + 1] = min(square[k + 1], square[k] + allowed[k])
-    for k in reversed(range(len(allowed))):
-        square[k] = min(square[k], square[k + 1] + allowed[k])
-    rate = np.sqrt(square)
-    lasts = 2 * step / (rate[:-1] + rate[1:])
+    with np.errstate(divide="ignore"):  # where a joint stands still, and between two segments
+        fastest = np.minimum(_least(arm.velocity_limits * speed / slope) ** 2, _least(half / bend))
+        gain = np.minimum(_least(half / slope), 6.25 / segment_s**2)
+        square = np.minimum(fastest, (1.25 / segment_s) ** 2)
+        square[0] = square[ends[:-1]] = square[ends - 1] = 0.0
+        rate = np.sqrt(_within(square.tolist(), (2 * step[:-1] * np.minimum(gain[:-1], gain[1:])).tolist()))
+        lasts = 2 * step[:-1] / (rate[:-1] + rate[1:])
+    for number, (grid, end) in enumerate(zip(grids, ends, strict=True)):
+        own = slice(end - len(grid.s), end)
+        instants, along = _sampled(grid.s, rate[own], lasts[own][: len(grid.s) - 1])
+        cells, into = place(len(curves.knots[number]), along)
+        yield instants, curves((curves.starts[number] + cells, into))
+
+
+def _least(values: Array) -> Array:
+    """Of each row, for rows that are many and short."""
+    least: Array = np.ascontiguousarray(values.T).min(axis=0)
+    return least
+
+
+def _within(square: list[float], allowed: list[float]) -> list[float]:
+    """Squared speeds (S,), made so low that none is above the one before it, or the one after, by more than is
+    ``allowed`` (S - 1,) there. They are numbers of Python's own, which one by one are faster than numpy's.
+    """
+    count, last = len(allowed), square[0]
+    for k in range(count):
+        last += allowed[k]
+        if last < square[k + 1]:
+            square[k + 1] = last
+        else:
+            last = square[k + 1]
+    for k in range(count - 1, -1, -1):
+        last += allowed[k]
+        if last < square[k]:
+            square[k] = last
+        else:
+            last = square[k]
+    return square
+
+
+def _sampled(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
+    """Instants (T,) in seconds, and how far along a path one is then, (T,), at a path speed of ``rate`` (S,) at ``s``
+    (S,); each step of these takes ``lasts`` (S - 1,) seconds.
+    """
     instants = np.concatenate([[0.0], np.cumsum(lasts)])
     duration = instants[-1]
-
-    times = np.linspace(0.0, duration, max(2, int(np.ceil(duration / _SAMPLE_S)) + 1))[1:]
-    at = np.clip(np.searchsorted(instants, times, side="right") - 1, 0, len(lasts) - 1)
+    times = np.linspace(0.0, duration, max(2, math.ceil(duration / _SAMPLE_S) + 1))[1:]
+    at = np.minimum(np.searchsorted(instants, times, side="right") - 1, len(lasts) - 1)
     since = times - instants[at]
     along = s[at] + rate[at] * since + (rate[at + 1] - rate[at]) / lasts[at] / 2 * since**2
-    return times, np.clip(along, 0.0, 1.0)
+    return times, np.minimum(np.maximum(along, 0.0), 1.0)
 
 
 def at_home(task: Task) -> JointTrajectory:
