@@ -19,14 +19,16 @@ from core.plugins import KINDS, installed
 
 @dataclass(frozen=True)
 class Template:
-    """Of a kind: its config group, what people call it, the module that its code goes to, and how the class is called,
-    with the name in words.
+    """Of a kind: its config group, what people call it, the module that its code goes to, how the class is called, the
+    test, and what chooses it on the command line.
     """
 
     group: str
     what: str
     module: str
     cls: str
+    test: str = "test.py"
+    choice: str = "{}"
 
 
 TEMPLATES = {
@@ -35,6 +37,8 @@ TEMPLATES = {
     "vlm": Template("vlm", "a model", "model", "{}Model"),
     "tool": Template("tool", "a tool representation", "tools", "{}Tools"),
     "strategy": Template("evolution", "a search strategy", "search", "{}Strategy"),
+    "executor": Template("executor", "an executor", "executor", "{}Executor"),
+    "listener": Template("logger", "a listener", "listener", "{}Listener", "listener_test.py", "[progress,{}]"),
 }
 USAGE = f"usage: python -m core.new {{{'|'.join(TEMPLATES)}}} NAME [output=DIR]"
 
@@ -60,7 +64,7 @@ def write(kind: str, name: str, output: Path | None = None) -> Path:
         f"{package}/__init__.py": "init.py",
         f"{package}/{template.module}.py": f"{kind}.py",
         f"{package}/conf/{template.group}/{name}.yaml": f"{kind}.yaml",
-        f"tests/test_{package}.py": "test.py",
+        f"tests/test_{package}.py": template.test,
     }
     try:
         for path, source in texts.items():
@@ -107,13 +111,14 @@ def main() -> None:
     if len(named) != 2 or len(outputs) > 1 or any(word.startswith("-") for word in named):
         raise UsageError(f"a kind and a name are needed; {USAGE}")
     kind, name = named
-    folder = write(kind, name, Path(outputs[0]) if outputs else None)
-    group = TEMPLATES[kind].group
+    folder, template = write(kind, name, Path(outputs[0]) if outputs else None), TEMPLATES[kind]
+    (code,) = folder.glob(f"*/{template.module}.py")
     sys.stdout.write(
-        f"{folder}: {TEMPLATES[kind].what}, ready to be changed\n"
-        f"  pip install -e {folder}\n"
+        f"{code}: {template.what}, ready to be changed\n"
+        f"  pip install -e '{folder}[test]'\n"
         f"  python -m core.plugins --check {name}\n"
-        f"  python -m core.run {group}={name}\n"
+        f"  python -m core.run {template.group}={template.choice.format(name)}\n"
+        f"  python -m pytest {folder}\n"
     )
 
 

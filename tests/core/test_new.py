@@ -11,8 +11,9 @@ from core.errors import UsageError, UserError
 from tests.strangers import PYTHON, install
 
 PARTS = {"task": "PullBlock", "sim": "my_engine", "vlm": "parrot", "tool": "crates", "strategy": "greedy"}
-RUNS = ["task=PullBlock", "sim=my_engine", "vlm=parrot", "tool=crates", "evolution=greedy"]
-SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "film=false", "logger=[]"]
+PARTS |= {"executor": "in_turn", "listener": "rows"}
+RUNS = ["task=PullBlock", "sim=my_engine", "vlm=parrot", "tool=crates", "evolution=greedy", "executor=in_turn"]
+SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "film=false"]
 
 
 @pytest.fixture(scope="module")
@@ -33,22 +34,27 @@ def test_what_is_written_passes_its_own_tests(written):
     done = subprocess.run([sys.executable, "-m", *words], cwd=folder, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     for kind, template in new.TEMPLATES.items():
-        checks = 4 if kind == "sim" else len(SUITES[template.group])
+        checks = {"sim": 4, "listener": 1}.get(kind) or len(SUITES[template.group])
         file = "test_pull_block.py" if kind == "task" else f"test_{PARTS[kind]}.py"
         assert len(re.findall(rf"{file}::.* PASSED", done.stdout)) == checks, kind
 
 
 def test_what_is_written_runs(written, tmp_path):
-    words = ["core.run", *RUNS, *SMALL, "hydra.run.dir=run", "executor.workers=1"]
+    words = ["core.run", *RUNS, *SMALL, "logger=[rows]", "hydra.run.dir=run"]
     done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "run/best/design.json").exists()
+    assert len((tmp_path / "run/generations.csv").read_text().splitlines()) == 2
 
 
 @pytest.mark.parametrize(
     ("kind", "name", "reason"),
     [
-        ("taks", "Mine", r"no kind 'taks' in core.new \(did you mean 'task'\?\); possible: sim, strategy, task, tool"),
+        (
+            "taks",
+            "Mine",
+            r"no kind 'taks' in core.new \(did you mean 'task'\?\); possible: executor, li",
+        ),
         ("task", "my task", "'my task' can't be a name: letters, digits and underscores"),
         ("task", "../Mine", "can't be a name"),
         ("task", "9Lives", "a letter first"),
@@ -74,10 +80,11 @@ def test_the_command_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["core.new", "strategy", "TopThree"])
     new.main()
     assert capsys.readouterr().out == (
-        "top_three: a search strategy, ready to be changed\n"
-        "  pip install -e top_three\n"
+        "top_three/top_three/search.py: a search strategy, ready to be changed\n"
+        "  pip install -e 'top_three[test]'\n"
         "  python -m core.plugins --check TopThree\n"
         "  python -m core.run evolution=TopThree\n"
+        "  python -m pytest top_three\n"
     )
     assert "class TopThreeStrategy(" in (tmp_path / "top_three/top_three/search.py").read_text()
     for words in ([], ["task"], ["task", "A", "B"], ["-x", "task"]):
