@@ -1,7 +1,7 @@
-"""Makes what the pages show: ``python docs/build.py pictures``, ``notebook``, ``table`` (takes hours).
+"""Makes what the pages show: ``python docs/build.py pictures``, ``diagrams``, ``notebook``, ``table`` (takes hours).
 
-Pictures: of each task a still and a film of its reference solution, and a sheet of all stills. Notebook: runs
-``docs/example.ipynb`` and keeps what its cells show. Table: rewards of doing
+Pictures: of each task a still and a film of its reference solution, and a sheet of all stills. Diagrams: those of
+``docs/diagrams.py``. Notebook: runs ``docs/example.ipynb`` and keeps what its cells show. Table: rewards of doing
 nothing, of the reference solution, of the embedded designer and of the bare gripper, written into ``docs/tasks.md``.
 """
 
@@ -26,6 +26,7 @@ from core.reading import load_designs, read_designs
 from core.rollout import evaluate
 from core.rules import SpawnRules
 from core.running import run
+from docs.diagrams import DRAWINGS
 
 DOCS = Path(__file__).parent
 IMAGES = DOCS / "images" / "tasks"
@@ -157,7 +158,7 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["pictures", "notebook", "table"])
+    parser.add_argument("what", choices=["pictures", "diagrams", "notebook", "table"])
     parser.add_argument("--tasks", nargs="*", default=installed().names("task"))
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
     parser.add_argument("--gripper-seeds", nargs="*", type=int, default=[0, 1, 2])
@@ -165,6 +166,9 @@ def main() -> None:
     given = parser.parse_args()
     if given.what == "pictures":
         pictures(given.tasks)
+    elif given.what == "diagrams":
+        for name, draw in DRAWINGS.items():
+            (DOCS / "images" / f"{name}.svg").write_text(draw(), encoding="utf-8")
     elif given.what == "notebook":
         notebook(DOCS / "example.ipynb")
     else:

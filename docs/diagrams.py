@@ -1,0 +1,148 @@
+"""The two drawings of the page on concepts, as SVG that stands alone: ``python docs/build.py diagrams``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+INK, SOFT, GROUND = "#1b1f24", "#57606a", "#ffffff"
+CORE, PART, QUIET = "#dcebf7", "#fdeed0", "#eef0f2"  # fills: of the core, of what is swapped, of the rest
+FONT = "system-ui, 'DejaVu Sans', sans-serif"
+
+# From the ground up; a floor imports from itself and from those below it, which a test sees to.
+FLOORS = {
+    "values": ("geometry", "scene", "design"),
+    "what a part must do": ("interfaces", "record", "hooks"),
+    "one motion for every engine": ("robot", "kinematics", "trajectory", "playback"),
+    "parts found, rules, prompts": ("plugins", "rules", "prompts", "cheats"),
+    "one candidate": ("reading", "rollout", "fitness"),
+    "one run": ("designer", "evolution", "store", "resume", "running"),
+    "commands": ("run", "evaluate", "transfer", "prompt", "view", "report", "gallery", "new"),
+}
+PARTS = {
+    "task": "RoboToolBench's twelve",
+    "sim": "pybullet, sapien, mujoco",
+    "vlm": "gemini, openai, ... or offline",
+    "tool": "urdf; none, rlbench",
+    "evolution": "vlmgineer, sampling",
+    "executor": "local, ray",
+    "logger": "progress, rerun, summary",
+}
+
+
+def drawing(width: int, height: int, title: str, pieces: Sequence[str]) -> str:
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
+        f'role="img" font-family="{FONT}" font-size="14" fill="{INK}">\n<title>{escape(title)}</title>\n'
+        f'<defs><marker id="tip" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" markerHeight="7" orient="auto">'
+        f'<path d="M0 0 10 5 0 10z" fill="{INK}"/></marker></defs>\n'
+        f'<rect width="{width}" height="{height}" rx="10" fill="{GROUND}"/>\n' + "\n".join(pieces) + "\n</svg>\n"
+    )
+
+
+def text(
+    x: float, y: float, words: str, *, size: int = 14, color: str = INK, anchor: str = "middle", bold: bool = False
+) -> str:
+    weight = ' font-weight="600"' if bold else ""
+    look = f'font-size="{size}" fill="{color}" text-anchor="{anchor}"{weight}'
+    return f'<text x="{x:g}" y="{y:g}" {look}>{escape(words, quote=False)}</text>'
+
+
+def box(
+    x: float, y: float, width: float, height: float, title: str, lines: Sequence[str] = (), fill: str = CORE
+) -> str:
+    """A title, and lines in small below it, in the middle of a rectangle."""
+    top = y + height / 2 + 5 - 9 * len(lines)
+    pieces = [
+        f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="6" fill="{fill}" stroke="{INK}"/>',
+        text(x + width / 2, top, title, bold=True),
+        *(text(x + width / 2, top + 18 * i, line, size=12, color=SOFT) for i, line in enumerate(lines, 1)),
+    ]
+    return "\n".join(pieces)
+
+
+def arrow(*corners: tuple[float, float], dashed: bool = False) -> str:
+    points = " ".join(f"{x:g},{y:g}" for x, y in corners)
+    dash = ' stroke-dasharray="5 4"' if dashed else ""
+    return f'<polyline points="{points}" fill="none" stroke="{INK}" stroke-width="1.5"{dash} marker-end="url(#tip)"/>'
+
+
+def house() -> str:
+    """The floors of ``core/``, and the parts beside it."""
+    left, width, storey, gap, base = 20, 500, 52, 8, 476
+    pieces = [text(left, 34, "core/", size=16, anchor="start", bold=True)]
+    middle = {}
+    for number, (what, modules) in enumerate(FLOORS.items()):
+        y = base - (number + 1) * (storey + gap)
+        middle[what] = y + storey / 2
+        pieces.append(box(left, y, width, storey, what, [" · ".join(modules)]))
+    pieces.append(
+        text(
+            left,
+            base + 18,
+            "a floor imports from floors below it, never from one above",
+            size=12,
+            color=SOFT,
+            anchor="start",
+        )
+    )
+    right, wide = 640, 240
+    pieces.append(text(right, 34, "plugins/, tasks/, yours", size=16, anchor="start", bold=True))
+    first = base - len(PARTS) * (storey + gap)
+    for number, (kind, names) in enumerate(PARTS.items()):
+        pieces.append(box(right, first + number * (storey + gap), wide, storey, kind, [names], PART))
+    rail = right - 20
+    ends = (first + storey / 2, base - gap - storey / 2)
+    pieces.append(
+        f'<path d="M{right} {ends[0]:g}H{rail}V{ends[1]:g}H{right}" fill="none" stroke="{INK}" stroke-width="1.5"/>'
+    )
+    for what, said in (("what a part must do", "implement"), ("parts found, rules, prompts", "are found by")):
+        pieces.append(arrow((rail, middle[what]), (left + width + 2, middle[what])))
+        pieces.append(text((rail + left + width) / 2, middle[what] - 7, said, size=12, color=SOFT))
+    return drawing(900, 510, "The floors of core, and the seven kinds of parts beside it", pieces)
+
+
+def loop() -> str:
+    """One generation."""
+    w, h, top, bottom = 170, 64, 30, 210
+    xs = [20, 252, 484, 716]
+    upper = [
+        box(xs[0], top, w, h, "strategy", ["asks, is told, asks again"], PART),
+        box(xs[1], top, w, h, "designer", ["a brief for each agent"]),
+        box(xs[2], top, w, h, "model", ["vision and language"], PART),
+        box(xs[3], top, w, h, "tool representation", ["reads; rules are checked"], PART),
+    ]
+    lower = [
+        box(xs[3], bottom, w, h, "executor", ["chunks to its workers"], PART),
+        box(xs[2], bottom, w, h, "motion", ["waypoints to joints"]),
+        box(xs[1], bottom, w, h, "simulator", ["plays it: start, end"], PART),
+        box(xs[0], bottom, w, h, "task", ["reward, 0 to 1"], PART),
+    ]
+    y, z = top + h / 2, bottom + h / 2
+    across = [arrow((xs[i] + w, y), (xs[i + 1] - 2, y)) for i in range(3)]
+    back = [arrow((xs[i], z), (xs[i - 1] + w + 2, z)) for i in (3, 2, 1)]
+    turns = [
+        arrow((xs[3] + w / 2, top + h), (xs[3] + w / 2, bottom - 2)),
+        arrow((xs[0] + w / 2, bottom), (xs[0] + w / 2, top + h + 2)),
+        arrow((xs[3] + 30, top + h), (xs[3] + 30, 152), (xs[0] + w / 2 + 6, 152), dashed=True),
+    ]
+    said = [
+        text((xs[0] + w + xs[1]) / 2, y - 10, "elites", size=12, color=SOFT),
+        text((xs[1] + w + xs[2]) / 2, y - 10, "prompts", size=12, color=SOFT),
+        text((xs[2] + w + xs[3]) / 2, y - 10, "replies", size=12, color=SOFT),
+        text(xs[3] + w / 2 + 8, 180, "candidates", size=12, color=SOFT, anchor="start"),
+        text(xs[0] + w / 2 - 8, 180, "rewards", size=12, color=SOFT, anchor="end"),
+        text((xs[1] + xs[2] + w) / 2, 145, "rejected, with a reason", size=12, color=SOFT),
+    ]
+    events = box(
+        20, 316, 866, 44, "each step is an event: store · progress · recording · listeners of yours", fill=QUIET
+    )
+    return drawing(
+        906,
+        380,
+        "One generation: from the strategy through model and simulator back to it",
+        [*upper, *lower, *across, *back, *turns, *said, events],
+    )
+
+
+DRAWINGS = {"house": house, "loop": loop}
