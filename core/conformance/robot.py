@@ -8,6 +8,7 @@ from core.conformance.worlds import (
     BARE,
     GREY,
     HAND,
+    angle_between,
     cube,
     end,
     expect,
@@ -97,6 +98,28 @@ def check_leaning_tool_stops_at_a_thin_wall(simulator: Simulator) -> None:
         into = inside[:, 1].max() + half - inner
         expect(into > -0.02, "the rod never met the wall")
         expect(into < 0.006, f"a rod pushed at a wall 6 mm thick came {1000 * into:.0f} mm beyond its face")
+
+
+def check_body_pushed_off_centre_turns(simulator: Simulator) -> None:
+    """Pushed slowly beside its middle, a cube turns as it slides: friction that takes up a thrust has less left.
+
+    The turn is between what a load spread evenly under the cube gives and what one at its corners gives; for friction
+    in either see I. Kao, K. Lynch and J. Burdick, "Contact Modeling and Manipulation", Springer Handbook of Robotics
+    (2016), on ellipsoidal limit surfaces.
+    """
+    side, beside, way = 0.1, 0.03, 0.04
+    edge_on = Pose.xyz_rpy((0, 0, -0.15), (0, 0, np.pi / 4))
+    finger = Component("finger", "panda_virtual", edge_on, Box((0.01, 0.01, 0.3)))
+    at = np.array([0.55, 0.0, side / 2])
+    back = at[0] - side / 2 - 0.01 / np.sqrt(2)
+    plan = [[back - 0.03, beside, 0.35, 0, 0, 0], [back, beside, 0.35, 0, 0, 0], [back + way, beside, 0.35, 0, 0, 0]]
+    body = cube(at=tuple(at), side=side)
+    outcome = move(simulator, plan, table(), body, tool=Tool((finger,)))
+    turned = angle_between(end(outcome).pose("cube"), body.pose)
+    levers = 0.707 * side, 0.383 * side  # of friction about the middle: of the corners, and on the mean of the square
+    low, high = (way * beside / (beside**2 + lever**2) for lever in levers)
+    told = f"a cube of {side} m, pushed {way} m at a place {beside} m beside its middle, turned {turned:.3f} rad"
+    expect(0.8 * low < turned < 1.1 * high, f"{told}; friction lets it turn {low:.3f} to {high:.3f} rad")
 
 
 def check_joints_hold_against_gravity(simulator: Simulator) -> None:

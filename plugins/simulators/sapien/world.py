@@ -14,7 +14,7 @@ from plugins.simulators.sapien.robot import Robot, surfaces_of
 from plugins.simulators.sapien.surfaces import Surfaces
 
 # Contacts are seen to when shapes are this close, metres: what strikes is slowed down before it is inside.
-_CONTACT_OFFSET = 0.002
+_CONTACT_OFFSET = 0.001
 # m/s: slower ones don't bounce.
 _BOUNCE = 0.2
 # A body whose kinetic energy per mass, (m/s)^2 / 2, stays below this for 0.4 s sleeps until it is touched: 3 mm/s.
@@ -41,7 +41,7 @@ class World:
             gravity=[0.0, 0.0, -GRAVITY],
             bounce_threshold=_BOUNCE,
             enable_pcm=True,
-            enable_tgs=False,
+            enable_tgs=True,
             enable_ccd=False,
             enable_enhanced_determinism=True,
             enable_friction_every_iteration=True,
@@ -55,7 +55,7 @@ class World:
         self._scene = sapien.Scene([self._system])
         surfaces = Surfaces(surfaces_of(tool) | weighed.moving, weighed.fixed)
         self._bodies = Bodies(self._scene, surfaces, weighed, folder, time_step)
-        self._robot = Robot(self._scene, surfaces, tool, trajectory, folder, tracking_rate)
+        self._robot = Robot(self._scene, surfaces, tool, trajectory, folder, tracking_rate, time_step)
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one

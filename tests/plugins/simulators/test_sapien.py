@@ -80,7 +80,8 @@ def test_joints_close_in_on_their_targets_at_the_tracking_rate(tmp_path, time_st
         left.append(target[0] - world.joints()[0][0])
     first, last = round(0.01 / time_step), round(0.04 / time_step)
     found = np.log(left[first] / left[last]) / ((last - first) * time_step)
-    assert found == pytest.approx(rate, rel=0.4)  # the other joints give way meanwhile
+    # The other joints give way meanwhile; stiff ones come in up to twice as fast at long steps, never slower.
+    assert 0.9 * rate < found < (1.4 if rate * time_step < 0.15 else 2.2) * rate
 
 
 @pytest.mark.parametrize(
