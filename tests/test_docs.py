@@ -5,12 +5,14 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from pathlib import Path
 
 import nbclient
 import nbformat
 import pytest
+import yaml
 
 from core.config import load
 from core.errors import UsageError
@@ -95,6 +97,7 @@ def test_each_kind_of_block_is_looked_at():
     rest = {name: {k: n for k, n in found.items() if k not in known} for name, found in languages.items()}
     assert {name: found for name, found in rest.items() if found} == {
         "designs.md": {"json": 1},
+        "paper.md": {"bibtex": 2},
         "plugins.md": {"python": 2, "toml": 1},
         "python.md": {"python": 2},
     }
@@ -189,10 +192,19 @@ def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
 
 
 def test_the_entry_point_of_the_example_is_toml():
-    import tomllib
-
     (text,) = blocks(ROOT / "docs/plugins.md", "toml")
     assert tomllib.loads(text)["project"]["entry-points"]["vlmgineer"] == {"my_plugin": "my_plugin"}
+
+
+def test_what_is_to_be_cited_is_the_same_everywhere():
+    cff = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    method, software = blocks(ROOT / "docs/paper.md", "bibtex")
+    assert cff["version"] == version
+    assert f"version = {{{version}}}" in software
+    (paper,) = cff["references"]
+    assert all(author["family-names"] in method for author in paper["authors"])
+    assert paper["identifiers"][0]["value"] in method
 
 
 def test_example_design_is_json():
