@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 
 from core.blame import PluginError, culprit, told
 from core.evolution import evaluate_all
-from core.interfaces import Executor
+from core.hooks import hookimpl
+from core.interfaces import VLM, EvolutionStrategy, Executor
 from core.plugins import Offer, Plugins, installed
 from core.rollout import Bench, Part
-from tests import faults
+from core.running import run
+from tests import faults, toys
 from tests.conftest import POPULATION
 from tests.faults import FAULTS, Faulty, Slide, candidate, tried
 
@@ -97,6 +100,40 @@ def test_the_reason_that_a_person_reads_names_the_plugin(monkeypatch):
     (failed,) = evaluate_all([candidate(0)], bench(monkeypatch, task=Clumsy), Unlucky())
     assert failed.status == "failed"
     assert failed.reason == "task 'theirs' of their-distribution raised IndexError: list index out of range"
+
+
+class Grumbler:
+    @hookimpl
+    def generation_finished(self, generation):
+        raise ArithmeticError("no")
+
+
+class Hesitant(EvolutionStrategy):
+    def ask(self):
+        raise ArithmeticError("no")
+
+    def tell(self, evaluations):
+        pass
+
+
+class Mute(VLM):
+    model = "none"
+
+    def complete(self, requests):
+        raise ArithmeticError("no")
+
+
+@pytest.mark.parametrize(("kind", "part"), [("logger", Grumbler), ("evolution", Hesitant), ("vlm", Mute)])
+def test_a_run_that_a_plugin_ends_names_it_and_says_how_to_go_on(kind, part, monkeypatch, tmp_path):
+    offers = toys.offered() | {(kind, "theirs"): Offer(kind, "theirs", "theirs", "their-distribution", part)}
+    monkeypatch.setattr(installed(), "offers", installed().offers | offers)
+    cfg = toys.config(tmp_path / "notes")
+    OmegaConf.update(cfg, kind, {"theirs": {}} if kind == "logger" else {"name": "theirs"}, merge=False)
+    with pytest.raises(ArithmeticError) as caught:
+        run(cfg, tmp_path / "run")
+    whose, then = caught.value.__notes__
+    assert whose == f"{kind} 'theirs' of their-distribution raised ArithmeticError: no"
+    assert then == f"to go on: python -m core.run resume={tmp_path / 'run'}"
 
 
 def test_who_is_to_blame():
