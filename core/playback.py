@@ -22,18 +22,20 @@ def play(world: World, job: Rollout) -> Outcome:
 
     film: list[tuple[float, Array, Array, State]] = []
     start = world.state() if settle == 0 else None
-    lag = 0.0
-    for k in range(len(times)):
+    reached: list[Array] = []
+    for k, order in enumerate(zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)):
         if every and k % every == 0:
             film.append((float(times[k]), *world.joints(), world.state()))
-        world.step(arm[k], fingers[k], speeds[k], finger_speeds[k])
+        world.step(*order)
         if k == settle - 1:
             start = world.state()
         if k >= settle and k % LAG_EVERY == 0:
-            lag = max(lag, float(np.abs(world.joints()[0] - arm[k]).max()))
+            reached.append(world.joints()[0])
     if every:
         film.append((float(times[-1] + dt), *world.joints(), world.state()))
     end = world.state()
+    wanted = arm[-(-settle // LAG_EVERY) * LAG_EVERY :: LAG_EVERY]
+    lag = float(np.abs(np.array(reached) - wanted).max()) if reached else 0.0
     if not all(np.isfinite(x).all() for x in (end.positions, end.quaternions, end.linear_velocities)):
         return Outcome(None, None, error="the simulation blew up: a body's state is not finite")
     return Outcome(start, end, lag, recording=_recording(film) if film else None)

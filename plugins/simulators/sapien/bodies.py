@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from core.geometry import Array
 from core.scene import Body, Inertia, Part, Scene, State
@@ -22,6 +23,7 @@ GRAVITY = 9.81
 _SEPARATION = 2.0
 # How strongly rolling is slowed down until its torque is reached, 1/s: at once.
 _BRAKE = 1e4
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]  # axes
 # Seconds between two looks at how hard a rolling body is pressed on.
 _BRAKE_EVERY = 0.02
 
@@ -61,8 +63,10 @@ class Bodies:
     def __init__(self, scene: Any, surfaces: Surfaces, weighed: Weighed, folder: Path, time_step: float) -> None:
         self._names = tuple(body.name for body in weighed.scene.free)
         self._system = scene.physx_system
-        self._centers = np.array([weighed.inertias[name].frame.position for name in self._names]).reshape(-1, 3)
-        self._brakes: list[_Brake] = []
+        centers = np.array([weighed.inertias[name].frame.position for name in self._names]).reshape(-1, 3)
+        self._shifted = np.flatnonzero(centers.any(axis=1))  # bodies whose frame is not at their centre of mass
+        self._centers = centers[self._shifted]
+        brakes: list[_Brake] = []
         self._brake_every = max(1, round(_BRAKE_EVERY / time_step))
         self._steps = 0
         for body in weighed.scene.bodies:
@@ -78,8 +82,11 @@ class Bodies:
                 _attach(component, body, part, surfaces, folder)
             entity.pose = to_sapien(body.pose)
             if not body.fixed and body.rolling_friction > 0:
-                self._brakes.append(_Brake(entity, component, body, time_step, self._brake_every))
+                brakes.append(_Brake(entity, component, body, time_step))
             scene.add_entity(entity)
+        self._brakes = _Brakes(
+            [self._names.index(brake.name) for brake in brakes], brakes, self._brake_every * time_step
+        )
         placed = weighed.scene.state()
         told = self._numbers()[:, :7]
         if not np.allclose(told, np.hstack([placed.quaternions, placed.positions]), atol=1e-5):
@@ -88,56 +95,77 @@ class Bodies:
     def stepped(self) -> None:
         """To be called after each time step."""
         self._steps += 1
-        if self._brakes and self._steps % self._brake_every == 0:
-            for brake in self._brakes:
-                brake.adjust()
+        if self._brakes.each and self._steps % self._brake_every == 0:
+            self._brakes.adjust(self._packed()[:, 7:10])
 
     def state(self) -> State:
         """Of the free bodies."""
         numbers = self._numbers()
-        quaternions, positions, linear, angular = np.split(numbers, (4, 7, 10), axis=-1)
-        quaternions = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)  # single precision until here
-        # PhysX tells the velocity of the centre of mass.
-        w, along = quaternions[:, :1], quaternions[:, 1:]
-        arms = self._centers + 2 * np.cross(along, np.cross(along, self._centers) + w * self._centers)
-        return State(self._names, positions, quaternions, linear - np.cross(angular, arms), angular)
+        quaternions, positions, linear, angular = numbers[:, :4], numbers[:, 4:7], numbers[:, 7:10], numbers[:, 10:]
+        quaternions /= np.sqrt((quaternions * quaternions).sum(axis=1, keepdims=True))  # single precision until here
+        if len(self._shifted):  # PhysX tells the velocity of the centre of mass
+            centers, turned = self._centers, quaternions[self._shifted]
+            w, along = turned[:, :1], turned[:, 1:]
+            arms = centers + 2 * _cross(along, _cross(along, centers) + w * centers)
+            linear[self._shifted] -= _cross(angular[self._shifted], arms)
+        return State(self._names, positions, quaternions, linear, angular)
 
     def _numbers(self) -> Array:
+        return self._packed().astype(np.float64)
+
+    def _packed(self) -> npt.NDArray[np.float32]:
         """Of each free body the quaternion, position, linear and angular velocity, all in one call: asking each for
         each takes two hundred times as long.
         """
         count = len(self._names)
-        packed = np.frombuffer(self._system.pack(), dtype=np.float32, count=13 * count)
-        return packed.reshape(count, 13).astype(np.float64)
+        return np.frombuffer(self._system.pack(), dtype=np.float32, count=13 * count).reshape(count, 13)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Of each row (N, 3) with each; numpy's own takes ten times as long for a few."""
+    return a.take(_NEXT, axis=1) * b.take(_LAST, axis=1) - a.take(_LAST, axis=1) * b.take(_NEXT, axis=1)
 
 
 class _Brake:
     """Rolling friction, which PhysX does not know: a drive that stops a body's turning with the torque of its arm times
     the force that presses on it, at most.
-
-    The force is taken to be what makes the body move otherwise than in free fall.
     """
 
-    def __init__(self, entity: Any, component: Any, body: Body, time_step: float, every: int) -> None:
-        self._component = component
+    def __init__(self, entity: Any, component: Any, body: Body, time_step: float) -> None:
+        self.name = body.name
         self._drive = physx.PhysxDriveComponent(component)
         self._impulse = body.rolling_friction * body.mass * time_step  # of the drive, per step and m/s^2
-        self._seconds = every * time_step
-        self._velocity = np.zeros(3)
-        self._set(GRAVITY)
+        self.set(GRAVITY)
         entity.add_component(self._drive)
 
-    def _set(self, acceleration: float) -> None:
-        self._acceleration = acceleration
+    def set(self, acceleration: float) -> None:
+        """By which what presses on the body is its mass's."""
         self._drive.set_drive_property_slerp(0.0, _BRAKE, self._impulse * acceleration, "acceleration")
 
-    def adjust(self) -> None:
-        velocity = self._component.linear_velocity
-        change = (velocity - self._velocity) / self._seconds
-        self._velocity = velocity
-        acceleration = float(np.hypot(np.hypot(change[0], change[1]), change[2] + GRAVITY))
-        if abs(acceleration - self._acceleration) > 0.02 * self._acceleration:
-            self._set(acceleration)
+
+class _Brakes:
+    """Those of the free bodies with these numbers. The force that presses on a body is taken to be what makes it move
+    otherwise than in free fall.
+    """
+
+    def __init__(self, numbers: list[int], each: list[_Brake], seconds: float) -> None:
+        self.each = each
+        self._numbers = numbers
+        self._seconds = seconds  # between two adjustments
+        self._velocities: npt.NDArray[np.float32] = np.zeros((len(each), 3), dtype=np.float32)
+        self._accelerations: Array = np.full(len(each), GRAVITY)
+
+    def adjust(self, velocities: npt.NDArray[np.float32]) -> None:
+        """To velocities (B, 3) of all free bodies."""
+        own = velocities[self._numbers]
+        x, y, z = ((own - self._velocities) / self._seconds).T
+        self._velocities = own
+        accelerations = np.hypot(np.hypot(x, y), z + GRAVITY).astype(np.float64)
+        changed = np.abs(accelerations - self._accelerations) > 0.02 * self._accelerations
+        if np.count_nonzero(changed):
+            for number in np.flatnonzero(changed):
+                self.each[number].set(float(accelerations[number]))
+            self._accelerations[changed] = accelerations[changed]
 
 
 def _attach(component: Any, body: Body, part: Part, surfaces: Surfaces, folder: Path) -> None:

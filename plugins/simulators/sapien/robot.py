@@ -85,7 +85,9 @@ class Robot:
         self._articulation = made[0].articulation
         active = {joint.name: number for number, joint in enumerate(self._articulation.active_joints)}
         self._numbers = [active[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ()))]
-        self._joints = [self._articulation.active_joints[number] for number in self._numbers]
+        joints = [self._articulation.active_joints[number] for number in self._numbers]
+        self._tell = [joint.set_drive_target for joint in joints] + [j.set_drive_velocity_target for j in joints]
+        self._told: list[float | None] = [None] * len(self._tell)
         start = np.empty(len(self._numbers))
         start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * 2 if tool.gripper else ())]
         self._articulation.qpos = start
@@ -96,9 +98,15 @@ class Robot:
         if self._gripper:
             targets += [fingers, fingers]
             velocities += [finger_speed, finger_speed]
-        for joint, target, velocity in zip(self._joints, targets, velocities, strict=True):
-            joint.set_drive_target(target - self._ahead * velocity)
-            joint.set_drive_velocity_target(velocity)
+        ahead = self._ahead
+        orders = [target - ahead * velocity for target, velocity in zip(targets, velocities, strict=True)] + velocities
+        if orders == self._told:
+            self._tell[0](orders[0])  # keeps the arm awake
+            return
+        for tell, order, before in zip(self._tell, orders, self._told, strict=True):
+            if order != before:  # drives keep what they were told
+                tell(order)
+        self._told = orders
 
     def joints(self) -> tuple[Array, Array]:
         """Arm (7,) and fingers (2,) as they are."""
