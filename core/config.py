@@ -164,12 +164,14 @@ class ReportConfig:
 
 @dataclass
 class GalleryConfig:
-    """What ``python -m core.gallery`` may be told. ``top``: how many tools of each task; ``plate_mm``: the printer's
-    build volume (x, y, z); ``min_wall_mm``: the thinnest wall that it makes.
+    """What ``python -m core.gallery`` may be told. ``top``: how many tools of each task; ``apart_mm``: by how much
+    a part's corner must lie elsewhere to make a tool another one; ``plate_mm``: the printer's build volume (x, y, z);
+    ``min_wall_mm``: the thinnest wall that it makes.
     """
 
     output: str = "gallery"
     top: int = 3
+    apart_mm: float = 10.0
     plate_mm: list[float] = field(default_factory=lambda: [250.0, 210.0, 220.0])
     min_wall_mm: float = 0.8
 

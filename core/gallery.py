@@ -20,10 +20,10 @@ from core.report.methods import label
 from core.report.page import in_viewer, picture_address, render
 from core.report.printing import Piece, Printer, grams, pieces, to_3mf
 from core.report.runs import FinishedRun, LeftOutRun, find_runs
-from core.report.tools import Winner, outline, size, winners
+from core.report.tools import Shape, Winner, another, size, winners
 
 USAGE = (
-    "usage: python -m core.gallery FOLDER [FOLDER ...] [output=DIR] [top=3] [plate_mm=[250,210,220]] "
+    "usage: python -m core.gallery FOLDER [FOLDER ...] [output=DIR] [top=3] [apart_mm=10] [plate_mm=[250,210,220]] "
     "[min_wall_mm=0.8]; a folder is a run's, or holds runs, as a multirun's does"
 )
 PICTURE = (640, 480)
@@ -54,9 +54,12 @@ class Entry:
         ]
 
 
-def gallery(folders: Sequence[Path], output: Path, top: int, printer: Printer) -> tuple[list[Entry], list[LeftOutRun]]:
+def gallery(
+    folders: Sequence[Path], output: Path, top: int, printer: Printer, apart_mm: float = 10.0
+) -> tuple[list[Entry], list[LeftOutRun]]:
     """Write pictures, STL, 3MF and designs files of the ``top`` best tools of each task, and a page of them, to
-    ``output``. Also the runs that were not looked at, since they failed or are unfinished.
+    ``output``. Of tools with as many parts and no corner ``apart_mm`` elsewhere the best is taken. Returns them, and the
+    runs that were not looked at, since they failed or are unfinished.
 
     Raises:
         UserError: a folder holds no run, the tools of a run can't be read, or nothing can be written.
@@ -64,7 +67,7 @@ def gallery(folders: Sequence[Path], output: Path, top: int, printer: Printer) -
     finished, left_out = find_runs(folders)
     entries = []
     for task, runs in _by_task(finished).items():
-        for place, (method, winner) in enumerate(_best(runs, top), 1):
+        for place, (method, winner) in enumerate(_best(runs, top, apart_mm / 1000), 1):
             folder = Path(_name(task)) / f"{place}_{_name(winner.name)}"
             entries.append(Entry(place, method, winner, tuple(pieces(winner.tool, printer)), folder))
     if not entries:
@@ -86,18 +89,13 @@ def _by_task(runs: Sequence[FinishedRun]) -> dict[str, list[tuple[str, FinishedR
     return found
 
 
-def _best(runs: Sequence[tuple[str, FinishedRun]], top: int) -> list[tuple[str, Winner]]:
+def _best(runs: Sequence[tuple[str, FinishedRun]], top: int, apart: float) -> list[tuple[str, Winner]]:
     """The best tools of all runs, each of another shape."""
-    found = [(method, winner) for method, run in runs for winner in winners(run, top) if winner.tool.components]
+    found = [(method, winner) for method, run in runs for winner in winners(run, top, apart=apart)]
+    found = [(method, winner) for method, winner in found if winner.tool.components]
     found.sort(key=lambda item: item[1].rank)
-    chosen: list[tuple[str, Winner]] = []
-    shapes: list[Any] = []
-    for method, winner in found:
-        shape = outline(winner.tool)
-        if shape not in shapes and len(chosen) < top:
-            shapes.append(shape)
-            chosen.append((method, winner))
-    return chosen
+    shapes: list[Shape] = []
+    return [item for item in found if len(shapes) < top and another(item[1].tool, shapes, apart)]
 
 
 def _name(text: str) -> str:
@@ -196,8 +194,10 @@ def main() -> None:
         raise UsageError(f"no folder given; {USAGE}")
     if cfg.top < 1:
         raise UsageError(f"top must be at least 1, got {cfg.top}")
+    if not cfg.apart_mm > 0:
+        raise UsageError(f"apart_mm must be greater than 0, got {cfg.apart_mm:g}")
     printer = Printer(tuple(cfg.plate_mm), cfg.min_wall_mm)
-    entries, left_out = gallery(folders, Path(cfg.output), cfg.top, printer)
+    entries, left_out = gallery(folders, Path(cfg.output), cfg.top, printer, cfg.apart_mm)
     show(entries)
     if left_out:
         sys.stdout.write(f"{len(left_out)} runs failed or are unfinished, and were left out\n")

@@ -16,7 +16,7 @@ from omegaconf import OmegaConf
 from core.config import part
 from core.design import GRIPPER_MOUNTS, Component, DesignError, Tool
 from core.errors import UserError
-from core.geometry import Pose
+from core.geometry import Array, Pose
 from core.interfaces import Task, ToolRepresentation
 from core.reading import MAX_DESCRIPTION, MAX_NAME
 from core.report.results import Results
@@ -27,6 +27,8 @@ from core.text import clean
 if TYPE_CHECKING:
     import trimesh
 
+SAME = 1e-4  # metres by which tools may differ and still be one
+Shape = list[Array]  # corners (V, 3) of each part, as the arm holds it
 _FINGER_BASE = 0.0584  # of the finger joints below the hand, in the Panda's description
 
 
@@ -78,35 +80,43 @@ def given_tool(run: FinishedRun) -> Tool | None:
     return representation.given(task)
 
 
-def winners(run: FinishedRun, count: int | None = None, generation: int | None = None) -> list[Winner]:
-    """The tools that earned most, of all generations or of one, each of another shape, the best first.
+def winners(
+    run: FinishedRun, count: int | None = None, generation: int | None = None, apart: float = SAME
+) -> list[Winner]:
+    """The tools that earned most, of all generations or of one, each of another shape (see `another`), the best
+    first.
 
     Raises:
         UserError: a part of the run is not installed here, or its store is gone or damaged.
     """
     found: list[Winner] = []
-    shapes: list[Any] = []
+    shapes: list[Shape] = []
     try:
         for winner in _winners(run, generation):
             if len(found) == count:
                 break
-            shape = outline(winner.tool)
-            if shape not in shapes:
-                shapes.append(shape)
+            if another(winner.tool, shapes, apart):
                 found.append(winner)
     except (sqlite3.Error, KeyError, ValueError, TypeError) as error:
         raise UserError(f"{run.folder / STORE} can't be read: {clean(str(error), MAX_NAME)}") from error
     return found
 
 
-def outline(tool: Tool) -> frozenset[Any]:
-    """What makes a tool another one than the next: its solids and where they are, to a tenth of a millimetre."""
-    placed = tool.placed()
-    return frozenset(
-        (mount, repr(component.shape), tuple(np.round(pose.matrix, 4).ravel().tolist()))
-        for component in tool.components
-        for mount, pose in (placed[component.name],)
-    )
+def another(tool: Tool, shapes: list[Shape], apart: float) -> bool:
+    """Whether its shape is none of ``shapes``; then it becomes one of them. Two are the same where they have as many
+    parts, and no corner is as far as ``apart`` metres from the other's.
+    """
+    shape = [np.asarray(solid.vertices) for _, solid in as_held(tool)]
+    if any(_alike(shape, known, apart) for known in shapes):
+        return False
+    shapes.append(shape)
+    return True
+
+
+def _alike(a: Shape, b: Shape, apart: float) -> bool:
+    if [part.shape for part in a] != [part.shape for part in b]:
+        return False
+    return all(float(np.linalg.norm(p - q, axis=1).max()) < apart for p, q in zip(a, b, strict=True))
 
 
 def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:

@@ -40,6 +40,15 @@ def test_the_best_of_each_task_are_chosen_each_once(made):
     assert [run.status for run in left_out] == ["unfinished"]
 
 
+def test_a_tool_that_is_hardly_another_takes_no_place(tmp_path):
+    tools = [hook(0.3, "best"), hook(0.304, "its copy"), hook(0.35, "longer"), hook(0.2, "shorter")]
+    write_run(tmp_path / "run", rewards=[[0.9, 0.8, 0.7, 0.6]], tools=tools)
+    chosen, _ = gallery([tmp_path / "run"], tmp_path / "out", 3, Printer())
+    assert [entry.winner.name for entry in chosen] == ["best", "longer", "shorter"]
+    chosen, _ = gallery([tmp_path / "run"], tmp_path / "close", 3, Printer(), apart_mm=1.0)
+    assert [entry.winner.name for entry in chosen] == ["best", "its copy", "longer"]
+
+
 def test_files_for_the_printer(made):
     out, _, _ = made
     folder = out / "BringCube" / "2_short"
@@ -133,6 +142,7 @@ def test_the_command(tmp_path):
         ([], "no folder given; usage: "),
         (["nowhere"], "no folder nowhere"),
         (["run", "top=0"], "top must be at least 1, got 0"),
+        (["run", "apart_mm=0"], "apart_mm must be greater than 0, got 0"),
         (["run", "plate_mm=[1,2]"], "plate_mm must be three lengths"),
         (["run", "min_wall=1"], "no key 'min_wall' in the configuration (did you mean 'min_wall_mm'?)"),
     ],
