@@ -58,8 +58,8 @@ def gallery(
     folders: Sequence[Path], output: Path, top: int, printer: Printer, apart_mm: float = 10.0
 ) -> tuple[list[Entry], list[LeftOutRun]]:
     """Write pictures, STL, 3MF and designs files of the ``top`` best tools of each task, and a page of them, to
-    ``output``. Of tools with as many parts and no corner ``apart_mm`` elsewhere the best is taken. Returns them, and the
-    runs that were not looked at, since they failed or are unfinished.
+    ``output``. Of tools with as many parts and no corner ``apart_mm`` elsewhere the best is taken. They come back, and
+    the runs that were not looked at, since they failed or are unfinished.
 
     Raises:
         UserError: a folder holds no run, the tools of a run can't be read, or nothing can be written.
