@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 import time
 from collections import deque
@@ -19,6 +20,7 @@ from core.record import INTERRUPTED, Generation, Result
 from core.text import shorten
 
 CHUNK = 8  # candidates of one tool that travel to a worker together
+LINGER_S = 0.2  # that a chunk for an engine which takes many waits for one more
 
 Evaluate = Callable[[Sequence[Candidate]], list[Evaluation]]
 Known = Callable[[Candidate], Evaluation | None]
@@ -34,9 +36,9 @@ def evolve(
 ) -> Result:
     """Run ``budget.n_iteration`` + 1 generations, fewer if the best reward reaches ``budget.stop_reward``.
 
-    ``evaluate`` is called in the executor's workers, with candidates of one tool; not for those whose evaluation is
-    ``known``. A limit that is reached while candidates are asked for, and an interrupt, end the loop with what there is
-    (`Result.stopped`).
+    ``evaluate`` is called in the executor's workers, with candidates of one tool, or if it has a ``batch`` greater than
+    1 with as many as have come; not for those whose evaluation is ``known``. A limit that is reached while candidates
+    are asked for, and an interrupt, end the loop with what there is (`Result.stopped`).
     """
     began = time.monotonic()
     trials = Trials(evaluate, executor, known)
@@ -103,11 +105,13 @@ class Trials:
     """Evaluates candidates in an executor's workers.
 
     Of candidates with the same `Candidate.content`, however far apart they come, one is tried; the others earn what it
-    earned. Where a chunk breaks, its candidates are tried again one by one. What is ``known`` is not tried at all.
+    earned. Where a chunk breaks, its candidates are tried again in smaller ones, at last one by one. What is ``known``
+    is not tried at all.
     """
 
     def __init__(self, evaluate: Evaluate, executor: Executor, known: Known | None = None) -> None:
         self._evaluate = evaluate
+        self._batch = int(getattr(evaluate, "batch", 1))
         self._executor = executor
         self._known = known or (lambda _: None)
         self._lock = threading.Lock()  # executors may read chunks in a thread of their own
@@ -118,16 +122,24 @@ class Trials:
         """Of all candidates, as they finish."""
         settled: deque[Evaluation] = deque()
         broken: list[list[Candidate]] = []
-        for chunk, result in self._executor.map(self._evaluate, _chunks(self._untried(candidates, settled))):
+        untried = self._untried(candidates, settled)
+        chunks = _gathered(untried, self._batch) if self._batch > 1 else _chunks(untried)
+        for chunk, result in self._executor.map(self._evaluate, chunks):
             yield from _drained(settled)
             if isinstance(result, Exception):
-                broken += [[candidate] for candidate in chunk]
+                broken.append(chunk)
             else:
                 yield from self._results(chunk, result)
-        for chunk, result in self._executor.map(self._evaluate, broken):
-            if isinstance(result, Exception):
-                result = [Evaluation(chunk[0], "failed", reason=_why(result))]
-            yield from self._results(chunk, result)
+        for size in (CHUNK, 1) if self._batch > 1 else (1,):
+            pieces = [chunk[at : at + size] for chunk in broken for at in range(0, len(chunk), size)]
+            broken = []
+            for chunk, result in self._executor.map(self._evaluate, pieces):
+                if not isinstance(result, Exception):
+                    yield from self._results(chunk, result)
+                elif size > 1:
+                    broken.append(chunk)
+                else:
+                    yield from self._results(chunk, [Evaluation(chunk[0], "failed", reason=_why(result))])
         yield from _drained(settled)
         if self._waiting:
             raise UserError(f"{whose(self._executor)}: map gave no result for {len(self._waiting)} candidates")
@@ -185,3 +197,39 @@ def _chunks(candidates: Iterable[Candidate]) -> Iterator[list[Candidate]]:
         chunk.append(candidate)
     if chunk:
         yield chunk
+
+
+def _gathered(candidates: Iterable[Candidate], most: int) -> Iterator[list[Candidate]]:
+    """Those that have come since the last chunk was taken, at most that many, and at least one.
+
+    They are read in a thread of its own, so that replies go on coming while a chunk is tried. What reading them raises
+    is raised here.
+    """
+    came: queue.Queue[Candidate | Exception | None] = queue.Queue(maxsize=most)
+
+    def read() -> None:
+        try:
+            for candidate in candidates:
+                came.put(candidate)
+            came.put(None)
+        except Exception as error:  # to be raised where somebody sees it
+            came.put(error)
+
+    threading.Thread(target=read, name="candidates", daemon=True).start()
+    while True:
+        item = came.get()
+        chunk: list[Candidate] = []
+        while isinstance(item, Candidate):
+            chunk.append(item)
+            if len(chunk) == most:
+                break
+            try:
+                item = came.get(timeout=LINGER_S)
+            except queue.Empty:
+                break
+        if chunk:
+            yield chunk
+        if isinstance(item, Exception):
+            raise item
+        if item is None:
+            return

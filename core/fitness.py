@@ -23,7 +23,9 @@ from core.rules import SpawnRules
 from core.settings import Spread
 
 Fitness = Callable[[Sequence[Candidate]], list[Evaluation]]
-"""Picklable: called in workers, with candidates of one tool."""
+"""Picklable: called in workers, with candidates of one tool; or with any, as many as its ``batch`` if it has one and it
+is greater than 1.
+"""
 
 
 @dataclass(frozen=True)
@@ -164,6 +166,11 @@ class Robust:
     """Tries candidates on several benches per engine; an evaluation's reward is the worst engine's mean."""
 
     benches: tuple[tuple[str, tuple[Bench, ...]], ...]
+
+    @property
+    def batch(self) -> int:
+        """Candidates that all of its engines like at once."""
+        return min(bench.batch for _, benches in self.benches for bench in benches)
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         tried = {engine: [bench(candidates) for bench in benches] for engine, benches in self.benches}

@@ -177,6 +177,7 @@ class World(Protocol):
 class Simulator(ABC):
     """A physics engine. Batch first: many jobs in, as many outcomes out, in order. One thread uses it at a time."""
 
+    batch: ClassVar[int] = 1  # jobs it likes at once; more than one: it steps them together, whatever their tools
     drawn_by: str = ""  # what drew the last picture, for people, where an engine has more than one way
 
     @abstractmethod
@@ -429,7 +430,8 @@ class Executor(ABC):
     @abstractmethod
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
         """Each chunk with its result, as they finish; with an exception where the function raised or its worker died.
-        ``chunks`` is read no faster than workers need them.
+        ``chunks`` is read no faster than workers need them. A function with a ``batch`` greater than 1 takes large
+        chunks, and one worker is as fast as many.
         """
 
     @abstractmethod

@@ -14,7 +14,7 @@ from core.design import Candidate, Evaluation
 from core.errors import UserError
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.kinematics import arm
-from core.plugins import Part, whose
+from core.plugins import Part, installed, whose
 from core.scene import State
 from core.text import shorten
 from core.trajectory import Motion, plan_motion
@@ -34,6 +34,11 @@ class Bench:
     sim: Part
     seed: int = 0
     settings: RolloutSettings = field(default_factory=RolloutSettings)
+
+    @property
+    def batch(self) -> int:
+        """Candidates that its simulator likes at once (`Simulator.batch`)."""
+        return int(getattr(installed().factory(self.sim.kind, self.sim.name), "batch", 1))
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         try:

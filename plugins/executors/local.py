@@ -46,7 +46,7 @@ class LocalExecutor(Executor):
     """Long-lived processes, started when there are chunks for them. One that dies takes along its own chunk only.
 
     Args:
-        workers: how many; None: as many as there are cores.
+        workers: how many; None: as many as there are cores, or one for an engine that steps many worlds at once.
         timeout_s: for each candidate; a chunk that takes longer than that for all of its candidates is given up and
             its worker replaced. None: never.
         memory_mb: that a worker may take for its data; beyond it memory is refused, which ends the chunk and the
@@ -59,6 +59,7 @@ class LocalExecutor(Executor):
         if workers is not None and workers < 1:
             raise UsageError(f"executor.workers must be at least 1, got {workers}")
         self.workers = workers if workers is not None else _cores()
+        self._free = workers is None  # to choose another number
         if timeout_s is not None:
             check_positive("executor.", timeout_s=timeout_s)
         if memory_mb is not None:
@@ -69,7 +70,8 @@ class LocalExecutor(Executor):
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
         """See `Executor.map` and `core.dealing.deal`."""
-        self._pool = self._pool or [_Worker(self._timeout_s, self._memory_mb) for _ in range(self.workers)]
+        count = 1 if self._free and getattr(function, "batch", 1) > 1 else self.workers
+        self._pool = self._pool or [_Worker(self._timeout_s, self._memory_mb) for _ in range(count)]
         return deal([partial(worker.call, function) for worker in self._pool], chunks)
 
     def close(self) -> None:

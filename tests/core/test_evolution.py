@@ -1,3 +1,4 @@
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -237,6 +238,61 @@ def test_chunks_never_mix_tools_and_are_not_too_long():
         assert len(chunk) <= CHUNK
     assert [len(chunk) for chunk in executor.chunks] == [3, CHUNK, 1, CHUNK, CHUNK, 1, 1]
     assert [c for chunk in executor.chunks for c in chunk] == candidates
+
+
+class ManyAtOnce:
+    """Earns like `earn`, and likes ``batch`` candidates at once."""
+
+    def __init__(self, batch, breaks=lambda chunk: False):
+        self.batch, self.breaks = batch, breaks
+
+    def __call__(self, chunk):
+        if self.breaks(chunk):
+            raise RuntimeError("too many")
+        return earn(chunk)
+
+
+def test_an_engine_that_batches_is_given_all_that_has_come_whatever_the_tools():
+    executor = Here()
+    candidates = population(0, 3, 1, 4)
+    assert {e.candidate for e in evaluate_all(candidates, ManyAtOnce(6), executor)} == set(candidates)
+    assert [len(chunk) for chunk in executor.chunks] == [6, 2]
+    assert [c for chunk in executor.chunks for c in chunk] == candidates
+
+
+def test_what_has_come_is_tried_while_an_engine_that_batches_waits_for_more():
+    later = threading.Event()
+
+    def two_replies():
+        yield from population(0, 3)
+        assert later.wait(60)
+        yield from population(0, 3, 2)[3:]
+
+    executor = Here()
+    evaluations = evaluate_all(two_replies(), ManyAtOnce(100), executor)
+    first = [next(evaluations) for _ in range(3)]
+    later.set()
+    assert len(first) + len(list(evaluations)) == 5
+    assert [len(chunk) for chunk in executor.chunks] == [3, 2]
+
+
+def test_a_batch_that_breaks_is_tried_in_smaller_ones_and_at_last_one_by_one():
+    executor = Here()
+    candidates = population(0, 10, 10)
+    bad = candidates[13]
+    evaluations = list(evaluate_all(candidates, ManyAtOnce(100, lambda chunk: bad in chunk), executor))
+    assert [len(chunk) for chunk in executor.chunks] == [20, CHUNK, CHUNK, 4, *[1] * CHUNK]
+    assert [e.candidate for e in evaluations if e.status == "failed"] == [bad]
+    assert len(evaluations) == len(candidates)
+
+
+def test_what_candidates_raise_while_they_are_gathered_is_raised():
+    def broken():
+        yield from population(0, 2)
+        raise RuntimeError("no more ideas")
+
+    with pytest.raises(RuntimeError, match="no more ideas"):
+        list(evaluate_all(broken(), ManyAtOnce(100), Here()))
 
 
 def test_results_are_told_while_candidates_still_come():

@@ -223,6 +223,22 @@ def test_chunks_are_read_no_faster_than_they_are_needed():
             assert len(read) - done <= 2 * 2 + 1  # one in work and one waiting for each worker, one in hand
 
 
+class Batching:
+    batch = 100
+
+    def __call__(self, chunk):
+        return who(chunk)
+
+
+def test_one_worker_serves_an_engine_that_batches_unless_more_are_asked_for():
+    with executor(workers=None) as pool:
+        assert len({pid for _, pid in pool.map(Batching(), [[i] for i in range(4)])}) == 1
+        assert len(pool._pool) == 1
+    with executor(workers=2) as pool:
+        list(pool.map(Batching(), [[0]]))
+        assert len(pool._pool) == 2
+
+
 def test_closing_ends_the_workers():
     with executor(workers=2) as pool:
         processes = {pid for _, pid in pool.map(who, [[i] for i in range(8)])}
