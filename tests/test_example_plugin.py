@@ -52,11 +52,11 @@ def test_every_combination_with_what_is_built_in(site, tmp_path):
     }
     sweep = [f"{kind}={','.join(names)}" for kind, names in choices.items()]
     fixed = [*SMALL, "budget.n_iteration=0", "budget.n_action=1", "evolution=restarts", "executor=here", "logger=[csv]"]
-    folders = ["hydra.sweep.dir=sweep", "hydra.sweep.subdir=${hydra.job.num}"]
-    done = python_m(site, tmp_path, "core.run", "-m", *sweep, *fixed, *folders)
+    done = python_m(site, tmp_path, "core.run", "-m", *sweep, *fixed, "hydra.sweep.dir=sweep")
     assert done.returncode == 0, done.stderr
     tables = list((tmp_path / "sweep").glob("*/candidates.csv"))
     assert len(tables) == len(list(product(*choices.values())))
+    assert (tmp_path / "sweep/0_PushButton_boxes_restarts_seed0").is_dir()
     for table in tables:
         (row,) = csv.DictReader(table.open())
         assert row["status"] == "ok", table
