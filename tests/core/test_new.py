@@ -39,6 +39,15 @@ def test_what_is_written_passes_its_own_tests(written):
         assert len(re.findall(rf"{file}::.* PASSED", done.stdout)) == checks, kind
 
 
+def test_its_tests_are_its_own_affair_inside_another_project(written, tmp_path):
+    """Such as a clone of this one, whose settings of pytest ask for more than it has."""
+    (tmp_path / "pyproject.toml").write_text('[tool.pytest.ini_options]\naddopts = "--no-such-option"\n')
+    new.write("listener", PARTS["listener"], tmp_path / "rows")
+    words = ["pytest", "-q", "-p", "no:cacheprovider", "rows"]
+    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_what_is_written_runs(written, tmp_path):
     words = ["core.run", *RUNS, *SMALL, "logger=[rows]", "hydra.run.dir=run"]
     done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)
