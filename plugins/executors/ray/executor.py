@@ -1,15 +1,22 @@
-"""Workers on a Ray cluster: actors that live as long as their node, each with one chunk at a time."""
+"""Workers on a Ray cluster: actors that live as long as their node, each with one chunk at a time.
+
+A chunk has no actor of its own: it waits for whichever is free next. So nothing waits for an actor that the cluster has
+no room for, be it from the start or since a node was lost.
+"""
 
 from __future__ import annotations
 
 import logging
+import math
 import os
 import pickle
+import queue
 import signal
 import socket
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sized
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from typing import Any, TypeVar
 
@@ -21,6 +28,9 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 _REACH_S = 5.0
+_STARTS = 3  # tries to get a worker going
+_PATIENCE_S = 30.0  # until it is told that there are no workers yet
+_END_S = 10.0  # for calls under way to notice that their workers are gone
 
 
 class RayExecutor(Executor):
@@ -69,18 +79,20 @@ class RayExecutor(Executor):
         self._retries = retries
         self._timeout_s = timeout_s
         self._dashboard = dashboard
-        self._pool: list[_Worker] = []
+        self._connected = False
+        self._crew: _Crew | None = None
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
         """See `Executor.map` and `core.dealing.deal`."""
-        if not self._pool:
+        if self._crew is None:
             self._connect()
-            count = self._workers or max(1, int(self._ray.cluster_resources().get("CPU", 1) / self._num_cpus))
+            room = int(self._ray.cluster_resources().get("CPU", 0) / self._num_cpus)
             actor = self._ray.remote(_Hands).options(
                 num_cpus=self._num_cpus, max_restarts=0, scheduling_strategy="SPREAD"
             )
-            self._pool = [_Worker(self._ray, actor, self._retries, self._timeout_s) for _ in range(count)]
-        return deal([partial(worker.call, function) for worker in self._pool], chunks)
+            self._crew = _Crew(self._ray, actor, self._workers or max(1, room), self._retries, self._timeout_s)
+        self._crew.gather(function)
+        return deal([partial(self._crew.call, function)] * self._crew.count, chunks)
 
     def _connect(self) -> None:
         """To the cluster, or start one.
@@ -90,26 +102,31 @@ class RayExecutor(Executor):
         """
         settings: dict[str, Any] = {"address": self._address}
         if self._address is None:
+            wanted = math.ceil((self._workers or 1) * self._num_cpus)
             cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
             settings = {
                 "address": "local",
-                "num_cpus": int(-(-self._workers * self._num_cpus // 1)) if self._workers is not None else cores,
+                "num_cpus": max(wanted, cores if self._workers is None else 0),
                 "include_dashboard": self._dashboard,
                 "dashboard_host": "127.0.0.1",
             }
-        with _signals_kept():
+        self._connected = True  # and be it in part
+        with _signals_kept(), nullcontext() if self._address else _loopback(self._ray):
             try:
                 self._ray.init(**settings, logging_level=logging.ERROR, configure_logging=False, log_to_driver=False)
             except Exception as error:  # Ray has no class of its own for what can go wrong here
-                where = self._address or "on this machine"
-                raise UserError(f"no Ray cluster {where}: {str(error).strip().splitlines()[0]}") from error
+                where, hint = self._address or "on this machine", ""
+                if self._address is not None and "RAY_AUTH_MODE" not in os.environ:
+                    hint = "; one that asks for a token needs RAY_AUTH_MODE=token in the environment"
+                why = str(error).strip().splitlines()[0]
+                raise UserError(f"no Ray cluster {where}: {why}{hint}") from error
 
     def close(self) -> None:
-        for worker in self._pool:
-            worker.close()
-        if self._pool:
+        if self._crew is not None:
+            self._crew.close()
+        if self._connected:
             self._ray.shutdown()
-        self._pool = []
+        self._crew, self._connected = None, False
 
 
 def _reach(address: str) -> None:
@@ -130,6 +147,20 @@ def _reach(address: str) -> None:
 
 
 @contextmanager
+def _loopback(ray: Any) -> Iterator[None]:
+    """A cluster that is started within listens on 127.0.0.1 only, as Ray has it on macOS and Windows, and not on all
+    addresses of the machine.
+    """
+    constants = ray._private.ray_constants
+    before = constants.ENABLE_RAY_CLUSTER
+    constants.ENABLE_RAY_CLUSTER = False
+    try:
+        yield
+    finally:
+        constants.ENABLE_RAY_CLUSTER = before
+
+
+@contextmanager
 def _signals_kept() -> Iterator[None]:
     """Ray takes over SIGTERM; how this program ends is its own business."""
     mine = threading.current_thread() is threading.main_thread()
@@ -141,62 +172,166 @@ def _signals_kept() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-class _Worker:
-    """One actor, started when it is needed, and anew, on whatever node has room, when it is lost."""
+class _Crew:
+    """``count`` actors. One that is lost is replaced, on whatever node has room."""
 
-    def __init__(self, ray: Any, actor: Any, retries: int, timeout_s: float | None) -> None:
+    def __init__(self, ray: Any, actor: Any, count: int, retries: int, timeout_s: float | None) -> None:
+        self.count = count
         self._ray = ray
         self._make = actor
         self._retries = retries
         self._timeout_s = timeout_s
-        self._actor: Any = None
-        self._closed = False
+        self._actors: set[Any] = set()  # ready ones, busy ones, and those that wait for room
+        # Actors, or a UserError, where there will be none; None is the end.
+        self._free: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._lock = threading.Condition()
+        self._waiting = 0  # threads in Ray's code
+        self._begun = self._told = self._closed = False
+
+    def gather(self, function: Callable[..., Any]) -> None:
+        """Start the actors that are missing."""
+        with self._lock:
+            missing = self.count - len(self._actors)
+        for _ in range(missing):
+            self._hire(pickle.dumps(function))
 
     def call(self, function: Callable[[A], B], chunk: A) -> B | Exception:
-        """What ``function`` makes of ``chunk`` in the worker, or an exception that says why nothing came of it."""
+        """What ``function`` makes of ``chunk`` in the next free actor, or an exception: why nothing came of it.
+
+        Raises:
+            UserError: no actor could be made to work.
+        """
         job = pickle.dumps((function, chunk))
         limit = self._timeout_s
         if limit is not None and isinstance(chunk, Sized):
             limit *= max(1, len(chunk))
         why = ""
         for _ in range(1 + self._retries):
+            actor = self._take(function)
+            if actor is None:
+                return RuntimeError("the executor is closed")
             try:
-                if self._closed:
-                    return RuntimeError("the executor is closed")
-                if self._actor is None:
-                    self._actor = self._make.remote()
-                self._ray.get(self._actor.ready.remote())
-                result = pickle.loads(self._ray.get(self._actor.work.remote(job), timeout=limit))  # noqa: S301
+                result = self._wait(actor.work.remote(job), limit)
             except self._ray.exceptions.GetTimeoutError:
-                self._bury()
+                self._replace(actor, function)
                 return RuntimeError("the rollout took longer than executor.timeout_s and was given up")
             except self._ray.exceptions.RayError as error:
-                self._bury()
-                why = str(error).strip().splitlines()[0]
+                self._replace(actor, function)
+                why = _first_line(error)
             else:
-                return result  # type: ignore[no-any-return]
+                self._free.put(actor)
+                return pickle.loads(result)  # type: ignore[no-any-return]  # noqa: S301
         return RuntimeError(f"the worker was lost {1 + self._retries} times: {why}")
 
-    def _bury(self) -> None:
-        if self._actor is not None:
-            with suppress(Exception):  # gone already, with its node or the cluster
-                self._ray.kill(self._actor)
-            self._actor = None
+    def _take(self, function: Callable[..., Any]) -> Any:
+        """The next actor that is free, and still there; None: the executor is closed.
+
+        Raises:
+            UserError: there will be none.
+        """
+        while True:
+            try:
+                actor = self._free.get(timeout=_PATIENCE_S)
+            except queue.Empty:
+                self._tell()
+                continue
+            if isinstance(actor, UserError):
+                self._free.put(actor)  # for the others
+                raise actor
+            if actor is None:
+                return None
+            try:
+                self._wait(actor.there.remote(), None)
+            except self._ray.exceptions.RayError:  # its node was lost while it had nothing to do
+                self._replace(actor, function)
+            else:
+                return actor
+
+    def _tell(self) -> None:
+        """Say, once, that nothing has begun yet: whoever waits for a cluster's room ought to know."""
+        with self._lock:
+            waits, self._told = not (self._begun or self._told), True
+        if waits:
+            sys.stderr.write(f"executor=ray: no worker has started for {_PATIENCE_S:.0f} s; has the cluster room?\n")
+
+    def _hire(self, function: bytes) -> None:
+        threading.Thread(target=self._start, args=[function], name="hire", daemon=True).start()
+
+    def _start(self, function: bytes) -> None:
+        """Start an actor and see that it can do its work."""
+        why = ""
+        for _ in range(_STARTS):
+            with self._lock:
+                if self._closed:
+                    return
+                actor = self._make.remote()
+                self._actors.add(actor)
+            try:
+                self._wait(actor.ready.remote(function), None)
+            except self._ray.exceptions.RayTaskError as error:  # it lives, and would fail the next time too
+                self._bury(actor)
+                why = _first_line(error.cause)
+                break
+            except self._ray.exceptions.RayError as error:
+                self._bury(actor)
+                why = _first_line(error)
+            else:
+                self._begun = True
+                self._free.put(actor)
+                return
+        if not self._closed:
+            self._free.put(UserError(f"workers on the Ray cluster can't be used: {why}"))
+
+    def _wait(self, reference: Any, limit: float | None) -> Any:
+        with self._lock:
+            self._waiting += 1
+        try:
+            return self._ray.get(reference, timeout=limit)
+        finally:
+            with self._lock:
+                self._waiting -= 1
+                self._lock.notify_all()
+
+    def _replace(self, actor: Any, function: Callable[..., Any]) -> None:
+        self._bury(actor)
+        self._hire(pickle.dumps(function))
+
+    def _bury(self, actor: Any) -> None:
+        with self._lock:
+            self._actors.discard(actor)
+        with suppress(Exception):  # gone already, with its node or the cluster
+            self._ray.kill(actor)
 
     def close(self) -> None:
-        self._closed = True
-        self._bury()
+        """End the actors; whoever waits for one learns of it, before Ray itself goes."""
+        with self._lock:
+            self._closed = True
+            actors = list(self._actors)
+        for actor in actors:
+            self._bury(actor)
+        for _ in range(self.count):
+            self._free.put(None)
+        with self._lock:
+            self._lock.wait_for(lambda: not self._waiting, _END_S)
+
+
+def _first_line(error: BaseException) -> str:
+    return f"{type(error).__name__}: {str(error).strip()}".splitlines()[0]
 
 
 class _Hands:
     """The actor: takes a pickled function and chunk, and gives back what came of them, pickled."""
 
-    def ready(self) -> None:
-        """It is there."""
+    def ready(self, function: bytes) -> None:
+        """Import what ``function`` needs, which takes a while and counts for no chunk."""
+        pickle.loads(function)  # noqa: S301  # from the process that started this one
+
+    def there(self) -> None:
+        """It is."""
 
     def work(self, job: bytes) -> bytes:
-        function, chunk = pickle.loads(job)  # noqa: S301  # from the process that started this one
         try:
+            function, chunk = pickle.loads(job)  # noqa: S301
             return pickle.dumps(function(chunk))
         except Exception as error:
             return _portable(error)

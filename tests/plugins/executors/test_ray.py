@@ -3,7 +3,11 @@
 import os
 import signal
 import socket
+import subprocess
+import sys
 import time
+import types
+from pathlib import Path
 
 import pytest
 
@@ -35,24 +39,68 @@ def misfortune(chunk):
     return chunk
 
 
-class Slowly:
-    """A bench that takes its time, so that the loss of a node comes in the middle."""
+def offspring(pid):
+    """Of a process, with all of theirs."""
+    parents = {}
+    for file in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            before, _, after = file.read_text().rpartition(")")
+        except OSError:  # gone meanwhile
+            continue
+        parents[int(before.split()[0])] = int(after.split()[1])
+    family = {pid}
+    while more := {child for child, parent in parents.items() if parent in family} - family:
+        family |= more
+    return family - {pid}
 
-    def __init__(self, bench):
-        self.bench = bench
 
-    def __call__(self, candidates):
-        time.sleep(0.5)
-        return self.bench(candidates)
+def listens_on(pids):
+    """The addresses, as the kernel writes them, on which processes wait for connections."""
+    sockets = set()
+    for pid in pids:
+        for link in Path(f"/proc/{pid}/fd").glob("*"):
+            try:
+                sockets.add(str(link.readlink()))
+            except OSError:
+                continue
+    rows = [row.split() for table in ("tcp", "tcp6") for row in Path(f"/proc/net/{table}").read_text().splitlines()]
+    return {row[1].partition(":")[0] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in sockets}
+
+
+LOOPBACK = {"0100007F", "0000000000000000FFFF00000100007F", "00000000000000000000000001000000"}
+
+
+def all_end(pids):
+    deadline = time.monotonic() + 60
+    while left := {pid for pid in pids if Path(f"/proc/{pid}").exists()}:
+        if time.monotonic() > deadline:
+            return left
+        time.sleep(0.1)
+    return left
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two nodes with a core each."""
+    from ray.cluster_utils import Cluster
+
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    try:
+        cluster.add_node(num_cpus=1)
+        yield cluster
+    finally:
+        cluster.shutdown()
 
 
 def test_what_befalls_a_chunk_befalls_no_other():
-    before = signal.getsignal(signal.SIGTERM)
+    before, here = signal.getsignal(signal.SIGTERM), offspring(os.getpid())
     chunks = [["a"], ["raise"], ["b"], ["exit"], ["c"], ["hang"], ["d"]]
-    with executor(workers=1, timeout_s=5.0, retries=1) as pool:
+    with executor(workers=1, timeout_s=3.0, retries=1) as pool:
         found = {chunk[0]: result for chunk, result in pool.map(misfortune, chunks)}
         own = [[1, 2], [3]]
         doubled = list(pool.map(double, own))
+        started = offspring(os.getpid()) - here
+        reachable = listens_on(started | {os.getpid()})
     assert {name: found[name] for name in "abcd"} == {name: [name] for name in "abcd"}
     assert isinstance(found["raise"], ValueError)
     assert str(found["raise"]) == "this chunk is bad"
@@ -61,28 +109,80 @@ def test_what_befalls_a_chunk_befalls_no_other():
     assert sorted(result for _, result in doubled) == [[2, 4], [6]]
     assert all(any(chunk is mine for mine in own) for chunk, _ in doubled)
     assert signal.getsignal(signal.SIGTERM) is before
+    assert reachable
+    assert reachable <= LOOPBACK
+    assert started
+    assert not all_end(started)
 
 
-def test_a_node_that_is_lost_changes_no_result():
-    from ray.cluster_utils import Cluster
+def test_chunks_do_not_wait_for_workers_that_find_no_room(cluster):
+    chunks = [[number] for number in range(8)]
+    with executor(address=cluster.address, workers=4) as pool:
+        assert sorted(result for _, result in pool.map(double, chunks)) == [[2 * number] for number in range(8)]
 
-    candidates = designs("BringCube", 3, 3, 0)
+
+def test_nodes_that_lack_the_program(cluster, monkeypatch):
+    module = types.ModuleType("only_here")
+    exec("def work(chunk): return chunk", module.__dict__)
+    monkeypatch.setitem(sys.modules, "only_here", module)
+    with (
+        executor(address=cluster.address, workers=1) as pool,
+        pytest.raises(UserError, match="No module named 'only_h"),
+    ):
+        list(pool.map(module.work, [[1]]))
+
+
+class Doomed:
+    """A bench that on one node begins and never ends, and elsewhere does not begin before that."""
+
+    def __init__(self, bench, node, mark):
+        self.bench = bench
+        self.node = node
+        self.mark = mark
+
+    def __call__(self, candidates):
+        import ray
+
+        if ray.get_runtime_context().get_node_id() == self.node:
+            self.mark.write_text(candidates[0].id)
+            time.sleep(600)
+        while not self.mark.exists():
+            time.sleep(0.02)
+        return self.bench(candidates)
+
+
+def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
+    candidates = designs("BringCube", 8, 1, 0)
     bench = Bench(Part("task", "BringCube"), Part("sim", "pybullet", (("time_step", 0.004),)))
     with installed().create("executor", "local", {"workers": 1}) as pool:
         here = {e.candidate.id: (e.reward, e.distance_m, e.moved_m) for e in evaluate_all(candidates, bench, pool)}
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    try:
-        other = cluster.add_node(num_cpus=1)
-        there = {}
-        with executor(address=cluster.address) as pool:
-            for evaluation in evaluate_all(iter(candidates), Slowly(bench), pool):
-                there[evaluation.candidate.id] = (evaluation.reward, evaluation.distance_m, evaluation.moved_m)
-                if other is not None:
-                    cluster.remove_node(other, allow_graceful=False)
-                    other = None
-    finally:
-        cluster.shutdown()
+    there, doomed, mark = {}, cluster.add_node(num_cpus=1), tmp_path / "begun"
+    with executor(address=cluster.address) as pool:
+        for evaluation in evaluate_all(iter(candidates), Doomed(bench, doomed.node_id, mark), pool):
+            if not there:
+                cluster.remove_node(doomed, allow_graceful=False)
+            there[evaluation.candidate.id] = (evaluation.reward, evaluation.distance_m, evaluation.moved_m)
+    assert mark.read_text() in there
     assert there == here
+
+
+def test_ctrl_c_leaves_nothing_behind(tmp_path):
+    words = ["executor=ray", "executor.workers=1", "evolution=sampling", "budget.n_agent=1", "budget.n_tool=1"]
+    words += ["budget.n_action=1", "budget.n_iteration=1000", "film=false", "~logger.rerun"]
+    command = [sys.executable, "-m", "core.run", *words, f"hydra.run.dir={tmp_path / 'run'}"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for line in process.stderr:
+        if line.startswith("generation 0 "):
+            break
+    started = offspring(process.pid)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert out == ""
+    assert f"interrupted; to go on: python -m core.run resume={tmp_path / 'run'}" in err
+    assert "Traceback" not in err
+    assert started
+    assert not all_end(started)
 
 
 def test_settings_that_make_no_sense():
