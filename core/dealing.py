@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from typing import TypeVar
 
 A = TypeVar("A")
 B = TypeVar("B")
 
+_AS_ONE = 8  # candidates that have no more time than one alone
+
 
 @dataclass(frozen=True)
 class _Raised:
     error: Exception
+
+
+def time_limit(timeout_s: float | None, chunk: object) -> float | None:
+    """Seconds that a chunk may take: ``timeout_s`` for every eight candidates. One that needs more is broken up, and
+    each of them then has all of it: what hangs is found after one limit instead of eight, and what is slow is not lost.
+    """
+    count = len(chunk) if isinstance(chunk, Sized) else 1
+    return None if timeout_s is None else timeout_s * max(1, -(-count // _AS_ONE))
 
 
 def deal(workers: Sequence[Callable[[A], B | Exception]], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:

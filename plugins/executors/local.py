@@ -13,14 +13,14 @@ import queue
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
-from core.dealing import deal
+from core.dealing import deal, time_limit
 from core.errors import UsageError, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Executor
@@ -47,8 +47,8 @@ class LocalExecutor(Executor):
 
     Args:
         workers: how many; None: as many as there are cores, or one for an engine that steps many worlds at once.
-        timeout_s: for each candidate; a chunk that takes longer than that for all of its candidates is given up and
-            its worker replaced. None: never.
+        timeout_s: for a candidate, and for a chunk of up to eight; one that takes longer is given up and its worker
+            replaced. None: never.
         memory_mb: that a worker may take for its data; beyond it memory is refused, which ends the chunk and the
             worker. None: as much as there is. Only Linux keeps to it.
     """
@@ -119,10 +119,9 @@ class _Worker:
 
     def _try(self, job: bytes, chunk: Any) -> Any:
         """What the process makes of the job, or an exception."""
-        count = len(chunk) if isinstance(chunk, Sized) else 1
         try:
             self._hand_over(job)
-            return self._receive(None if self._timeout_s is None else self._timeout_s * count)
+            return self._receive(time_limit(self._timeout_s, chunk))
         except _Died as death:
             return death
         except TimeoutError:

@@ -15,12 +15,12 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from typing import Any, TypeVar
 
-from core.dealing import deal
+from core.dealing import deal, time_limit
 from core.errors import UsageError, UserError, check_positive
 from core.interfaces import Executor
 
@@ -43,8 +43,8 @@ class RayExecutor(Executor):
         workers: how many; None: as many as there are cores for.
         num_cpus: cores that the cluster sets aside for each.
         retries: of a chunk whose worker is lost.
-        timeout_s: for each candidate; a chunk that takes longer than that for all of its candidates is given up and
-            its worker replaced. None: never. Waiting for room on the cluster does not count.
+        timeout_s: for a candidate, and for a chunk of up to eight; one that takes longer is given up and its worker
+            replaced. None: never. Waiting for room on the cluster does not count.
         dashboard: Ray's, on http://127.0.0.1:8265, of a cluster that is started here.
     """
 
@@ -202,9 +202,7 @@ class _Crew:
             UserError: no actor could be made to work.
         """
         job = pickle.dumps((function, chunk))
-        limit = self._timeout_s
-        if limit is not None and isinstance(chunk, Sized):
-            limit *= max(1, len(chunk))
+        limit = time_limit(self._timeout_s, chunk)
         why = ""
         for _ in range(1 + self._retries):
             actor = self._take(function)

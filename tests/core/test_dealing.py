@@ -1,0 +1,32 @@
+import pytest
+
+from core.dealing import deal, time_limit
+
+
+@pytest.mark.parametrize(("chunk", "limit"), [("a", 10), ("abcdefgh", 10), ("abcdefghi", 20), ([], 10), (None, 10)])
+def test_eight_have_no_more_time_than_one(chunk, limit):
+    assert time_limit(10.0, chunk) == limit
+    assert time_limit(None, chunk) is None
+
+
+def test_chunks_are_read_no_faster_than_they_are_worked_on():
+    read = []
+
+    def chunks():
+        for number in range(20):
+            read.append(number)
+            yield number
+
+    results = deal([lambda n: n * n], chunks())
+    assert next(results) == (0, 0)
+    assert len(read) <= 4
+    assert sorted(results) == [(n, n * n) for n in range(1, 20)]
+
+
+def test_what_chunks_raise_is_raised():
+    def chunks():
+        yield 1
+        raise ValueError("no more")
+
+    with pytest.raises(ValueError, match="no more"):
+        list(deal([lambda n: n], chunks()))
