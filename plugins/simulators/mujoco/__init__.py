@@ -7,4 +7,7 @@ from core.hooks import hookimpl
 
 @hookimpl
 def simulators() -> Mapping[str, str]:
-    return {"mujoco": "plugins.simulators.mujoco.simulator:MuJoCoSimulator"}
+    return {
+        "mujoco": "plugins.simulators.mujoco.simulator:MuJoCoSimulator",
+        "mujoco_warp": "plugins.simulators.mujoco.batched.simulator:MuJoCoWarpSimulator",
+    }

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import ctypes.util
 import importlib
+import logging
 import os
 import platform
 from functools import lru_cache
@@ -110,6 +111,7 @@ def _open_gl() -> tuple[Any, str]:
     name = chosen if chosen in libraries else found[0] if found else ""
     if not name:
         raise NoOpenGL(f"none of the libraries {', '.join(libraries.values())} is there")
+    logging.getLogger("OpenGL.acceleratesupport").setLevel(logging.WARNING)  # of a package that need not be there
     try:
         context = importlib.import_module(f"mujoco.{name}").GLContext(640, 480)
         context.make_current()

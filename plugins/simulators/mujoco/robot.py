@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,12 @@ FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
 _AHEAD = 3.0  # how many times faster than its position a joint's speed comes to what it should be
 
 
-def load(tool: Tool) -> tuple[Element, list[Felt]]:
-    """A spec of the arm with a tool, and its geoms. Links without a joint between them are one body."""
+def load(tool: Tool, slots: int = 0) -> tuple[Element, list[Felt]]:
+    """A spec of the arm with a tool, and its geoms. Links without a joint between them are one body.
+
+    Each mount has at least so many boxes as there are ``slots``: those that the tool has no use for are a millimetre
+    wide, weigh nothing, and are a kilometre away, from each other too if they are on two mounts.
+    """
     assets: dict[str, bytes] = {}
 
     def asset(path: Path) -> str:
@@ -32,6 +37,11 @@ def load(tool: Tool) -> tuple[Element, list[Felt]]:
     spec = mujoco.MjSpec.from_string(urdf, assets=assets)
     spec.compiler.degree = False
     mounts, bearer = (GRIPPER_MOUNTS, "panda_hand") if tool.gripper else ((RIGID_MOUNT,), "panda_link7")
+    used = Counter(mount for mount, _ in tool.placed().values())
+    for number, mount in enumerate(tool.mounts, start=1):
+        away = [0.0, 0.0, 1000.0 * number]
+        for _ in range(slots - used[mount]):
+            spec.body(mount).add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-4] * 3, pos=away, mass=0.0)
     links = [(geom, geom.parent.name) for geom in spec.geoms]
     spec.fuse_static()
     felt = []

@@ -23,11 +23,20 @@ _ARM = len(ARM_JOINTS)
 def compiled(
     scene: Scene, inertias: dict[str, Inertia], tool: Tool, time_step: float, tracking_rate: float, slip_rate: float
 ) -> Element:
-    """The model: the arm's joints first, then those of the free bodies, in order.
+    """The model: the arm's joints first, then those of the free bodies, in order."""
+    model = described(scene, inertias, tool, time_step, slip_rate).compile()
+    robot.set_gains(model, tracking_rate)
+    return model
+
+
+def described(
+    scene: Scene, inertias: dict[str, Inertia], tool: Tool, time_step: float, slip_rate: float, slots: int = 0
+) -> Element:
+    """The model's spec; the servos' gains are still to be set. For ``slots`` see `robot.load`.
 
     Fixed bodies are all part of the world's body: MuJoCo looks for contacts with it by a tree of boxes.
     """
-    spec, felt = robot.load(tool)
+    spec, felt = robot.load(tool, slots)
     surfaces = [Surface(body.friction, body.rolling_friction, body.restitution) for body in scene.bodies]
     contacts.options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
     robot.add_servos(spec)
@@ -40,9 +49,7 @@ def compiled(
             geom = add_geom(spec, bearer, part.shape, part.pose if frame is None else frame @ part.pose)
             felt.append(Felt(geom, bearer.name, Role.SCENE, surface, not body.fixed))
     contacts.set_contacts(spec, felt, slip_rate)
-    model = spec.compile()
-    robot.set_gains(model, tracking_rate)
-    return model
+    return spec
 
 
 class World:
@@ -105,7 +112,7 @@ class World:
         return controls.reshape(len(times), -1)
 
     def _state(self, qpos: Array, qvel: Array) -> State:
-        return _state(self._names, qpos[..., self._joints :], qvel[..., self._joints :])
+        return state(self._names, qpos[..., self._joints :], qvel[..., self._joints :])
 
     def stepped(self, start: JointTrajectory) -> Stepped:
         """The same world, to be stepped from outside; the robot at the trajectory's first targets."""
@@ -136,10 +143,10 @@ class Stepped:
         return self._data.qpos[:_ARM].copy(), fingers
 
     def state(self) -> State:
-        return _state(self._names, self._data.qpos[self._joints :], self._data.qvel[self._joints :])
+        return state(self._names, self._data.qpos[self._joints :], self._data.qvel[self._joints :])
 
 
-def _state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
+def state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
     """Of the free bodies, from their joints' positions (..., 7 B) and speeds (..., 6 B)."""
     shape = (*qpos.shape[:-1], len(names))
     poses, speeds = qpos.reshape(*shape, 7), qvel.reshape(*shape, 6)

@@ -1,0 +1,66 @@
+"""Imports Warp and MuJoCo Warp, or says what is missing; and finds the device."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from core.errors import UserError, choices
+
+try:
+    import mujoco_warp
+    import warp
+    from mujoco_warp._src import solver
+except ModuleNotFoundError as error:
+    raise UserError("sim=mujoco_warp needs MuJoCo Warp: pip install 'vlmgineer[warp]'") from error
+
+warp.config.log_level = warp.LOG_ERROR  # it would tell of each kernel that it compiles, and of a driver that is missing
+
+# On a card, several groups of threads may add up what the constraints of one world weigh, the fewer worlds the more; a
+# world's numbers would then depend on how many others there are. With many worlds it is one group each anyway.
+solver._JTDAJ_OVERSUBSCRIBE_WAVES = 0
+
+DEVICES = ("cuda", "cpu")
+
+
+def device(name: str) -> Any:
+    """The device of that name; of several graphics cards ``cuda:1`` is the second.
+
+    Raises:
+        UserError: there is no such device here.
+    """
+    if name.partition(":")[0] not in DEVICES:
+        raise choices("sim.device", name, DEVICES)
+    with _quiet():
+        warp.init()
+    cards = warp.get_cuda_devices()
+    if name.startswith("cuda") and not cards:
+        raise UserError(
+            f"sim.device={name}: no graphics card with CUDA is found here; sim.device=cpu steps on the processor, and "
+            "sim=mujoco does so faster"
+        )
+    try:
+        return warp.get_device(name)
+    except ValueError as error:
+        have = ", ".join(card.alias for card in cards) or "none"
+        raise UserError(f"sim.device={name}: there is no such graphics card; there are: {have}") from error
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Warp's own library says on the terminal that it has found no driver."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+__all__ = ["device", "mujoco_warp", "warp"]

@@ -1,0 +1,142 @@
+"""What happens on the device between two steps of physics: targets go to the servos, and states are noted."""
+
+from __future__ import annotations
+
+from plugins.simulators.mujoco.batched.engine import warp as wp
+
+LARGEST = 1e10  # of a state's numbers, beyond which MuJoCo calls it broken (mjMAXVAL)
+
+
+@wp.func
+def sampled(
+    times: wp.array2d[wp.float64],
+    values: wp.array3d[wp.float64],
+    count: int,
+    world: int,
+    joint: int,
+    time: wp.float64,
+) -> wp.float64:
+    """Linear between instants, constant before and after, as `JointTrajectory.sample`."""
+    if time <= times[world, 0]:
+        return values[world, 0, joint]
+    if time >= times[world, count - 1]:
+        return values[world, count - 1, joint]
+    low = int(0)  # noqa: RUF046, UP018  # without the word it is a constant
+    high = count - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if times[world, middle] <= time:
+            low = middle
+        else:
+            high = middle
+    share = (time - times[world, low]) / (times[world, high] - times[world, low])
+    return values[world, low, joint] + share * (values[world, high, joint] - values[world, low, joint])
+
+
+@wp.kernel(enable_backward=False)
+def drive(
+    step: wp.array[int],
+    settle: wp.array[int],
+    broken: wp.array[int],
+    dt: wp.float64,
+    ahead: int,
+    count: wp.array[int],
+    times: wp.array2d[wp.float64],
+    targets: wp.array3d[wp.float64],
+    stiffness: wp.array2d[wp.float64],
+    damping: wp.array2d[wp.float64],
+    aim: wp.array2d[wp.float64],
+    control: wp.array2d[float],
+) -> None:
+    """Each joint's target (``aim``) at the end of the step, and what its servo is told; broken worlds stay where they
+    began.
+    """
+    world, joint = wp.tid()
+    time = wp.float64(step[0] - settle[world]) * dt
+    if broken[world] != 0:
+        time = times[world, 0] - dt
+    before = sampled(times, targets, count[world], world, joint, time)
+    after = sampled(times, targets, count[world], world, joint, time + dt)
+    aim[world, joint] = after
+    if wp.abs(after) > wp.static(LARGEST):  # MuJoCo does not take it either
+        broken[world] = 1
+        after = targets[world, 0, joint]
+        before = after
+    target = before
+    if ahead != 0:
+        target = after
+    control[world, joint] = wp.float32(stiffness[world, joint] * target + damping[world, joint] * (after - before) / dt)
+
+
+@wp.kernel(enable_backward=False)
+def note(
+    step: wp.array[int],
+    settle: wp.array[int],
+    last: wp.array[int],
+    every: wp.array[int],
+    look: int,
+    arm: int,
+    qpos: wp.array2d[float],
+    qvel: wp.array2d[float],
+    aim: wp.array2d[wp.float64],
+    overflow: wp.array[int],
+    start: wp.array2d[float],
+    end: wp.array2d[float],
+    film: wp.array3d[float],
+    lag: wp.array[wp.float64],
+    lost: wp.array[int],
+    astray: wp.array[int],
+    broken: wp.array[int],
+) -> None:
+    """Before the step: one number of a world's state, to where it belongs. What comes after a world's last step is of
+    no account, but if it explodes.
+    """
+    world, number = wp.tid()
+    positions = qpos.shape[1]
+    value = float(0.0)  # noqa: UP018
+    if number < positions:  # noqa: SIM108  # both sides of an expression would be read
+        value = qpos[world, number]
+    else:
+        value = qvel[world, number - positions]
+    now = step[0]
+    if not wp.isfinite(value) or wp.abs(value) > wp.static(LARGEST):
+        astray[world] = 1
+        if now <= last[world]:
+            broken[world] = 1
+    if now > last[world]:
+        return
+    if now == settle[world]:
+        start[world, number] = value
+    if now == last[world]:
+        end[world, number] = value
+    if every[world] > 0 and now < last[world] and now % every[world] == 0:
+        film[now // every[world], world, number] = value
+    if number == 0:
+        lost[world] = overflow[world]
+    if number < arm and now > settle[world] and (now - 1) % look == 0:
+        wp.atomic_max(lag, world, wp.abs(wp.float64(value) - aim[world, number]))
+
+
+@wp.kernel(enable_backward=False)
+def mend(
+    astray: wp.array[int],
+    first: wp.array2d[float],
+    qpos: wp.array2d[float],
+    qvel: wp.array2d[float],
+    warmstart: wp.array2d[float],
+) -> None:
+    """A world that exploded begins anew, so that it does not hold the others up."""
+    world = wp.tid()
+    if astray[world] == 0:
+        return
+    for i in range(qpos.shape[1]):
+        qpos[world, i] = first[world, i]
+    for i in range(qvel.shape[1]):
+        qvel[world, i] = 0.0
+        warmstart[world, i] = 0.0
+    astray[world] = 0
+
+
+@wp.kernel(enable_backward=False)
+def advance(step: wp.array[int]) -> None:
+    step[0] = step[0] + 1

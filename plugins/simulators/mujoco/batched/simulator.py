@@ -1,0 +1,211 @@
+"""Rollouts in MuJoCo Warp: many worlds at once on a graphics card, or for tests on the processor."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from core.design import Tool
+from core.errors import UsageError, check_positive
+from core.geometry import Array
+from core.interfaces import Image, Outcome, Recording, Rollout, Simulator, Task
+from core.playback import record_every, schedule
+from core.robot import ARM_JOINTS, FINGER_JOINTS
+from core.scene import Camera, Inertia, Scene, State
+from plugins.simulators.mujoco.batched.engine import device as device_named
+from plugins.simulators.mujoco.batched.engine import warp
+from plugins.simulators.mujoco.batched.models import Figures, figures, model
+from plugins.simulators.mujoco.batched.worlds import Played, Size, Worlds
+from plugins.simulators.mujoco.shapes import Element
+from plugins.simulators.mujoco.simulator import MAX_TIME_STEP, MuJoCoSimulator
+
+_ARM = len(ARM_JOINTS)
+_KEPT_BATCHES = 8
+_KEPT_FIGURES = 4096  # some kilobytes each
+_MOST_CONTACTS = 8192  # in a world; beyond that something else is wrong
+_SHARE = 0.8  # of a card's free memory that a batch may take
+_WORKING = 2.0  # times what a batch holds between steps, while it steps
+_ON_THE_PROCESSOR = 2**30  # bytes
+
+
+class MuJoCoWarpSimulator(Simulator):
+    """Worlds that share a layout's bodies, whether there is a gripper, and about the number of a tool's boxes, are
+    stepped together.
+
+    Args:
+        device: ``cuda``, ``cuda:1`` and so on, or ``cpu``.
+        worlds: how many at once, at most; fewer where the device's memory is too small.
+        time_step: seconds.
+        tracking_rate: how fast a joint closes in on its target, 1/s.
+        slip_rate: how fast friction stops what slips slowly, 1/s.
+    """
+
+    batch: ClassVar[int] = 2048
+
+    def __init__(
+        self,
+        device: str = "cuda",
+        worlds: int = 8192,
+        time_step: float = 0.0025,
+        tracking_rate: float = 50.0,
+        slip_rate: float = 100.0,
+    ) -> None:
+        check_positive("sim.", time_step=time_step, tracking_rate=tracking_rate, slip_rate=slip_rate)
+        if worlds < 1:
+            raise UsageError(f"sim.worlds must be at least 1, got {worlds}")
+        if time_step > MAX_TIME_STEP:
+            raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft")
+        self.worlds = worlds
+        self._rates = time_step, tracking_rate, slip_rate
+        self._device = device_named(device)
+        self._scene: tuple[Task, int, Scene, dict[str, Inertia]] | None = None
+        self._figures: OrderedDict[tuple[Task, int, str], Figures] = OrderedDict()
+        self._contacts: dict[str, int] = {}  # that worlds have had room for
+        self._batches: OrderedDict[tuple[str, Size], Worlds] = OrderedDict()
+        self._draws: Simulator | None = None
+
+    def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
+        outcomes: dict[int, Outcome] = {}
+        groups: dict[str, list[int]] = {}
+        mine: dict[int, Figures] = {}
+        for i, job in enumerate(jobs):
+            if not (np.isfinite(job.trajectory.arm).all() and np.isfinite(job.trajectory.fingers).all()):
+                outcomes[i] = Outcome(None, None, error="the trajectory's targets are not finite")
+                continue
+            mine[i] = self._of(task, job)
+            groups.setdefault(mine[i].shared, []).append(i)
+        for members in groups.values():
+            members.sort(key=lambda i: self._steps(jobs[i]))  # those that end together
+            for i, played in self._played(task, members, mine, jobs):
+                outcomes[i] = self._outcome(jobs[i], mine[i], played)
+        return [outcomes[i] for i in range(len(jobs))]
+
+    def _steps(self, job: Rollout) -> int:
+        return len(schedule(job, self._rates[0])[1])
+
+    def _of(self, task: Task, job: Rollout) -> Figures:
+        key = (task, job.seed, job.tool.content)
+        if key not in self._figures:
+            self._figures[key] = figures(self._model(task, job), task.scene(job.seed))
+            if len(self._figures) > _KEPT_FIGURES:
+                self._figures.popitem(last=False)
+        self._figures.move_to_end(key)
+        return self._figures[key]
+
+    def _model(self, task: Task, job: Rollout) -> Element:
+        if self._scene is None or self._scene[0] is not task or self._scene[1] != job.seed:
+            scene = task.scene(job.seed)
+            self._scene = task, job.seed, scene, {body.name: body.inertia() for body in scene.free}
+        return model(*self._scene[2:], job.tool, *self._rates)
+
+    def _played(
+        self, task: Task, members: Sequence[int], mine: dict[int, Figures], jobs: Sequence[Rollout]
+    ) -> Iterator[tuple[int, Played]]:
+        """Each job's number and what came of it. Those whose contacts did not find room are played again with more."""
+        waiting = list(members)
+        while waiting:
+            worlds = self._batch(task, [jobs[i] for i in waiting], mine[waiting[0]])
+            now, waiting = waiting[: worlds.size.worlds], waiting[worlds.size.worlds :]
+            again = []
+            for i, played in zip(now, worlds.play([mine[i] for i in now], [jobs[i] for i in now]), strict=True):
+                if played.crowded and 2 * worlds.size.contacts <= _MOST_CONTACTS:
+                    again.append(i)
+                else:
+                    yield i, played
+            if again:
+                self._contacts[mine[again[0]].shared] = 2 * worlds.size.contacts
+                waiting = again + waiting
+
+    def _batch(self, task: Task, jobs: Sequence[Rollout], of: Figures) -> Worlds:
+        """Worlds for the first of the jobs, as many as there is memory for. Numbers are rounded up to powers of two, so
+        that few sizes are made.
+        """
+        frames = [self._steps(job) // every + 1 for job in jobs if (every := record_every(job, self._rates[0]))]
+        size = Size(
+            min(_up(len(jobs)), self.worlds),
+            _up(max(frames, default=1)),
+            _up(max(len(job.trajectory.times) for job in jobs)),
+            self._contacts.get(of.shared) or _up(32 + 4 * len(of.names)),
+        )
+        known = next((key for key in self._batches if key == (of.shared, size)), None)
+        if known is None:
+            made = self._model(task, jobs[0])
+            size = self._cut(made, size)
+            known = of.shared, size
+            if known not in self._batches:
+                self._batches[known] = Worlds(made, size, self._device)
+                if len(self._batches) > _KEPT_BATCHES:
+                    self._batches.popitem(last=False)
+        self._batches.move_to_end(known)
+        return self._batches[known]
+
+    def _cut(self, made: Element, size: Size) -> Size:
+        """The size with no more worlds than there is memory for; what is kept of other batches has to go for it."""
+        each = _WORKING * Worlds(made, replace(size, worlds=1), warp.get_device("cpu")).nbytes()
+        if self._free() < each * size.worlds:
+            self._batches.clear()
+        return replace(size, worlds=max(1, min(size.worlds, int(self._free() / each))))
+
+    def _free(self) -> float:
+        """Bytes."""
+        return _SHARE * self._device.free_memory if self._device.is_cuda else _ON_THE_PROCESSOR
+
+    def _outcome(self, job: Rollout, of: Figures, played: Played) -> Outcome:
+        if played.crowded:
+            return Outcome(None, None, error=f"MuJoCo Warp: more than {_MOST_CONTACTS // 2} contacts at once")
+        if played.broken:
+            return Outcome(None, None, error="MuJoCo Warp: the simulation blew up: a state is not finite, or huge")
+        recording = None
+        joints, dt = len(of.stiffness), self._rates[0]
+        if every := record_every(job, dt):
+            times = schedule(job, dt)[1]
+            numbers = np.concatenate([played.film, played.end[None]]).astype(np.float64)
+            fingers = np.zeros((len(numbers), len(FINGER_JOINTS)))
+            fingers[:, : joints - _ARM] = numbers[:, _ARM:joints]
+            recording = Recording(
+                np.append(times[::every], times[-1] + dt), numbers[:, :_ARM], fingers, of.state(numbers)
+            )
+        start, end = (of.state(numbers.astype(np.float64)) for numbers in (played.start, played.end))
+        return Outcome(start, end, played.lag, recording=recording)
+
+    def render(
+        self,
+        task: Task,
+        *,
+        seed: int = 0,
+        tool: Tool | None = None,
+        arm: Array | None = None,
+        fingers: Array | None = None,
+        state: State | None = None,
+        camera: Camera | None = None,
+        width: int = 640,
+        height: int = 480,
+    ) -> Image:
+        """As `sim=mujoco` draws it.
+
+        Raises:
+            NoPicture: it can't.
+        """
+        self._draws = self._draws or MuJoCoSimulator()
+        picture = self._draws.render(
+            task,
+            seed=seed,
+            tool=tool,
+            arm=arm,
+            fingers=fingers,
+            state=state,
+            camera=camera,
+            width=width,
+            height=height,
+        )
+        self.drawn_by = self._draws.drawn_by
+        return picture
+
+
+def _up(count: int) -> int:
+    """The next power of two."""
+    return 1 << max(0, count - 1).bit_length()

@@ -1,0 +1,173 @@
+"""Thousands of worlds at once: ``python -m tests.benchmarks.gpu``, where there is a graphics card.
+
+For each task the same designs of the embedded designer fill more and more worlds. What is told: rollouts per second,
+how long a batch of that size takes to make before its first step, memory, and whether `sim=mujoco` gives the same
+designs the same rewards. It goes to ``output`` as JSON, and with ``page=docs/performance.md`` into the table there.
+``device=cpu`` tries it out where there is no card.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.cli import arguments, command
+from core.design import Candidate
+from core.errors import UsageError, UserError
+from core.interfaces import RolloutSettings, Simulator
+from core.plugins import installed
+from core.rollout import evaluate, prepare
+from tests.benchmarks import clocked, measuring, throughput
+
+USAGE = (
+    "usage: python -m tests.benchmarks.gpu [tasks=NAME,...] [worlds=N,N,...] [device=cuda] [tools=N] [plans=N] "
+    "[agreement=N] [cheats=NAME] [seed=N] [output=FILE.json] [page=FILE.md]"
+)
+
+CLOSE = 0.05  # two engines' rewards, no further apart
+
+
+@dataclass
+class Settings:
+    """``tools`` times ``plans`` different designs go round where there are more worlds. ``agreement``: how many of them
+    are tried in `sim=mujoco` too; 0: none. ``cheats``: with ``ignore`` nothing is recorded.
+    """
+
+    tasks: list[str] = field(default_factory=lambda: ["BringCube", "GatherSpheres", "OneBook"])
+    worlds: list[int] = field(default_factory=lambda: [64, 256, 1024, 2048, 4096, 8192])
+    device: str = "cuda"
+    tools: int = 32
+    plans: int = 8
+    agreement: int = 64
+    cheats: str = "forbid"
+    seed: int = 0
+    output: str = "gpu.json"
+    page: str | None = None
+
+
+def main() -> None:
+    given = measuring.settings(arguments(USAGE), Settings)
+    names = measuring.tasks(given.tasks)
+    if min(given.worlds, default=0) < 1:
+        raise UsageError(f"worlds must be at least 1, got {given.worlds}")
+    settings = RolloutSettings(cheats=given.cheats)
+    rows, agreements = [], []
+    for name in names:
+        candidates = throughput.designs(name, given.tools, given.plans, given.seed)
+        simulator: Simulator | None = None
+        for worlds in sorted(given.worlds):
+            simulator = installed().create("sim", "mujoco_warp", {"device": given.device, "worlds": worlds})
+            rows.append({"task": name, **measured(simulator, name, candidates, worlds, given.seed, settings)})
+        if given.agreement and simulator is not None:
+            found = agreement(simulator, name, candidates[: given.agreement], given.seed)
+            agreements.append({"task": name, **found})
+    device = described(given.device)
+    found = {"device": device, "cheats": given.cheats, "rows": rows, "agreement": agreements}
+    measuring.save(Path(given.output), {**found, "machine": throughput.machine()})
+    table = markdown(device, rows, agreements)
+    sys.stdout.write(f"{table}{given.output}\n")
+    if given.page is not None:
+        measuring.write_page(Path(given.page), "gpu", table)
+
+
+def measured(
+    simulator: Simulator,
+    task_name: str,
+    candidates: Sequence[Candidate],
+    worlds: int,
+    seed: int,
+    settings: RolloutSettings,
+) -> dict[str, Any]:
+    """Of a batch: seconds that plans and tools take to be made ready, that the batch takes besides its steps (kernels
+    and the graph), and that it takes once it is made; and memory.
+
+    Raises:
+        UserError: a rollout broke for want of memory or room.
+    """
+    task = installed().create("task", task_name)
+    began = time.perf_counter()
+    different = [
+        prepare(task, candidate, seed, settings, 0.0 if settings.cheats == "ignore" else 25.0)[1]
+        for candidate in candidates[:worlds]
+    ]
+    jobs = list(itertools.islice(itertools.cycle(different), worlds))
+    planned = time.perf_counter() - began
+    free = memory_mb(simulator)
+    simulator.rollout(task, jobs)
+    first = time.perf_counter() - began - planned
+    used = memory_mb(simulator) - free
+    began = time.perf_counter()
+    outcomes = simulator.rollout(task, jobs)
+    wall = time.perf_counter() - began
+    broken = [outcome.error for outcome in outcomes if outcome.error is not None]
+    if len(broken) == len(outcomes):
+        raise UserError(f"{task_name}: no rollout came to an end: {broken[0]}")
+    return {
+        "worlds": worlds,
+        "rollouts_per_s": worlds / wall,
+        "wall_s": wall,
+        "planning_s": planned,
+        "making_s": first - wall,
+        "memory_mb": used,
+        "broken": len(broken),
+        "seconds_of_motion": float(np.mean([job.trajectory.duration for job in jobs])),
+    }
+
+
+def memory_mb(simulator: Simulator) -> float:
+    """In use: of the card, or without one the most that this process ever used."""
+    device = simulator._device  # type: ignore[attr-defined]
+    return (device.total_memory - device.free_memory) / 2**20 if device.is_cuda else clocked.peak_mb()
+
+
+def agreement(simulator: Simulator, task_name: str, candidates: Sequence[Candidate], seed: int) -> dict[str, Any]:
+    """Of the rewards with those in `sim=mujoco`."""
+    task, settings = installed().create("task", task_name), RolloutSettings()
+    ours, theirs = (
+        [e.reward for e in evaluate(task, engine, candidates, seed, settings)]
+        for engine in (simulator, installed().create("sim", "mujoco"))
+    )
+    found = measuring.compare(ours, theirs, [True] * len(ours))
+    close = float((np.abs(np.subtract(ours, theirs)) <= CLOSE).mean())
+    return {"close": close} | {key: found[key] for key in ("designs", "rank_correlation", "mean_difference", "means")}
+
+
+def described(device: str) -> str:
+    """The device as people know it."""
+    made = installed().create("sim", "mujoco_warp", {"device": device})
+    return str(made._device.name) if made._device.is_cuda else "the processor"
+
+
+def markdown(device: str, rows: Sequence[dict[str, Any]], agreements: Sequence[dict[str, Any]]) -> str:
+    """Both tables."""
+    lines = [
+        f"On {device}:",
+        "",
+        "| task | worlds | rollouts/s | seconds a batch | seconds to make it | memory, MB |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        lines.append(
+            f"| {row['task']} | {row['worlds']:,} | {row['rollouts_per_s']:.3g} | {row['wall_s']:.2f} | "
+            f"{row['making_s']:.1f} | {row['memory_mb']:.0f} |"
+        )
+    if agreements:
+        lines += ["", "| task | designs | rewards within 0.05 of MuJoCo's | rank correlation | mean difference |"]
+        lines += ["|---|---|---|---|---|"]
+    for row in agreements:
+        lines.append(
+            f"| {row['task']} | {row['designs']} | {row['close']:.0%} | {measuring.number(row['rank_correlation'])} | "
+            f"{row['mean_difference']:.3f} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    command(main)

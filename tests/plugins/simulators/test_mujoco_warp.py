@@ -1,0 +1,233 @@
+"""MuJoCo Warp on the processor: a few of the checks that every engine has to pass (``python -m core.conformance
+sim=mujoco_warp sim.device=cpu`` runs them all, in some minutes), and what is its own. Kernels are compiled in the first
+minute; later runs find them.
+"""
+
+import math
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.conformance import bodies, output, repeat, robot
+from core.conformance.repeat import bits
+from core.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, motion, start, stick, still
+from core.design import Component, Tool
+from core.errors import UserError
+from core.geometry import Box, Pose
+from core.interfaces import JointTrajectory, Rollout, RolloutSettings
+from core.plugins import installed
+from core.reading import load_designs, read_designs
+from core.robot import FINGER_OPEN
+from core.rollout import evaluate
+from core.rules import SpawnRules
+from core.scene import Body, Scene, table
+
+pytest.importorskip("mujoco_warp")
+
+import mujoco as mj
+import warp
+
+from plugins.simulators.mujoco.batched import models, simulator, worlds
+from plugins.simulators.mujoco.world import compiled
+
+ROOT = Path(__file__).parents[3]
+CHECKS = (
+    repeat.check_batch_gives_what_each_job_alone_gives,
+    repeat.check_broken_job_hurts_no_other,
+    robot.check_tool_stops_at_a_wall,
+    robot.check_arm_follows_its_trajectory,
+    robot.check_gripper_lifts_a_cube,
+    bodies.check_free_fall,
+    output.check_start_is_after_settling,
+    output.check_states_name_the_free_bodies_in_order,
+)
+
+
+@pytest.fixture(scope="module")
+def warped():
+    return installed().create("sim", "mujoco_warp", {"device": "cpu"})
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__.removeprefix("check_"))
+def test_simulator(warped, check):
+    check(warped)
+
+
+# --- as in sim=mujoco -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["BringCube", "OneBook", "ScoreGoal"])
+def test_reference_solutions_are_as_good(warped, name):
+    task = installed().create("task", name)
+    designs = load_designs(ROOT / f"tests/tasks/solutions/{name}.json")
+    candidates = read_designs(designs, installed().create("tool", "urdf"), SpawnRules(task, 0))
+    ours, theirs = (
+        evaluate(task, engine, candidates, 0, RolloutSettings())
+        for engine in (warped, installed().create("sim", "mujoco"))
+    )
+    for one, other in zip(ours, theirs, strict=True):
+        assert one.status == "ok", one.reason
+        assert one.reward >= task.success_reward
+        assert one.reward == pytest.approx(other.reward, abs=0.05)
+
+
+def test_the_same_film(warped):
+    """Start and end, the arm's lag, and all between, to within what single precision makes of it."""
+    job = Rollout(stick(0.25), motion([[0.45, 0, 0.3, 0, 0, 0], [0.58, 0, 0.3, 0, 0, 0]]), hold_s=0.2, record_hz=50.0)
+    task = Bodies(table(), cube(at=(0.6, 0, 0.05)))
+    (ours,), (theirs,) = (engine.rollout(task, [job]) for engine in (warped, installed().create("sim", "mujoco")))
+    assert ours.tracking_error_rad == pytest.approx(theirs.tracking_error_rad, abs=1e-3)
+    np.testing.assert_array_equal(film(ours).times, film(theirs).times)
+    np.testing.assert_allclose(film(ours).arm, film(theirs).arm, atol=1e-3)
+    np.testing.assert_allclose(film(ours).states.positions, film(theirs).states.positions, atol=2e-3)
+    np.testing.assert_allclose(start(ours).positions, start(theirs).positions, atol=1e-4)
+    np.testing.assert_array_equal(film(ours).states.positions[-1], end(ours).positions)
+
+
+@pytest.mark.parametrize("tool", [BARE, HAND, stick(0.3, mass=1.0)], ids=["bare", "hand", "stick"])
+def test_unused_boxes_change_nothing(tool):
+    scene = Bodies(table(), cube(at=(0.6, 0, 0.05))).scene(0)
+    inertias = {body.name: body.inertia() for body in scene.free}
+    ours, theirs = (make(scene, inertias, tool, 0.0025, 50.0, 100.0) for make in (models.model, compiled))
+    assert ours.ngeom > theirs.ngeom
+    for name in ("body_mass", "body_ipos", "body_inertia", "body_invweight0", "dof_invweight0", "actuator_biasprm"):
+        np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), rtol=1e-9, atol=1e-12, err_msg=name)
+    data = mj.MjData(ours)
+    mj.mj_forward(ours, data)
+    assert not {*data.contact.geom.ravel()} & {i for i in range(ours.ngeom) if abs(ours.geom_pos[i]).max() > 100}
+
+
+# --- many worlds ------------------------------------------------------------------------------------------------
+
+
+class Layouts(Bodies):
+    """A cube, and a post that does not move, both where the seed says."""
+
+    def scene(self, seed):
+        post = Body.of("post", Box((0.1, 0.1, 0.1)), (0.6, 0.3 - 0.05 * seed, 0.05), mass=0.0, color=GREY)
+        on_it = cube(at=(0.6, 0.3 - 0.05 * seed, 0.16), side=0.1)
+        return Scene((table(), post, on_it))
+
+
+def test_each_world_has_its_own_layout_and_tool_in_one_batch(warped):
+    jobs = [Rollout(stick(0.1 + 0.02 * i), still(), seed=i, settle_s=0.3, hold_s=0.1 * i) for i in range(4)]
+    fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
+    outcomes = fresh.rollout(Layouts(), jobs)
+    assert [key[1].worlds for key in fresh._batches] == [4]
+    for seed, outcome in enumerate(outcomes):
+        np.testing.assert_allclose(end(outcome).position("cube"), [0.6, 0.3 - 0.05 * seed, 0.15], atol=1e-3)
+    again = fresh.rollout(Layouts(), jobs[::-1])[::-1]
+    assert len(fresh._batches) == 1
+    assert [bits(outcome) for outcome in again] == [bits(outcome) for outcome in outcomes]
+
+
+def test_tools_with_other_numbers_of_boxes_and_with_a_gripper_are_in_other_batches():
+    scene = Bodies(table()).scene(0)
+    post = stick(0.1).components[0]
+    knobs = [
+        Component(f"knob{i}", "stick", Pose(np.array([0.0, 0.0, 0.01 * i])), Box((0.03, 0.03, 0.005))) for i in range(5)
+    ]
+    tools = [stick(0.1), stick(0.2), BARE, Tool((post, *knobs)), HAND]
+    shared = [models.figures(models.model(scene, {}, tool, 0.0025, 50.0, 100.0), scene).shared for tool in tools]
+    assert shared[0] == shared[1] == shared[2]
+    assert len({*shared}) == 3
+    assert [models.slots(tool) for tool in tools] == [4, 4, 4, 8, 4]
+
+
+def test_no_more_worlds_at_once_than_there_is_memory_for(monkeypatch):
+    small = installed().create("sim", "mujoco_warp", {"device": "cpu"})
+    jobs = [Rollout(stick(0.1), still(), hold_s=0.01 * i) for i in range(5)]
+    whole = [bits(outcome) for outcome in small.rollout(Bodies(cube()), jobs)]
+    made = next(iter(small._batches.values()))
+    each = (
+        simulator._WORKING
+        * worlds.Worlds(
+            small._model(Bodies(cube()), jobs[0]), replace(made.size, worlds=1), warp.get_device("cpu")
+        ).nbytes()
+    )
+    monkeypatch.setattr(simulator, "_ON_THE_PROCESSOR", 2.5 * each)
+    small._batches.clear()
+    assert [bits(outcome) for outcome in small.rollout(Bodies(cube()), jobs)] == whole
+    assert max(key[1].worlds for key in small._batches) == 2
+
+
+def test_contacts_that_find_no_room_are_given_more(warped):
+    """Never a wrong result: with too little room at first, the numbers are those with enough."""
+    fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
+    pile = [cube(f"c{i}", (0.6, 0.0, 0.05 + 0.1 * i)) for i in range(3)]
+    task, jobs = Bodies(table(), *pile), [Rollout(BARE, still(), hold_s=0.2), Rollout(stick(0.1), still(), hold_s=0.2)]
+    enough = [bits(outcome) for outcome in fresh.rollout(task, jobs)]
+    (shared,) = {figures.shared for figures in fresh._figures.values()}
+    fresh._contacts[shared] = 4
+    assert [bits(outcome) for outcome in fresh.rollout(task, jobs)] == enough
+    assert fresh._contacts[shared] > 8
+
+
+def test_with_more_contacts_than_there_can_be_room_for_it_is_an_error(monkeypatch):
+    fresh = installed().create("sim", "mujoco_warp", {"device": "cpu"})
+    monkeypatch.setattr(simulator, "_up", lambda count: 2 if count > 30 else count)
+    monkeypatch.setattr(simulator, "_MOST_CONTACTS", 3)
+    (outcome,) = fresh.rollout(Bodies(table(), cube(at=(0.6, 0, 0.05))), [Rollout(BARE, still(), hold_s=0.1)])
+    assert "contacts at once" in outcome.error
+    assert outcome.end is None
+
+
+def nowhere(simulator, task, job):
+    """The job in a world whose bodies have no place from the start."""
+    of = simulator._of(task, job)
+    numbers = np.where(np.arange(len(of.fields["qpos0"])) < 7, of.fields["qpos0"], np.nan)
+    simulator._figures[task, job.seed, job.tool.content] = replace(of, fields={**of.fields, "qpos0": numbers})
+    return job
+
+
+def far_away(simulator, task, job):
+    """The job with targets that no arm has."""
+    far = np.stack([still().arm[0], still().arm[0] + 1e12])
+    return replace(job, trajectory=JointTrajectory(np.array([0.0, 0.1]), far, np.full(2, FINGER_OPEN)))
+
+
+@pytest.mark.parametrize("breaks", [nowhere, far_away])
+def test_a_world_that_explodes_is_an_error_and_hurts_no_other(breaks, capfd):
+    fresh, task = installed().create("sim", "mujoco_warp", {"device": "cpu"}), Bodies(table(), cube(at=(0.6, 0, 0.05)))
+    sound = Rollout(stick(0.25), still(), hold_s=0.2, record_hz=10)
+    broken = breaks(fresh, task, Rollout(stick(0.2), still(), settle_s=0.1, hold_s=0.1))
+    before, failed, after = fresh.rollout(task, [sound, broken, sound])
+    assert "blew up" in failed.error
+    assert failed.start is None
+    assert failed.end is None
+    assert bits(before) == bits(after) == bits(fresh.rollout(task, [sound])[0])
+    assert capfd.readouterr() == ("", "")
+
+
+# --- settings and devices ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [("time_step", 0), ("time_step", 0.1), ("tracking_rate", math.nan), ("slip_rate", -1.0), ("worlds", 0)],
+)
+def test_numbers_that_make_no_sense(setting, value):
+    with pytest.raises(UserError, match=setting):
+        installed().create("sim", "mujoco_warp", {"device": "cpu", setting: value})
+
+
+def test_without_a_card_it_says_so():
+    with pytest.raises(UserError, match=r"sim\.device 'gpu'"):
+        installed().create("sim", "mujoco_warp", {"device": "gpu"})
+    if not warp.get_cuda_devices():
+        with pytest.raises(UserError, match=r"sim\.device=cuda: no graphics card with CUDA is found here"):
+            installed().create("sim", "mujoco_warp")
+
+
+def test_a_run_on_the_processor(tmp_path):
+    words = ["sim=mujoco_warp", "sim.device=cpu", "task=BringCube", "hydra.run.dir=out", "film=false"]
+    budget = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=0"]
+    command = [sys.executable, "-m", "core.run", *words, *budget]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "4 rollouts in" in done.stderr
+    assert "Warp" not in done.stderr  # which would tell of kernels, and of the driver that is missing
