@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,18 +24,23 @@ def collision(shape: Shape, material: Any, folder: Path) -> Any:
     """The shape as it is felt. Hulls are computed once per file; the files are put in ``folder``."""
     match shape:
         case Box(size=size):  # as a hull: what PhysX does for two boxes loses an edge that leans on a thin wall's
-            return hull(_unit(folder, "box", trimesh.creation.box((1.0, 1.0, 1.0))), material, size)
+            return hull(_file(folder, "box", _cube), material, size)
         case Sphere(radius=radius):
             return physx.PhysxCollisionShapeSphere(radius, material)
         case Cylinder(radius=radius, length=length):
-            return hull(_unit(folder, "cylinder", _prism()), material, (radius, radius, length))
-        case Mesh():
-            return hull(_file(folder, str(shape.to_trimesh().export(file_type="obj"))), material)
+            return hull(_file(folder, "cylinder", _prism), material, (radius, radius, length))
+        case Mesh(vertices=vertices, faces=faces):
+            content = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()[:16]
+            return hull(_file(folder, content, shape.to_trimesh), material)
 
 
 def hull(file: Path, material: Any, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Any:
     """The convex hull of a mesh file."""
     return physx.PhysxCollisionShapeConvexMesh(str(file), np.array(scale), material)
+
+
+def _cube() -> trimesh.Trimesh:
+    return trimesh.creation.box((1.0, 1.0, 1.0))
 
 
 def _prism() -> trimesh.Trimesh:
@@ -44,15 +50,9 @@ def _prism() -> trimesh.Trimesh:
     return trimesh.creation.cylinder(radius=2 / (1 + np.cos(np.pi / _SIDES)), height=1.0, sections=_SIDES)
 
 
-def _unit(folder: Path, name: str, mesh: trimesh.Trimesh) -> Path:
+def _file(folder: Path, name: str, make: Callable[[], trimesh.Trimesh]) -> Path:
+    """The mesh's file; made if there is none of that name."""
     file = folder / f"{name}.obj"
     if not file.exists():
-        file.write_text(str(mesh.export(file_type="obj")))
-    return file
-
-
-def _file(folder: Path, text: str) -> Path:
-    file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.obj"
-    if not file.exists():
-        file.write_text(text)
+        file.write_text(str(make().export(file_type="obj")))
     return file
