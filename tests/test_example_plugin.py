@@ -70,6 +70,18 @@ def test_its_parts_travel_to_our_workers(site, tmp_path, part):
     assert "ok" in {row["status"] for row in csv.DictReader((tmp_path / "run/candidates.csv").open())}
 
 
+def test_runs_side_by_side(site, tmp_path):
+    """In joblib's processes, with workers of their own."""
+    sweep = ["-m", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=sweep", "seed=0,1"]
+    parts = ["sim=toy", "task=PushButton", "tool=boxes", "vlm=echo", "executor.workers=1", "logger=[csv]"]
+    done = python_m(site, tmp_path, "core.run", *sweep, *parts, *SMALL, "budget.n_iteration=0")
+    assert done.returncode == 0, done.stderr
+    results = [json.loads(file.read_text()) for file in (tmp_path / "sweep").glob("*/result.json")]
+    assert sorted(result["seed"] for result in results) == [0, 1]
+    assert all(result["best"]["reward"] > 0 for result in results)
+    assert re.search(r"PushButton .*\b2\b", done.stderr)  # what the sweep came to
+
+
 def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
     out = python_m(site, tmp_path, "core.plugins").stdout
     offered = {line.split()[0]: line.split()[1] for line in out.splitlines() if "toybench" in line}
