@@ -202,6 +202,27 @@ def check_gripper_lifts_a_cube(simulator: Simulator) -> None:
     expect(abs(height - 0.02) < 1e-3, f"a cube let go should lie on the table at 0.02 m; it is at {height:.3f} m")
 
 
+def _bar(side: int, finger: str) -> Component:
+    """Hangs down from a finger, its inner face 5 mm out of the middle when the fingers are closed."""
+    pose = Pose(np.array([0.0, side * 0.008, 0.11]))
+    return Component(f"bar_{finger}", f"panda_{finger}finger", pose, Box((0.03, 0.006, 0.16)))
+
+
+def check_attachments_hold_a_cube(simulator: Simulator) -> None:
+    """Two bars between which a cube is picked up that the bare fingers can't reach, and held in the air for 2 s."""
+    tool = Tool((_bar(1, "left"), _bar(-1, "right")), gripper=True)
+    over = 0.0584 + 0.19 + 0.005
+    plan = [[0.5, 0, z, 0, 0, 0, grip] for z, grip in ((over + 0.2, 0), (over, 0), (over, 1), (over + 0.2, 1))]
+    held = cube(at=(0.5, 0, 0.025), side=0.05, mass=0.3)
+    recording = film(move(simulator, plan, table(), held, tool=tool, record_hz=20, hold_s=2.0))
+    heights = recording.states.position("cube")[:, 2][recording.times > recording.times[-1] - 2.0]
+    expect(
+        heights.min() > 0.2, f"a cube between two attachments was lifted to 0.225 m; it sank to {heights.min():.3f} m"
+    )
+    crept = 1000 * float(np.ptp(heights))
+    expect(crept < 3, f"a cube held between two attachments crept by {crept:.1f} mm in 2 s")
+
+
 def check_gripper_lifts_a_light_disc(simulator: Simulator) -> None:
     """20 g between fingers that press with 70 N each: it may neither shoot out nor give way."""
     over = 0.1034 - 0.009 + 0.007
@@ -237,6 +258,7 @@ CHECKS = (
     check_joint_torques_are_limited,
     check_fingers_go_where_they_are_told,
     check_gripper_lifts_a_cube,
+    check_attachments_hold_a_cube,
     check_gripper_lifts_a_light_disc,
     check_gripper_squeezes_as_hard_as_the_hand_can,
 )

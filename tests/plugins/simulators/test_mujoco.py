@@ -342,23 +342,6 @@ def test_fingers_stay_as_far_from_the_middle():
     assert np.abs(fingers[:, 0] - fingers[:, 1]).max() < 3e-3
 
 
-def test_attachments_hold_a_cube_in_the_air_for_two_seconds():
-    """A bar hangs from each finger; between them a cube is picked up that the bare fingers could not reach."""
-
-    def bar(side, finger):
-        pose = Pose(np.array([0.0, side * 0.008, 0.11]))
-        return Component(f"bar_{finger}", f"panda_{finger}finger", pose, Box((0.03, 0.006, 0.16)))
-
-    tool = Tool((bar(1, "left"), bar(-1, "right")), gripper=True)
-    over = 0.0584 + 0.19 + 0.005
-    plan = [[0.5, 0, z, 0, 0, 0, grip] for z, grip in ((over + 0.2, 0), (over, 0), (over, 1), (over + 0.2, 1))]
-    held = cube(at=(0.5, 0, 0.025), side=0.05, mass=0.3)
-    outcome = move(mujoco(), plan, table(), held, tool=tool, record_hz=20, hold_s=2.0)
-    heights = film(outcome).states.position("cube")[:, 2][film(outcome).times > film(outcome).times[-1] - 1.9]
-    assert heights.min() > 0.2
-    assert heights.max() - heights.min() < 2e-3
-
-
 def test_a_tool_touches_the_arm_but_not_its_bearer():
     inside_the_bearer = Tool((Component("a", "panda_virtual", Pose(), Box((0.05, 0.05, 0.05))),))
     for tool in (inside_the_bearer, BARE):
