@@ -66,6 +66,8 @@ class RayExecutor(Executor):
             check_positive("executor.", timeout_s=timeout_s)
         os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")  # or it starts a cluster where it has lost one
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+        if address is not None:  # a cluster that is there answers the first time
+            os.environ.setdefault("RAY_NUM_REDIS_GET_RETRIES", "3")
         try:
             import ray
         except ModuleNotFoundError as error:
