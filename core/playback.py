@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Protocol, runtime_checkable
+
 import numpy as np
 
 from core.geometry import Array
@@ -9,6 +12,17 @@ from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, World
 from core.scene import State
 
 LAG_EVERY = 10  # steps between two looks at how far the arm is behind
+
+
+@runtime_checkable
+class Following(World, Protocol):
+    """A world that takes the orders for many steps at once, so that they cost less each."""
+
+    def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
+        """As many calls of `step`, one whenever the iterator is asked for the next: arm (S, 7), fingers (S,), speeds
+        (S, 7), finger speeds (S,).
+        """
+        ...
 
 
 def play(world: World, job: Rollout) -> Outcome:
@@ -23,10 +37,11 @@ def play(world: World, job: Rollout) -> Outcome:
     film: list[tuple[float, Array, Array, State]] = []
     start = world.state() if settle == 0 else None
     reached: list[Array] = []
-    for k, order in enumerate(zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)):
+    steps = _steps(world, arm, fingers, speeds, finger_speeds)
+    for k in range(len(times)):
         if every and k % every == 0:
             film.append((float(times[k]), *world.joints(), world.state()))
-        world.step(*order)
+        next(steps)
         if k == settle - 1:
             start = world.state()
         if k >= settle and k % LAG_EVERY == 0:
@@ -39,6 +54,15 @@ def play(world: World, job: Rollout) -> Outcome:
     if not all(np.isfinite(x).all() for x in (end.positions, end.quaternions, end.linear_velocities)):
         return Outcome(None, None, error="the simulation blew up: a body's state is not finite")
     return Outcome(start, end, lag, recording=_recording(film) if film else None)
+
+
+def _steps(world: World, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
+    if isinstance(world, Following):
+        yield from world.follow(arm, fingers, speeds, finger_speeds)
+        return
+    for order in zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True):
+        world.step(*order)
+        yield
 
 
 def schedule(job: Rollout, dt: float) -> tuple[int, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -87,19 +88,21 @@ class Robot:
         self._numbers = [active[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ()))]
         joints = [self._articulation.active_joints[number] for number in self._numbers]
         self._tell = [joint.set_drive_target for joint in joints] + [j.set_drive_velocity_target for j in joints]
-        self._told: list[float | None] = [None] * len(self._tell)
+        self._told = [math.nan] * len(self._tell)
         start = np.empty(len(self._numbers))
         start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * 2 if tool.gripper else ())]
         self._articulation.qpos = start
 
-    def drive(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
-        """Set the joints' targets (7,), a finger opening, and the speeds at which these are approached."""
-        targets, velocities = arm.tolist(), speeds.tolist()
+    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Array:
+        """What `drive` takes for each of S steps: of the joints' targets (S, 7), finger openings (S,), and the speeds
+        at which these are approached.
+        """
         if self._gripper:
-            targets += [fingers, fingers]
-            velocities += [finger_speed, finger_speed]
-        ahead = self._ahead
-        orders = [target - ahead * velocity for target, velocity in zip(targets, velocities, strict=True)] + velocities
+            arm, speeds = np.column_stack([arm, fingers, fingers]), np.column_stack([speeds, *[finger_speeds] * 2])
+        return np.hstack([arm - self._ahead * speeds, speeds])
+
+    def drive(self, numbers: Array) -> None:
+        orders = numbers.tolist()
         if orders == self._told:
             self._tell[0](orders[0])  # keeps the arm awake
             return

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+
+import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
@@ -61,9 +64,15 @@ class World:
         """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one
         time step.
         """
-        self._robot.drive(arm, fingers, speeds, finger_speed)
-        self._system.step()
-        self._bodies.stepped()
+        next(self.follow(arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])))
+
+    def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
+        """See `core.playback.Following`."""
+        for orders in self._robot.orders(arm, fingers, speeds, finger_speeds):
+            self._robot.drive(orders)
+            self._system.step()
+            self._bodies.stepped()
+            yield
 
     def joints(self) -> tuple[Array, Array]:
         """Arm (7,) and fingers (2,) as they are."""
