@@ -16,6 +16,7 @@ from core.conformance.worlds import (
     GRAVITY,
     GREY,
     HAND,
+    HOME,
     Bodies,
     cube,
     end,
@@ -31,9 +32,11 @@ from core.errors import UserError
 from core.geometry import Box, Pose, Sphere
 from core.interfaces import JointTrajectory, Rollout
 from core.kinematics import arm
+from core.playback import play
 from core.plugins import installed
 from core.robot import FINGER_OPEN
 from core.scene import Body, table
+from core.trajectory import plan_motion
 
 pytest.importorskip("sapien", exc_type=ImportError)
 
@@ -82,6 +85,35 @@ def test_joints_close_in_on_their_targets_at_the_tracking_rate(tmp_path, time_st
     found = np.log(left[first] / left[last]) / ((last - first) * time_step)
     # The other joints give way meanwhile; stiff ones come in up to twice as fast at long steps, never slower.
     assert 0.9 * rate < found < (1.4 if rate * time_step < 0.15 else 2.2) * rate
+
+
+@pytest.mark.parametrize("tool", [BARE, HAND])
+def test_orders_given_one_by_one_or_all_at_once_do_the_same(tmp_path, tool):
+    class Stepped:
+        """The world without `core.playback.Following`."""
+
+        def __init__(self, world):
+            self.time_step, self.step, self.joints, self.state = world.time_step, world.step, world.joints, world.state
+
+    plan = [[0.6, 0.2, 0.3, 0, 0.3, 0, 1.0], [0.6, 0, 0.05, 0, 0, 0.5, 0.3]]
+    job = Rollout(tool, plan_motion(np.array(plan), HOME, arm()).trajectory, settle_s=0.1, hold_s=0.2, record_hz=25.0)
+    worlds = [
+        World(
+            tmp_path,
+            Weighed(Bodies(table(), cube(at=(0.6, 0, 0.05))).scene(0)),
+            tool,
+            job.trajectory,
+            time_step=0.005,
+            solver_iterations=10,
+            tracking_rate=50.0,
+        )
+        for _ in range(2)
+    ]
+    one, other = play(worlds[0], job), play(Stepped(worlds[1]), job)
+    assert one.tracking_error_rad == other.tracking_error_rad > 0
+    np.testing.assert_array_equal(one.recording.arm, other.recording.arm)
+    np.testing.assert_array_equal(one.recording.states.positions, other.recording.states.positions)
+    np.testing.assert_array_equal(one.end.angular_velocities, other.end.angular_velocities)
 
 
 @pytest.mark.parametrize(
