@@ -41,6 +41,7 @@ CHECKS = (
     robot.check_tool_stops_at_a_wall,
     robot.check_arm_follows_its_trajectory,
     robot.check_gripper_lifts_a_cube,
+    robot.check_attachments_hold_a_cube,
     bodies.check_free_fall,
     output.check_start_is_after_settling,
     output.check_states_name_the_free_bodies_in_order,

@@ -80,6 +80,7 @@ def note(
     qvel: wp.array2d[float],
     aim: wp.array2d[wp.float64],
     overflow: wp.array[int],
+    crowded: wp.array[int],
     start: wp.array2d[float],
     end: wp.array2d[float],
     film: wp.array3d[float],
@@ -113,8 +114,39 @@ def note(
         film[now // every[world], world, number] = value
     if number == 0:
         lost[world] = overflow[world]
+        if crowded[world] != 0:
+            lost[world] = -1
     if number < arm and now > settle[world] and (now - 1) % look == 0:
         wp.atomic_max(lag, world, wp.abs(wp.float64(value) - aim[world, number]))
+
+
+@wp.kernel(enable_backward=False)
+def leave_out(
+    most: int,
+    found: wp.array[int],
+    world_of: wp.array[int],
+    kind: wp.array[int],
+    count: wp.array[int],
+    crowded: wp.array[int],
+) -> None:
+    """Contacts of a world beyond so many as there is room for; such a world is noted. All worlds are, where contacts
+    were lost before anybody could say of which.
+    """
+    number = wp.tid()
+    if found[0] > kind.shape[0] and number < crowded.shape[0]:
+        crowded[number] = 1
+    if number >= wp.min(found[0], kind.shape[0]):
+        return
+    world = world_of[number]
+    if wp.atomic_add(count, world, 1) >= most:
+        kind[number] = 0
+        crowded[world] = 1
+
+
+@wp.kernel(enable_backward=False)
+def cut(most: int, found: wp.array[int]) -> None:
+    """The number of contacts, to as many as there are."""
+    found[0] = wp.min(found[0], most)
 
 
 @wp.kernel(enable_backward=False)

@@ -129,7 +129,7 @@ class MuJoCoWarpSimulator(Simulator):
             min(_up(len(jobs)), self.worlds),
             _up(max(frames, default=1)),
             _up(max(len(job.trajectory.times) for job in jobs)),
-            self._contacts.get(of.shared) or _up(32 + 4 * len(of.names)),
+            self._contacts.get(of.shared) or _up(32 + 4 * len(of.names) + len(of.geom_xpos)),
         )
         known = next((key for key in self._batches if key == (of.shared, size)), None)
         if known is None:

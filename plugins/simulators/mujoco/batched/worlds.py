@@ -13,7 +13,7 @@ from core.interfaces import Rollout
 from core.playback import LAG_EVERY, record_every, schedule
 from core.robot import ARM_JOINTS
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
-from plugins.simulators.mujoco.batched.kernels import advance, drive, mend, note
+from plugins.simulators.mujoco.batched.kernels import advance, cut, drive, leave_out, mend, note
 from plugins.simulators.mujoco.batched.models import PER_WORLD, Figures
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
@@ -76,7 +76,11 @@ class Worlds:
             self._start, self._end = (warp.zeros((count, numbers), dtype=float) for _ in range(2))
             self._film = warp.zeros((size.frames, count, numbers), dtype=float)
             self._lag = warp.zeros(count, dtype=warp.float64)
-            self._lost, self._astray, self._broken = (warp.zeros(count, dtype=int) for _ in range(3))
+            self._lost, self._astray, self._broken, self._crowded, self._felt = (
+                warp.zeros(count, dtype=int) for _ in range(5)
+            )
+            # More rows than there is room for would be written beyond it.
+            self._model.callback.contactfilter = self._leave_out
             self._graph: Any = None
 
     def nbytes(self) -> int:
@@ -143,7 +147,7 @@ class Worlds:
         _assign(self._data.qpos, first)
         _assign(self._data.geom_xpos, np.stack([one.geom_xpos for one in mine]))
         _assign(self._data.geom_xmat, np.stack([one.geom_xmat for one in mine]))
-        for array in (self._step, self._lag, self._lost, self._astray, self._broken):
+        for array in (self._step, self._lag, self._lost, self._astray, self._broken, self._crowded):
             array.zero_()
         return [int(steps) for steps in last]
 
@@ -163,6 +167,16 @@ class Worlds:
         mujoco_warp.step(self._model, data)
         warp.launch(advance, 1, [self._step])
 
+    def _leave_out(self, _: Any, data: Any) -> None:
+        contact, most = data.contact, self.size.contacts
+        self._felt.zero_()
+        warp.launch(
+            leave_out,
+            max(data.naconmax, self.size.worlds),
+            [most, data.nacon, contact.worldid, contact.type, self._felt, self._crowded],
+        )
+        warp.launch(cut, 1, [data.naconmax, data.nacon])
+
     def _note(self) -> None:
         data = self._data
         warp.launch(
@@ -170,7 +184,7 @@ class Worlds:
             self._start.shape,
             [
                 *(self._step, self._settle, self._last, self._every, LAG_EVERY, _ARM, data.qpos, data.qvel, self._aim),
-                *(data.overflow, self._start, self._end, self._film, self._lag),
+                *(data.overflow, self._crowded, self._start, self._end, self._film, self._lag),
                 *(self._lost, self._astray, self._broken),
             ],
         )
