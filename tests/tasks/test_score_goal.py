@@ -11,15 +11,14 @@ from core.design import Tool
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import JointTrajectory, Rollout, Task
 from core.kinematics import arm
-from core.plugins import installed
 from core.scene import Scene, State
 from tasks.score_goal import BAR, DEPTH, HEIGHT, PUCK_HEIGHT, PUCK_RADIUS, START, WIDTH, ScoreGoal
+from tests.engines import simulator
 
 TASK = ScoreGoal()
 SCENE = TASK.scene(0)
 BEFORE = SCENE.state()
 LYING = PUCK_HEIGHT / 2
-SIMULATOR = installed().create("sim", "pybullet")
 GOAL = SCENE["goal"]
 BARS = [part for part in GOAL.collisions if isinstance(part.shape, Cylinder)]
 NETS = [part for part in GOAL.collisions if isinstance(part.shape, Box)]
@@ -128,7 +127,7 @@ def flight(aim, direction, speed, rpy):
     task = Shot(aim, direction / np.linalg.norm(direction), speed, rpy)
     still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.zeros(1))
     job = Rollout(Tool(), still, settle_s=0.0, hold_s=speed / 9.81 + 0.3, record_hz=500.0)
-    (outcome,) = SIMULATOR.rollout(task, [job])
+    (outcome,) = simulator("pybullet").rollout(task, [job])
     assert outcome.error is None
     places: np.ndarray = task.goal.inverse().apply(outcome.recording.states.position("puck"))
     return places

@@ -430,3 +430,12 @@ def test_render_says_who_drew(tmp_path, own_renderer):
     done = call(arguments, tmp_path, "OpenGL")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer needs OpenGL")
+
+
+def test_without_mujoco_warp_the_rest_runs(tmp_path):
+    missing = call(["core.run", "sim=mujoco_warp", *SMALL], tmp_path, "warp", "mujoco_warp")
+    assert missing.returncode == 1
+    assert missing.stderr == "error: sim=mujoco_warp needs MuJoCo Warp: pip install 'vlmgineer[warp]'\n"
+    done = call(["core.plugins"], tmp_path, "warp", "mujoco_warp")
+    assert "mujoco_warp" in done.stdout
+    assert "failed" not in done.stdout

@@ -57,6 +57,30 @@ class Figures:
         return state(self.names, positions, numbers[..., 2 * joints + 7 * bodies :])
 
 
+@dataclass(frozen=True)
+class Size:
+    """Of a batch: worlds, frames of a film, instants of a trajectory, and room for contacts in each world."""
+
+    worlds: int
+    frames: int
+    instants: int
+    contacts: int
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What came of a world: states as positions and then speeds (Q + V,), the largest lag of an arm joint, and whether
+    it exploded, or had more contacts than there was room for. ``film`` (F, Q + V) is without the end.
+    """
+
+    start: Array
+    end: Array
+    film: Array
+    lag: float
+    broken: bool
+    crowded: bool
+
+
 def slots(tool: Tool) -> int:
     """Boxes on each mount of the model that is made for a tool: 4, 8, 16 and so on."""
     most = max(Counter(mount for mount, _ in tool.placed().values()).values(), default=0)

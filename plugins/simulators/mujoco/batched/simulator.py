@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -16,12 +16,12 @@ from core.interfaces import Image, Outcome, Recording, Rollout, Simulator, Task
 from core.playback import record_every, schedule
 from core.robot import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Camera, Inertia, Scene, State
-from plugins.simulators.mujoco.batched.engine import device as device_named
-from plugins.simulators.mujoco.batched.engine import warp
-from plugins.simulators.mujoco.batched.models import Figures, figures, model
-from plugins.simulators.mujoco.batched.worlds import Played, Size, Worlds
+from plugins.simulators.mujoco.batched.models import Figures, Played, Size, figures, model
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MAX_TIME_STEP, MuJoCoSimulator
+
+if TYPE_CHECKING:
+    from plugins.simulators.mujoco.batched.worlds import Worlds
 
 _ARM = len(ARM_JOINTS)
 _KEPT_BATCHES = 8
@@ -61,7 +61,11 @@ class MuJoCoWarpSimulator(Simulator):
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft")
         self.worlds = worlds
         self._rates = time_step, tracking_rate, slip_rate
-        self._device = device_named(device)
+        from plugins.simulators.mujoco.batched import engine  # what needs the extra
+        from plugins.simulators.mujoco.batched import worlds as many
+
+        self._device, self._processor = engine.device(device), engine.device("cpu")
+        self._make = many.Worlds
         self._scene: tuple[Task, int, Scene, dict[str, Inertia]] | None = None
         self._figures: OrderedDict[tuple[Task, int, str], Figures] = OrderedDict()
         self._contacts: dict[str, int] = {}  # that worlds have had room for
@@ -137,7 +141,7 @@ class MuJoCoWarpSimulator(Simulator):
             size = self._cut(made, size)
             known = of.shared, size
             if known not in self._batches:
-                self._batches[known] = Worlds(made, size, self._device)
+                self._batches[known] = self._make(made, size, self._device)
                 if len(self._batches) > _KEPT_BATCHES:
                     self._batches.popitem(last=False)
         self._batches.move_to_end(known)
@@ -145,7 +149,7 @@ class MuJoCoWarpSimulator(Simulator):
 
     def _cut(self, made: Element, size: Size) -> Size:
         """The size with no more worlds than there is memory for; what is kept of other batches has to go for it."""
-        each = _WORKING * Worlds(made, replace(size, worlds=1), warp.get_device("cpu")).nbytes()
+        each = _WORKING * self._make(made, replace(size, worlds=1), self._processor).nbytes()
         if self._free() < each * size.worlds:
             self._batches.clear()
         return replace(size, worlds=max(1, min(size.worlds, int(self._free() / each))))

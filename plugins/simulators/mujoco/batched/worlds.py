@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from core.playback import LAG_EVERY, record_every, schedule
 from core.robot import ARM_JOINTS
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
 from plugins.simulators.mujoco.batched.kernels import advance, cut, drive, leave_out, mend, note
-from plugins.simulators.mujoco.batched.models import PER_WORLD, Figures
+from plugins.simulators.mujoco.batched.models import PER_WORLD, Figures, Played, Size
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
@@ -24,30 +24,6 @@ _NO_ROOM = (
     # Neither is a lack of room, and MuJoCo goes on without a word too.
     & ~(mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS)
 )
-
-
-@dataclass(frozen=True)
-class Size:
-    """Of a batch: worlds, frames of a film, instants of a trajectory, and room for contacts in each world."""
-
-    worlds: int
-    frames: int
-    instants: int
-    contacts: int
-
-
-@dataclass(frozen=True, eq=False)
-class Played:
-    """What came of a world: states as positions and then speeds (Q + V,), the largest lag of an arm joint, and whether
-    it exploded, or had more contacts than there was room for. ``film`` (F, Q + V) is without the end.
-    """
-
-    start: Array
-    end: Array
-    film: Array
-    lag: float
-    broken: bool
-    crowded: bool
 
 
 class Worlds:
