@@ -7,7 +7,8 @@ import pytest
 from core.interfaces import Simulator
 from core.plugins import installed
 
-# By name, and the module that it can't do without.
+# By name, and the module that it can't do without. MuJoCo Warp is slow without a graphics card, and has fewer tests, in
+# tests/plugins/simulators/test_mujoco_warp.py.
 SIMULATORS = {"pybullet": "pybullet", "sapien": "sapien", "mujoco": "mujoco"}
 
 every_simulator = pytest.mark.parametrize("engine", SIMULATORS)
