@@ -34,7 +34,7 @@ class MuJoCoSimulator(Simulator):
             coefficient of friction lets it. Much faster, and what slides hops.
     """
 
-    def __init__(self, time_step: float = 0.0025, tracking_rate: float = 50.0, slip_rate: float = 100.0) -> None:
+    def __init__(self, time_step: float = 0.0025, tracking_rate: float = 50.0, slip_rate: float = 200.0) -> None:
         check_positive("sim.", time_step=time_step, tracking_rate=tracking_rate, slip_rate=slip_rate)
         if time_step > MAX_TIME_STEP:
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft")

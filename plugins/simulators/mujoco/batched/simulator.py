@@ -52,7 +52,7 @@ class MuJoCoWarpSimulator(Simulator):
         worlds: int = 8192,
         time_step: float = 0.0025,
         tracking_rate: float = 50.0,
-        slip_rate: float = 100.0,
+        slip_rate: float = 200.0,
     ) -> None:
         check_positive("sim.", time_step=time_step, tracking_rate=tracking_rate, slip_rate=slip_rate)
         if worlds < 1:
