@@ -63,12 +63,39 @@ class Link:
 def robot(tool: Tool) -> tuple[Link, ...]:
     """The arm with a tool. Links that are joined rigidly are one; parents stand before their children."""
     document: Any = etree.fromstring(assemble(tool, fused=True))
-    elements: dict[str, Any] = {link.get("name"): link for link in document.findall("link")}
-    joints: dict[str, Any] = {joint.find("child").get("link"): joint for joint in document.findall("joint")}
-    bearers = {name: _bearer(name, joints) for name in elements}
-    order = [name for name in elements if bearers[name][0] == name]
-    order.sort(key=lambda name: _depth(name, joints))
-    return tuple(_link(name, order, elements, joints, bearers) for name in order)
+    texts = {link.get("name"): etree.tostring(link) for link in document.findall("link")}
+    joints = b"".join(etree.tostring(joint) for joint in document.findall("joint"))
+    skeleton = _skeleton(joints, tuple(texts))
+    return tuple(
+        _link(name, skeleton, b"".join(texts[part] for part in skeleton.parts(name))) for name in skeleton.order
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Skeleton:
+    """How links hang together: the joint to each by its child's name; the moving link (or the base) that each is joined
+    to rigidly, with its pose there; and the moving ones, parents first.
+    """
+
+    joints: dict[str, Any]
+    bearers: dict[str, tuple[str, Pose]]
+    order: tuple[str, ...]
+
+    def parts(self, name: str) -> list[str]:
+        return [part for part, (bearer, _) in self.bearers.items() if bearer == name]
+
+
+@lru_cache(maxsize=4)
+def _skeleton(joints: bytes, names: tuple[str, ...]) -> _Skeleton:
+    """Of a document's joints and the names of its links: the same for all tools, mostly."""
+    elements = {joint.find("child").get("link"): joint for joint in _elements(joints)}
+    bearers = {name: _bearer(name, elements) for name in names}
+    moving = [name for name in names if bearers[name][0] == name]
+    return _Skeleton(elements, bearers, tuple(sorted(moving, key=lambda name: _depth(name, elements))))
+
+
+def _elements(text: bytes) -> list[Any]:
+    return list(etree.fromstring(b"<robot>" + text + b"</robot>"))
 
 
 def place(links: Sequence[Link], joints: Mapping[str, float]) -> list[Pose]:
@@ -103,14 +130,11 @@ def _bearer(name: str, joints: dict[str, Any]) -> tuple[str, Pose]:
     return bearer, pose @ _origin(joint)
 
 
-def _link(
-    name: str,
-    order: list[str],
-    elements: dict[str, Any],
-    joints: dict[str, Any],
-    bearers: dict[str, tuple[str, Pose]],
-) -> Link:
-    parts = [(part, elements[part], pose) for part, (bearer, pose) in bearers.items() if bearer == name]
+@lru_cache(maxsize=64)
+def _link(name: str, skeleton: _Skeleton, links: bytes) -> Link:
+    """Of a moving link and what is joined to it. Most are the same whatever the tool."""
+    joints, bearers = skeleton.joints, skeleton.bearers
+    parts = [(element.get("name"), element, bearers[element.get("name")][1]) for element in _elements(links)]
     inertia = _inertia([(element, pose) for _, element, pose in parts])
     felt, seen = (
         tuple(shape for part, element, pose in parts for shape in _shapes(part, element.findall(tag), pose))
@@ -119,7 +143,7 @@ def _link(
     if name not in joints:
         return Link(name, None, None, inertia, felt, seen)
     parent, pose = bearers[joints[name].find("parent").get("link")]
-    return Link(name, order.index(parent), _joint(joints[name], pose), inertia, felt, seen)
+    return Link(name, skeleton.order.index(parent), _joint(joints[name], pose), inertia, felt, seen)
 
 
 def _joint(joint: Any, bearer: Pose) -> Joint:
