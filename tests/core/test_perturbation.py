@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from core.design import Tool
@@ -19,7 +19,7 @@ from core.errors import UsageError
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import JointTrajectory, Rollout
 from core.kinematics import arm
-from core.perturbation import Perturbed, perturb, together
+from core.perturbation import CONTACT_M, Perturbed, perturb, together
 from core.plugins import installed
 from core.robot import FINGER_OPEN
 from core.scene import Body, Part, Scene, table
@@ -191,6 +191,7 @@ def test_a_block_without_room_stays():
 
 
 @given(draw=draws)
+@example(draw=38675008)
 @settings(max_examples=10)
 def test_a_block_on_a_post_goes_on_touching_it(draw):
     post = Part(Cylinder(0.01, 0.3), Pose.xyz_rpy((0, 0, 0.15)))
@@ -198,7 +199,7 @@ def test_a_block_on_a_post_goes_on_touching_it(draw):
         (table(), Body("post", Pose.xyz_rpy((0.5, 0, 0)), 0.0, (post,), (post,)), block("block", 0.5, 0, 0.325))
     )
     moved = perturb(scene, Spread(0.2, 1.0), draw)["block"].pose.position
-    assert np.linalg.norm(moved[:2] - (0.5, 0)) < 0.01 + 0.025 * math.sqrt(2)
+    assert np.linalg.norm(moved[:2] - (0.5, 0)) < 0.01 + 0.025 * math.sqrt(2) + CONTACT_M
 
 
 def test_a_stack_moves_as_a_stack():
