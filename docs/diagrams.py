@@ -14,7 +14,7 @@ FLOORS = {
     "values": ("geometry", "scene", "design"),
     "what a part must do": ("interfaces", "record", "hooks"),
     "one motion for every engine": ("robot", "kinematics", "trajectory", "playback"),
-    "parts found, rules, prompts": ("plugins", "rules", "prompts", "cheats"),
+    "parts found, rules, prompts": ("plugins", "drawing", "rules", "prompts", "cheats"),
     "one candidate": ("reading", "rollout", "fitness"),
     "one run": ("designer", "evolution", "store", "resume", "running"),
     "commands": ("run", "evaluate", "transfer", "prompt", "view", "report", "gallery", "new"),

@@ -19,6 +19,7 @@ from lxml import etree
 from PIL import Image as Pillow
 
 from core.design import Tool
+from core.errors import NoPicture
 from core.geometry import Array, Mesh, Pose, Shape
 from core.interfaces import Image, Task
 from core.robot import ARM_JOINTS, FINGER_JOINTS, assemble
@@ -30,19 +31,16 @@ _OVERSAMPLING = 2  # edges are hard; halving a picture of twice the size smooths
 _EXTENT = 1.0  # metres: the unit of MuJoCo's view settings
 
 
-class NoOpenGL(Exception):
-    """There is no OpenGL here that draws without a window. The message says what was tried."""
-
-
 class Renderer:
     """Draws one scene after another; what is loaded stays until another is asked for.
 
     Raises:
-        NoOpenGL: there is none here.
+        NoPicture: there is no OpenGL here that draws without a window; says what was tried.
     """
 
     def __init__(self) -> None:
-        self._opengl, self.device = _open_gl()
+        self._opengl, device = _open_gl()
+        self.name = f"MuJoCo's renderer on {device}"
         self._context: Any = None
         self._loaded: tuple[Task, int, Tool | None] | None = None
 
@@ -110,7 +108,7 @@ def _open_gl() -> tuple[Any, str]:
     found = [name for name, library in libraries.items() if ctypes.util.find_library(library)]
     name = chosen if chosen in libraries else found[0] if found else ""
     if not name:
-        raise NoOpenGL(f"none of the libraries {', '.join(libraries.values())} is there")
+        raise _no_open_gl(f"none of the libraries {', '.join(libraries.values())} is there")
     logging.getLogger("OpenGL.acceleratesupport").setLevel(logging.WARNING)  # of a package that need not be there
     try:
         context = importlib.import_module(f"mujoco.{name}").GLContext(640, 480)
@@ -118,7 +116,11 @@ def _open_gl() -> tuple[Any, str]:
         gl = importlib.import_module("OpenGL.GL")
         return context, f"{gl.glGetString(gl.GL_RENDERER).decode()} ({libraries[name]})"
     except Exception as error:  # PyOpenGL's own kinds of errors differ with what is missing
-        raise NoOpenGL(f"{libraries[name]}: {' '.join(str(error).split()) or type(error).__name__}") from error
+        raise _no_open_gl(f"{libraries[name]}: {' '.join(str(error).split()) or type(error).__name__}") from error
+
+
+def _no_open_gl(why: str) -> NoPicture:
+    return NoPicture(f"MuJoCo's own renderer needs OpenGL without a window ({why})")
 
 
 _SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")  # for meshes that are not looked at

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-
-import numpy as np
+from typing import Unpack
 
 from core.design import Tool
-from core.errors import NoPicture, UsageError, UserError, check_positive
-from core.geometry import Array
+from core.drawing import Pictures, View
+from core.errors import UsageError, check_positive
 from core.interfaces import Image, Outcome, Rollout, Simulator, Task
-from core.kinematics import arm as panda_arm
-from core.plugins import installed
-from core.robot import FINGER_OPEN
-from core.scene import Camera, Inertia, Scene, State
+from core.scene import Inertia, Scene
 from core.trajectory import at_home
-from plugins.simulators.mujoco.renderer import NoOpenGL, Renderer
+from plugins.simulators.mujoco.renderer import Renderer
 from plugins.simulators.mujoco.world import Stepped, World, compiled
 
 MAX_TIME_STEP = 0.005
@@ -42,7 +38,7 @@ class MuJoCoSimulator(Simulator):
         self.tracking_rate = tracking_rate
         self.slip_rate = slip_rate
         self._scene: tuple[Task, int, Scene, dict[str, Inertia]] | None = None
-        self._draws: Renderer | Simulator | None = None
+        self._pictures = Pictures(Renderer, _STAND_IN)
         self._worlds: OrderedDict[tuple[Task, int, Tool], World] = OrderedDict()
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
@@ -65,60 +61,13 @@ class MuJoCoSimulator(Simulator):
         self._worlds.move_to_end(key)
         return self._worlds[key]
 
-    def render(
-        self,
-        task: Task,
-        *,
-        seed: int = 0,
-        tool: Tool | None = None,
-        arm: Array | None = None,
-        fingers: Array | None = None,
-        state: State | None = None,
-        camera: Camera | None = None,
-        width: int = 640,
-        height: int = 480,
-    ) -> Image:
+    def render(self, task: Task, **view: Unpack[View]) -> Image:
         """By MuJoCo's own renderer where OpenGL draws without a window, otherwise by PyBullet's; ``drawn_by`` tells
         which it was.
 
         Raises:
             NoPicture: there is neither.
         """
-        renderer = self._renderer()
-        if not isinstance(renderer, Renderer):
-            return renderer.render(
-                task,
-                seed=seed,
-                tool=tool,
-                arm=arm,
-                fingers=fingers,
-                state=state,
-                camera=camera,
-                width=width,
-                height=height,
-            )
-        renderer.load(task, seed, tool)
-        renderer.pose(
-            arm if arm is not None else panda_arm().home_for(task.home),
-            fingers if fingers is not None else np.full(2, FINGER_OPEN),
-            state if state is not None else task.scene(seed).state(),
-        )
-        return renderer.shoot(camera or task.camera, width, height)
-
-    def _renderer(self) -> Renderer | Simulator:
-        if self._draws is not None:
-            return self._draws
-        try:
-            own = Renderer()
-        except NoOpenGL as error:
-            missing = f"MuJoCo's own renderer needs OpenGL without a window ({error})"
-            try:
-                other: Simulator = installed().create("sim", _STAND_IN)
-            except UserError as reason:
-                raise NoPicture(f"{missing}, and {_STAND_IN}'s can't stand in for it: {reason}") from error
-            self.drawn_by = f"{_STAND_IN}'s renderer: {missing}"
-            self._draws = other
-            return other
-        self.drawn_by = f"MuJoCo's renderer on {own.device}"
-        self._draws = own
-        return own
+        picture = self._pictures.render(task, **view)
+        self.drawn_by = self._pictures.drawn_by
+        return picture

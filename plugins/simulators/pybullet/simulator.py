@@ -6,17 +6,13 @@ import tempfile
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
+from typing import Unpack
 
 from core.design import Tool
+from core.drawing import View, draw
 from core.errors import UsageError, check_positive
-from core.geometry import Array
 from core.interfaces import Image, Outcome, Rollout, Simulator, Task
-from core.kinematics import arm as panda_arm
 from core.playback import play
-from core.robot import FINGER_OPEN
-from core.scene import Camera, State
 from core.trajectory import at_home
 from plugins.simulators.pybullet.engine import pybullet
 from plugins.simulators.pybullet.renderer import Renderer
@@ -101,25 +97,7 @@ class PyBulletSimulator(Simulator):
             self._robot = tool, robot_file(Path(self._folder.name), tool, visuals=False)
         return self._robot[1]
 
-    def render(
-        self,
-        task: Task,
-        *,
-        seed: int = 0,
-        tool: Tool | None = None,
-        arm: Array | None = None,
-        fingers: Array | None = None,
-        state: State | None = None,
-        camera: Camera | None = None,
-        width: int = 640,
-        height: int = 480,
-    ) -> Image:
+    def render(self, task: Task, **view: Unpack[View]) -> Image:
         if self._renderer is None:
             self._renderer = Renderer(Path(self._folder.name))
-        if arm is None:
-            arm = panda_arm().home_for(task.home)
-        if fingers is None:
-            fingers = np.full(2, FINGER_OPEN)
-        self._renderer.load(task, seed, tool)
-        self._renderer.pose(arm, fingers, state if state is not None else task.scene(seed).state())
-        return self._renderer.shoot(camera or task.camera, width, height)
+        return draw(self._renderer, task, **view)

@@ -14,6 +14,7 @@ from PIL import Image as Pillow
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
+from core.errors import NoPicture
 from core.geometry import Array, Box, Pose, Sphere
 from core.geometry import Shape as Geometry
 from core.interfaces import Image, Task
@@ -34,11 +35,15 @@ class Renderer:
     """Draws one scene after another; what is loaded stays until another is asked for.
 
     Raises:
-        RuntimeError: there is no Vulkan here.
+        NoPicture: there is no Vulkan here.
     """
 
     def __init__(self) -> None:
-        self.device = str(sapien.render.RenderSystem().device.name)
+        try:
+            device = sapien.render.RenderSystem().device.name
+        except RuntimeError as error:
+            raise NoPicture(f"SAPIEN's own renderer needs Vulkan ({error})") from error
+        self.name = f"SAPIEN's renderer on {device}"
         self._loaded: tuple[Task, int, Tool | None] | None = None
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:

@@ -5,18 +5,13 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-
-import numpy as np
+from typing import Unpack
 
 from core.design import Tool
-from core.errors import NoPicture, UsageError, UserError, check_positive
-from core.geometry import Array
+from core.drawing import Pictures, View
+from core.errors import UsageError, check_positive
 from core.interfaces import Image, Outcome, Rollout, Simulator, Task
-from core.kinematics import arm as panda_arm
 from core.playback import play
-from core.plugins import installed
-from core.robot import FINGER_OPEN
-from core.scene import Camera, State
 from core.trajectory import at_home
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.renderer import Renderer
@@ -44,7 +39,7 @@ class SapienSimulator(Simulator):
         self.tracking_rate = tracking_rate
         self._folder = tempfile.TemporaryDirectory(prefix="vlmgineer-")
         self._placed: tuple[Task, int, Weighed] | None = None
-        self._draws: Renderer | Simulator | None = None
+        self._pictures = Pictures(Renderer, _STAND_IN)
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
         return [self._one(task, job) for job in jobs]
@@ -75,59 +70,12 @@ class SapienSimulator(Simulator):
             self._placed = (task, seed, Weighed(task.scene(seed)))
         return self._placed[2]
 
-    def render(
-        self,
-        task: Task,
-        *,
-        seed: int = 0,
-        tool: Tool | None = None,
-        arm: Array | None = None,
-        fingers: Array | None = None,
-        state: State | None = None,
-        camera: Camera | None = None,
-        width: int = 640,
-        height: int = 480,
-    ) -> Image:
+    def render(self, task: Task, **view: Unpack[View]) -> Image:
         """By SAPIEN's own renderer where Vulkan is there, otherwise by PyBullet's; ``drawn_by`` tells which it was.
 
         Raises:
             NoPicture: there is neither.
         """
-        renderer = self._renderer()
-        if not isinstance(renderer, Renderer):
-            return renderer.render(
-                task,
-                seed=seed,
-                tool=tool,
-                arm=arm,
-                fingers=fingers,
-                state=state,
-                camera=camera,
-                width=width,
-                height=height,
-            )
-        renderer.load(task, seed, tool)
-        renderer.pose(
-            arm if arm is not None else panda_arm().home_for(task.home),
-            fingers if fingers is not None else np.full(2, FINGER_OPEN),
-            state if state is not None else task.scene(seed).state(),
-        )
-        return renderer.shoot(camera or task.camera, width, height)
-
-    def _renderer(self) -> Renderer | Simulator:
-        if self._draws is not None:
-            return self._draws
-        try:
-            own = Renderer()
-        except RuntimeError as error:
-            missing = f"SAPIEN's own renderer needs Vulkan ({error})"
-            try:
-                other: Simulator = installed().create("sim", _STAND_IN)
-            except UserError as reason:
-                raise NoPicture(f"{missing}, and {_STAND_IN}'s can't stand in for it: {reason}") from error
-            self.drawn_by = f"{_STAND_IN}'s renderer: {missing}"
-            self._draws = other
-            return other
-        self.drawn_by = f"SAPIEN's renderer on {own.device}"
-        self._draws = own
-        return own
+        picture = self._pictures.render(task, **view)
+        self.drawn_by = self._pictures.drawn_by
+        return picture

@@ -30,7 +30,7 @@ from core.conformance.worlds import (
     wait,
 )
 from core.design import Candidate, Component, Tool
-from core.errors import UserError
+from core.errors import NoPicture, UserError
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Rollout, RolloutSettings
 from core.kinematics import arm
@@ -46,7 +46,7 @@ pytest.importorskip("mujoco")
 
 import mujoco as mj
 
-from plugins.simulators.mujoco.renderer import NoOpenGL, Renderer
+from plugins.simulators.mujoco.renderer import Renderer
 from plugins.simulators.mujoco.world import Stepped, compiled
 
 ROOT = Path(__file__).parents[3]
@@ -359,8 +359,8 @@ def test_a_tool_touches_the_arm_but_not_its_bearer():
 def own_renderer():
     try:
         return Renderer()
-    except NoOpenGL as error:
-        pytest.skip(f"MuJoCo's renderer needs OpenGL without a window, for example Debian's libegl1: {error}")
+    except NoPicture as error:
+        pytest.skip(f"{error}; for example Debian's libegl1 has it")
 
 
 def test_its_own_renderer_sees_what_pybullets_sees(own_renderer):

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Unpack
 
 import numpy as np
 
-from core.design import Tool
+from core.drawing import View
 from core.errors import UsageError, check_positive
-from core.geometry import Array
 from core.interfaces import Image, Outcome, Recording, Rollout, Simulator, Task
 from core.playback import record_every, schedule
 from core.robot import ARM_JOINTS, FINGER_JOINTS
-from core.scene import Camera, Inertia, Scene, State
+from core.scene import Inertia, Scene
 from plugins.simulators.mujoco.batched.models import Figures, Played, Size, figures, model
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MAX_TIME_STEP, MuJoCoSimulator
@@ -176,36 +175,14 @@ class MuJoCoWarpSimulator(Simulator):
         start, end = (of.state(numbers.astype(np.float64)) for numbers in (played.start, played.end))
         return Outcome(start, end, played.lag, recording=recording)
 
-    def render(
-        self,
-        task: Task,
-        *,
-        seed: int = 0,
-        tool: Tool | None = None,
-        arm: Array | None = None,
-        fingers: Array | None = None,
-        state: State | None = None,
-        camera: Camera | None = None,
-        width: int = 640,
-        height: int = 480,
-    ) -> Image:
+    def render(self, task: Task, **view: Unpack[View]) -> Image:
         """As `sim=mujoco` draws it.
 
         Raises:
             NoPicture: it can't.
         """
         self._draws = self._draws or MuJoCoSimulator()
-        picture = self._draws.render(
-            task,
-            seed=seed,
-            tool=tool,
-            arm=arm,
-            fingers=fingers,
-            state=state,
-            camera=camera,
-            width=width,
-            height=height,
-        )
+        picture = self._draws.render(task, **view)
         self.drawn_by = self._draws.drawn_by
         return picture
 
