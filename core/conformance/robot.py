@@ -122,6 +122,19 @@ def check_body_pushed_off_centre_turns(simulator: Simulator) -> None:
     expect(0.8 * low < turned < 1.1 * high, f"{told}; friction lets it turn {low:.3f} to {high:.3f} rad")
 
 
+def check_tool_touches_the_arm_but_not_its_bearer(simulator: Simulator) -> None:
+    """A box around the flange is in what bears it, and nothing comes of that; one in the second link pushes the arm."""
+    around = Tool((Component("box", "panda_virtual", Pose(), Box((0.05, 0.05, 0.05))),))
+    lag = wait(simulator, seconds=0.5, tool=around).tracking_error_rad
+    expect(lag < 2e-3, f"a box around the flange puts the arm at rest {lag:.4f} rad off its targets; at most 0.002")
+    inside = arm().forward(still().arm[0]).inverse().apply([0.0, 0.0, 0.4])
+    bar = Tool((Component("bar", "panda_virtual", Pose(inside), Box((0.05, 0.05, 0.05))),))
+    lag = wait(simulator, seconds=0.5, tool=bar).tracking_error_rad
+    expect(
+        lag > 0.01, f"a tool inside the arm's second link should push it away; the arm is {lag:.4f} rad off its targets"
+    )
+
+
 def check_joints_hold_against_gravity(simulator: Simulator) -> None:
     for name, tool in (("nothing", BARE), ("the hand", HAND), ("a stick of 1 kg", stick(0.3, mass=1.0))):
         outcome = wait(simulator, seconds=3.0, tool=tool, record_hz=20)
@@ -252,6 +265,8 @@ CHECKS = (
     check_body_is_not_pushed_through_the_table,
     check_tool_stops_at_a_wall,
     check_leaning_tool_stops_at_a_thin_wall,
+    check_body_pushed_off_centre_turns,
+    check_tool_touches_the_arm_but_not_its_bearer,
     check_joints_hold_against_gravity,
     check_arm_follows_its_trajectory,
     check_struck_body_leaves_as_fast_as_it_was_struck,

@@ -1,8 +1,12 @@
 """Every built-in part does what every part of its kind must; and the checks see what is wrong."""
 
+import importlib
+import pkgutil
+
 import numpy as np
 import pytest
 
+import core.conformance
 from core.conformance import __main__ as conformance
 from core.conformance.suites import SUITES, subject, verdicts
 from core.errors import UsageError, UserError
@@ -137,3 +141,12 @@ def test_something_must_be_named(monkeypatch):
     monkeypatch.setattr("sys.argv", ["core.conformance"])
     with pytest.raises(UsageError, match=r"what is to be checked\? usage: python -m core.conformance \{sim\|task\|"):
         conformance.main()
+
+
+def test_no_check_is_forgotten():
+    """One that stands in no list is never run, and nobody notices."""
+    listed = {check for checks in SUITES.values() for check in checks}
+    for info in pkgutil.iter_modules(core.conformance.__path__, "core.conformance."):
+        for name, check in vars(importlib.import_module(info.name)).items():
+            if name.startswith("check_") and check.__module__ == info.name:
+                assert check in listed, f"{info.name}.{name}"

@@ -191,16 +191,6 @@ def test_fingers_stay_as_far_from_the_middle():
     assert np.abs(fingers[:, 0] - fingers[:, 1]).max() < 3e-3
 
 
-def test_a_tool_touches_the_arm_but_not_its_bearer():
-    """A hook that is bent back to the arm's second link: at home the arm can't come to where it would be inside."""
-    clear, inside = Tool((Component("a", "panda_virtual", Pose(), Box((0.05, 0.05, 0.05))),)), BARE
-    for tool in (clear, inside):  # a box around the flange itself is in its bearer, and that is nothing
-        assert wait(sapien(), seconds=0.5, tool=tool).tracking_error_rad < 2e-3
-    at = arm().forward(still().arm[0]).inverse().apply([0.0, 0.0, 0.4])  # in the arm's second link
-    bar = Tool((Component("bar", "panda_virtual", Pose(at), Box((0.05, 0.05, 0.05))),))
-    assert wait(sapien(), seconds=0.5, tool=bar).tracking_error_rad > 0.01
-
-
 def test_numbers_that_are_none_break_one_job_only():
     arms = np.full((1, 7), np.nan)
     broken = Rollout(BARE, JointTrajectory(np.zeros(1), arms, np.full(1, FINGER_OPEN)))
