@@ -9,6 +9,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
@@ -16,7 +17,6 @@ from core.interfaces import JointTrajectory, Task
 from core.kinematics import Arm
 from core.kinematics import arm as panda_arm
 from core.robot import ACCELERATION_LIMITS, FINGER_OPEN
-from core.splines import Place, Splines, place
 
 # Inverse kinematics is solved at knots this close; a cubic spline joins them.
 _KNOT_M = 0.02
@@ -59,7 +59,7 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
     start = arm.home_for(home)
     solved, errors = arm.follow(points[1:], turns[1:], start)
     knots = np.vstack([start, solved])
-    segments = _joined([knots[a : b + 1] for a, b in pairwise(ends)], arm)
+    segments = [_joined(knots[a : b + 1], arm) for a, b in pairwise(ends)]
     times, targets, fingers = [np.zeros(1)], [start[None]], [np.full(1, FINGER_OPEN)]
     for i, (instants, joints) in enumerate(_timed(segments, arm, segment_s, speed)):
         times.append(times[-1][-1] + instants)
@@ -94,42 +94,24 @@ def _path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int
     return positions[leg] + share * ways[leg], matrices, ends
 
 
-@dataclass(frozen=True, eq=False)
-class _Grid:
-    """Where one looks along a segment of so many knots: at s (S,) from 0 to 1, the knots among them, where it bends
-    most; just before each; and eight times as often as there are knots.
-    """
-
-    s: Array
-    at: Place
-    before: Place
-    between: Place
+def _joined(knots: Array, arm: Arm) -> PPoly:
+    """Joints over s in [0, 1] through knots (K, 7): smooth; where that would swing past a limit, without overshoot."""
+    s = np.linspace(0.0, 1.0, len(knots))
+    path = CubicSpline(s, knots, axis=0)
+    between = path(np.linspace(0.0, 1.0, 8 * len(knots)))
+    if ((between < arm.lower) | (between > arm.upper)).any():
+        return PchipInterpolator(s, knots, axis=0)
+    return path
 
 
 @lru_cache(maxsize=256)
-def _grid(count: int) -> _Grid:
-    cells = count - 1
-    s = np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
-    return _Grid(s, *(place(count, at) for at in (s, np.maximum(s - 1e-9, 0.0), np.linspace(0.0, 1.0, 8 * count))))
+def _grid(cells: int) -> Array:
+    """Where one looks along a segment: s (S,) from 0 to 1, the knots among them, where it bends most."""
+    return np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
 
 
-def _joined(segments: list[Array], arm: Arm) -> Splines:
-    """Joints over s in [0, 1] through each segment's knots (K, 7): smooth; where that would swing past a limit, without
-    overshoot.
-    """
-    curves = Splines(segments)
-    at = curves.places([_grid(len(knots)).between for knots in segments])
-    between = curves(at)
-    beyond = (between < arm.lower) | (between > arm.upper)
-    if beyond.any():
-        cells, _ = at
-        for number in np.unique(np.searchsorted(curves.starts, cells[beyond.any(axis=1)], side="right") - 1):
-            curves.restrain(number)
-    return curves
-
-
-def _timed(curves: Splines, arm: Arm, segment_s: float, speed: float) -> Iterator[tuple[Array, Array]]:
-    """When to be where along each curve (joints over s in [0, 1]), at rest at both ends: instants (S,) in seconds, and
+def _timed(paths: list[PPoly], arm: Arm, segment_s: float, speed: float) -> Iterator[tuple[Array, Array]]:
+    """When to be where along each path (joints over s in [0, 1]), at rest at both ends: instants (S,) in seconds, and
     joints (S, 7).
 
     Without limits it is a trapezoid of the path's speed: a fifth of the time to speed up, a fifth to slow down. Where
@@ -137,12 +119,15 @@ def _timed(curves: Splines, arm: Arm, segment_s: float, speed: float) -> Iterato
     squared path speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths",
     IJRR 1985; half of each acceleration limit for the path's bend, half for the change of speed).
     """
-    grids = [_grid(len(knots)) for knots in curves.knots]
-    at = curves.places([grid.at for grid in grids])
-    slope, bend = np.abs(curves(at, 1)), np.abs(curves(at, 2))
-    bend = np.maximum(bend, np.abs(curves(curves.places([grid.before for grid in grids]), 2)))  # both sides of a knot
-    ends = np.cumsum([len(grid.s) for grid in grids])
-    step = np.repeat([grid.s[1] for grid in grids], [len(grid.s) for grid in grids])
+    grids = [_grid(len(path.x) - 1) for path in paths]
+    slope, bend, before = (  # before: on the other side of a knot
+        np.abs(np.concatenate([path(np.maximum(s - back, 0.0), order) for path, s in zip(paths, grids, strict=True)]))
+        for order, back in ((1, 0.0), (2, 0.0), (2, 1e-9))
+    )
+    bend = np.maximum(bend, before)
+    sizes = [len(s) for s in grids]
+    ends = np.cumsum(sizes)
+    step = np.repeat([s[1] for s in grids], sizes)
     half = ACCELERATION_LIMITS * speed / 2
     with np.errstate(divide="ignore"):  # where a joint stands still, and between two segments
         fastest = np.minimum(_least(arm.velocity_limits * speed / slope) ** 2, _least(half / bend))
@@ -151,11 +136,10 @@ def _timed(curves: Splines, arm: Arm, segment_s: float, speed: float) -> Iterato
         square[0] = square[ends[:-1]] = square[ends - 1] = 0.0
         rate = np.sqrt(_within(square.tolist(), (2 * step[:-1] * np.minimum(gain[:-1], gain[1:])).tolist()))
         lasts = 2 * step[:-1] / (rate[:-1] + rate[1:])
-    for number, (grid, end) in enumerate(zip(grids, ends, strict=True)):
-        own = slice(end - len(grid.s), end)
-        instants, along = _sampled(grid.s, rate[own], lasts[own][: len(grid.s) - 1])
-        cells, into = place(len(curves.knots[number]), along)
-        yield instants, curves((curves.starts[number] + cells, into))
+    for path, s, end in zip(paths, grids, ends, strict=True):
+        own = slice(end - len(s), end)
+        instants, along = _sampled(s, rate[own], lasts[own][: len(s) - 1])
+        yield instants, path(along)
 
 
 def _least(values: Array) -> Array:
