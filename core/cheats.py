@@ -22,7 +22,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.geometry import Array, Mesh, Pose, Shape, Sphere
+from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Recording
 from core.robot import ARM_JOINTS, FINGER_JOINTS, assemble
 from core.rules import robot_solids
@@ -86,11 +86,12 @@ class _Track:
 
     ``way`` (T,) is how far a point of it can have gone since the first sample; ``low`` and ``high`` (T, 3) bound its
     place at a sample and on the way to the next. ``of`` is what it is part of, ``reach`` how far from its frame's
-    origin turning moves it, ``thick`` its least half width.
+    origin turning moves it, ``thick`` its least half width. The frame of a ball does not turn.
     """
 
     name: str
     of: str
+    shape: Shape | None  # None: a link's hull
     geometry: Any
     rotations: Array
     positions: Array
@@ -105,12 +106,14 @@ class _Track:
     def make(cls, name: str, of: str, solid: _Measured, rotations: Array, positions: Array) -> _Track:
         if solid.pose is not None:
             rotations, positions = _placed(rotations, positions, solid.pose)
+        if isinstance(solid.shape, Sphere):
+            rotations = np.broadcast_to(np.eye(3), rotations.shape)
         middles, reach = positions + _times(rotations, solid.middle), _times(np.abs(rotations), solid.half)
         low, high = middles - reach, middles + reach
         low[:-1], high[:-1] = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
         (way,) = _ways(rotations[None], positions[None], np.array([solid.reach]))
         thick = float(solid.half.min())
-        return cls(name, of, solid.geometry, rotations, positions, way, low, high, solid.reach, thick)
+        return cls(name, of, solid.shape, solid.geometry, rotations, positions, way, low, high, solid.reach, thick)
 
     def fastest(self, times: Array) -> float:
         """The speed that no point of it passed, m/s, taken over a tenth of a second."""
@@ -162,6 +165,7 @@ class _Measured:
     where turning moves them.
     """
 
+    shape: Shape | None
     geometry: Any
     pose: _Place | None
     middle: Array
@@ -172,7 +176,7 @@ class _Measured:
 @lru_cache(maxsize=1024)
 def _measured(shape: Shape, pose: Pose) -> _Measured:
     geometry = _hull(shape.vertices.tobytes()) if isinstance(shape, Mesh) else solid_geometry(shape)
-    return _measure(geometry, pose, round=isinstance(shape, Sphere))
+    return _measure(geometry, pose, shape)
 
 
 @lru_cache(maxsize=256)
@@ -181,12 +185,12 @@ def _hull(vertices: bytes) -> Any:
     return hull(trimesh.PointCloud(np.frombuffer(vertices).reshape(-1, 3)))
 
 
-def _measure(geometry: Any, pose: Pose, *, round: bool = False) -> _Measured:
+def _measure(geometry: Any, pose: Pose, shape: Shape | None = None) -> _Measured:
     geometry.computeLocalAABB()
     box = geometry.aabb_local
     middle, half = (box.max_ + box.min_) / 2, (box.max_ - box.min_) / 2
-    reach = 0.0 if round else float(np.linalg.norm(np.abs(middle) + half))
-    return _Measured(geometry, None if pose == Pose() else _Place.of(pose), middle, half, reach)
+    reach = 0.0 if isinstance(shape, Sphere) else float(np.linalg.norm(np.abs(middle) + half))
+    return _Measured(shape, geometry, None if pose == Pose() else _Place.of(pose), middle, half, reach)
 
 
 @lru_cache(maxsize=2)
@@ -333,6 +337,8 @@ def _passage(
     deep = min(DEEP_M, max(across / 2, min(THIN_M, 0.9 * across)))
     through = THROUGH * across
     limit = min(deep, through)
+    if _shallow(one, other, near, way, limit):
+        return None
     distance = coal.ComputeDistance(other.geometry, one.geometry)
     samples, gone, instants = (
         near.tolist(),
@@ -384,6 +390,36 @@ def _passage(
                     k = samples[at]
                 continue
         share = (ahead - gone[k]) / (gone[k + 1] - gone[k])
+
+
+def _shallow(one: _Track, other: _Track, near: npt.NDArray[np.intp], way: Array, limit: float) -> bool:
+    """Whether a formula already says that the two are never so deep in each other; one of them a ball, that is."""
+    ball, solid = (one, other) if isinstance(one.shape, Sphere) else (other, one)
+    if not isinstance(ball.shape, Sphere) or not isinstance(solid.shape, Sphere | Box | Cylinder):
+        return False
+    offsets = ball.positions - solid.positions
+    gaps = _gaps(solid.shape, (offsets[:, None] @ solid.rotations)[:, 0]) - ball.shape.radius
+    steps = np.diff(way, append=way[-1])
+    # From one sample to the next, a gap can't shrink and grow again by more than the way allows.
+    least = (gaps + np.append(gaps[1:], gaps[-1]) - steps) / 2
+    return bool(least[near].min() > -limit)
+
+
+def _gaps(shape: Sphere | Box | Cylinder, points: Array) -> Array:
+    """How far points (N, 3) in a shape's frame are outside of it, metres, negative inside."""
+    gaps: Array
+    match shape:
+        case Sphere(radius):
+            gaps = np.sqrt((points * points).sum(axis=1)) - radius
+            return gaps
+        case Box(size):
+            beyond = np.abs(points) - np.asarray(size) / 2
+        case Cylinder(radius, length):
+            x, y, z = points.T
+            beyond = np.column_stack([np.hypot(x, y) - radius, np.abs(z) - length / 2])
+    outside = np.maximum(beyond, 0.0)
+    gaps = np.sqrt((outside * outside).sum(axis=1)) + np.minimum(beyond.max(axis=1), 0.0)
+    return gaps
 
 
 class _Way(NamedTuple):

@@ -4,6 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from core.cheats import Explosion, findings
@@ -36,11 +38,11 @@ def recording(scene, paths, hz=HZ, arms=None, quaternions=None, velocities=None)
     positions = np.array([paths[b.name] for b in free]).reshape(len(free), count, 3).swapaxes(0, 1)
     turned = np.zeros((count, len(free), 4))
     turned[..., 0] = 1.0
-    for name, given in (quaternions or {}).items():
-        turned[:, [b.name for b in free].index(name)] = given
+    for name, values in (quaternions or {}).items():
+        turned[:, [b.name for b in free].index(name)] = values
     speeds = np.zeros(positions.shape)
-    for name, given in (velocities or {}).items():
-        speeds[:, [b.name for b in free].index(name)] = given
+    for name, values in (velocities or {}).items():
+        speeds[:, [b.name for b in free].index(name)] = values
     states = State(tuple(b.name for b in free), positions, turned, speeds, np.zeros(positions.shape))
     return Recording(np.arange(count) / hz, arms if arms is not None else away, np.zeros((count, 2)), states)
 
@@ -95,6 +97,37 @@ def test_a_body_that_turns_through_a_wall():
     scene = Scene((body("wall", Box((0.01, 0.01, 0.5)), (0.4, 0.1, 0.25), mass=0.0), bar))
     taken = recording(scene, {"bar": np.tile((0.4, 0.0, 0.25), (6, 1))}, quaternions={"bar": turns})
     assert len(cheats(scene, taken)) == 1
+
+
+@given(
+    solid=st.sampled_from([Sphere(0.03), Box((0.08, 0.02, 0.05)), Cylinder(0.03, 0.02), Cylinder(0.012, 0.1)]),
+    radius=st.floats(0.005, 0.05),
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(3, 40),
+    carried=st.booleans(),
+    beside=st.booleans(),
+)
+def test_a_ball_goes_through_a_solid_or_beside_it(solid, radius, seed, count, carried, beside):
+    """From anywhere, spinning; or the ball stands, spins, and the solid comes: the same is seen."""
+    random = np.random.default_rng(seed)
+    turn, way = Rotation.random(rng=random), Rotation.random(rng=random).as_matrix()
+    middle, reach = (
+        np.array([1.5, 1.5, 1.0]),
+        0.08,
+    )  # out of the arm's way; no point of a solid is farther from its middle
+    off = (reach + radius + 0.001) * way[1] if beside else np.zeros(3)
+    path = middle + off + np.linspace(-0.3, 0.3 + 0.3 * random.random(), count)[:, None] * way[0]
+    rpy = turn.as_euler("xyz")
+    if carried:
+        scene = Scene((body("ball", Sphere(radius), path[0]), body("solid", solid, middle, rpy=rpy)))
+        turns = np.tile(turn.as_quat(scalar_first=True), (count, 1))
+        paths = {"ball": np.tile(path[0], (count, 1)), "solid": middle + path[0] - path}
+    else:
+        scene = Scene((body("ball", Sphere(radius), path[0]), body("solid", solid, middle, mass=0.0, rpy=rpy)))
+        turns, paths = None, {"ball": path}
+    spins = Rotation.random(count, rng=random).as_quat(scalar_first=True)
+    quaternions = {"ball": spins} if turns is None else {"ball": spins, "solid": turns}
+    assert len(cheats(scene, recording(scene, paths, quaternions=quaternions))) == (not beside)
 
 
 def sweep(turn, count):
