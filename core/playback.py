@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Protocol, runtime_checkable
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -16,12 +16,22 @@ LAG_EVERY = 10  # steps between two looks at how far the arm is behind
 
 @runtime_checkable
 class Following(World, Protocol):
-    """A world that takes the orders for many steps at once, so that they cost less each."""
+    """A world that takes the orders for many steps at once, and whose notes are read together, so that they cost less
+    each.
+    """
 
     def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
         """As many calls of `step`, one whenever the iterator is asked for the next: arm (S, 7), fingers (S,), speeds
         (S, 7), finger speeds (S,).
         """
+        ...
+
+    def note(self) -> Any:
+        """Joints and free bodies as they are, in the form that is had fastest."""
+        ...
+
+    def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
+        """Of T notes: arm (T, 7), fingers (T, 2), the free bodies' states."""
         ...
 
 
@@ -34,26 +44,30 @@ def play(world: World, job: Rollout) -> Outcome:
     every = record_every(job, dt)
     arm, fingers, speeds, finger_speeds = targets(trajectory, times, dt)
 
-    film: list[tuple[float, Array, Array, State]] = []
+    instants, notes = [], []
+    note = world.note if isinstance(world, Following) else lambda: (*world.joints(), world.state())
     start = world.state() if settle == 0 else None
     reached: list[Array] = []
     steps = _steps(world, arm, fingers, speeds, finger_speeds)
     for k in range(len(times)):
         if every and k % every == 0:
-            film.append((float(times[k]), *world.joints(), world.state()))
+            instants.append(float(times[k]))
+            notes.append(note())
         next(steps)
         if k == settle - 1:
             start = world.state()
         if k >= settle and k % LAG_EVERY == 0:
             reached.append(world.joints()[0])
     if every:
-        film.append((float(times[-1] + dt), *world.joints(), world.state()))
+        instants.append(float(times[-1] + dt))
+        notes.append(note())
     end = world.state()
     wanted = arm[-(-settle // LAG_EVERY) * LAG_EVERY :: LAG_EVERY]
     lag = float(np.abs(np.array(reached) - wanted).max()) if reached else 0.0
     if not all(np.isfinite(x).all() for x in (end.positions, end.quaternions, end.linear_velocities)):
         return Outcome(None, None, error="the simulation blew up: a body's state is not finite")
-    return Outcome(start, end, lag, recording=_recording(film) if film else None)
+    recording = Recording(np.array(instants), *_read(world, notes)) if notes else None
+    return Outcome(start, end, lag, recording=recording)
 
 
 def _steps(world: World, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
@@ -86,6 +100,8 @@ def targets(trajectory: JointTrajectory, times: Array, dt: float) -> tuple[Array
     return arm, fingers, (arm - before_arm) / dt, (fingers - before_fingers) / dt
 
 
-def _recording(film: list[tuple[float, Array, Array, State]]) -> Recording:
-    times, arms, fingers, states = zip(*film, strict=True)
-    return Recording(np.array(times), np.array(arms), np.array(fingers), State.stack(states))
+def _read(world: World, notes: Sequence[Any]) -> tuple[Array, Array, State]:
+    if isinstance(world, Following):
+        return world.read(notes)
+    arms, fingers, states = zip(*notes, strict=True)
+    return np.array(arms), np.array(fingers), State.stack(states)

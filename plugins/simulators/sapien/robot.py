@@ -74,10 +74,11 @@ class Robot:
             difference = [0.0, 1.0, -1.0]  # of the two joints, that is
             made[0].articulation.create_fixed_tendon(chain, difference, difference, **_COUPLING)
             made[0].articulation.solver_position_iterations *= _GRIP
-        # In each of the solver's n iterations a joint is driven as if that were the end of the step, with its speed
-        # coming on top: on the mean (n - 1) / 2n of a step too far ahead.
+        # What the damper is to let through is put into the spring's target: half as many calls. And in each of the
+        # solver's n iterations a joint is driven as if that were the end of the step, with its speed coming on top: on
+        # the mean (n - 1) / 2n of a step too far ahead.
         iterations = made[0].articulation.solver_position_iterations
-        self._ahead = time_step * (iterations - 1) / (2 * iterations)
+        self._ahead = 1 / tracking_rate - time_step * (iterations - 1) / (2 * iterations)
         for link, component in zip(links, made, strict=True):
             entity = sapien.Entity()
             entity.name = link.name
@@ -87,22 +88,22 @@ class Robot:
         active = {joint.name: number for number, joint in enumerate(self._articulation.active_joints)}
         self._numbers = [active[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ()))]
         joints = [self._articulation.active_joints[number] for number in self._numbers]
-        self._tell = [joint.set_drive_target for joint in joints] + [j.set_drive_velocity_target for j in joints]
-        self._told = [math.nan] * len(self._tell)
+        self._tell = [joint.set_drive_target for joint in joints]
+        self._told = [math.nan] * len(joints)
         start = np.empty(len(self._numbers))
         start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * 2 if tool.gripper else ())]
         self._articulation.qpos = start
 
-    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Array:
+    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> list[list[float]]:
         """What `drive` takes for each of S steps: of the joints' targets (S, 7), finger openings (S,), and the speeds
         at which these are approached.
         """
         if self._gripper:
             arm, speeds = np.column_stack([arm, fingers, fingers]), np.column_stack([speeds, *[finger_speeds] * 2])
-        return np.hstack([arm - self._ahead * speeds, speeds])
+        orders: list[list[float]] = (arm + self._ahead * speeds).tolist()
+        return orders
 
-    def drive(self, numbers: Array) -> None:
-        orders = numbers.tolist()
+    def drive(self, orders: list[float]) -> None:
         if orders == self._told:
             self._tell[0](orders[0])  # keeps the arm awake
             return
@@ -113,8 +114,16 @@ class Robot:
 
     def joints(self) -> tuple[Array, Array]:
         """Arm (7,) and fingers (2,) as they are."""
-        values = self._articulation.qpos[self._numbers].astype(np.float64)
-        return values[:7], values[7:] if self._gripper else np.zeros(2)
+        return self.read(self.note())
+
+    def note(self) -> Any:
+        """For `read`."""
+        return self._articulation.qpos
+
+    def read(self, notes: Any) -> tuple[Array, Array]:
+        """Arm (..., 7) and fingers (..., 2) of notes (..., J)."""
+        values = np.asarray(notes, dtype=np.float64)[..., self._numbers]
+        return values[..., :7], values[..., 7:] if self._gripper else np.zeros((*values.shape[:-1], 2))
 
 
 def _attach(component: Any, felt: Shape, tool: Tool, surfaces: Surfaces, folder: Path) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -81,3 +82,12 @@ class World:
     def state(self) -> State:
         """Of the free bodies."""
         return self._bodies.state()
+
+    def note(self) -> tuple[Any, bytes]:
+        """See `core.playback.Following`."""
+        return self._robot.note(), self._bodies.note()
+
+    def read(self, notes: Sequence[tuple[Any, bytes]]) -> tuple[Array, Array, State]:
+        """See `core.playback.Following`."""
+        joints, bodies = zip(*notes, strict=True)
+        return *self._robot.read(joints), self._bodies.read(bodies)
