@@ -153,9 +153,9 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
             window(files)
             return
         with served(files, port) as (address, viewer):
+            sys.stderr.write("Ctrl-C ends it\n")  # first: whoever reads the address may interrupt at once
             sys.stdout.write(f"{address}\n")
             sys.stdout.flush()
-            sys.stderr.write("Ctrl-C ends it\n")
             raise UserError(f"the web viewer ended by itself, with status {viewer.wait()}")
 
 
