@@ -173,7 +173,7 @@ class _Measured:
     reach: float
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=256)
 def _measured(shape: Shape, pose: Pose) -> _Measured:
     geometry = _hull(shape.vertices.tobytes()) if isinstance(shape, Mesh) else solid_geometry(shape)
     return _measure(geometry, pose, shape)
