@@ -240,12 +240,15 @@ def _robot_tracks(tool: Tool, recording: Recording) -> list[_Track]:
         joint, at = links[link]
         return _placed(rotations[joint], positions[joint], at)
 
-    placed = tool.placed()
     tracks = [_Track.make(name, "the robot", solid, *frames(name)) for name, solid in solids]
-    for component in tool.components:
-        link, pose = placed[component.name]
-        tracks.append(_Track.make(component.name, "the robot", _measured(component.shape, pose), *frames(link)))
-    return tracks
+    return tracks + [_Track.make(name, "the robot", solid, *frames(link)) for name, link, solid in _tool_solids(tool)]
+
+
+@lru_cache(maxsize=8)
+def _tool_solids(tool: Tool) -> list[tuple[str, str, _Measured]]:
+    """Of each component its name, the link that it is on, and its solid."""
+    placed = tool.placed()
+    return [(part.name, placed[part.name][0], _measured(part.shape, placed[part.name][1])) for part in tool.components]
 
 
 def _body_tracks(scene: Scene, recording: Recording) -> list[_Track]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,12 +76,15 @@ class Pose:
 
         return cls.from_rotation(matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3]))
 
-    @property
+    @cached_property
     def rotation(self) -> Rotation:
         from scipy.spatial.transform import Rotation
 
         w, x, y, z = self.quaternion
         return Rotation.from_quat([x, y, z, w])
+
+    def __getstate__(self) -> dict[str, Array]:
+        return {"position": self.position, "quaternion": self.quaternion}  # without what is computed
 
     @property
     def rpy(self) -> Array:

@@ -2,8 +2,8 @@
 
 MuJoCo gives a contact the larger of two geoms' friction coefficients, and one rate at which it stops both penetration
 and slip. Ours has the geometric mean, and stops slip more slowly. An explicit pair of geoms can have both, but is
-tested at every step; so only those are made that need be: of all that can move freely, and of the few others whose
-coefficients differ.
+tested at every step; so only those are made that need be: of all that can move freely, and of the arm's links where
+their friction is not the tool's.
 
 Why slip is stopped slowly: MuJoCo's contacts solve a convex problem, in which what slips at a speed v is also pushed
 off the surface, by friction times v times the share of the slip that is stopped within a step. At the rate that suits
@@ -19,6 +19,7 @@ from enum import Enum
 import numpy as np
 from scipy.optimize import brentq
 
+from core.robot import TOOL_FRICTION
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
@@ -63,24 +64,33 @@ def bounces(surfaces: Sequence[Surface]) -> bool:
 
 
 def set_contacts(spec: Element, felt: Sequence[Felt], slip_rate: float) -> None:
-    """Say of each geom and of each pair that needs it how its contacts behave."""
+    """Say of each geom and of each pair that needs it how its contacts behave.
+
+    Each pair is looked at in every step, so there is none for what can't move and a tool: such geoms have what comes of
+    their friction and the tool's, and their say goes.
+    """
+    tools = next((one.surface.friction for one in felt if one.role is Role.TOOL), TOOL_FRICTION)
+    met = [tools if one.role is Role.SCENE else one.surface.friction for one in felt]  # that need no pair with it
     reference = [2 * spec.option.timestep, 1.3]  # as stiff as the time step allows, and damped so that nothing rebounds
     for number, one in enumerate(felt):
         geom = one.geom
         geom.name = f"geom_{number}"
         geom.contype, geom.conaffinity = one.role.value
-        geom.friction = [one.surface.friction, 0.0, one.surface.rolling]
+        friction = one.surface.friction
+        if one.role is Role.SCENE and not one.free:
+            friction, geom.priority = _mean(friction, tools), 1
+        geom.friction = [friction, 0.0, one.surface.rolling]
         geom.condim = _dimensions(one.surface.rolling)
         geom.solref, geom.solimp = reference, _IMPEDANCE
     covered = set()
     for number, one in enumerate(felt):
-        for other in felt[number + 1 :]:
+        for later, other in enumerate(felt[number + 1 :], start=number + 1):
             free = one.free or other.free
             if one.bearer == other.bearer or not _touch(one.role, other.role):
                 continue
-            if not free and one.surface.friction == other.surface.friction:
+            if not free and met[number] == met[later]:
                 continue
-            friction = float(np.sqrt(one.surface.friction * other.surface.friction))
+            friction = _mean(one.surface.friction, other.surface.friction)
             rolling = max(one.surface.rolling, other.surface.rolling)
             spec.add_pair(
                 geomname1=one.geom.name,
@@ -99,6 +109,10 @@ def set_contacts(spec: Element, felt: Sequence[Felt], slip_rate: float) -> None:
 def _touch(one: Role, other: Role) -> bool:
     (type_1, affinity_1), (type_2, affinity_2) = one.value, other.value
     return bool(type_1 & affinity_2 or type_2 & affinity_1)
+
+
+def _mean(one: float, other: float) -> float:
+    return float(np.sqrt(one * other))
 
 
 def _dimensions(rolling: float) -> int:
