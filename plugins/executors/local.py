@@ -28,8 +28,13 @@ from core.interfaces import Executor
 A = TypeVar("A")
 B = TypeVar("B")
 
-# A library's threads inside several workers only fight for the same cores; read when a worker imports it.
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_ENVIRONMENT = {  # of a worker; read when it starts
+    # A library's threads inside several workers only fight for the same cores.
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
+    # The GNU allocator's own figure. Unless it is told, it raises it with the largest array that was ever freed, and
+    # the heap grows by some kilobytes with every rollout.
+    "MALLOC_TRIM_THRESHOLD_": str(128 * 1024),
+}
 _STARTS = 3  # tries to get a chunk into a process
 _START_S = 120.0  # for each
 
@@ -151,7 +156,7 @@ class _Worker:
 
     def _start(self) -> None:
         self._bury()
-        os.environ.update(_ONE_THREAD)
+        os.environ.update(_ENVIRONMENT)
         with _reaping:
             if self._closed:
                 raise _Died("the executor is closed")

@@ -96,10 +96,10 @@ class World:
         """
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         self._qpos[0, :_ARM], self._qpos[0, _ARM : self._joints] = trajectory.arm[0], trajectory.fingers[0]
-        first = self._qpos.copy(), self._qvel.copy()
-        controls = self._controls(trajectory, times)
-        then = self._batch.rollout(len(times), controls[None], record=("qpos", "qvel"))
-        return np.concatenate([first[0], then["qpos"][0]]), np.concatenate([first[1], then["qvel"][0]])
+        qpos, qvel = (np.repeat(now[:, None], 1 + len(times), axis=1) for now in (self._qpos, self._qvel))
+        then = {"qpos": qpos[:, 1:], "qvel": qvel[:, 1:]}
+        self._batch.rollout(len(times), self._controls(trajectory, times)[None], record=tuple(then), out=then)
+        return qpos[0], qvel[0]
 
     def _controls(self, trajectory: JointTrajectory, times: Array) -> Array:
         """For each step (S, 2 J) the joints' positions and speeds in turn."""
