@@ -9,7 +9,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
+from scipy.interpolate import BSpline, PchipInterpolator, make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
@@ -18,6 +18,7 @@ from core.kinematics import Arm
 from core.kinematics import arm as panda_arm
 from core.robot import ACCELERATION_LIMITS, FINGER_OPEN
 
+_ROUNDING = 1e-9  # radians
 # Inverse kinematics is solved at knots this close; a cubic spline joins them.
 _KNOT_M = 0.02
 _KNOT_RAD = 0.1
@@ -59,7 +60,7 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
     start = arm.home_for(home)
     solved, errors = arm.follow(points[1:], turns[1:], start)
     knots = np.vstack([start, solved])
-    segments = [_joined(knots[a : b + 1], arm) for a, b in pairwise(ends)]
+    segments = [(_joined(knots[a : b + 1], arm), b - a) for a, b in pairwise(ends)]
     times, targets, fingers = [np.zeros(1)], [start[None]], [np.full(1, FINGER_OPEN)]
     for i, (instants, joints) in enumerate(_timed(segments, arm, segment_s, speed)):
         times.append(times[-1][-1] + instants)
@@ -94,12 +95,14 @@ def _path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int
     return positions[leg] + share * ways[leg], matrices, ends
 
 
-def _joined(knots: Array, arm: Arm) -> PPoly:
-    """Joints over s in [0, 1] through knots (K, 7): smooth; where that would swing past a limit, without overshoot."""
+def _joined(knots: Array, arm: Arm) -> BSpline | PchipInterpolator:
+    """Joints over s in [0, 1] through knots (K, 7): a cubic spline; where that would swing past a limit, one without
+    overshoot.
+    """
     s = np.linspace(0.0, 1.0, len(knots))
-    path = CubicSpline(s, knots, axis=0)
+    path = make_interp_spline(s, knots, k=min(3, len(knots) - 1))
     between = path(np.linspace(0.0, 1.0, 8 * len(knots)))
-    if ((between < arm.lower) | (between > arm.upper)).any():
+    if ((between < arm.lower - _ROUNDING) | (between > arm.upper + _ROUNDING)).any():
         return PchipInterpolator(s, knots, axis=0)
     return path
 
@@ -110,24 +113,31 @@ def _grid(cells: int) -> Array:
     return np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
 
 
-def _timed(paths: list[PPoly], arm: Arm, segment_s: float, speed: float) -> Iterator[tuple[Array, Array]]:
-    """When to be where along each path (joints over s in [0, 1]), at rest at both ends: instants (S,) in seconds, and
-    joints (S, 7).
+def _bend(path: BSpline | PchipInterpolator, s: Array) -> Array:
+    """How hard a path bends, (S, 7), at s (S,)."""
+    bend: Array = np.abs(path(s, 2))
+    if isinstance(path, PchipInterpolator):  # bends one way before a knot and another way behind it
+        bend = np.maximum(bend, np.abs(path(np.maximum(s - 1e-9, 0.0), 2)))
+    return bend
+
+
+def _timed(
+    segments: list[tuple[BSpline | PchipInterpolator, int]], arm: Arm, segment_s: float, speed: float
+) -> Iterator[tuple[Array, Array]]:
+    """When to be where along each path (joints over s in [0, 1], and how many cells it has), at rest at both ends:
+    instants (S,) in seconds, and joints (S, 7).
 
     Without limits it is a trapezoid of the path's speed: a fifth of the time to speed up, a fifth to slow down. Where
     a joint would pass a limit, the speed is lower there and before and after (forward and backward pass over the
     squared path speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths",
     IJRR 1985; half of each acceleration limit for the path's bend, half for the change of speed).
     """
-    grids = [_grid(len(path.x) - 1) for path in paths]
-    slope, bend, before = (  # before: on the other side of a knot
-        np.abs(np.concatenate([path(np.maximum(s - back, 0.0), order) for path, s in zip(paths, grids, strict=True)]))
-        for order, back in ((1, 0.0), (2, 0.0), (2, 1e-9))
-    )
-    bend = np.maximum(bend, before)
-    sizes = [len(s) for s in grids]
+    placed = [(path, _grid(cells)) for path, cells in segments]
+    slope = np.abs(np.concatenate([path(s, 1) for path, s in placed]))
+    bend = np.concatenate([_bend(path, s) for path, s in placed])
+    sizes = [len(s) for _, s in placed]
     ends = np.cumsum(sizes)
-    step = np.repeat([s[1] for s in grids], sizes)
+    step = np.repeat([s[1] for _, s in placed], sizes)
     half = ACCELERATION_LIMITS * speed / 2
     with np.errstate(divide="ignore"):  # where a joint stands still, and between two segments
         fastest = np.minimum(_least(arm.velocity_limits * speed / slope) ** 2, _least(half / bend))
@@ -136,7 +146,7 @@ def _timed(paths: list[PPoly], arm: Arm, segment_s: float, speed: float) -> Iter
         square[0] = square[ends[:-1]] = square[ends - 1] = 0.0
         rate = np.sqrt(_within(square.tolist(), (2 * step[:-1] * np.minimum(gain[:-1], gain[1:])).tolist()))
         lasts = 2 * step[:-1] / (rate[:-1] + rate[1:])
-    for path, s, end in zip(paths, grids, ends, strict=True):
+    for (path, s), end in zip(placed, ends, strict=True):
         own = slice(end - len(s), end)
         instants, along = _sampled(s, rate[own], lasts[own][: len(s) - 1])
         yield instants, path(along)
