@@ -92,12 +92,11 @@ def record_every(job: Rollout, dt: float) -> int:
 
 
 def targets(trajectory: JointTrajectory, times: Array, dt: float) -> tuple[Array, Array, Array, Array]:
-    """Targets at the end of each step that begins at ``times`` (S,), and the speeds that lead there: arm (S, 7),
-    fingers (S,), arm speeds (S, 7), finger speeds (S,).
+    """Targets at the end of each of the steps that begin at ``times`` (S,), one after another, and the speeds that lead
+    there: arm (S, 7), fingers (S,), arm speeds (S, 7), finger speeds (S,).
     """
-    arm, fingers = trajectory.sample(times + dt)
-    before_arm, before_fingers = trajectory.sample(times)
-    return arm, fingers, (arm - before_arm) / dt, (fingers - before_fingers) / dt
+    arm, fingers = trajectory.sample(np.append(times, times[-1:] + dt))
+    return arm[1:], fingers[1:], np.diff(arm, axis=0) / dt, np.diff(fingers) / dt
 
 
 def _read(world: World, notes: Sequence[Any]) -> tuple[Array, Array, State]:
