@@ -40,8 +40,10 @@ class RayExecutor(Executor):
     Args:
         address: of a cluster that is there: ``HOST:PORT``, ``ray://HOST:PORT`` or ``auto``; None: one is started on
             this machine, and ends with the run.
-        workers: how many; None: as many as there are cores for.
+        workers: how many; None: as many as there are cores and graphics cards for, or one for an engine that steps
+            many worlds at once without a card.
         num_cpus: cores that the cluster sets aside for each.
+        num_gpus: graphics cards that it sets aside for each; 0.5: two share one.
         retries: of a chunk whose worker is lost.
         timeout_s: for a candidate, and for a chunk of up to eight; one that takes longer is given up and its worker
             replaced. None: never. Waiting for room on the cluster does not count.
@@ -53,6 +55,7 @@ class RayExecutor(Executor):
         address: str | None = None,
         workers: int | None = None,
         num_cpus: float = 1.0,
+        num_gpus: float = 0.0,
         retries: int = 2,
         timeout_s: float | None = 300.0,
         dashboard: bool = False,
@@ -62,6 +65,8 @@ class RayExecutor(Executor):
         if retries < 0:
             raise UsageError(f"executor.retries must be 0 or greater, got {retries}")
         check_positive("executor.", num_cpus=num_cpus)
+        if not 0 <= num_gpus < math.inf:
+            raise UsageError(f"executor.num_gpus must be 0 or greater, got {num_gpus}")
         if timeout_s is not None:
             check_positive("executor.", timeout_s=timeout_s)
         os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")  # or it starts a cluster where it has lost one
@@ -78,6 +83,7 @@ class RayExecutor(Executor):
         self._address = address
         self._workers = workers
         self._num_cpus = num_cpus
+        self._num_gpus = num_gpus
         self._retries = retries
         self._timeout_s = timeout_s
         self._dashboard = dashboard
@@ -88,13 +94,30 @@ class RayExecutor(Executor):
         """See `Executor.map` and `core.dealing.deal`."""
         if self._crew is None:
             self._connect()
-            room = int(self._ray.cluster_resources().get("CPU", 0) / self._num_cpus)
+            count = self._workers or self._room(getattr(function, "batch", 1) > 1)
             actor = self._ray.remote(_Hands).options(
-                num_cpus=self._num_cpus, max_restarts=0, scheduling_strategy="SPREAD"
+                num_cpus=self._num_cpus, num_gpus=self._num_gpus, max_restarts=0, scheduling_strategy="SPREAD"
             )
-            self._crew = _Crew(self._ray, actor, self._workers or max(1, room), self._retries, self._timeout_s)
+            self._crew = _Crew(self._ray, actor, count, self._retries, self._timeout_s)
         self._crew.gather(function)
         return deal([partial(self._crew.call, function)] * self._crew.count, chunks)
+
+    def _room(self, batches: bool) -> int:
+        """Workers that the cluster has room for, at least one; ``batches``: each has use for all of a machine.
+
+        Raises:
+            UserError: it has fewer graphics cards than one worker needs.
+        """
+        has = self._ray.cluster_resources()
+        room = has.get("CPU", 0) / self._num_cpus
+        if self._num_gpus > 0:
+            cards = has.get("GPU", 0)
+            if cards < self._num_gpus:
+                raise UserError(f"executor.num_gpus={self._num_gpus:g}: the cluster has {cards:g} graphics cards")
+            room = min(room, cards / self._num_gpus)
+        elif batches:
+            return 1
+        return max(1, int(room))
 
     def _connect(self) -> None:
         """To the cluster, or start one.

@@ -121,6 +121,36 @@ def test_chunks_do_not_wait_for_workers_that_find_no_room(cluster):
         assert sorted(result for _, result in pool.map(double, chunks)) == [[2 * number] for number in range(8)]
 
 
+class Many:
+    """For an engine that likes many candidates at once."""
+
+    batch = 64
+
+    def __call__(self, chunk):
+        import ray
+
+        return [(os.getpid(), tuple(ray.get_gpu_ids()))] * len(chunk)
+
+
+def test_an_engine_that_batches_has_one_worker_or_one_per_graphics_card(cluster):
+    """Cards that the cluster only believes in: Ray hands them out all the same."""
+    chunks = [[number] for number in range(12)]
+    with executor(address=cluster.address) as pool:
+        found = {answer for _, result in pool.map(Many(), chunks) for answer in result}
+        assert {cards for _, cards in found} == {()}
+        assert len(found) == 1
+    with executor(address=cluster.address, num_gpus=1) as pool, pytest.raises(UserError, match="has 0 graphics cards"):
+        list(pool.map(Many(), chunks))
+    cards = cluster.add_node(num_cpus=2, num_gpus=2)
+    try:
+        with executor(address=cluster.address, num_gpus=1) as pool:
+            found = {answer for _, result in pool.map(Many(), chunks) for answer in result}
+    finally:
+        cluster.remove_node(cards)
+    assert len({pid for pid, _ in found}) <= 2
+    assert all(len(own) == 1 for _, own in found)
+
+
 def test_nodes_that_lack_the_program(cluster, monkeypatch):
     module = types.ModuleType("only_here")
     exec("def work(chunk): return chunk", module.__dict__)
@@ -186,7 +216,14 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path):
 
 
 def test_settings_that_make_no_sense():
-    for wrong in ({"workers": 0}, {"retries": -1}, {"num_cpus": 0}, {"timeout_s": 0}, {"address": "nowhere"}):
+    for wrong in (
+        {"workers": 0},
+        {"retries": -1},
+        {"num_cpus": 0},
+        {"num_gpus": -1},
+        {"timeout_s": 0},
+        {"address": "nowhere"},
+    ):
         with pytest.raises(UsageError, match=next(iter(wrong))):
             executor(**wrong)
 
