@@ -277,21 +277,31 @@ def _matrices(quaternions: Array) -> Array:
 
 def _passages(robot: Sequence[_Track], bodies: Sequence[_Track], times: Array) -> list[Finding]:
     found: dict[tuple[str, str], tuple[float, str]] = {}
-    for one, other, near, way in _meetings(robot, bodies):
-        passage = _passage(one, other, near, way, times)
+    for meeting in _meetings(robot, bodies):
+        one, other = meeting.one, meeting.other
+        passage = _passage(meeting, times)
         if passage is not None:
             names = one.name, other.name
             found[names] = min(found.get(names, passage), passage)
     return [Finding(f"{one!r} {what.format(repr(other))}", True) for (one, other), (_, what) in found.items()]
 
 
-def _meetings(
-    robot: Sequence[_Track], bodies: Sequence[_Track]
-) -> Iterator[tuple[_Track, _Track, npt.NDArray[np.intp], Array]]:
-    """Pairs whose bounding boxes meet at any time, at least one of the two in motion; the samples at which they do or
-    are about to, rising; and how far a point of the first can have gone in the frame of the second, (T,).
+class _Meeting(NamedTuple):
+    """Two solids whose bounding boxes meet; ``near``: the samples at which they do or are about to, rising; ``way``
+    (T,): how far a point of the first can have gone in the frame of the second; ``gaps`` (T,) between the two, metres,
+    negative where they overlap, or None where no formula tells.
     """
-    moving = [*robot, *(track for track in bodies if len(track.way) > 1)]
+
+    one: _Track
+    other: _Track
+    near: npt.NDArray[np.intp]
+    way: Array
+    gaps: Array | None
+
+
+def _meetings(robot: Sequence[_Track], bodies: Sequence[_Track]) -> Iterator[_Meeting]:
+    """All pairs that ever meet, at least one of the two in motion."""
+    moving = [track for track in (*robot, *bodies) if len(track.way) > 1]
     if not moving:
         return
     low = np.array([track.low.T for track in moving]).swapaxes(0, 1).copy()  # (3, M, T)
@@ -312,35 +322,47 @@ def _meetings(
         if not met:
             continue
         if len(other.way) == 1:
-            yield from ((moving[i], other, np.flatnonzero(near[i]), moving[i].way) for i in met)
+            for i in met:
+                yield _Meeting(moving[i], other, np.flatnonzero(near[i]), moving[i].way, _gaps(moving[i], other))
             continue
-        back = other.rotations.swapaxes(1, 2)
         positions = np.array([moving[i].positions for i in met]) - other.positions
-        rotations = back @ np.array([moving[i].rotations for i in met])
-        ways = _ways(rotations, (back @ positions[..., None])[..., 0], reaches[met])
-        yield from ((moving[i], other, np.flatnonzero(near[i]), way) for i, way in zip(met, ways, strict=True))
+        rotations = np.array([moving[i].rotations for i in met])
+        if isinstance(other.shape, Sphere):  # its frame does not turn
+            distances = np.sqrt(np.einsum("nti,nti->nt", positions, positions)) - other.shape.radius
+        else:
+            back = other.rotations.swapaxes(1, 2)
+            positions, rotations = (back @ positions[..., None])[..., 0], back @ rotations
+        for n, (i, way) in enumerate(zip(met, _ways(rotations, positions, reaches[met]), strict=True)):
+            one, gaps = moving[i], None
+            if isinstance(one.shape, Sphere) and isinstance(other.shape, Sphere):
+                gaps = distances[n] - one.shape.radius
+            else:
+                gaps = _gaps(one, other)
+            yield _Meeting(one, other, np.flatnonzero(near[i]), way, gaps)
 
 
 def _ways(rotations: Array, positions: Array, reaches: Array) -> Array:
     """How far points can have gone since the first sample, (N, T), if they are within reaches (N,) of frames with
     rotations (N, T, 3, 3) and positions (N, T, 3).
     """
-    shifts = np.diff(positions, axis=1)
+    shifts = positions[:, 1:] - positions[:, :-1]
     steps = np.sqrt(np.einsum("nti,nti->nt", shifts, shifts))
-    traces = np.einsum("ntij,ntij->nt", rotations[:, 1:], rotations[:, :-1])  # of the turns
-    steps += reaches[:, None] * np.arccos(np.clip((traces - 1) / 2, -1.0, 1.0))
+    turning = np.flatnonzero(reaches)
+    if len(turning):
+        traces = np.einsum("ntij,ntij->nt", rotations[turning, 1:], rotations[turning, :-1])  # of the turns
+        steps[turning] += reaches[turning, None] * np.arccos(np.clip((traces - 1) / 2, -1.0, 1.0))
     return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
-def _passage(
-    one: _Track, other: _Track, near: npt.NDArray[np.intp], way: Array, times: Array
-) -> tuple[float, str] | None:
+def _passage(meeting: _Meeting, times: Array) -> tuple[float, str] | None:
     """When one got into the other, seconds, and how it is told; None: it never did."""
+    one, other, near, way, gaps = meeting
     across = one.thick + other.thick
     deep = min(DEEP_M, max(across / 2, min(THIN_M, 0.9 * across)))
     through = THROUGH * across
     limit = min(deep, through)
-    if _shallow(one, other, near, way, limit):
+    # From one sample to the next, a gap can't shrink and grow again by more than the way allows.
+    if gaps is not None and ((gaps[:-1] + gaps[1:] - way[1:] + way[:-1]) / 2).take(near, mode="clip").min() > -limit:
         return None
     distance = coal.ComputeDistance(other.geometry, one.geometry)
     samples, gone, instants = (
@@ -395,34 +417,27 @@ def _passage(
         share = (ahead - gone[k]) / (gone[k + 1] - gone[k])
 
 
-def _shallow(one: _Track, other: _Track, near: npt.NDArray[np.intp], way: Array, limit: float) -> bool:
-    """Whether a formula already says that the two are never so deep in each other; one of them a ball, that is."""
+def _gaps(one: _Track, other: _Track) -> Array | None:
+    """Between a ball and a box or cylinder (T,), metres, negative where they overlap; None for other pairs."""
     ball, solid = (one, other) if isinstance(one.shape, Sphere) else (other, one)
-    if not isinstance(ball.shape, Sphere) or not isinstance(solid.shape, Sphere | Box | Cylinder):
-        return False
-    offsets = ball.positions - solid.positions
-    gaps = _gaps(solid.shape, (offsets[:, None] @ solid.rotations)[:, 0]) - ball.shape.radius
-    steps = np.diff(way, append=way[-1])
-    # From one sample to the next, a gap can't shrink and grow again by more than the way allows.
-    least = (gaps + np.append(gaps[1:], gaps[-1]) - steps) / 2
-    return bool(least[near].min() > -limit)
-
-
-def _gaps(shape: Sphere | Box | Cylinder, points: Array) -> Array:
-    """How far points (N, 3) in a shape's frame are outside of it, metres, negative inside."""
-    gaps: Array
-    match shape:
-        case Sphere(radius):
-            gaps = np.sqrt((points * points).sum(axis=1)) - radius
-            return gaps
+    if not isinstance(ball.shape, Sphere):
+        return None
+    match solid.shape:
         case Box(size):
-            beyond = np.abs(points) - np.asarray(size) / 2
+            beyond = np.abs(_inside(ball, solid)) - np.asarray(size) / 2
         case Cylinder(radius, length):
-            x, y, z = points.T
+            x, y, z = _inside(ball, solid).T
             beyond = np.column_stack([np.hypot(x, y) - radius, np.abs(z) - length / 2])
+        case _:
+            return None
     outside = np.maximum(beyond, 0.0)
-    gaps = np.sqrt((outside * outside).sum(axis=1)) + np.minimum(beyond.max(axis=1), 0.0)
+    gaps: Array = np.sqrt((outside * outside).sum(axis=1)) + np.minimum(beyond.max(axis=1), 0.0) - ball.shape.radius
     return gaps
+
+
+def _inside(one: _Track, other: _Track) -> Array:
+    """Positions (T, 3) of the one in the frame of the other."""
+    return ((one.positions - other.positions)[:, None] @ other.rotations)[:, 0]
 
 
 class _Way(NamedTuple):

@@ -27,6 +27,8 @@ _BRAKE = 1e4
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]  # axes
 # Seconds between two looks at how hard a rolling body is pressed on.
 _BRAKE_EVERY = 0.02
+_ALIKE = 0.98, 1.02  # it is told of what differs from what it was told by more than these shares
+_UP = np.array([0.0, 0.0, GRAVITY], dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,19 +161,21 @@ class _Brakes:
         self._numbers = numbers
         self._seconds = seconds  # between two adjustments
         self._velocities: npt.NDArray[np.float32] = np.zeros((len(each), 3), dtype=np.float32)
-        self._accelerations: Array = np.full(len(each), GRAVITY)
+        # Squares of the accelerations between which a brake may stay as it is.
+        self._low, self._high = (np.full(len(each), (share * GRAVITY) ** 2, dtype=np.float32) for share in _ALIKE)
 
     def adjust(self, velocities: npt.NDArray[np.float32]) -> None:
         """To velocities (B, 3) of all free bodies."""
-        own = velocities[self._numbers]
-        x, y, z = ((own - self._velocities) / self._seconds).T
+        own = velocities.take(self._numbers, axis=0)
+        felt = (own - self._velocities) / self._seconds + _UP
         self._velocities = own
-        accelerations = np.hypot(np.hypot(x, y), z + GRAVITY).astype(np.float64)
-        changed = np.abs(accelerations - self._accelerations) > 0.02 * self._accelerations
-        if np.count_nonzero(changed):
-            for number in np.flatnonzero(changed):
-                self.each[number].set(float(accelerations[number]))
-            self._accelerations[changed] = accelerations[changed]
+        squares = np.einsum("bi,bi->b", felt, felt)
+        changed = np.flatnonzero((squares < self._low) | (squares > self._high))
+        if len(changed):
+            told = np.sqrt(squares[changed])
+            for number, acceleration in zip(changed.tolist(), told.tolist(), strict=True):
+                self.each[number].set(acceleration)
+            self._low[changed], self._high[changed] = (_ALIKE[0] * told) ** 2, (_ALIKE[1] * told) ** 2
 
 
 def _attach(component: Any, body: Body, part: Part, surfaces: Surfaces, folder: Path) -> None:
