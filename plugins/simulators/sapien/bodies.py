@@ -170,7 +170,7 @@ class _Brakes:
         felt = (own - self._velocities) / self._seconds + _UP
         self._velocities = own
         squares = np.einsum("bi,bi->b", felt, felt)
-        changed = np.flatnonzero((squares < self._low) | (squares > self._high))
+        changed = ((squares < self._low) | (squares > self._high)).nonzero()[0]
         if len(changed):
             told = np.sqrt(squares[changed])
             for number, acceleration in zip(changed.tolist(), told.tolist(), strict=True):
