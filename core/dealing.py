@@ -11,7 +11,7 @@ from typing import TypeVar
 A = TypeVar("A")
 B = TypeVar("B")
 
-_AS_ONE = 8  # candidates that have no more time than one alone
+CHUNK = 10  # candidates that travel together, as many as the method has plans for a tool; none has less time than one
 
 
 @dataclass(frozen=True)
@@ -20,11 +20,11 @@ class _Raised:
 
 
 def time_limit(timeout_s: float | None, chunk: object) -> float | None:
-    """Seconds that a chunk may take: ``timeout_s`` for every eight candidates. One that needs more is broken up, and
-    each of them then has all of it: what hangs is found after one limit instead of eight, and what is slow is not lost.
+    """Seconds that a chunk may take: ``timeout_s`` for every ten candidates. One that needs more is broken up, and
+    each of them then has all of it: what hangs is found after one limit instead of ten, and what is slow is not lost.
     """
     count = len(chunk) if isinstance(chunk, Sized) else 1
-    return None if timeout_s is None else timeout_s * max(1, -(-count // _AS_ONE))
+    return None if timeout_s is None else timeout_s * max(1, -(-count // CHUNK))
 
 
 def deal(workers: Sequence[Callable[[A], B | Exception]], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:

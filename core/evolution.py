@@ -12,6 +12,7 @@ from dataclasses import replace
 import pluggy
 
 from core.blame import PluginError
+from core.dealing import CHUNK
 from core.design import Candidate, Evaluation
 from core.errors import LimitReached, UserError
 from core.interfaces import Budget, EvolutionStrategy, Executor
@@ -19,7 +20,6 @@ from core.plugins import whose
 from core.record import INTERRUPTED, Generation, Result
 from core.text import shorten
 
-CHUNK = 8  # candidates of one tool that travel to a worker together
 LINGER_S = 0.2  # that a chunk for an engine which takes many waits for one more
 
 Evaluate = Callable[[Sequence[Candidate]], list[Evaluation]]

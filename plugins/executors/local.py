@@ -52,7 +52,7 @@ class LocalExecutor(Executor):
 
     Args:
         workers: how many; None: as many as there are cores, or one for an engine that steps many worlds at once.
-        timeout_s: for a candidate, and for a chunk of up to eight; one that takes longer is given up and its worker
+        timeout_s: for a candidate, and for a chunk of up to ten; one that takes longer is given up and its worker
             replaced. None: never.
         memory_mb: that a worker may take for its data; beyond it memory is refused, which ends the chunk and the
             worker. None: as much as there is. Only Linux keeps to it.

@@ -1,10 +1,12 @@
 import pytest
 
-from core.dealing import deal, time_limit
+from core.dealing import CHUNK, deal, time_limit
 
 
-@pytest.mark.parametrize(("chunk", "limit"), [("a", 10), ("abcdefgh", 10), ("abcdefghi", 20), ([], 10), (None, 10)])
-def test_eight_have_no_more_time_than_one(chunk, limit):
+@pytest.mark.parametrize(
+    ("chunk", "limit"), [("a", 10), ("a" * CHUNK, 10), ("a" * (CHUNK + 1), 20), ([], 10), (None, 10)]
+)
+def test_a_chunk_has_no_more_time_than_one(chunk, limit):
     assert time_limit(10.0, chunk) == limit
     assert time_limit(None, chunk) is None
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.dealing import CHUNK
 from core.design import Candidate, Component, Evaluation, Tool
 from core.errors import LimitReached
-from core.evolution import CHUNK, evaluate_all, evolve
+from core.evolution import evaluate_all, evolve
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
 from core.interfaces import Budget, EvolutionStrategy, Executor
@@ -278,10 +279,10 @@ def test_what_has_come_is_tried_while_an_engine_that_batches_waits_for_more():
 
 def test_a_batch_that_breaks_is_tried_in_smaller_ones_and_at_last_one_by_one():
     executor = Here()
-    candidates = population(0, 10, 10)
-    bad = candidates[13]
+    candidates = population(0, CHUNK + 4, CHUNK)
+    bad = candidates[CHUNK + 5]
     evaluations = list(evaluate_all(candidates, ManyAtOnce(100, lambda chunk: bad in chunk), executor))
-    assert [len(chunk) for chunk in executor.chunks] == [20, CHUNK, CHUNK, 4, *[1] * CHUNK]
+    assert [len(chunk) for chunk in executor.chunks] == [2 * CHUNK + 4, CHUNK, CHUNK, 4, *[1] * CHUNK]
     assert [e.candidate for e in evaluations if e.status == "failed"] == [bad]
     assert len(evaluations) == len(candidates)
 

@@ -45,7 +45,7 @@ class RayExecutor(Executor):
         num_cpus: cores that the cluster sets aside for each.
         num_gpus: graphics cards that it sets aside for each; 0.5: two share one.
         retries: of a chunk whose worker is lost.
-        timeout_s: for a candidate, and for a chunk of up to eight; one that takes longer is given up and its worker
+        timeout_s: for a candidate, and for a chunk of up to ten; one that takes longer is given up and its worker
             replaced. None: never. Waiting for room on the cluster does not count.
         dashboard: Ray's, on http://127.0.0.1:8265, of a cluster that is started here.
     """
