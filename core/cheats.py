@@ -253,23 +253,28 @@ def _tool_solids(tool: Tool) -> list[tuple[str, str, _Measured]]:
 
 def _body_tracks(scene: Scene, recording: Recording) -> list[_Track]:
     states = recording.states
+    quaternions = states.quaternions.reshape(-1, 4)
+    matrices = Rotation.from_quat(quaternions, scalar_first=True).as_matrix() if len(quaternions) else np.empty(0)
+    rotations = matrices.reshape(*states.quaternions.shape[:2], 3, 3)
     number = {name: i for i, name in enumerate(states.names)}
     tracks = []
     for body in scene.bodies:
         if body.fixed:
-            rotations, positions = body.pose.rotation.as_matrix()[None], body.pose.position[None]
-        else:
-            rotations = _matrices(states.quaternions[:, number[body.name]])
-            positions = states.positions[:, number[body.name]]
+            tracks += [_standing(body.name, part.shape, part.pose, body.pose) for part in body.collisions]
+            continue
+        i = number[body.name]
+        turned, positions = np.ascontiguousarray(rotations[:, i]), np.ascontiguousarray(states.positions[:, i])
         for part in body.collisions:
             solid = _measured(part.shape, part.pose)
-            tracks.append(_Track.make(body.name, body.name, solid, rotations, positions))
+            tracks.append(_Track.make(body.name, body.name, solid, turned, positions))
     return tracks
 
 
-def _matrices(quaternions: Array) -> Array:
-    """Rotations (T, 3, 3) of quaternions (T, 4)."""
-    return Rotation.from_quat(quaternions[:, [1, 2, 3, 0]]).as_matrix()
+@lru_cache(maxsize=256)
+def _standing(name: str, shape: Shape, pose: Pose, body: Pose) -> _Track:
+    """Of a part of a body that can't move; the same for every rollout in a scene."""
+    at = body.rotation.as_matrix()[None], body.position[None]
+    return _Track.make(name, name, _measured(shape, pose), *at)
 
 
 # --- passing through --------------------------------------------------------------------------------------------
