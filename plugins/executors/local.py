@@ -6,6 +6,7 @@ one that dies, however and whenever, is noticed at once and takes nothing along 
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
 import pickle
@@ -28,13 +29,8 @@ from core.interfaces import Executor
 A = TypeVar("A")
 B = TypeVar("B")
 
-_ENVIRONMENT = {  # of a worker; read when it starts
-    # A library's threads inside several workers only fight for the same cores.
-    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
-    # The GNU allocator's own figure. Unless it is told, it raises it with the largest array that was ever freed, and
-    # the heap grows by some kilobytes with every rollout.
-    "MALLOC_TRIM_THRESHOLD_": str(128 * 1024),
-}
+# A library's threads inside several workers only fight for the same cores; read when a worker imports it.
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _STARTS = 3  # tries to get a chunk into a process
 _START_S = 120.0  # for each
 
@@ -156,7 +152,7 @@ class _Worker:
 
     def _start(self) -> None:
         self._bury()
-        os.environ.update(_ENVIRONMENT)
+        os.environ.update(_ONE_THREAD)
         with _reaping:
             if self._closed:
                 raise _Died("the executor is closed")
@@ -232,6 +228,7 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None) -> None:
 
     # In a thread, so that the end is heard in the middle of a job too.
     threading.Thread(target=listen, name="jobs", daemon=True).start()
+    give_back = _give_back()
     while True:
         function, chunk = pickle.loads(jobs.get())  # noqa: S301  # from the process that started this one
         pipe.send(None)
@@ -242,6 +239,17 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None) -> None:
         except Exception as error:
             result = pickle.dumps(_portable(error))
         pipe.send_bytes(result)
+        del function, chunk, result
+        give_back(0)
+
+
+def _give_back() -> Callable[[int], object]:
+    """The GNU allocator's way to give free memory back; left alone it keeps ever more of it."""
+    try:
+        trim: Callable[[int], object] = ctypes.CDLL(None).malloc_trim
+    except (AttributeError, OSError, TypeError):  # other systems have other allocators
+        return lambda pad: None
+    return trim
 
 
 def _limit_memory(limit: int) -> None:
