@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+from core.dealing import CHUNK
 from core.errors import UserError
 from core.plugins import installed
 
@@ -285,12 +286,13 @@ def test_what_others_left_in_a_worker_is_no_chunks_fault():
     assert max(results) < 600
 
 
-def test_up_to_eight_candidates_have_as_long_as_one():
+def test_the_candidates_of_a_chunk_have_as_long_as_one():
     with executor(workers=1, timeout_s=2.0) as pool:
-        found = [result for _, result in pool.map(doze, [[0.1] * 8, [5.0] + [0.0] * 7, [0.3] * 9])]
-    assert found[0] == 8
+        hangs, more = [5.0] + [0.0] * (CHUNK - 1), [0.25] * (CHUNK + 1)
+        found = [result for _, result in pool.map(doze, [[0.1] * CHUNK, hangs, more])]
+    assert found[0] == CHUNK
     assert "executor.timeout_s" in str(found[1])
-    assert found[2] == 9
+    assert found[2] == CHUNK + 1
 
 
 def doze(chunk):
