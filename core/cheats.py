@@ -282,30 +282,20 @@ def _standing(name: str, shape: Shape, pose: Pose, body: Pose) -> _Track:
 
 def _passages(robot: Sequence[_Track], bodies: Sequence[_Track], times: Array) -> list[Finding]:
     found: dict[tuple[str, str], tuple[float, str]] = {}
-    for meeting in _meetings(robot, bodies):
-        one, other = meeting.one, meeting.other
-        passage = _passage(meeting, times)
+    for one, other, near, way in _meetings(robot, bodies):
+        passage = _passage(one, other, near, way, times)
         if passage is not None:
             names = one.name, other.name
             found[names] = min(found.get(names, passage), passage)
     return [Finding(f"{one!r} {what.format(repr(other))}", True) for (one, other), (_, what) in found.items()]
 
 
-class _Meeting(NamedTuple):
-    """Two solids whose bounding boxes meet; ``near``: the samples at which they do or are about to, rising; ``way``
-    (T,): how far a point of the first can have gone in the frame of the second; ``gaps`` (T,) between the two, metres,
-    negative where they overlap, or None where no formula tells.
+def _meetings(
+    robot: Sequence[_Track], bodies: Sequence[_Track]
+) -> Iterator[tuple[_Track, _Track, npt.NDArray[np.intp], Array]]:
+    """Pairs whose bounding boxes meet at any time, at least one of the two in motion; the samples at which they do or
+    are about to, rising; and how far a point of the first can have gone in the frame of the second, (T,).
     """
-
-    one: _Track
-    other: _Track
-    near: npt.NDArray[np.intp]
-    way: Array
-    gaps: Array | None
-
-
-def _meetings(robot: Sequence[_Track], bodies: Sequence[_Track]) -> Iterator[_Meeting]:
-    """All pairs that ever meet, at least one of the two in motion."""
     moving = [track for track in (*robot, *bodies) if len(track.way) > 1]
     if not moving:
         return
@@ -327,23 +317,15 @@ def _meetings(robot: Sequence[_Track], bodies: Sequence[_Track]) -> Iterator[_Me
         if not met:
             continue
         if len(other.way) == 1:
-            for i in met:
-                yield _Meeting(moving[i], other, np.flatnonzero(near[i]), moving[i].way, _gaps(moving[i], other))
+            yield from ((moving[i], other, np.flatnonzero(near[i]), moving[i].way) for i in met)
             continue
         positions = np.array([moving[i].positions for i in met]) - other.positions
         rotations = np.array([moving[i].rotations for i in met])
-        if isinstance(other.shape, Sphere):  # its frame does not turn
-            distances = np.sqrt(np.einsum("nti,nti->nt", positions, positions)) - other.shape.radius
-        else:
+        if not isinstance(other.shape, Sphere):  # whose frame does not turn
             back = other.rotations.swapaxes(1, 2)
             positions, rotations = (back @ positions[..., None])[..., 0], back @ rotations
-        for n, (i, way) in enumerate(zip(met, _ways(rotations, positions, reaches[met]), strict=True)):
-            one, gaps = moving[i], None
-            if isinstance(one.shape, Sphere) and isinstance(other.shape, Sphere):
-                gaps = distances[n] - one.shape.radius
-            else:
-                gaps = _gaps(one, other)
-            yield _Meeting(one, other, np.flatnonzero(near[i]), way, gaps)
+        ways = _ways(rotations, positions, reaches[met])
+        yield from ((moving[i], other, np.flatnonzero(near[i]), way) for i, way in zip(met, ways, strict=True))
 
 
 def _ways(rotations: Array, positions: Array, reaches: Array) -> Array:
@@ -359,13 +341,15 @@ def _ways(rotations: Array, positions: Array, reaches: Array) -> Array:
     return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
-def _passage(meeting: _Meeting, times: Array) -> tuple[float, str] | None:
+def _passage(
+    one: _Track, other: _Track, near: npt.NDArray[np.intp], way: Array, times: Array
+) -> tuple[float, str] | None:
     """When one got into the other, seconds, and how it is told; None: it never did."""
-    one, other, near, way, gaps = meeting
     across = one.thick + other.thick
     deep = min(DEEP_M, max(across / 2, min(THIN_M, 0.9 * across)))
     through = THROUGH * across
     limit = min(deep, through)
+    gaps = _gaps(one, other)
     # From one sample to the next, a gap can't shrink and grow again by more than the way allows.
     if gaps is not None and ((gaps[:-1] + gaps[1:] - way[1:] + way[:-1]) / 2).take(near, mode="clip").min() > -limit:
         return None
@@ -423,11 +407,16 @@ def _passage(meeting: _Meeting, times: Array) -> tuple[float, str] | None:
 
 
 def _gaps(one: _Track, other: _Track) -> Array | None:
-    """Between a ball and a box or cylinder (T,), metres, negative where they overlap; None for other pairs."""
+    """Between a ball and a ball, box or cylinder (T,), metres, negative where they overlap; None for other pairs."""
     ball, solid = (one, other) if isinstance(one.shape, Sphere) else (other, one)
     if not isinstance(ball.shape, Sphere):
         return None
+    gaps: Array
     match solid.shape:
+        case Sphere(radius):
+            offsets = ball.positions - solid.positions
+            gaps = np.sqrt(np.einsum("ti,ti->t", offsets, offsets)) - radius - ball.shape.radius
+            return gaps
         case Box(size):
             beyond = np.abs(_inside(ball, solid)) - np.asarray(size) / 2
         case Cylinder(radius, length):
@@ -436,7 +425,7 @@ def _gaps(one: _Track, other: _Track) -> Array | None:
         case _:
             return None
     outside = np.maximum(beyond, 0.0)
-    gaps: Array = np.sqrt((outside * outside).sum(axis=1)) + np.minimum(beyond.max(axis=1), 0.0) - ball.shape.radius
+    gaps = np.sqrt((outside * outside).sum(axis=1)) + np.minimum(beyond.max(axis=1), 0.0) - ball.shape.radius
     return gaps
 
 
