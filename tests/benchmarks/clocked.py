@@ -32,7 +32,7 @@ from core.scene import State
 STEPS = {  # where each engine's own steps are called: nothing of ours is in there
     "pybullet": "pybullet:stepSimulation",
     "sapien": "sapien.physx:PhysxCpuSystem.step",
-    "mujoco": "plugins.simulators.mujoco.engine:Batch.rollout",  # a whole trajectory's steps
+    "mujoco": "plugins.simulators.mujoco.world:rollout",  # a whole trajectory's steps
 }
 PLAYED = ("pybullet", "sapien")  # by `core.playback.play`, step by step
 

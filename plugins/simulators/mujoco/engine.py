@@ -9,7 +9,7 @@ from core.errors import UserError
 
 try:
     import mujoco
-    from mujoco.batch import Batch, SimulationError
+    from mujoco.rollout import rollout
 except ModuleNotFoundError as error:
     raise UserError("sim=mujoco needs MuJoCo 4 or newer: pip install 'mujoco>=4,<5'") from error
 
@@ -26,4 +26,4 @@ def warnings_caught() -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
-__all__ = ["Batch", "SimulationError", "mujoco", "warnings_caught"]
+__all__ = ["mujoco", "rollout", "warnings_caught"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -13,11 +15,12 @@ from core.robot import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Inertia, Scene, State
 from plugins.simulators.mujoco import contacts, robot
 from plugins.simulators.mujoco.contacts import Felt, Role, Surface
-from plugins.simulators.mujoco.engine import Batch, SimulationError, mujoco, warnings_caught
+from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
 from plugins.simulators.mujoco.shapes import Element, add_free_body, add_geom
 
 GRAVITY = 9.81
 _ARM = len(ARM_JOINTS)
+_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their speeds: nothing of ours has more
 
 
 def compiled(
@@ -52,15 +55,26 @@ def described(
     return spec
 
 
+@dataclass(frozen=True, eq=False)
+class _Settled:
+    """What came of a world that was left alone for S steps, from joints (J,): states (S + 1, X), and all data now."""
+
+    joints: Array
+    states: Array
+    data: Element
+
+
 class World:
-    """Plays one job after another, each from the start: nothing of a rollout reaches the next."""
+    """Plays one job after another, each from where the world has settled, which it does once: nothing of a motion
+    reaches the next.
+    """
 
     def __init__(self, scene: Scene, tool: Tool, model: Element) -> None:
         self._names = tuple(body.name for body in scene.free)
         self._model = model
         self._joints = _ARM + (len(FINGER_JOINTS) if tool.gripper else 0)
-        self._batch = Batch(model, nsim=1, nthread=1, persistent=True)  # only a world that persists can sleep
-        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._data = mujoco.MjData(model)
+        self._settled: _Settled | None = None
 
     def play(self, job: Rollout) -> Outcome:
         """What `core.playback.play` does, but all controls are given at once, and all states come back at once."""
@@ -68,13 +82,10 @@ class World:
         if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
             return Outcome(None, None, error="the trajectory's targets are not finite")
         settle, times = schedule(job, dt)
-        with warnings_caught() as warnings:
-            try:
-                qpos, qvel = self._run(trajectory, times)
-            except SimulationError as error:
-                return Outcome(None, None, error=f"MuJoCo: {error}")
-        if self._batch.warning[..., 1].any():  # the state is not finite, or too large, or there is no more memory
-            return Outcome(None, None, error=f"MuJoCo: {' '.join(warnings[0].split()) if warnings else 'a warning'}")
+        try:
+            qpos, qvel = self._run(trajectory, settle, times)
+        except (mujoco.FatalError, FloatingPointError) as error:
+            return Outcome(None, None, error=f"MuJoCo: {error}")
         looks = np.arange(-(-settle // LAG_EVERY) * LAG_EVERY, len(times), LAG_EVERY)
         lag = np.abs(qpos[looks + 1, :_ARM] - trajectory.sample(times[looks] + dt)[0]).max(initial=0.0)
         recording = None
@@ -87,19 +98,52 @@ class World:
         start, end = (self._state(qpos[step], qvel[step]) for step in (settle, -1))
         return Outcome(start, end, float(lag), recording=recording)
 
-    def _run(self, trajectory: JointTrajectory, times: Array) -> tuple[Array, Array]:
+    def _run(self, trajectory: JointTrajectory, settle: int, times: Array) -> tuple[Array, Array]:
         """Joint positions (S + 1, Q) and speeds (S + 1, V) before each step that begins at ``times`` (S,), and after
-        the last. A world that explodes stops there.
+        the last. In the first ``settle`` steps the joints are held where the motion begins.
 
         Raises:
-            SimulationError: MuJoCo refuses to go on.
+            mujoco.FatalError: MuJoCo refuses to go on.
+            FloatingPointError: the world exploded.
         """
-        self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._qpos[0, :_ARM], self._qpos[0, _ARM : self._joints] = trajectory.arm[0], trajectory.fingers[0]
-        qpos, qvel = (np.repeat(now[:, None], 1 + len(times), axis=1) for now in (self._qpos, self._qvel))
-        then = {"qpos": qpos[:, 1:], "qvel": qvel[:, 1:]}
-        self._batch.rollout(len(times), self._controls(trajectory, times)[None], record=tuple(then), out=then)
-        return qpos[0], qvel[0]
+        controls = self._controls(trajectory, times)
+        joints = np.append(trajectory.arm[0], [trajectory.fingers[0]] * (self._joints - _ARM))
+        settled = self._settle(joints, controls[:settle])
+        mujoco.mj_copyData(self._data, self._model, settled.data)  # what sleeps is in no state, but here
+        states = self._steps(self._data, settled.states, controls[settle:])
+        _, qpos, qvel = np.split(states, [1, 1 + self._model.nq], axis=1)
+        return qpos, qvel
+
+    def _settle(self, joints: Array, controls: Array) -> _Settled:
+        """With joints (J,) that ``controls`` (S, 2 J) hold; remembered, since one motion after another begins so."""
+        known = self._settled
+        if known is None or len(known.states) != 1 + len(controls) or not np.array_equal(known.joints, joints):
+            data = mujoco.MjData(self._model)
+            data.qpos[: len(joints)] = joints
+            start = np.empty((1, mujoco.mj_stateSize(self._model, _STATE)))
+            mujoco.mj_getState(self._model, data, start[0], _STATE)
+            known = self._settled = _Settled(joints, self._steps(data, start, controls), data)
+        return known
+
+    def _steps(self, data: Element, states: Array, controls: Array) -> Array:
+        """The states so far (T, X), and those after each step with ``controls`` (S, 2 J): (T + S, X)."""
+        if not len(controls):
+            return states
+        states = np.concatenate([states, np.empty((len(controls), states.shape[1]))])
+        now = len(states) - len(controls)
+        warmstart = data.qacc_warmstart.copy()[None]
+        with warnings_caught() as warnings:
+            rollout(
+                self._model,
+                data,
+                states[now - 1 : now],
+                controls[None],
+                initial_warmstart=warmstart,
+                state=states[None, now:],
+            )
+        if data.warning.number.any():  # the state is not finite, or too large, or there is no more memory
+            raise FloatingPointError(" ".join(warnings[0].split()) if warnings else "a warning")
+        return states
 
     def _controls(self, trajectory: JointTrajectory, times: Array) -> Array:
         """For each step (S, 2 J) the joints' positions and speeds in turn."""

@@ -105,6 +105,32 @@ def test_all_steps_at_once_are_what_the_core_plays_step_by_step(tool, settle_s):
     np.testing.assert_array_equal(film(ours).fingers, film(theirs).fingers)
 
 
+def test_a_world_settles_once_for_all_that_begin_alike():
+    """Another start, another time to settle, other fingers, one that explodes: each as in a simulator of its own."""
+    task = Bodies(table(), cube(at=(0.6, 0, 0.055)))
+    away = motion([[0.65, 0, 0.05, 0, 0, 0, 0.5]])
+    elsewhere = JointTrajectory(np.zeros(1), still().arm + 0.1, np.array([FINGER_OPEN]))
+    shut = JointTrajectory(np.zeros(1), still().arm, np.zeros(1))
+    jobs = [
+        Rollout(HAND, trajectory, settle_s=settle_s, hold_s=0.1, record_hz=50.0)
+        for settle_s in (0.1, 0.0, 0.2)
+        for trajectory in (away, still(), shut, elsewhere)
+    ]
+    jobs.insert(
+        4, replace(jobs[0], trajectory=replace(away, arm=away.arm + np.linspace(0, 1e12, len(away.arm))[:, None]))
+    )
+    together = mujoco().rollout(task, [*jobs, *reversed(jobs)])
+    for job, ours, again in zip(jobs, together, reversed(together), strict=False):
+        (alone,) = mujoco().rollout(task, [job])
+        assert (ours.error is None) == (again.error is None) == (job is not jobs[4])
+        if job is jobs[4]:
+            continue
+        for one in (ours, again):
+            np.testing.assert_array_equal(end(one).positions, end(alone).positions)
+            np.testing.assert_array_equal(film(one).states.positions, film(alone).states.positions)
+            np.testing.assert_array_equal(film(one).fingers, film(alone).fingers)
+
+
 @pytest.mark.parametrize("time_step", [0.001, 0.0025, 0.004])
 @pytest.mark.parametrize("rate", [20.0, 50.0])
 def test_joints_close_in_on_their_targets_at_the_tracking_rate(time_step, rate):
