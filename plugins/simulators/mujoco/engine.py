@@ -1,9 +1,11 @@
-"""Imports MuJoCo, or says what is missing; and catches what it would print and write to a log file."""
+"""Imports MuJoCo, or says what is missing; keeps it from printing, writing a log file, and looking at the clock."""
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 
 from core.errors import UserError
 
@@ -26,4 +28,28 @@ def warnings_caught() -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
-__all__ = ["mujoco", "rollout", "warnings_caught"]
+@contextmanager
+def timers_off() -> Iterator[None]:
+    """Within it MuJoCo does not look at the clock. Its Python package makes it do so some twenty times a step, for
+    `MjData.timer`, which nobody reads here; that is a tenth of a step of the arm alone.
+    """
+    clock = _clock()
+    before, clock.value = clock.value, None
+    try:
+        yield
+    finally:
+        clock.value = before
+
+
+@cache
+def _clock() -> ctypes.c_void_p:
+    """C's ``mjcb_time``: `mujoco.set_mjcb_time` can't clear it, None brings back the package's own. Where it can't
+    be reached (Windows finds no names in what a library depends on) it is one of our own, and timers stay on.
+    """
+    try:
+        return ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._callbacks.__file__), "mjcb_time")
+    except (AttributeError, OSError, ValueError):
+        return ctypes.c_void_p()
+
+
+__all__ = ["mujoco", "rollout", "timers_off", "warnings_caught"]

@@ -15,7 +15,7 @@ from core.robot import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Inertia, Scene, State
 from plugins.simulators.mujoco import contacts, robot
 from plugins.simulators.mujoco.contacts import Felt, Role, Surface
-from plugins.simulators.mujoco.engine import mujoco, rollout, warnings_caught
+from plugins.simulators.mujoco.engine import mujoco, rollout, timers_off, warnings_caught
 from plugins.simulators.mujoco.shapes import Element, add_free_body, add_geom
 
 GRAVITY = 9.81
@@ -132,7 +132,7 @@ class World:
         states = np.concatenate([states, np.empty((len(controls), states.shape[1]))])
         now = len(states) - len(controls)
         warmstart = data.qacc_warmstart.copy()[None]
-        with warnings_caught() as warnings:
+        with timers_off(), warnings_caught() as warnings:
             rollout(
                 self._model,
                 data,

@@ -165,6 +165,17 @@ def test_a_world_that_explodes_is_an_error_and_nothing_else(tmp_path, monkeypatc
     assert capfd.readouterr() == ("", "")
 
 
+def test_timers_stand_still_in_a_rollout_and_run_again_after_it():
+    sim, made = mujoco(), model(cube(at=(0.6, 0, 0.5)))
+    data = mj.MjData(made)
+    sim.rollout(Bodies(cube(at=(0.6, 0, 0.5))), [Rollout(BARE, still(), hold_s=0.01)])
+    (world,) = sim._worlds.values()
+    assert world._data.time > 0
+    assert world._data.timer[mj.mjtTimer.mjTIMER_STEP].duration == 0 or sys.platform == "win32"
+    mj.mj_step(made, data)
+    assert data.timer[mj.mjtTimer.mjTIMER_STEP].duration > 0
+
+
 def test_worlds_are_made_once_and_not_kept_for_ever():
     sim, task = mujoco(), Bodies(table(), cube(at=(0.6, 0, 0.05)))
     tools = [stick(0.1 + 0.01 * i) for i in range(10)]
