@@ -1,5 +1,7 @@
 """ElevatePlate: a dinner plate lies on the table, and is wanted higher, still level."""
 
+from functools import cache
+
 import numpy as np
 
 from core.geometry import Array
@@ -20,6 +22,7 @@ CHINA = (0.95, 0.95, 0.93, 1.0)
 BLUE = (0.20, 0.36, 0.62, 1.0)
 
 
+@cache
 def plate() -> Body:
     """To be seen, turned, with a hollow foot and a blue line along the rim; to be felt, two discs and a ring."""
     slope = (RIM_TOP - FOOT_HEIGHT) / (RIM_INSIDE[1] - RIM_INSIDE[0])

@@ -1,5 +1,7 @@
 """ScoreGoal: a puck lies on ice to the robot's left, and belongs in a goal that is far out of reach."""
 
+from functools import cache
+
 import numpy as np
 import trimesh
 
@@ -45,6 +47,7 @@ def strings(net: Part) -> Part:
     return Part(Mesh.from_trimesh(trimesh.util.concatenate(pieces)), net.pose, STRING)
 
 
+@cache
 def hockey_goal() -> Body:
     """A frame of bars: two posts and a crossbar in front, a bar along the ground behind and on both sides. The net
     hangs on both sides, behind and above.
