@@ -27,7 +27,10 @@ def compiled(
     scene: Scene, inertias: dict[str, Inertia], tool: Tool, time_step: float, tracking_rate: float, slip_rate: float
 ) -> Element:
     """The model: the arm's joints first, then those of the free bodies, in order."""
-    model = described(scene, inertias, tool, time_step, slip_rate).compile()
+    spec = described(scene, inertias, tool, time_step, slip_rate)
+    if len(scene.free) <= 1:  # the same numbers but for rounding, up to a tenth sooner
+        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    model = spec.compile()
     robot.set_gains(model, tracking_rate)
     return model
 
