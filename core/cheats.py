@@ -293,8 +293,9 @@ def _passages(robot: Sequence[_Track], bodies: Sequence[_Track], times: Array) -
 def _meetings(
     robot: Sequence[_Track], bodies: Sequence[_Track]
 ) -> Iterator[tuple[_Track, _Track, npt.NDArray[np.intp], Array]]:
-    """Pairs whose bounding boxes meet at any time, at least one of the two in motion; the samples at which they do or
-    are about to, rising; and how far a point of the first can have gone in the frame of the second, (T,).
+    """Pairs whose bounding boxes are ever as deep in each other as counts, at least one of the two in motion; the
+    samples at which the boxes meet or are about to, rising; and how far a point of the first can have gone in the frame
+    of the second, (T,).
     """
     moving = [track for track in (*robot, *bodies) if len(track.way) > 1]
     if not moving:
@@ -314,6 +315,10 @@ def _meetings(
             near &= low[axis, :count] <= other.high[:, axis]
             near &= high[axis, :count] >= other.low[:, axis]
         met = [i for i in np.flatnonzero(near.any(axis=1)) if moving[i].of != other.of]
+        # Solids are no deeper in each other than their boxes along any axis.
+        depths = np.minimum(high[:, met] - other.low.T[:, None], other.high.T[:, None] - low[:, met]).min(axis=0)
+        deepest = depths.max(axis=1).tolist()
+        met = [i for i, depth in zip(met, deepest, strict=True) if depth >= min(_limits(moving[i], other))]
         if not met:
             continue
         if len(other.way) == 1:
@@ -341,28 +346,27 @@ def _ways(rotations: Array, positions: Array, reaches: Array) -> Array:
     return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
+def _limits(one: _Track, other: _Track) -> tuple[float, float]:
+    """From what depth on two things are too deep in each other, and one may have passed through the other, metres."""
+    across = one.thick + other.thick
+    return min(DEEP_M, max(across / 2, min(THIN_M, 0.9 * across))), THROUGH * across
+
+
 def _passage(
     one: _Track, other: _Track, near: npt.NDArray[np.intp], way: Array, times: Array
 ) -> tuple[float, str] | None:
     """When one got into the other, seconds, and how it is told; None: it never did."""
-    across = one.thick + other.thick
-    deep = min(DEEP_M, max(across / 2, min(THIN_M, 0.9 * across)))
-    through = THROUGH * across
+    deep, through = _limits(one, other)
     limit = min(deep, through)
     gaps = _gaps(one, other)
     # From one sample to the next, a gap can't shrink and grow again by more than the way allows.
     if gaps is not None and ((gaps[:-1] + gaps[1:] - way[1:] + way[:-1]) / 2).take(near, mode="clip").min() > -limit:
         return None
     distance = coal.ComputeDistance(other.geometry, one.geometry)
-    samples, gone, instants = (
-        near.tolist(),
-        way.tolist(),
-        times.tolist(),
-    )  # faster one by one
+    samples, gone, instants = near.tolist(), way.tolist(), times.tolist()  # faster one by one
     last = len(gone) - 1
-    entry: _Way | None = (
-        None  # the way out of ``other`` when the two last only touched, if at all; before that nothing counts
-    )
+    # The way out of ``other`` when the two last only touched, if at all; before that nothing counts.
+    entry: _Way | None = None
     reached = 0.0  # how deep since then
     since, stuck = 0.0, None  # when it got in, and since which sample it is too deep
     k, share = samples[0], 0.0
