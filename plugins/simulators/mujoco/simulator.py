@@ -27,7 +27,8 @@ class MuJoCoSimulator(Simulator):
         time_step: seconds.
         tracking_rate: how fast a joint closes in on its target, 1/s. It means the same at every time step.
         slip_rate: how fast friction stops what slips slowly, 1/s; what slips fast it stops as fast as the
-            coefficient of friction lets it. Much faster, and what slides hops.
+            coefficient of friction lets it. Much faster, and what slides hops. Where there is rolling friction it is a
+            quarter of this.
     """
 
     def __init__(self, time_step: float = 0.0025, tracking_rate: float = 50.0, slip_rate: float = 200.0) -> None:
