@@ -40,7 +40,7 @@ class MuJoCoWarpSimulator(Simulator):
         worlds: how many at once, at most; fewer where the device's memory is too small.
         time_step: seconds.
         tracking_rate: how fast a joint closes in on its target, 1/s.
-        slip_rate: how fast friction stops what slips slowly, 1/s.
+        slip_rate: how fast friction stops what slips slowly, 1/s, as in `sim=mujoco`.
     """
 
     batch: ClassVar[int] = 2048
