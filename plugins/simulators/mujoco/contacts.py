@@ -28,8 +28,8 @@ from plugins.simulators.mujoco.shapes import Element
 # How much of an unwanted acceleration a contact cancels, at the surface and from a penetration of 1 mm on.
 _IMPEDANCE = [0.95, 0.99, 0.001, 0.5, 2.0]
 _REBOUND_STEPS = 10  # that a contact lasts in which something bounces: fewer, and the rebound is wrong by a tenth
-_ROLLING = 0.25  # of the slip rate, where there is rolling friction
 _MOST_DAMPED = 0.99  # the damping ratio of such a contact, at most; 1 still throws back with 0.135 of the speed
+_ROLLING_SHARE = 0.25  # of the slip rate, where there is rolling friction
 
 
 class Role(Enum):
@@ -102,7 +102,7 @@ def set_contacts(spec: Element, felt: Sequence[Felt], slip_rate: float) -> None:
                 friction=[friction, friction, 0.0, rolling, rolling],
                 solref=_rebound(spec, one.surface.restitution * other.surface.restitution) or reference,
                 # Stiffness, which friction has none of, and damping.
-                solreffriction=[-1.0, -slip_rate * (_ROLLING if rolling > 0 else 1.0)],
+                solreffriction=[-1.0, -slip_rate * (_ROLLING_SHARE if rolling > 0 else 1.0)],
                 solimp=_IMPEDANCE,
             )
             if free and (one.bearer, other.bearer) not in covered:  # all their pairs are explicit

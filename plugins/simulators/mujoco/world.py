@@ -28,7 +28,7 @@ def compiled(
 ) -> Element:
     """The model: the arm's joints first, then those of the free bodies, in order."""
     spec = described(scene, inertias, tool, time_step, slip_rate)
-    if len(scene.free) <= 1:  # the same numbers but for rounding, up to a tenth sooner
+    if len(scene.free) <= 1:  # the same numbers but for rounding, up to a tenth sooner; of a card nothing is known
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model = spec.compile()
     robot.set_gains(model, tracking_rate)
