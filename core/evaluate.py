@@ -13,14 +13,14 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.cli import arguments, command, write_bytes
-from core.config import check_seed, load, node, part
+from core.config.compose import check_seed, load, node, part
 from core.design import Candidate, Evaluation
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UsageError
-from core.evolution import evaluate_all
 from core.interfaces import RolloutSettings
-from core.reading import load_designs, read_designs
-from core.rollout import Bench
-from core.rules import SpawnRules
+from core.search.evolution import evaluate_all
+from core.simulation.rollout import Evaluator
 from core.text import clean
 
 USAGE = "usage: python -m core.evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
@@ -38,7 +38,7 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     sim_part.create()  # a wrong setting is said here, once, rather than by each worker
     representation = part("tool", cfg.tool).create()
     candidates = read_designs(document, representation, SpawnRules(task_part.create(), cfg.seed))
-    bench = Bench(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
+    bench = Evaluator(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
     with part("executor", cfg.executor).create() as executor:
         evaluations = list(evaluate_all(candidates, bench, executor))
     return sorted(evaluations, key=lambda e: e.candidate.key)

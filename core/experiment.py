@@ -9,10 +9,10 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from core.config import load
-from core.database import writing
-from core.record import Result
-from core.running import run
+from core.config.compose import load
+from core.events import Result
+from core.search.orchestration import run
+from core.store.database import writing
 
 
 class Experiment:

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from core.artifacts import png
 from core.cli import command, folders_and_overrides, write_bytes
-from core.config import load
+from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.report.drawing import draw, painted
 from core.report.figures import told
@@ -21,6 +20,7 @@ from core.report.page import in_viewer, picture_address, render
 from core.report.printing import Piece, Printer, grams, pieces, to_3mf
 from core.report.runs import FinishedRun, LeftOutRun, find_runs
 from core.report.tools import Shape, Winner, another, size, winners
+from core.simulation.pictures import png
 
 USAGE = (
     "usage: python -m core.gallery FOLDER [FOLDER ...] [output=DIR] [top=3] [apart_mm=10] [plate_mm=[250,210,220]] "

@@ -22,8 +22,8 @@ import pluggy
 
 if TYPE_CHECKING:
     from core.design import Evaluation
+    from core.events import Generation, Result, Run
     from core.interfaces import Reply, Request
-    from core.record import Generation, Result, Run
 
 PROJECT = "vlmgineer"
 

@@ -15,18 +15,19 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.cli import arguments, command, write_bytes
-from core.config import PromptConfig, check_seed, load, node, part
+from core.config.compose import check_seed, load, node, part
+from core.config.schemas import PromptConfig
+from core.config.settings import Sampling
 from core.design import Candidate, Evaluation, best_first
-from core.designer import DEFAULT_KINDS, make_designer
+from core.designs.composer import PromptComposer, as_markdown
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
-from core.evolution import evaluate_all
 from core.interfaces import VLM, Budget, Estimate, Picture, Request, RolloutSettings, Task, ToolRepresentation
 from core.plugins import event_hub, installed
-from core.prompts import Prompts, as_markdown
-from core.reading import load_designs, read_designs
-from core.rollout import Bench
-from core.rules import SpawnRules
-from core.settings import Sampling
+from core.search.designer import DEFAULT_KINDS, make_designer
+from core.search.evolution import evaluate_all
+from core.simulation.rollout import Evaluator
 
 USAGE = (
     "usage: python -m core.prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "
@@ -61,7 +62,7 @@ def compose(cfg: DictConfig) -> Request:
         part("sim", cfg.sim).create(),
         Nobody(),
         representation,
-        Prompts(node(cfg.prompt, PromptConfig), settings),
+        PromptComposer(node(cfg.prompt, PromptConfig), settings),
         Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)}),
         seed=cfg.seed,
         sampling=node(cfg.sampling, Sampling),
@@ -119,7 +120,7 @@ def _tried(cfg: DictConfig, candidates: Sequence[Candidate]) -> list[Evaluation]
     if not candidates:
         return []
     task_part, sim_part = part("task", cfg.task, without=("tool_kinds", "paper")), part("sim", cfg.sim)
-    bench = Bench(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
+    bench = Evaluator(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
     with part("executor", cfg.executor).create() as executor:
         return list(evaluate_all(candidates, bench, executor))
 

@@ -9,14 +9,14 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from core.artifacts import png
 from core.cli import arguments, command, write_bytes
-from core.config import check_seed, load, part
+from core.config.compose import check_seed, load, part
 from core.design import Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.interfaces import Image, Task
-from core.reading import load_designs, read_designs
-from core.rules import SpawnRules
+from core.simulation.pictures import png
 
 MAX_PIXELS = 4096
 USAGE = "usage: python -m core.render task=NAME [designs=FILE strategy=N] [seed=N] [width=W height=H] [output=FILE.png]"

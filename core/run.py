@@ -1,4 +1,4 @@
-"""``python -m core.run``: a run, or one that goes on (`core.running`).
+"""``python -m core.run``: a run, or one that goes on (`core.search.orchestration`).
 
 What a run takes is imported when there is one: worker processes import this file as well, and whoever asks for help
 does not want to wait.
@@ -30,7 +30,7 @@ _failures: list[UserError] = []  # of the jobs; raised in a job, Hydra would pri
 def _job(cfg: DictConfig) -> None:
     from hydra.core.hydra_config import HydraConfig
 
-    from core.running import run, tell
+    from core.search.orchestration import run, tell
 
     folder = Path(HydraConfig.get().runtime.output_dir)
     try:
@@ -45,13 +45,13 @@ def main() -> None:
     resumed = [word for word in given if word.startswith("resume=")]
     others = [word for word in given if word not in (*flags, *resumed)]
     if flags and {*flags} <= {"--help", "-h"}:
-        from core.config import overview
+        from core.config.compose import overview
 
         sys.stdout.write(f"{USAGE}\n{overview('config', others)}")
     elif resumed:
         if len(resumed) > 1 or flags:
             raise UsageError(f"{' '.join([*flags, *resumed])}: resume=RUN_DIR goes on with one run, such as a sweep's")
-        from core.running import resume
+        from core.search.orchestration import resume
 
         resume(Path(resumed[0].removeprefix("resume=")), others)
     else:
@@ -63,7 +63,7 @@ def _hydra(overrides: list[str]) -> None:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from core.config import explain, register
+    from core.config.compose import explain, register
 
     register()
     os.environ["HYDRA_FULL_ERROR"] = "1"  # let Hydra's errors through; they are told in one line here

@@ -17,7 +17,7 @@ Color = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
-class Part:
+class Geom:
     """One shape of a body: where it sits in the body's frame, and its colour (red, green, blue, opacity; 0..1)."""
 
     shape: Shape
@@ -52,8 +52,8 @@ class Body:
     name: str
     pose: Pose
     mass: float
-    visuals: tuple[Part, ...]
-    collisions: tuple[Part, ...]
+    visuals: tuple[Geom, ...]
+    collisions: tuple[Geom, ...]
     friction: float = 0.5
     rolling_friction: float = 0.0
     restitution: float = 0.0
@@ -78,13 +78,13 @@ class Body:
         rolling_friction: float = 0.0,
     ) -> Body:
         """A body of one shape that collides as it looks."""
-        part = (Part(shape, color=color),)
+        part = (Geom(shape, color=color),)
         return cls(name, Pose.xyz_rpy(position, rpy), mass, part, part, friction, rolling_friction)
 
     @classmethod
     def mark(cls, name: str, position: Vector, radius: float, color: Color) -> Body:
         """A flat round mark that is seen and not felt."""
-        disc = Part(Cylinder(radius, 0.001), Pose(np.array([0.0, 0.0, 0.0005])), color)
+        disc = Geom(Cylinder(radius, 0.001), Pose(np.array([0.0, 0.0, 0.0005])), color)
         return cls(name, Pose(np.asarray(position, dtype=np.float64)), 0.0, (disc,), ())
 
     @property
@@ -260,16 +260,16 @@ def table() -> Body:
     """The table of most tasks: top face at z = 0, x from -0.15 to 1.35, y from -0.5 to 0.5, on four legs."""
     wood: Color = (0.76, 0.60, 0.42, 1.0)
     leg: Color = (0.35, 0.28, 0.22, 1.0)
-    top = Part(Box((1.5, 1.0, 0.04)), Pose(np.array([0.6, 0.0, -0.02])), wood)
+    top = Geom(Box((1.5, 1.0, 0.04)), Pose(np.array([0.6, 0.0, -0.02])), wood)
     legs = tuple(
-        Part(Box((0.05, 0.05, 0.585)), Pose(np.array([x, y, -0.3325])), leg) for x in (-0.1, 1.3) for y in (-0.45, 0.45)
+        Geom(Box((0.05, 0.05, 0.585)), Pose(np.array([x, y, -0.3325])), leg) for x in (-0.1, 1.3) for y in (-0.45, 0.45)
     )
     return Body("table", Pose(), 0.0, (top, *legs), (top, *legs))
 
 
 def floor(height: float = -0.625, friction: float = 0.5) -> Body:
     """A floor whose upper face is at z = ``height``."""
-    slab = Part(Box((6.0, 6.0, 0.1)), Pose(np.array([0.0, 0.0, height - 0.05])), (0.86, 0.87, 0.88, 1.0))
+    slab = Geom(Box((6.0, 6.0, 0.1)), Pose(np.array([0.0, 0.0, height - 0.05])), (0.86, 0.87, 0.88, 1.0))
     return Body("floor", Pose(), 0.0, (slab,), (slab,), friction)
 
 
@@ -279,10 +279,10 @@ __all__ = [
     "Camera",
     "Color",
     "Cylinder",
+    "Geom",
     "Goal",
     "Inertia",
     "Mesh",
-    "Part",
     "Pose",
     "Scene",
     "Sphere",

@@ -20,17 +20,17 @@ from rich.progress import track
 from rich.table import Table
 
 from core.cli import arguments, command, write_bytes
-from core.config import check_seed, load, node, part
+from core.config.compose import check_seed, load, node, part
+from core.config.settings import PerturbationRange
 from core.design import Candidate, Evaluation, best_first
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UsageError
-from core.evolution import evaluate_all
-from core.fitness import check_draws, engines, perturbed, worst
 from core.interfaces import RolloutSettings, ToolRepresentation
-from core.reading import load_designs, read_designs
-from core.rollout import Bench
-from core.rules import SpawnRules
-from core.settings import Spread
-from core.stored import stored_config, stored_evaluations
+from core.search.evolution import evaluate_all
+from core.simulation.fitness import check_draws, engines, perturbed, worst
+from core.simulation.rollout import Evaluator
+from core.store.reader import stored_config, stored_evaluations
 
 USAGE = (
     "usage: python -m core.transfer designs=FILE|RUN_DIR [task=NAME] [sims=[NAME,...]] [seeds=[N,...]] [spread.KEY=X] "
@@ -44,7 +44,7 @@ class Trial(Candidate):
 
     engine: str = ""
     change: int | None = None
-    bench: Bench = field(kw_only=True)
+    bench: Evaluator = field(kw_only=True)
 
     @cached_property
     def content(self) -> str:
@@ -60,7 +60,7 @@ def attempt(trials: Sequence[Candidate]) -> list[Evaluation]:
     return evaluations
 
 
-def _bench(trial: Candidate) -> Bench:
+def _bench(trial: Candidate) -> Evaluator:
     assert isinstance(trial, Trial)
     return trial.bench
 
@@ -77,10 +77,10 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     task = part("task", cfg.task, without=("tool_kinds", "paper"))
     candidates = designs(cfg, part("tool", cfg.tool).create(), SpawnRules(task.create(), cfg.seed))
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
-    settings, spread = node(cfg.rollout, RolloutSettings), node(cfg.spread, Spread)
-    benches: dict[tuple[str, int | None], Bench] = {}
+    settings, spread = node(cfg.rollout, RolloutSettings), node(cfg.spread, PerturbationRange)
+    benches: dict[tuple[str, int | None], Evaluator] = {}
     for engine, sim in sims.items():
-        bench = Bench(task, sim, cfg.seed, settings)
+        bench = Evaluator(task, sim, cfg.seed, settings)
         benches[engine, None] = bench
         benches |= {(engine, change): perturbed(bench, spread, change) for change in cfg.seeds}
     tried: dict[tuple[str, str, int | None], Evaluation] = {}
@@ -113,7 +113,7 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     }
 
 
-def spread_out(candidates: Sequence[Candidate], benches: Mapping[tuple[str, int | None], Bench]) -> Iterator[Trial]:
+def spread_out(candidates: Sequence[Candidate], benches: Mapping[tuple[str, int | None], Evaluator]) -> Iterator[Trial]:
     """Every candidate on every bench; candidates that share a tool stay together."""
     for _, group in itertools.groupby(candidates, key=lambda candidate: id(candidate.tool)):
         alike = list(group)

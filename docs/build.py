@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from core.artifacts import save_film, save_picture
-from core.config import load
+from core.config.compose import load
 from core.design import Candidate, Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from core.reading import load_designs, read_designs
-from core.rollout import evaluate
-from core.rules import SpawnRules
-from core.running import run
+from core.search.orchestration import run
+from core.simulation.pictures import save_film, save_picture
+from core.simulation.rollout import evaluate
 from docs.diagrams import DRAWINGS
 
 DOCS = Path(__file__).parent

@@ -9,15 +9,17 @@ INK, SOFT, GROUND = "#1b1f24", "#57606a", "#ffffff"
 CORE, PART, QUIET = "#dcebf7", "#fdeed0", "#eef0f2"  # fills: of the core, of what is swapped, of the rest
 FONT = "system-ui, 'DejaVu Sans', sans-serif"
 
-# From the ground up; a floor imports from itself and from those below it, which a test sees to.
+# From the ground up, and within a floor from left to right: a room imports from those before it, never from one that
+# comes after. `tests/test_architecture.py` holds every module to it.
 FLOORS = {
-    "values": ("geometry", "scene", "design"),
-    "what a part must do": ("interfaces", "record", "hooks"),
-    "one motion for every engine": ("robot", "kinematics", "trajectory", "playback"),
-    "parts found, rules, prompts": ("plugins", "drawing", "rules", "prompts", "cheats"),
-    "one candidate": ("reading", "rollout", "fitness"),
-    "one run": ("designer", "evolution", "store", "resume", "running"),
-    "commands": ("run", "evaluate", "transfer", "prompt", "view", "report", "gallery", "new"),
+    "values": ("errors", "text", "geometry", "scene", "design", "jobs"),
+    "what a part must do": ("interfaces", "events", "hooks"),
+    "parts found, configured": ("cli", "plugins", "config"),
+    "one motion, one design": ("robot", "designs"),
+    "one candidate": ("simulation",),
+    "one run": ("store", "search"),
+    "from runs and parts": ("report", "conformance", "gym", "new"),
+    "commands": ("experiment", "__init__", "run", "evaluate", "render", "prompt", "transfer", "gallery", "view"),
 }
 PARTS = {
     "task": "RoboToolBench's twelve",
@@ -69,7 +71,7 @@ def arrow(*corners: tuple[float, float], dashed: bool = False) -> str:
 
 def house() -> str:
     """The floors of ``core/``, and the parts beside it."""
-    left, width, storey, gap, base = 20, 500, 52, 8, 476
+    left, width, storey, gap, base = 20, 500, 52, 8, 536
     pieces = [text(left, 34, "core/", size=16, anchor="start", bold=True)]
     middle = {}
     for number, (what, modules) in enumerate(FLOORS.items()):
@@ -80,7 +82,7 @@ def house() -> str:
         text(
             left,
             base + 18,
-            "a floor imports from floors below it, never from one above",
+            "imports go down, and within a floor to the left, never the other way",
             size=12,
             color=SOFT,
             anchor="start",
@@ -96,10 +98,10 @@ def house() -> str:
     pieces.append(
         f'<path d="M{right} {ends[0]:g}H{rail}V{ends[1]:g}H{right}" fill="none" stroke="{INK}" stroke-width="1.5"/>'
     )
-    for what, said in (("what a part must do", "implement"), ("parts found, rules, prompts", "are found by")):
+    for what, said in (("what a part must do", "implement"), ("parts found, configured", "are found by")):
         pieces.append(arrow((rail, middle[what]), (left + width + 2, middle[what])))
         pieces.append(text((rail + left + width) / 2, middle[what] - 7, said, size=12, color=SOFT))
-    return drawing(900, 510, "The floors of core, and the seven kinds of parts beside it", pieces)
+    return drawing(900, 570, "The floors of core, and the seven kinds of parts beside it", pieces)
 
 
 def loop() -> str:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from core.scene import Box, Color, Mesh, Part, Pose
+from core.scene import Box, Color, Geom, Mesh, Pose
 
 
-def board(size: tuple[float, float, float], position: tuple[float, float, float], color: Color) -> Part:
+def board(size: tuple[float, float, float], position: tuple[float, float, float], color: Color) -> Geom:
     """An upright box of full side lengths, its centre at a position in the body's frame."""
-    return Part(Box(size), Pose(np.array(position)), color)
+    return Geom(Box(size), Pose(np.array(position)), color)
 
 
-def open_box(length: float, width: float, height: float, wall: float, color: Color) -> tuple[Part, ...]:
+def open_box(length: float, width: float, height: float, wall: float, color: Color) -> tuple[Geom, ...]:
     """A bottom and four walls, open on top; outer lengths along x, y, z; the frame is below, in the bottom's middle."""
     inside = height - wall
     return (
@@ -31,7 +31,7 @@ def open_box(length: float, width: float, height: float, wall: float, color: Col
 
 def round_wall(
     inner: tuple[float, float], outer: tuple[float, float], bottom: float, top: float, color: Color, pieces: int = 24
-) -> tuple[Part, ...]:
+) -> tuple[Geom, ...]:
     """A wall around z as convex wedges, to be felt; radii (at the bottom, at the top) may differ, so that it leans.
 
     The wedges' flat inner faces touch the inner radius in their middle, their corners are on the outer one.
@@ -47,11 +47,11 @@ def round_wall(
             for radius, height in ((low, bottom), (high, top))
             for angle in angles
         ]
-        parts.append(Part(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(points))), color=color))
+        parts.append(Geom(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(points))), color=color))
     return tuple(parts)
 
 
-def turned(profile: list[tuple[float, float]], color: Color, sections: int = 64) -> Part:
+def turned(profile: list[tuple[float, float]], color: Color, sections: int = 64) -> Geom:
     """A solid of revolution around z, to be seen: its closed outline as (radius, height) pairs, counter-clockwise."""
     mesh = trimesh.creation.revolve(np.array([*profile, profile[0]]), sections=sections)
-    return Part(Mesh.from_trimesh(mesh), color=color)
+    return Geom(Mesh.from_trimesh(mesh), color=color)

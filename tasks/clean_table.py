@@ -4,7 +4,7 @@ import numpy as np
 
 from core.geometry import Array, Pose
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Goal, Part, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Geom, Goal, Scene, State, floor, table
 
 COUNT = 8
 SIDE = 0.03
@@ -50,9 +50,15 @@ class CleanTable(Task):
     camera = Camera(position=(1.75, -1.0, 1.15), target=(0.58, 0.0, 0.12), fov_deg=50.0)
 
     def scene(self, seed: int) -> Scene:
-        part = (Part(Box((SIDE, SIDE, SIDE))),)
+        part = (Geom(Box((SIDE, SIDE, SIDE))),)
         dust = tuple(
-            Body(name, Pose.xyz_rpy((x, y, SIDE / 2), (0.0, 0.0, yaw)), 0.01, (Part(part[0].shape, color=color),), part)
+            Body(
+                name,
+                Pose.xyz_rpy((x, y, SIDE / 2), (0.0, 0.0, yaw)),
+                0.01,
+                (Geom(part[0].shape, color=color),),
+                part,
+            )
             for name, color, (x, y, yaw) in zip(DUST, COLORS, litter(seed), strict=True)
         )
         circle = Body.mark("circle", (CIRCLE[0], CIRCLE[1], 0.0), RADIUS, color=(0.30, 0.68, 0.33, 1.0))

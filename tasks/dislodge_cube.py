@@ -4,7 +4,7 @@ import numpy as np
 
 from core.geometry import Array, Pose
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Color, Goal, Part, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Color, Geom, Goal, Scene, State, floor, table
 
 SIDE = 0.07
 WALL = 0.01
@@ -20,14 +20,14 @@ WHITE: Color = (0.97, 0.97, 0.98, 1.0)
 Range = tuple[float, float]
 
 
-def board(x: Range, y: Range, z: Range, color: Color = CLEAR) -> Part:
+def board(x: Range, y: Range, z: Range, color: Color = CLEAR) -> Geom:
     """A board of the pipe, from and to along each axis of the world."""
     low, high = np.transpose([x, y, z])
     a, b, c = high - low
-    return Part(Box((a, b, c)), Pose((low + high) / 2), color)
+    return Geom(Box((a, b, c)), Pose((low + high) / 2), color)
 
 
-def rims() -> tuple[Part, ...]:
+def rims() -> tuple[Geom, ...]:
     """White edges around the two openings, to be seen; they stand out by a millimetre."""
     rim = (-0.001, 0.004)
     near, aside = (NEAR + rim[0], NEAR + rim[1]), (BRANCH_Y + rim[0], BRANCH_Y + rim[1])

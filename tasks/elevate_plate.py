@@ -6,7 +6,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cylinder, Goal, Part, Pose, Scene, State, floor, table
+from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
 from tasks.assets import round_wall, turned
 
 # The plate stands on a foot; beyond the foot a gap of FOOT_HEIGHT is left between it and the table.
@@ -43,9 +43,9 @@ def plate() -> Body:
     line = [(r, FOOT_HEIGHT + (r - RIM_INSIDE[0]) * slope) for r in (low, high)]
     line += [(r, z + up) for r, z in reversed(line)]
 
-    foot = Part(Cylinder(FOOT_RADIUS, FOOT_HEIGHT), Pose(np.array([0.0, 0.0, FOOT_HEIGHT / 2])))
+    foot = Geom(Cylinder(FOOT_RADIUS, FOOT_HEIGHT), Pose(np.array([0.0, 0.0, FOOT_HEIGHT / 2])))
     thickness = DISC_TOP - FOOT_HEIGHT
-    disc = Part(Cylinder(DISC_RADIUS, thickness), Pose(np.array([0.0, 0.0, FOOT_HEIGHT + thickness / 2])))
+    disc = Geom(Cylinder(DISC_RADIUS, thickness), Pose(np.array([0.0, 0.0, FOOT_HEIGHT + thickness / 2])))
     rim = round_wall(RIM_INSIDE, (DISC_RADIUS, RIM_RADIUS), FOOT_HEIGHT, RIM_TOP, CHINA)
     return Body("plate", Pose(np.array(START)), MASS, (turned(china, CHINA), turned(line, BLUE)), (foot, disc, *rim))
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Color, Goal, Part, Pose, Scene, Sphere, State, floor, table
+from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, Sphere, State, floor, table
 
 RADIUS, MASS = 0.02, 0.005
 ROWS, COLUMNS, PITCH, JITTER = 5, 6, 0.048, 0.003  # along x, along y; each sphere is off its grid point by up to JITTER
@@ -27,8 +27,8 @@ def container() -> Body:
     """Fixed see-through walls at -y, at +y and at +x, without a floor of their own."""
     length, inside = 2 * REACH, 2 * REACH - WALL
     walls = (
-        *(Part(Box((length, WALL, WALL_HEIGHT)), Pose(np.array([0.0, y, 0.0])), GLASS) for y in (-REACH, REACH)),
-        Part(Box((WALL, inside, WALL_HEIGHT)), Pose(np.array([REACH, 0.0, 0.0])), GLASS),
+        *(Geom(Box((length, WALL, WALL_HEIGHT)), Pose(np.array([0.0, y, 0.0])), GLASS) for y in (-REACH, REACH)),
+        Geom(Box((WALL, inside, WALL_HEIGHT)), Pose(np.array([REACH, 0.0, 0.0])), GLASS),
     )
     return Body("container", Pose(np.array([*CONTAINER, WALL_HEIGHT / 2])), 0.0, walls, walls, friction=0.1)
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Goal, Part, Pose, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 
 WIDTH, HEIGHT, WALL = 0.25, 0.20, 0.004  # outside, along x and y; up to the edge that the flaps hang on; cardboard
 FLAP, SLANT = 0.10, np.radians(25.0)  # how long a flap is, and by how much it rises outward
@@ -20,14 +20,14 @@ def cardboard_box() -> Body:
     """A bottom, four walls and four flaps, all boards. Each side is the same, turned about the vertical."""
     inside = WIDTH - 2 * WALL
     middle = HEIGHT / 2 - CENTER[2]
-    boards = [Part(Box((inside, inside, WALL)), Pose(np.array([0.0, 0.0, WALL / 2 - CENTER[2]])), CARDBOARD)]
+    boards = [Geom(Box((inside, inside, WALL)), Pose(np.array([0.0, 0.0, WALL / 2 - CENTER[2]])), CARDBOARD)]
     for quarter in range(4):
         turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, quarter * np.pi / 2))
         wall = Pose(np.array([(WIDTH - WALL) / 2, 0.0, middle]))
         flap = Pose.xyz_rpy((WIDTH / 2 - WALL, 0.0, HEIGHT - CENTER[2] - WALL), (0.0, -SLANT, 0.0))
         lengthwise = WIDTH if quarter % 2 else inside
-        boards.append(Part(Box((WALL, lengthwise, HEIGHT)), turn @ wall, CARDBOARD))
-        boards.append(Part(Box((FLAP, inside, WALL)), turn @ flap @ Pose(np.array([FLAP / 2, 0.0, 0.0])), FLAP_COLOR))
+        boards.append(Geom(Box((WALL, lengthwise, HEIGHT)), turn @ wall, CARDBOARD))
+        boards.append(Geom(Box((FLAP, inside, WALL)), turn @ flap @ Pose(np.array([FLAP / 2, 0.0, 0.0])), FLAP_COLOR))
     return Body("box", Pose(np.array(CENTER)), MASS, tuple(boards), tuple(boards))
 
 

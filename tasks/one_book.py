@@ -4,7 +4,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Box, Camera, Goal, Part, Pose, Scene, State, floor, table
+from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 
 LENGTH, THICKNESS, PITCH = 0.27, 0.039, 0.04  # along x, along y, and from one book to the next along y
 HEIGHTS = (0.17, 0.168, 0.172, 0.21, 0.22)  # from the robot's right to its left
@@ -30,10 +30,10 @@ def book(number: int) -> Body:
     side = Box((LENGTH, board, height))
     edge = (THICKNESS - board) / 2
     visuals = (
-        Part(side, Pose.xyz_rpy((0.0, -edge, 0.0)), cover),
-        Part(side, Pose.xyz_rpy((0.0, edge, 0.0)), cover),
-        Part(Box((board, THICKNESS, height)), Pose.xyz_rpy(((board - LENGTH) / 2, 0.0, 0.0)), cover),
-        Part(
+        Geom(side, Pose.xyz_rpy((0.0, -edge, 0.0)), cover),
+        Geom(side, Pose.xyz_rpy((0.0, edge, 0.0)), cover),
+        Geom(Box((board, THICKNESS, height)), Pose.xyz_rpy(((board - LENGTH) / 2, 0.0, 0.0)), cover),
+        Geom(
             Box((LENGTH - inset, THICKNESS - 2 * board, height - 2 * inset)),
             Pose.xyz_rpy((-inset / 2, 0.0, 0.0)),
             PAGES,
@@ -41,14 +41,14 @@ def book(number: int) -> Body:
     )
     whole = Box((LENGTH, THICKNESS, height))
     mass = DENSITY * whole.volume
-    return Body(f"book_{number}", Pose.xyz_rpy((CENTER_X, y, height / 2)), mass, visuals, (Part(whole),), friction=0.3)
+    return Body(f"book_{number}", Pose.xyz_rpy((CENTER_X, y, height / 2)), mass, visuals, (Geom(whole),), friction=0.3)
 
 
 def holder(name: str, side: float) -> Body:
     """A fixed bookend: an upright plate and a foot that points away from the books."""
     metal = (0.30, 0.32, 0.35, 1.0)
-    plate = Part(Box((0.20, 0.008, 0.15)), Pose.xyz_rpy((0.0, 0.0, 0.075)), metal)
-    foot = Part(Box((0.20, 0.08, 0.004)), Pose.xyz_rpy((0.0, side * 0.04, 0.002)), metal)
+    plate = Geom(Box((0.20, 0.008, 0.15)), Pose.xyz_rpy((0.0, 0.0, 0.075)), metal)
+    foot = Geom(Box((0.20, 0.08, 0.004)), Pose.xyz_rpy((0.0, side * 0.04, 0.002)), metal)
     return Body(name, Pose.xyz_rpy((CENTER_X, side * 0.105, 0.0)), 0.0, (plate, foot), (plate, foot))
 
 

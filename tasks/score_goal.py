@@ -7,7 +7,7 @@ import trimesh
 
 from core.geometry import Array, Pose
 from core.interfaces import Task
-from core.scene import Body, Camera, Color, Cylinder, Goal, Mesh, Part, Scene, State, floor
+from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Mesh, Scene, State, floor
 from tasks.assets import board
 
 PUCK_RADIUS, PUCK_HEIGHT, PUCK_MASS = 0.038, 0.025, 0.17
@@ -23,15 +23,15 @@ STRING: Color = (0.62, 0.67, 0.74, 1.0)
 CLEAR: Color = (0.92, 0.94, 0.97, 0.25)
 
 
-def bar(start: tuple[float, float, float], end: tuple[float, float, float]) -> Part:
+def bar(start: tuple[float, float, float], end: tuple[float, float, float]) -> Geom:
     """A round bar from one point to another, in the goal's frame."""
     along = np.subtract(end, start)
     length = float(np.linalg.norm(along))
     turn = (0.0, float(np.arccos(along[2] / length)), float(np.arctan2(along[1], along[0])))
-    return Part(Cylinder(BAR, length), Pose.xyz_rpy(np.add(start, end) / 2, turn), RED)
+    return Geom(Cylinder(BAR, length), Pose.xyz_rpy(np.add(start, end) / 2, turn), RED)
 
 
-def strings(net: Part) -> Part:
+def strings(net: Geom) -> Geom:
     """Crossed strings, to be seen, in the middle of a piece of net that is a thin board."""
     size = np.array(net.shape.to_trimesh().extents)
     thin = int(np.argmin(size))
@@ -44,7 +44,7 @@ def strings(net: Part) -> Part:
             piece, center = np.full(3, THREAD), np.zeros(3)
             piece[along], center[across] = size[along], at
             pieces.append(trimesh.creation.box(piece).apply_translation(center))
-    return Part(Mesh.from_trimesh(trimesh.util.concatenate(pieces)), net.pose, STRING)
+    return Geom(Mesh.from_trimesh(trimesh.util.concatenate(pieces)), net.pose, STRING)
 
 
 @cache

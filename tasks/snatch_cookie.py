@@ -6,7 +6,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cylinder, Goal, Part, Pose, Scene, Sphere, State, floor, table
+from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, floor, table
 from tasks.assets import round_wall, turned
 
 JAR = (0.58, 0.0)  # x, y of its middle
@@ -27,7 +27,7 @@ DOUGH, CHOCOLATE = (0.80, 0.58, 0.33, 1.0), (0.24, 0.13, 0.07, 1.0)
 def jar() -> Body:
     """A glass jar with a neck, open on top."""
     heights, inside = (BOTTOM, BODY_TOP, NECK_BOTTOM, MOUTH), (BODY_RADIUS, BODY_RADIUS, NECK_RADIUS, NECK_RADIUS)
-    bottom = Part(Cylinder(BODY_RADIUS + WALL, BOTTOM), Pose(np.array([0.0, 0.0, BOTTOM / 2])), GLASS)
+    bottom = Geom(Cylinder(BODY_RADIUS + WALL, BOTTOM), Pose(np.array([0.0, 0.0, BOTTOM / 2])), GLASS)
     walls = tuple(
         piece
         for i in range(3)
@@ -41,7 +41,7 @@ def jar() -> Body:
 
 
 @cache
-def look() -> tuple[Part, ...]:
+def look() -> tuple[Geom, ...]:
     """A cookie to be seen: a disc with a worn edge, and chocolate chips."""
     edge, half = RADIUS - 0.002, THICKNESS / 2
     disc = turned(
@@ -50,11 +50,11 @@ def look() -> tuple[Part, ...]:
     spots = [(radius, angle) for radius, count in ((0.013, 3), (0.028, 6)) for angle in np.arange(count) * 6.3 / count]
     on_top = [(r * np.cos(a + r), r * np.sin(a + r), half - 0.0025) for r, a in spots]
     on_edge = [((RADIUS - 0.0025) * np.cos(a), (RADIUS - 0.0025) * np.sin(a), 0.001) for a in np.arange(7) * 0.9]
-    return disc, *(Part(Sphere(0.0035), Pose(np.array(spot)), CHOCOLATE) for spot in on_top + on_edge)
+    return disc, *(Geom(Sphere(0.0035), Pose(np.array(spot)), CHOCOLATE) for spot in on_top + on_edge)
 
 
 def cookie(number: int, position: Array, yaw: float) -> Body:
-    felt = (Part(Cylinder(RADIUS, THICKNESS)),)
+    felt = (Geom(Cylinder(RADIUS, THICKNESS)),)
     pose = Pose.xyz_rpy(position, (0.0, 0.0, yaw))
     return Body(f"cookie_{number}", pose, 0.02, look(), felt, friction=0.8)
 

@@ -7,7 +7,7 @@ import trimesh
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.scene import Body, Camera, Cylinder, Goal, Mesh, Part, Pose, Scene, Sphere, State, floor, table
+from core.scene import Body, Camera, Cylinder, Geom, Goal, Mesh, Pose, Scene, Sphere, State, floor, table
 from tasks.assets import board, open_box, round_wall, turned
 
 POT = (0.75, -0.2)  # x, y of its middle
@@ -37,7 +37,7 @@ ROAST, BONE = (0.72, 0.40, 0.18, 1.0), (0.93, 0.90, 0.82, 1.0)
 @cache
 def pot() -> Body:
     """A round pot, open on top, with a handle on either side; its frame is below its bottom's middle."""
-    bottom = Part(Cylinder(OUTSIDE, POT_WALL), Pose(np.array([0.0, 0.0, POT_WALL / 2])), METAL)
+    bottom = Geom(Cylinder(OUTSIDE, POT_WALL), Pose(np.array([0.0, 0.0, POT_WALL / 2])), METAL)
     wall = round_wall((POT_RADIUS, POT_RADIUS), (OUTSIDE, OUTSIDE), POT_WALL, POT_HEIGHT, METAL, 20)
     shell = turned(
         [
@@ -77,13 +77,13 @@ def leg(name: str, pose: Pose) -> Body:
     """Meat around a bone along x, 0.12 long, that ends in a knob at +x; what is felt of the meat has flat sides."""
     along_x = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
     outline = [(0.0, MEAT_X[0]), *zip(MEAT_RADIUS, MEAT_X, strict=True), (0.0, MEAT_X[-1])]
-    seen = Part(turned(outline, ROAST).shape, along_x, ROAST)
+    seen = Geom(turned(outline, ROAST).shape, along_x, ROAST)
     angles = (np.arange(FACETS) + 0.5) * 2 * np.pi / FACETS - np.pi / 2
     rings = [(x, r * np.cos(a), r * np.sin(a)) for r, x in zip(MEAT_RADIUS, MEAT_X, strict=True) for a in angles]
-    felt = Part(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(rings))))
-    bone = Part(Cylinder(BONE_RADIUS, BONE_LENGTH), Pose.xyz_rpy((BONE_X, 0.0, 0.0), along_x.rpy), BONE)
-    knob = Part(Sphere(KNOB_RADIUS), Pose.xyz_rpy((KNOB_X, 0.0, 0.0)), BONE)
-    knobs = tuple(Part(Sphere(KNOB_RADIUS - 0.002), Pose.xyz_rpy((KNOB_X, y, 0.0)), BONE) for y in (-0.003, 0.003))
+    felt = Geom(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(rings))))
+    bone = Geom(Cylinder(BONE_RADIUS, BONE_LENGTH), Pose.xyz_rpy((BONE_X, 0.0, 0.0), along_x.rpy), BONE)
+    knob = Geom(Sphere(KNOB_RADIUS), Pose.xyz_rpy((KNOB_X, 0.0, 0.0)), BONE)
+    knobs = tuple(Geom(Sphere(KNOB_RADIUS - 0.002), Pose.xyz_rpy((KNOB_X, y, 0.0)), BONE) for y in (-0.003, 0.003))
     return Body(name, pose, 0.06, (seen, bone, *knobs), (felt, bone, knob), friction=0.2, rolling_friction=0.002)
 
 

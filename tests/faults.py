@@ -12,8 +12,8 @@ import numpy as np
 from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import Outcome, RolloutSettings, Simulator, Task
-from core.rollout import evaluate
 from core.scene import Body, Goal, Scene, State
+from core.simulation.rollout import evaluate
 
 FAULTS = ("abort", "segfault", "hang", "nan", "leak", "raise")
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+from core.designs.rules import SpawnRules
 from core.plugins import installed
-from core.rules import SpawnRules
 
 ROD = """\
 <link name="rod">

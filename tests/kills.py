@@ -20,7 +20,7 @@ from pathlib import Path
 from omegaconf import OmegaConf
 
 from core.plugins import installed
-from core.running import resume, run
+from core.search.orchestration import resume, run
 from tests.toys import Notes, config, offer
 
 

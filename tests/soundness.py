@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.design import Candidate
-from core.rules import (
+from core.designs.rules import (
     MAX_ANGLE_RAD,
     MAX_COMPONENT_KG,
     MAX_COMPONENTS,

@@ -14,12 +14,11 @@ import nbformat
 import pytest
 import yaml
 
-from core.config import load
+from core.config.compose import load
 from core.errors import UsageError
-from core.plugins import KINDS, Plugins
-from docs.diagrams import DRAWINGS, FLOORS, PARTS
+from core.plugins import Plugins
+from docs.diagrams import DRAWINGS
 from tests.core.run_folders import write_run
-from tests.core.test_plugins import imported, modules
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -139,19 +138,6 @@ def test_relative_links_lead_somewhere():
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawings_are_up_to_date(name):
     assert (ROOT / f"docs/images/{name}.svg").read_text() == DRAWINGS[name](), "python docs/build.py diagrams"
-
-
-def test_the_house_is_as_it_is_drawn():
-    assert set(PARTS) == set(KINDS)
-    level = {name: height for height, names in enumerate(FLOORS.values()) for name in names}
-    seen = set()
-    for file, tree in modules("core"):
-        name = file.relative_to(ROOT / "core").with_suffix("").parts[0]
-        below = {word.split(".")[1] for word in imported(tree, runtime_only=True) if word.startswith("core.")}
-        for other in below & set(level):
-            assert level.get(name, 99) >= level[other], f"core.{name} imports core.{other}, which is drawn above it"
-        seen.add(name)
-    assert set(level) <= seen
 
 
 def test_example_plugin_works(tmp_path, monkeypatch, capsys):

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from core.blame import PluginError, culprit, told
-from core.evolution import evaluate_all
 from core.hooks import hookimpl
 from core.interfaces import VLM, EvolutionStrategy, Executor
 from core.plugins import Offer, Plugins, installed
-from core.rollout import Bench, Part
-from core.running import run
+from core.plugins.blame import PluginError, culprit, describe_failure
+from core.search.evolution import evaluate_all
+from core.search.orchestration import run
+from core.simulation.rollout import Evaluator, Part
 from tests import faults, toys
 from tests.conftest import POPULATION
 from tests.faults import FAULTS, Faulty, Slide, candidate, tried
@@ -65,9 +65,9 @@ def bench(monkeypatch, task=Slide, sim=Faulty):
     for kind, factory in (("task", task), ("sim", sim)):
         offer = Offer(kind, "theirs", "theirs", "their-distribution", factory)
         monkeypatch.setitem(installed().offers, (kind, "theirs"), offer)
-    monkeypatch.setattr("core.rollout._task", lambda part: part.create())
-    monkeypatch.setattr("core.rollout._simulator", lambda part: part.create())
-    return Bench(Part("task", "theirs"), Part("sim", "theirs"))
+    monkeypatch.setattr("core.simulation.rollout._task", lambda part: part.create())
+    monkeypatch.setattr("core.simulation.rollout._simulator", lambda part: part.create())
+    return Evaluator(Part("task", "theirs"), Part("sim", "theirs"))
 
 
 def test_a_task_that_raises_is_named(monkeypatch):
@@ -145,9 +145,9 @@ def test_who_is_to_blame():
     with pytest.raises(ArithmeticError) as caught:
         Faulty().break_down("raise")
     assert culprit(caught.value, plugins).distribution == "dist-a"
-    assert told(caught.value, plugins) == "sim 'a' of dist-a raised ArithmeticError: the solver gave up"
+    assert describe_failure(caught.value, plugins) == "sim 'a' of dist-a raised ArithmeticError: the solver gave up"
     with pytest.raises(ValueError, match="invalid literal") as caught:
         int("ours")
     del plugins.offers["sim", "a"]
     assert culprit(caught.value, plugins) is None
-    assert told(caught.value, plugins) is None
+    assert describe_failure(caught.value, plugins) is None

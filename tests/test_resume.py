@@ -17,11 +17,11 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from core.database import _STEPS, FILE, LOCK, SCHEMA_VERSION
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from core.running import resume, run, tell
-from core.store import RunStore
+from core.search.orchestration import resume, run, tell
+from core.store.database import _STEPS, FILE, LOCK, SCHEMA_VERSION
+from core.store.recorder import RunStore
 from tests import toys
 
 ROOT = Path(__file__).parents[1]
@@ -196,7 +196,7 @@ def test_an_interrupt_in_the_last_seconds_says_it_too(toy, whole, tmp_path, monk
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("core.running.save_design", interrupted)
+        patched.setattr("core.search.orchestration.save_design", interrupted)
         with pytest.raises(KeyboardInterrupt, match=f"resume={folder}$"):
             begin(toy, folder)
     resume(folder)
@@ -207,7 +207,7 @@ def test_an_interrupt_in_the_last_seconds_says_it_too(toy, whole, tmp_path, monk
 def test_whatever_breaks_a_run_its_end_says_how_to_go_on(toy, whole, tmp_path, monkeypatch):
     folder = tmp_path / "run"
     with monkeypatch.context() as patched:
-        patched.setattr("core.running.save_design", lambda *_: 1 / 0)
+        patched.setattr("core.search.orchestration.save_design", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError) as error:
             begin(toy, folder)
     assert error.value.__notes__[-1] == f"to go on: python -m core.run resume={folder}"
@@ -253,7 +253,7 @@ def test_a_run_that_had_ended_and_was_killed_while_it_went_on_has_not_ended(toy,
     run(toys.config(tmp_path / "other notes", "budget.n_iteration=2"), whole)
     begin(toy, folder)
     with monkeypatch.context() as patched:
-        patched.setattr("core.running.save_design", lambda *_: 1 / 0)  # nothing after this is written
+        patched.setattr("core.search.orchestration.save_design", lambda *_: 1 / 0)  # nothing after this is written
         with pytest.raises(ZeroDivisionError):
             resume(folder, ["budget.n_iteration=2"])
     resume(folder)
@@ -377,7 +377,8 @@ def test_a_note_of_hydra_that_cannot_be_read(tmp_path):
 def test_a_second_process_is_refused_and_the_first_goes_on(toy, whole, tmp_path):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_limit=3)
-    code = "import sys; from core.store import RunStore; from pathlib import Path; s = RunStore.open(Path(sys.argv[1]))"
+    code = "import sys; from core.store.recorder import RunStore; from pathlib import Path; "
+    code += "s = RunStore.open(Path(sys.argv[1]))"
     hold = f"{code}; print('held', flush=True); sys.stdin.read()"
     command = [sys.executable, "-c", hold, str(folder)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
-from core.config import load
+from core.config.compose import load
 from core.design import Component, Tool
 from core.errors import LimitReached
 from core.geometry import Box, Pose

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from core.cli import arguments, command
-from core.config import load, part
+from core.config.compose import load, part
 from core.conformance.suites import SUITES, verdicts
 from core.errors import UsageError, UserError
 from core.plugins import Part

@@ -26,7 +26,7 @@ from core.conformance.worlds import (
 )
 from core.geometry import Box, Cylinder, Mesh, Shape, Sphere
 from core.interfaces import Simulator
-from core.scene import Body, Part, table
+from core.scene import Body, Geom, table
 
 
 def check_free_fall(simulator: Simulator) -> None:
@@ -162,7 +162,7 @@ def check_mesh_collides_as_its_convex_hull(simulator: Simulator) -> None:
     trough = trimesh.util.concatenate(
         [trimesh.creation.box(size, trimesh.transformations.translation_matrix(at)) for size, at in boxes]
     )
-    body = compound("trough", Part(Mesh.from_trimesh(trough)), at=(0.5, 0, 0), mass=1.0)
+    body = compound("trough", Geom(Mesh.from_trimesh(trough)), at=(0.5, 0, 0), mass=1.0)
     state = end(wait(simulator, table(), body, cube(at=(0.5, 0, 0.17), side=0.1)))
     height = state.position("cube")[2]
     expect(abs(height - 0.15) < 3e-3, f"a cube on a mesh's hull is at {height:.4f} m instead of 0.15 m")

@@ -22,7 +22,7 @@ from core.conformance.worlds import (
 )
 from core.geometry import Box, Cylinder, Sphere
 from core.interfaces import JointTrajectory, Outcome, Rollout, Simulator
-from core.robot import FINGER_OPEN
+from core.robot.description import FINGER_OPEN
 from core.scene import Body, table
 
 

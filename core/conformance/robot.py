@@ -24,8 +24,8 @@ from core.conformance.worlds import (
 from core.design import Component, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Rollout, Simulator
-from core.kinematics import arm
-from core.robot import FINGER_OPEN
+from core.robot.description import FINGER_OPEN
+from core.robot.kinematics import arm
 from core.scene import Body, table
 
 _THROUGH = 0.003  # metres that an engine's contacts may give way

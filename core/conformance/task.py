@@ -6,9 +6,9 @@ import numpy as np
 
 from core.conformance.checking import expect
 from core.design import Tool
+from core.designs.rules import SpawnRules
 from core.interfaces import Task
-from core.kinematics import arm
-from core.rules import SpawnRules
+from core.robot.kinematics import arm
 from core.scene import Scene, State
 
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from core.conformance.checking import as_json, brief, expect, fingers, rigid, some_task
 from core.design import Component, DesignError, Tool
+from core.designs.rules import check_tool
 from core.errors import UserError
 from core.geometry import Pose
 from core.interfaces import Task, ToolRepresentation
 from core.plugins import installed
-from core.rules import check_tool
 
 
 def gives(representation: ToolRepresentation) -> Iterator[tuple[Task, Tool]]:

@@ -9,10 +9,10 @@ import numpy as np
 from core.design import Component, Tool
 from core.geometry import Array, Box, Pose, Shape, Vector
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
-from core.kinematics import arm
-from core.robot import FINGER_OPEN
-from core.scene import Body, Color, Part, Scene, State
-from core.trajectory import plan_motion
+from core.robot.description import FINGER_OPEN
+from core.robot.kinematics import arm
+from core.robot.trajectory import plan_motion
+from core.scene import Body, Color, Geom, Scene, State
 
 GREY: Color = (0.5, 0.5, 0.5, 1.0)
 FAR = (3.0, 3.0, 0.0)  # from the arm
@@ -53,11 +53,11 @@ def cube(name: str = "cube", at: Vector = (0.0, 0.0, 0.0), side: float = 0.1, ma
     return Body.of(name, Box((side, side, side)), at, mass=mass, color=GREY)
 
 
-def part(shape: Shape, *at: float) -> Part:
-    return Part(shape, Pose(np.array(at or (0.0, 0.0, 0.0))))
+def part(shape: Shape, *at: float) -> Geom:
+    return Geom(shape, Pose(np.array(at or (0.0, 0.0, 0.0))))
 
 
-def compound(name: str, *parts: Part, at: Vector, mass: float, rpy: Vector = (0.0, 0.0, 0.0)) -> Body:
+def compound(name: str, *parts: Geom, at: Vector, mass: float, rpy: Vector = (0.0, 0.0, 0.0)) -> Body:
     return Body(name, Pose.xyz_rpy(at, rpy), mass, parts, parts)
 
 

@@ -12,14 +12,14 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
 from core.interfaces import Image, Simulator, Task, ToolRepresentation, World
-from core.kinematics import arm as panda_arm
 from core.plugins import installed
-from core.reading import load_designs, read_designs
-from core.robot import FINGER_OPEN
-from core.rules import SpawnRules
+from core.robot.description import FINGER_OPEN
+from core.robot.kinematics import arm as panda_arm
 from core.scene import State
 
 ControlMode = Literal["joints", "end_effector"]

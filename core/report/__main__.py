@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from core.cli import command, folders_and_overrides, write_bytes
-from core.config import load
+from core.config.compose import load
 from core.errors import UsageError, UserError, choices
 from core.report.figures import FORMATS, Picture, pictures, told
 from core.report.page import in_viewer, inline, render

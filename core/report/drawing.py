@@ -12,8 +12,7 @@ import numpy.typing as npt
 from core.design import Tool
 from core.geometry import Array, Box, Cylinder, Pose
 from core.report.tools import as_held
-from core.robot import FINGER_OPEN
-from core.rules import FLANGE
+from core.robot.description import FINGER_OPEN, FLANGE
 
 if TYPE_CHECKING:
     import trimesh

@@ -25,7 +25,7 @@ NAMES = {GRIPPER_MOUNTS[0]: "left", GRIPPER_MOUNTS[1]: "right"}  # of the pieces
 PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
 
 # How much each side of a part is moved out so that parts which touch, or nearly do, become one body. A design may have
-# gaps of up to 1 mm (`core.rules`), hence 0.5 mm at most; of these the least that does it.
+# gaps of up to 1 mm (`core.designs.rules`), hence 0.5 mm at most; of these the least that does it.
 WELDS_MM = (0.01, 0.05, 0.1, 0.25, 0.5)
 
 _SAMPLES = 3000  # points at which walls are measured

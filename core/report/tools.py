@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from omegaconf import OmegaConf
 
-from core.config import part
+from core.config.compose import part
 from core.design import GRIPPER_MOUNTS, Component, DesignError, Tool
+from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Task, ToolRepresentation
-from core.reading import MAX_DESCRIPTION, MAX_NAME
 from core.report.results import Results
 from core.report.runs import STORE, FinishedRun, opened
-from core.robot import FINGER_OPEN
+from core.robot.description import FINGER_OPEN
 from core.text import clean
 
 if TYPE_CHECKING:

@@ -21,10 +21,10 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
-from core.dealing import deal, time_limit
 from core.errors import UsageError, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Executor
+from core.search.dispatch import dispatch, time_limit
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -70,10 +70,10 @@ class LocalExecutor(Executor):
         self._pool: list[_Worker] = []
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        """See `Executor.map` and `core.dealing.deal`."""
+        """See `Executor.map` and `core.search.dispatch.deal`."""
         count = 1 if self._free and getattr(function, "batch", 1) > 1 else self.workers
         self._pool = self._pool or [_Worker(self._timeout_s, self._memory_mb) for _ in range(count)]
-        return deal([partial(worker.call, function) for worker in self._pool], chunks)
+        return dispatch([partial(worker.call, function) for worker in self._pool], chunks)
 
     def close(self) -> None:
         for worker in self._pool:

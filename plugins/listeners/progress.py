@@ -11,7 +11,7 @@ from core.hooks import hookimpl
 if TYPE_CHECKING:
     import rich.progress
 
-    from core.record import Generation, Result, Run
+    from core.events import Generation, Result, Run
 
 
 @hookimpl

@@ -17,8 +17,8 @@ from core.text import clean
 if TYPE_CHECKING:
     import rich.table
 
+    from core.events import Generation, Result, Run
     from core.interfaces import Reply
-    from core.record import Generation, Result, Run
 
 _LONGEST = 60  # letters of a name
 

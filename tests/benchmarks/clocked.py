@@ -16,25 +16,25 @@ from typing import Any
 
 import numpy as np
 
-import core.rollout
+import core.simulation.rollout
 from core.design import Candidate, Evaluation
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import choices
 from core.geometry import Array
 from core.interfaces import Outcome, Rollout, RolloutSettings
-from core.kinematics import arm as panda_arm
-from core.playback import World, schedule, targets
 from core.plugins import installed
-from core.reading import load_designs, read_designs
-from core.rollout import Bench, prepare
-from core.rules import SpawnRules
+from core.robot.kinematics import arm as panda_arm
 from core.scene import State
+from core.simulation.playback import World, schedule, targets
+from core.simulation.rollout import Evaluator, prepare
 
 STEPS = {  # where each engine's own steps are called: nothing of ours is in there
     "pybullet": "pybullet:stepSimulation",
     "sapien": "sapien.physx:PhysxCpuSystem.step",
     "mujoco": "plugins.simulators.mujoco.world:rollout",  # a whole trajectory's steps
 }
-PLAYED = ("pybullet", "sapien")  # by `core.playback.play`, step by step
+PLAYED = ("pybullet", "sapien")  # by `core.simulation.playback.play`, step by step
 
 
 class Clock:
@@ -64,16 +64,16 @@ class Clock:
 _clock: Clock | None = None
 
 
-def _started(bench: Bench) -> Clock:
+def _started(bench: Evaluator) -> Clock:
     """The process's clock, around the parts of this bench."""
     global _clock
     if _clock is None:
         bench([])  # its parts are made before the clock runs
         clock = Clock()
         clock.around(*step_of(bench.sim.name), "step")
-        clock.around(core.rollout, "prepare", "ik")
-        clock.around(core.rollout, "findings", "checks")
-        task, simulator = core.rollout._task(bench.task), core.rollout._simulator(bench.sim)
+        clock.around(core.simulation.rollout, "prepare", "ik")
+        clock.around(core.simulation.rollout, "findings", "checks")
+        task, simulator = core.simulation.rollout._task(bench.task), core.simulation.rollout._simulator(bench.sim)
         clock.around(type(task), "reward", "reward")
         clock.around(type(simulator), "rollout", "simulator")
         module = sys.modules[type(simulator).__module__]
@@ -105,7 +105,7 @@ def step_of(sim: str) -> tuple[Any, str]:
 class Clocked:
     """A bench whose first evaluation of each chunk tells what the chunk took, in ``details["clock"]``."""
 
-    bench: Bench
+    bench: Evaluator
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         clock = _started(self.bench)

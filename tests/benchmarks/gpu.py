@@ -23,12 +23,12 @@ from core.design import Candidate
 from core.errors import UsageError, UserError
 from core.interfaces import RolloutSettings, Simulator
 from core.plugins import installed
-from core.rollout import evaluate, prepare
+from core.simulation.rollout import evaluate, prepare
 from tests.benchmarks import clocked, measuring, throughput
 
 USAGE = (
     "usage: python -m tests.benchmarks.gpu [tasks=NAME,...] [worlds=N,N,...] [device=cuda] [tools=N] [plans=N] "
-    "[agreement=N] [cheats=NAME] [seed=N] [output=FILE.json] [page=FILE.md]"
+    "[agreement=N] [penetration=NAME] [seed=N] [output=FILE.json] [page=FILE.md]"
 )
 
 CLOSE = 0.05  # two engines' rewards, no further apart
@@ -37,7 +37,7 @@ CLOSE = 0.05  # two engines' rewards, no further apart
 @dataclass
 class Settings:
     """``tools`` times ``plans`` different designs go round where there are more worlds. ``agreement``: how many of them
-    are tried in `sim=mujoco` too; 0: none. ``cheats``: with ``ignore`` nothing is recorded.
+    are tried in `sim=mujoco` too; 0: none. ``penetration``: with ``ignore`` nothing is recorded.
     """
 
     tasks: list[str] = field(default_factory=lambda: ["BringCube", "GatherSpheres", "OneBook"])
@@ -46,7 +46,7 @@ class Settings:
     tools: int = 32
     plans: int = 8
     agreement: int = 64
-    cheats: str = "forbid"
+    penetration: str = "forbid"
     seed: int = 0
     output: str = "gpu.json"
     page: str | None = None
@@ -57,7 +57,7 @@ def main() -> None:
     names = measuring.tasks(given.tasks)
     if min(given.worlds, default=0) < 1:
         raise UsageError(f"worlds must be at least 1, got {given.worlds}")
-    settings = RolloutSettings(cheats=given.cheats)
+    settings = RolloutSettings(penetration=given.penetration)
     rows, agreements = [], []
     for name in names:
         candidates = throughput.designs(name, given.tools, given.plans, given.seed)
@@ -69,7 +69,7 @@ def main() -> None:
             found = agreement(simulator, name, candidates[: given.agreement], given.seed)
             agreements.append({"task": name, **found})
     device = described(given.device)
-    found = {"device": device, "cheats": given.cheats, "rows": rows, "agreement": agreements}
+    found = {"device": device, "penetration": given.penetration, "rows": rows, "agreement": agreements}
     measuring.save(Path(given.output), {**found, "machine": throughput.machine()})
     table = markdown(device, rows, agreements)
     sys.stdout.write(f"{table}{given.output}\n")
@@ -94,7 +94,7 @@ def measured(
     task = installed().create("task", task_name)
     began = time.perf_counter()
     different = [
-        prepare(task, candidate, seed, settings, 0.0 if settings.cheats == "ignore" else 25.0)[1]
+        prepare(task, candidate, seed, settings, 0.0 if settings.penetration == "ignore" else 25.0)[1]
         for candidate in candidates[:worlds]
     ]
     jobs = list(itertools.islice(itertools.cycle(different), worlds))

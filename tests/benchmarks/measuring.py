@@ -24,17 +24,17 @@ from rich.console import Console
 from rich.progress import track
 from scipy.stats import spearmanr
 
-from core.config import load, part
+from core.config.compose import load, part
 from core.design import Candidate, Evaluation
+from core.designs.reading import dump_design, load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError, choices
-from core.evolution import evaluate_all
 from core.interfaces import Executor, RolloutSettings
 from core.plugins import installed
-from core.reading import dump_design, load_designs, read_designs
-from core.rollout import Bench, Part
-from core.rules import SpawnRules
-from core.running import run
-from core.stored import stored_evaluations
+from core.search.evolution import evaluate_all
+from core.search.orchestration import run
+from core.simulation.rollout import Evaluator, Part
+from core.store.reader import stored_evaluations
 
 T = TypeVar("T")
 
@@ -185,7 +185,7 @@ def evenly(items: Sequence[T], count: int) -> list[T]:
 class Timed:
     """A bench that also says how much processor time each candidate took, from its waypoints to its reward."""
 
-    bench: Bench
+    bench: Evaluator
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         self.bench([])  # its parts are made before the clock runs
@@ -213,7 +213,7 @@ def rewards(of: Designs, sim: Part, shown: str, executor: Executor, folder: Path
             if len(record["rewards"]) != len(plans):
                 raise UserError(f"{file} has rewards of {len(record['rewards'])} designs; choose another folder=...")
             return record
-    bench = Timed(Bench(Part("task", of.task), sim, of.seed, RolloutSettings()))
+    bench = Timed(Evaluator(Part("task", of.task), sim, of.seed, RolloutSettings()))
     evaluations = list(
         track(
             evaluate_all(of.candidates, bench, executor),
@@ -259,7 +259,7 @@ def estimate(names: Sequence[str], sims: Mapping[str, Part], by: Part, count: in
         solution = read_designs(load_designs(file), plugins.create("tool", "urdf"), spawn)[:1]
         seconds = []
         for _, sim, n in missing:
-            (evaluation,) = Timed(Bench(Part("task", name), sim))(solution)
+            (evaluation,) = Timed(Evaluator(Part("task", name), sim))(solution)
             seconds.append(evaluation.details["cpu_s"] * n / workers)
         total += sum(seconds)
         parts = ", ".join(f"{shown} {s:.0f} s" for (shown, _, _), s in zip(missing, seconds, strict=True))

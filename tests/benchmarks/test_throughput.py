@@ -46,7 +46,7 @@ def test_the_reference_tries_what_the_population_tries(tmp_path):
     words = [sys.executable, "-m", "tests.benchmarks.clocked", json.dumps(asked)]
     root = Path(__file__).parents[2]
     done = subprocess.run(words, cwd=root, capture_output=True, text=True, check=True)
-    bench = throughput.Bench(throughput.Part("task", "BringCube"), throughput.Part("sim", "pybullet"))
+    bench = throughput.Evaluator(throughput.Part("task", "BringCube"), throughput.Part("sim", "pybullet"))
     (evaluation,) = bench([candidate])
     assert float(done.stdout.splitlines()[-1]) == pytest.approx(evaluation.reward, abs=0.05)
 

@@ -27,17 +27,17 @@ import numpy as np
 from rich.progress import track
 
 from core.cli import arguments, command
-from core.config import load, node, part
+from core.config.compose import load, node, part
 from core.design import Candidate, Evaluation
+from core.designs.reading import dump_design, parse_reply, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
-from core.evolution import Trials
 from core.interfaces import Executor, RolloutSettings
 from core.plugins import event_hub, installed
 from core.prompt import compose
-from core.reading import dump_design, parse_reply, read_designs
-from core.rollout import Bench, Part
-from core.rules import SpawnRules
-from core.store import RunStore
+from core.search.evolution import Trials
+from core.simulation.rollout import Evaluator, Part
+from core.store.recorder import RunStore
 from tests.benchmarks import clocked, measuring
 from tests.benchmarks.clocked import Clocked, Roll, Still
 
@@ -84,7 +84,7 @@ def main() -> None:
     cfg = load("evaluate", [*words, "designs=none", f"executor={given.executor}", f"executor.workers={workers}"])
     sim = part("sim", cfg.sim)
     clocked.step_of(sim.name)
-    bench = Bench(Part("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
+    bench = Evaluator(Part("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
     candidates = designs(task, given.tools, given.plans, given.seed)
 
     with part("executor", cfg.executor).create() as executor:
@@ -126,7 +126,7 @@ def designs(task: str, tools: int, plans: int, seed: int) -> list[Candidate]:
 # --- the population ---------------------------------------------------------------------------------------------
 
 
-def population(candidates: Sequence[Candidate], bench: Bench, executor: Executor, workers: int) -> dict[str, Any]:
+def population(candidates: Sequence[Candidate], bench: Evaluator, executor: Executor, workers: int) -> dict[str, Any]:
     """Rollouts per second, where the time goes, and memory."""
     clock = Clocked(bench)
     began = time.perf_counter()

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from omegaconf import OmegaConf
 
-from core.config import load, part
+from core.config.compose import load, part
 from core.design import Candidate, Component, Evaluation, Tool
+from core.events import Generation, Result, Run
 from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Reply, Request, Text
 from core.plugins import event_hub
-from core.record import Generation, Result, Run
-from core.store import RunStore
+from core.store.recorder import RunStore
 
 PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1], [0.6, 0.1, 0.3, 0.0, 0.0, 0.0]])
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from core.config import load
+from core.config.compose import load
+from core.designs.composer import as_markdown
 from core.errors import UserError
 from core.interfaces import VLM, Picture
 from core.prompt import compose, main
-from core.prompts import as_markdown
-from core.running import run
+from core.search.orchestration import run
 
 ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests/tasks/solutions/OneBook.json"

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
-from core.scene import Body, Goal, Part, Scene, State, floor, table
+from core.scene import Body, Geom, Goal, Scene, State, floor, table
 
 RED = (1, 0, 0, 1)
 
@@ -53,7 +53,7 @@ def test_inertia_of_two_boxes_by_the_parallel_axis_theorem():
         arm = place - centre
         expected += np.diag(box_moments(mass, *size)) + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
 
-    parts = [Part(Box(size), Pose(place)) for size, place in zip(sizes, at, strict=True)]
+    parts = [Geom(Box(size), Pose(place)) for size, place in zip(sizes, at, strict=True)]
     inertia = compound(*parts, mass=3).inertia()
     np.testing.assert_allclose(inertia.frame.position, centre, atol=1e-12)
     np.testing.assert_allclose(tensor(inertia), expected, rtol=1e-9, atol=1e-12)
@@ -63,7 +63,7 @@ def test_inertia_of_two_boxes_by_the_parallel_axis_theorem():
 @given(st.tuples(*[st.floats(-3, 3)] * 3))
 def test_a_turned_part_has_turned_principal_axes(rpy):
     pose = Pose.xyz_rpy((0.1, -0.2, 0.3), rpy)
-    inertia = compound(Part(Box((0.1, 0.2, 0.3)), pose), mass=2).inertia()
+    inertia = compound(Geom(Box((0.1, 0.2, 0.3)), pose), mass=2).inertia()
     axes = pose.rotation.as_matrix()
     np.testing.assert_allclose(tensor(inertia), axes @ np.diag(box_moments(2, 0.1, 0.2, 0.3)) @ axes.T, atol=1e-9)
     np.testing.assert_allclose(inertia.frame.position, pose.position, atol=1e-9)
@@ -73,13 +73,13 @@ def test_a_turned_part_has_turned_principal_axes(rpy):
 def test_a_mesh_weighs_as_its_convex_hull():
     shell = trimesh.creation.box((0.1, 0.2, 0.3))
     hollow = trimesh.util.concatenate([shell, trimesh.creation.box((0.05, 0.1, 0.15))])
-    inertia = compound(Part(Mesh.from_trimesh(hollow)), mass=2).inertia()
+    inertia = compound(Geom(Mesh.from_trimesh(hollow)), mass=2).inertia()
     np.testing.assert_allclose(tensor(inertia), np.diag(box_moments(2, 0.1, 0.2, 0.3)), atol=1e-9)
 
 
 def test_what_is_only_seen_weighs_nothing():
-    part = Part(Box((0.1, 0.1, 0.1)))
-    ornament = Part(Box((1, 1, 1)), Pose(np.array([5.0, 0, 0])))
+    part = Geom(Box((0.1, 0.1, 0.1)))
+    ornament = Geom(Box((1, 1, 1)), Pose(np.array([5.0, 0, 0])))
     inertia = Body("body", Pose(), 1.0, (part, ornament), (part,)).inertia()
     np.testing.assert_allclose(inertia.frame.position, 0, atol=1e-12)
     np.testing.assert_allclose(inertia.moments, box_moments(1, 0.1, 0.1, 0.1))
@@ -96,7 +96,7 @@ def test_masses_that_are_none(mass):
 
 def test_a_body_that_moves_can_be_felt():
     with pytest.raises(ValueError, match=r"body 'ghost'.* needs collision parts"):
-        Body("ghost", Pose(), 1.0, (Part(Box((1, 1, 1))),), ())
+        Body("ghost", Pose(), 1.0, (Geom(Box((1, 1, 1))),), ())
 
 
 def test_a_mark_is_seen_and_not_felt():

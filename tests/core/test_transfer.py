@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.config import load
+from core.config.compose import load
+from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.plugins import installed
-from core.rules import SpawnRules
-from core.running import run
-from core.stored import stored_config, stored_evaluations
+from core.search.orchestration import run
+from core.store.reader import stored_config, stored_evaluations
 from core.transfer import as_the_run, transfer
 
 ROOT = Path(__file__).parents[2]

@@ -13,12 +13,14 @@ from pathlib import Path
 
 import atheris
 
-with atheris.instrument_imports(include=["core.reading", "core.rules", "core.design", "plugins.tools.urdf", "json"]):
+with atheris.instrument_imports(
+    include=["core.designs.reading", "core.designs.rules", "core.design", "plugins.tools.urdf", "json"]
+):
     import json.decoder
     import json.scanner
 
     from core.design import Candidate, DesignError
-    from core.reading import parse_reply, read_designs
+    from core.designs.reading import parse_reply, read_designs
     from plugins.tools.urdf.representation import UrdfTools
 
 from tests.hostile import REPLIES, TOOLS, reply_of, sound, spawn_rules

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import JointTrajectory, Rollout, Task
-from core.kinematics import arm
+from core.robot.kinematics import arm
 from core.scene import Scene, State
 from tasks.score_goal import BAR, DEPTH, HEIGHT, PUCK_HEIGHT, PUCK_RADIUS, START, WIDTH, ScoreGoal
 from tests.engines import simulator

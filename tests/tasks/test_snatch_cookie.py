@@ -8,9 +8,9 @@ import pytest
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Rollout
-from core.kinematics import arm
 from core.plugins import installed
-from core.robot import FINGER_OPEN
+from core.robot.description import FINGER_OPEN
+from core.robot.kinematics import arm
 from core.scene import State
 from tasks.snatch_cookie import BODY_RADIUS, BOTTOM, COOKIES, JAR, MOUTH, RADIUS, THICKNESS, SnatchCookie
 

@@ -17,15 +17,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.design import Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
-from core.kinematics import arm
 from core.plugins import installed
-from core.reading import load_designs, read_designs
-from core.robot import FINGER_OPEN
-from core.rollout import evaluate
-from core.rules import SpawnRules
+from core.robot.description import FINGER_OPEN
+from core.robot.kinematics import arm
 from core.scene import State
+from core.simulation.rollout import evaluate
 from tests.engines import every_simulator, simulator
 
 ROOT = Path(__file__).parents[2]

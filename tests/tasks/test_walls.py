@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from core.design import Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import Rollout, Task
-from core.kinematics import arm
 from core.plugins import installed
+from core.robot.kinematics import arm
+from core.robot.trajectory import plan_motion
 from core.scene import Scene, floor, table
-from core.trajectory import plan_motion
 from tests.engines import every_simulator, simulator
 
 THICK, LONG = 0.012, 0.3

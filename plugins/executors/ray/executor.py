@@ -20,9 +20,9 @@ from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from typing import Any, TypeVar
 
-from core.dealing import deal, time_limit
 from core.errors import UsageError, UserError, check_positive
 from core.interfaces import Executor
+from core.search.dispatch import dispatch, time_limit
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -91,7 +91,7 @@ class RayExecutor(Executor):
         self._crew: _Crew | None = None
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        """See `Executor.map` and `core.dealing.deal`."""
+        """See `Executor.map` and `core.search.dispatch.deal`."""
         if self._crew is None:
             self._connect()
             count = self._workers or self._room(getattr(function, "batch", 1) > 1)
@@ -100,7 +100,7 @@ class RayExecutor(Executor):
             )
             self._crew = _Crew(self._ray, actor, count, self._retries, self._timeout_s)
         self._crew.gather(function)
-        return deal([partial(self._crew.call, function)] * self._crew.count, chunks)
+        return dispatch([partial(self._crew.call, function)] * self._crew.count, chunks)
 
     def _room(self, batches: bool) -> int:
         """Workers that the cluster has room for, at least one; ``batches``: each has use for all of a machine.

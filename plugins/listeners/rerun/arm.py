@@ -15,7 +15,7 @@ from lxml import etree
 
 from core.design import Tool
 from core.geometry import Array, Pose
-from core.robot import ARM_JOINTS, FINGER_JOINTS, assemble
+from core.robot.description import ARM_JOINTS, FINGER_JOINTS, assemble
 from plugins.listeners.rerun.shapes import Bytes, Triangles, rgba
 
 

@@ -17,7 +17,7 @@ from plugins.listeners.rerun.sinks import address, sinks
 from plugins.listeners.rerun.spending import Spending
 
 if TYPE_CHECKING:
-    from core.record import Generation, Run
+    from core.events import Generation, Run
     from plugins.listeners.rerun.streams import Streams
     from plugins.listeners.rerun.writer import Writer
 

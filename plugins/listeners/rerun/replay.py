@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.design import Candidate
+from core.events import Run
 from core.geometry import Array
 from core.interfaces import Recording
-from core.kinematics import arm
-from core.record import Run
-from core.rollout import prepare
+from core.robot.kinematics import arm
 from core.scene import State
+from core.simulation.rollout import prepare
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import trimesh
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array, Pose, Shape
-from core.robot import FINGER_OPEN
+from core.robot.description import FINGER_OPEN
 from core.scene import Color
 
 _SHARP_RAD = np.radians(30.0)  # faces that meet at a wider angle are shaded apart

@@ -8,7 +8,7 @@ import unicodedata
 from collections.abc import Sequence
 
 from core.design import Candidate, Evaluation
-from core.record import Generation, Run
+from core.events import Generation, Run
 
 MAX_NAME = 200
 MAX_TEXT = 4000

@@ -13,8 +13,8 @@ import numpy as np
 import rerun as rr
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Evaluation, Tool
+from core.events import Generation, Run
 from core.geometry import Array, Pose
-from core.record import Generation, Run
 from plugins.listeners.rerun.arm import Track, links, tracks
 from plugins.listeners.rerun.layout import Parts, layout
 from plugins.listeners.rerun.lineage import Lineage

@@ -21,7 +21,7 @@ from enum import Enum
 import numpy as np
 from scipy.optimize import brentq
 
-from core.robot import TOOL_FRICTION
+from core.robot.description import TOOL_FRICTION
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 

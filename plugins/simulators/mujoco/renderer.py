@@ -22,7 +22,7 @@ from core.design import Tool
 from core.errors import NoPicture
 from core.geometry import Array, Mesh, Pose, Shape
 from core.interfaces import Image, Task
-from core.robot import ARM_JOINTS, FINGER_JOINTS, assemble
+from core.robot.description import ARM_JOINTS, FINGER_JOINTS, assemble
 from core.scene import Camera, Color, State
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom

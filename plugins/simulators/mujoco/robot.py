@@ -9,7 +9,15 @@ import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array
-from core.robot import ARM_JOINTS, FINGER_FRICTION, FINGER_JOINTS, GRIP_FORCE, HOME_JOINTS, TOOL_FRICTION, assemble
+from core.robot.description import (
+    ARM_JOINTS,
+    FINGER_FRICTION,
+    FINGER_JOINTS,
+    GRIP_FORCE,
+    HOME_JOINTS,
+    TOOL_FRICTION,
+    assemble,
+)
 from plugins.simulators.mujoco.contacts import Felt, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from typing import Unpack
 
 from core.design import Tool
-from core.drawing import Pictures, View
 from core.errors import UsageError, check_positive
 from core.interfaces import Image, Outcome, Rollout, Simulator, Task
+from core.robot.trajectory import at_home
 from core.scene import Inertia, Scene
-from core.trajectory import at_home
+from core.simulation.rendering import Pictures, View
 from plugins.simulators.mujoco.renderer import Renderer
 from plugins.simulators.mujoco.world import Stepped, World, compiled
 

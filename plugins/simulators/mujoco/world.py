@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout
-from core.playback import LAG_EVERY, record_every, schedule, targets
-from core.robot import ARM_JOINTS, FINGER_JOINTS
+from core.robot.description import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Inertia, Scene, State
+from core.simulation.playback import LAG_EVERY, record_every, schedule, targets
 from plugins.simulators.mujoco import contacts, robot
 from plugins.simulators.mujoco.contacts import Felt, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco, rollout, timers_off, warnings_caught
@@ -80,7 +80,7 @@ class World:
         self._settled: _Settled | None = None
 
     def play(self, job: Rollout) -> Outcome:
-        """What `core.playback.play` does, but all controls are given at once, and all states come back at once."""
+        """Play a rollout as `core.simulation.playback.play` does, with all controls given at once."""
         trajectory, dt = job.trajectory, self._model.opt.timestep
         if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
             return Outcome(None, None, error="the trajectory's targets are not finite")

@@ -12,8 +12,8 @@ from PIL import Image as Pillow
 from core.design import Tool
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Sphere
 from core.interfaces import Image, Task
-from core.robot import ARM_JOINTS, FINGER_JOINTS
-from core.scene import Camera, Part, State
+from core.robot.description import ARM_JOINTS, FINGER_JOINTS
+from core.scene import Camera, Geom, State
 from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.world import joint_numbers, load_robot, robot_file
@@ -52,7 +52,7 @@ class Renderer:
                     self._clear[number] = part.color[3]
         self._loaded = (task, seed, tool)
 
-    def _add(self, part: Part) -> int:
+    def _add(self, part: Geom) -> int:
         look = {"rgbaColor": part.color, "specularColor": [0.1, 0.1, 0.1], "physicsClientId": self._client}
         match part.shape:
             case Box(size=size):

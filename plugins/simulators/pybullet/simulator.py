@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Unpack
 
 from core.design import Tool
-from core.drawing import View, draw
 from core.errors import UsageError, check_positive
 from core.interfaces import Image, Outcome, Rollout, Simulator, Task
-from core.playback import play
-from core.trajectory import at_home
+from core.robot.trajectory import at_home
+from core.simulation.playback import play
+from core.simulation.rendering import View, draw
 from plugins.simulators.pybullet.engine import pybullet
 from plugins.simulators.pybullet.renderer import Renderer
 from plugins.simulators.pybullet.world import PreparedScene, World, robot_file

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
-from core.robot import ARM_JOINTS, FINGER_FRICTION, FINGER_JOINTS, GRIP_FORCE, TOOL_FRICTION, assemble
+from core.robot.description import ARM_JOINTS, FINGER_FRICTION, FINGER_JOINTS, GRIP_FORCE, TOOL_FRICTION, assemble
 from core.scene import Scene, State
 from plugins.simulators.pybullet.bodies import PreparedBody, text_file
 from plugins.simulators.pybullet.engine import pybullet as p

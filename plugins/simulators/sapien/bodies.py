@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array
-from core.scene import Body, Inertia, Part, Scene, State
+from core.scene import Body, Geom, Inertia, Scene, State
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import collision, to_sapien
 from plugins.simulators.sapien.surfaces import Surface, Surfaces
@@ -178,7 +178,7 @@ class _Brakes:
             self._low[changed], self._high[changed] = (_ALIKE[0] * told) ** 2, (_ALIKE[1] * told) ** 2
 
 
-def _attach(component: Any, body: Body, part: Part, surfaces: Surfaces, folder: Path) -> None:
+def _attach(component: Any, body: Body, part: Geom, surfaces: Surfaces, folder: Path) -> None:
     for shape in surfaces.copies(Surface.of(body), lambda m: collision(part.shape, m, folder), fixed=body.fixed):
         shape.local_pose = to_sapien(part.pose)
         component.attach(shape)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Array, Box, Cylinder, Pose, Sphere
-from core.robot import assemble
+from core.robot.description import assemble
 from core.scene import Color, Inertia
 
 

@@ -18,7 +18,7 @@ from core.errors import NoPicture
 from core.geometry import Array, Box, Pose, Sphere
 from core.geometry import Shape as Geometry
 from core.interfaces import Image, Task
-from core.robot import ARM_JOINTS, FINGER_JOINTS
+from core.robot.description import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Camera, Color, State
 from plugins.simulators.sapien.description import place, robot
 from plugins.simulators.sapien.engine import sapien

@@ -11,7 +11,7 @@ import numpy as np
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
-from core.robot import ARM_JOINTS, FINGER_FRICTION, FINGER_JOINTS, GRIP_FORCE, TOOL_FRICTION
+from core.robot.description import ARM_JOINTS, FINGER_FRICTION, FINGER_JOINTS, GRIP_FORCE, TOOL_FRICTION
 from plugins.simulators.sapien.bodies import weigh
 from plugins.simulators.sapien.description import Joint, Shape, robot
 from plugins.simulators.sapien.engine import physx, sapien

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Unpack
 
 from core.design import Tool
-from core.drawing import Pictures, View
 from core.errors import UsageError, check_positive
 from core.interfaces import Image, Outcome, Rollout, Simulator, Task
-from core.playback import play
-from core.trajectory import at_home
+from core.robot.trajectory import at_home
+from core.simulation.playback import play
+from core.simulation.rendering import Pictures, View
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.renderer import Renderer
 from plugins.simulators.sapien.world import World

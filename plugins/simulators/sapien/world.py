@@ -68,7 +68,7 @@ class World:
         next(self.follow(arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])))
 
     def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
-        """See `core.playback.Following`."""
+        """See `core.simulation.playback.Following`."""
         for orders in self._robot.orders(arm, fingers, speeds, finger_speeds):
             self._robot.drive(orders)
             self._system.step()
@@ -84,10 +84,10 @@ class World:
         return self._bodies.state()
 
     def note(self) -> tuple[Any, bytes]:
-        """See `core.playback.Following`."""
+        """See `core.simulation.playback.Following`."""
         return self._robot.note(), self._bodies.note()
 
     def read(self, notes: Sequence[tuple[Any, bytes]]) -> tuple[Array, Array, State]:
-        """See `core.playback.Following`."""
+        """See `core.simulation.playback.Following`."""
         joints, bodies = zip(*notes, strict=True)
         return *self._robot.read(joints), self._bodies.read(bodies)

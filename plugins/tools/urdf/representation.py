@@ -20,19 +20,11 @@ from defusedxml.ElementTree import DefusedXMLParser
 from lxml import etree
 
 from core.design import Component, DesignError, Tool
+from core.designs.rules import MAX_COMPONENT_KG, MAX_COMPONENTS, MAX_GAP_M, MAX_SIDE_M, MAX_TOOL_KG, MIN_SIDE_M
 from core.geometry import Box, Pose
 from core.interfaces import Brief, ToolRepresentation
-from core.robot import assemble, tool_urdf
-from core.rules import (
-    FLANGE,
-    MAX_COMPONENT_KG,
-    MAX_COMPONENTS,
-    MAX_GAP_M,
-    MAX_SIDE_M,
-    MAX_TOOL_KG,
-    MIN_SIDE_M,
-    box_gap,
-)
+from core.robot.description import FLANGE, assemble, tool_urdf
+from core.robot.solids import box_gap
 from core.scene import Color
 from core.text import kind, shorten
 

@@ -64,7 +64,7 @@ def pause(error: Exception, tries: int) -> float | None:
     asked = _retry_after(error)
     if asked is not None:
         return asked if asked <= PATIENCE_S else None
-    # Spread out, so that agents that were refused together do not come back together.
+    # PerturbationRange out, so that agents that were refused together do not come back together.
     return min(LONGEST_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries - 1, 10)) * random.uniform(0.75, 1.25)  # noqa: S311
 
 

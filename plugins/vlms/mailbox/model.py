@@ -9,13 +9,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from core.design import DesignError
+from core.designs.composer import as_markdown
+from core.designs.reading import Unread, parse_reply, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UserError, check_positive
+from core.events import Run
 from core.hooks import hookimpl
 from core.interfaces import VLM, Picture, Reply, Request
-from core.prompts import as_markdown
-from core.reading import Unread, parse_reply, read_designs
-from core.record import Run
-from core.rules import SpawnRules
 
 REPLIES = ("reply.json", "reply.md")
 SKIP = "skip"

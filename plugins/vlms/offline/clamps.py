@@ -6,7 +6,7 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Pose
-from core.robot import FINGER_OPEN
+from core.robot.description import FINGER_OPEN
 from plugins.vlms.offline.heads import Head, Piece
 from plugins.vlms.offline.sight import Errand
 from plugins.vlms.offline.tools import Assembly

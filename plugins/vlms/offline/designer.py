@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from core.design import Tool
+from core.designs.rules import SpawnRules
 from core.geometry import Array
 from core.interfaces import VLM, Brief, Reply, Request
-from core.rules import SpawnRules
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.recognize import recognize

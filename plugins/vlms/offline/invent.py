@@ -9,8 +9,8 @@ from typing import TypeVar
 import numpy as np
 
 from core.design import DesignError, Tool
+from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Array, Pose
-from core.rules import SpawnRules, check_tool
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.clamps import build_clamp, sample_clamp
 from plugins.vlms.offline.heads import Head

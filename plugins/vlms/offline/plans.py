@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from core.geometry import Array, Pose
-from core.kinematics import arm
+from core.robot.kinematics import arm
 from plugins.vlms.offline.boxes import Boxes, overlaps
 
 _SEGMENT_S = 0.5  # the least that a segment lasts

@@ -6,7 +6,7 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Array, Pose
-from core.robot import FINGER_OPEN
+from core.robot.description import FINGER_OPEN
 from plugins.vlms.offline.heads import Head, Use
 from plugins.vlms.offline.sight import Errand
 from plugins.vlms.offline.tools import tool_boxes

@@ -9,7 +9,7 @@ import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Pose
-from core.robot import FINGER_OPEN
+from core.robot.description import FINGER_OPEN
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.heads import Head
 

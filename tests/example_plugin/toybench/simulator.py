@@ -5,10 +5,10 @@ import numpy as np
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT
 from core.geometry import Pose
 from core.interfaces import Simulator
-from core.kinematics import arm as panda
-from core.playback import play
-from core.robot import FINGER_OPEN
+from core.robot.description import FINGER_OPEN
+from core.robot.kinematics import arm as panda
 from core.scene import State
+from core.simulation.playback import play
 
 
 class ToySimulator(Simulator):

@@ -7,9 +7,9 @@ import time
 
 import pytest
 
-from core.dealing import CHUNK
 from core.errors import UserError
 from core.plugins import installed
+from core.search.dispatch import CHUNK
 
 
 def executor(**settings):

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from core.errors import UsageError, UserError
-from core.evolution import evaluate_all
 from core.plugins import installed
-from core.rollout import Bench, Part
+from core.search.evolution import evaluate_all
+from core.simulation.rollout import Evaluator, Part
 from tests.benchmarks.throughput import designs
 
 pytest.importorskip("ray", reason="executor=ray is an extra: pip install 'vlmgineer[ray]'")
@@ -183,7 +183,7 @@ class Doomed:
 
 def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
     candidates = designs("BringCube", 8, 1, 0)
-    bench = Bench(Part("task", "BringCube"), Part("sim", "pybullet", (("time_step", 0.004),)))
+    bench = Evaluator(Part("task", "BringCube"), Part("sim", "pybullet", (("time_step", 0.004),)))
     with installed().create("executor", "local", {"workers": 1}) as pool:
         here = {e.candidate.id: (e.reward, e.distance_m, e.moved_m) for e in evaluate_all(candidates, bench, pool)}
     there, doomed, mark = {}, cluster.add_node(num_cpus=1), tmp_path / "begun"

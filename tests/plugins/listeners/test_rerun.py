@@ -19,16 +19,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
-from core.config import load
+from core.config.compose import load
 from core.design import Candidate, Evaluation, Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UsageError
+from core.events import Generation, Result, Run
 from core.interfaces import Brief, Budget, Reply, Request, RolloutSettings
-from core.kinematics import arm
 from core.plugins import event_hub, installed
-from core.reading import load_designs, read_designs
-from core.record import Generation, Result, Run
-from core.rollout import evaluate
-from core.rules import SpawnRules
+from core.robot.kinematics import arm
+from core.simulation.rollout import evaluate
 from core.view import end, free_port, listens, start_viewer
 from plugins.listeners.rerun.sinks import address
 from plugins.listeners.rerun.words import MAX_NAME, MAX_TEXT, clean
@@ -335,7 +335,7 @@ import resource, sys
 from pathlib import Path
 from core.interfaces import Budget
 from core.plugins import installed
-from core.record import Run
+from core.events import Run
 from plugins.listeners.rerun import streams
 streams._FLUSH_S = 2.0  # Rerun may or may not notice by itself
 streams._END_S = 0.5

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from core.design import Candidate, Evaluation
+from core.events import Generation, Result, Run
 from core.interfaces import Reply
 from core.plugins import event_hub, installed
-from core.record import Generation, Result, Run
 from core.report.tables import number
 from tests.core.run_folders import hook
 

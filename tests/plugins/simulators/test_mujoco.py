@@ -29,17 +29,17 @@ from core.conformance.worlds import (
     wait,
 )
 from core.design import Candidate, Component, Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import NoPicture, UserError
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Rollout, RolloutSettings
-from core.kinematics import arm
-from core.playback import play
 from core.plugins import installed
-from core.reading import load_designs, read_designs
-from core.robot import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS
-from core.rollout import prepare
-from core.rules import SpawnRules
+from core.robot.description import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS
+from core.robot.kinematics import arm
 from core.scene import Body, floor, table
+from core.simulation.playback import play
+from core.simulation.rollout import prepare
 
 pytest.importorskip("mujoco")
 

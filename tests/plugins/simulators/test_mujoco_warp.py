@@ -16,15 +16,15 @@ from core.conformance import bodies, output, repeat, robot
 from core.conformance.repeat import bits
 from core.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, motion, start, stick, still
 from core.design import Component, Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
-from core.reading import load_designs, read_designs
-from core.robot import FINGER_OPEN
-from core.rollout import evaluate
-from core.rules import SpawnRules
+from core.robot.description import FINGER_OPEN
 from core.scene import Body, Scene, table
+from core.simulation.rollout import evaluate
 
 pytest.importorskip("mujoco_warp")
 

@@ -10,8 +10,8 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
-from core.robot import FINGER_OPEN
-from core.scene import Body, Part, Scene, table
+from core.robot.description import FINGER_OPEN
+from core.scene import Body, Geom, Scene, table
 
 pytest.importorskip("pybullet")
 
@@ -29,8 +29,8 @@ def bits(outcome):
 def hammer(name, at, side=0.05):
     """A body whose centre of mass is not its frame's origin, and whose axes of inertia are not its own."""
     parts = (
-        Part(Box((side, 0.02, 0.02)), Pose.xyz_rpy((0.03, 0.01, 0), (0.2, 0.3, 0.4))),
-        Part(Box((0.03, side, 0.04)), Pose.xyz_rpy((0, 0, 0.02))),
+        Geom(Box((side, 0.02, 0.02)), Pose.xyz_rpy((0.03, 0.01, 0), (0.2, 0.3, 0.4))),
+        Geom(Box((0.03, side, 0.04)), Pose.xyz_rpy((0, 0, 0.02))),
     )
     return Body(name, Pose.xyz_rpy(at, (0.3, 0, 0.5)), 0.2, parts, parts)
 

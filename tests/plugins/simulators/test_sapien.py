@@ -31,12 +31,12 @@ from core.design import Component, Tool
 from core.errors import NoPicture, UserError
 from core.geometry import Box, Pose, Sphere
 from core.interfaces import JointTrajectory, Rollout
-from core.kinematics import arm
-from core.playback import play
 from core.plugins import installed
-from core.robot import FINGER_OPEN
+from core.robot.description import FINGER_OPEN
+from core.robot.kinematics import arm
+from core.robot.trajectory import plan_motion
 from core.scene import Body, table
-from core.trajectory import plan_motion
+from core.simulation.playback import play
 
 pytest.importorskip("sapien", exc_type=ImportError)
 
@@ -90,7 +90,7 @@ def test_joints_close_in_on_their_targets_at_the_tracking_rate(tmp_path, time_st
 @pytest.mark.parametrize("tool", [BARE, HAND])
 def test_orders_given_one_by_one_or_all_at_once_do_the_same(tmp_path, tool):
     class Stepped:
-        """The world without `core.playback.Following`."""
+        """The world without `core.simulation.playback.Following`."""
 
         def __init__(self, world):
             self.time_step, self.step, self.joints, self.state = world.time_step, world.step, world.joints, world.state

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from core.design import RIGID_MOUNT, Tool
+from core.designs.composer import PromptComposer, answer_schema
+from core.designs.reading import dump_design, read_designs
+from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError
 from core.interfaces import Brief, Text
 from core.plugins import installed
-from core.prompts import Prompts, answer_schema
-from core.reading import dump_design, read_designs
-from core.rules import SpawnRules, check_tool
 from plugins.tools.rlbench import TOOLS
 from tasks.bring_cube import BringCube
 from tasks.one_book import OneBook
@@ -59,7 +59,7 @@ def test_a_document_holds_plans_only(representation, numbers):
 def test_prompt_asks_for_plans_only(representation, words):
     task = BringCube()
     brief = Brief(task, 0, representation, representation.given(task).gripper, 1, 10, 0, 0, 0)
-    user = Prompts().compose(brief, None)[-1]
+    user = PromptComposer().compose(brief, None)[-1]
     text = "".join(part.text for part in user.parts if isinstance(part, Text))
     assert words in text
     assert "tool_urdf" not in text

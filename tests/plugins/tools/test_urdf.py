@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core import robot
 from core.design import Component, DesignError, Tool
+from core.designs.rules import check_tool
 from core.geometry import Box, Pose
 from core.plugins import Plugins
-from core.rules import check_tool
+from core.robot import description as robot
 from plugins.tools import urdf
 from plugins.tools.urdf import representation
 from plugins.tools.urdf.representation import UrdfTools

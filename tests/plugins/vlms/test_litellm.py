@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from core.config import load
+from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.plugins import installed
 from plugins.vlms.litellm import vlms

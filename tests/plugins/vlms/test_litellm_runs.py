@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from core.config import load
-from core.running import run
+from core.config.compose import load
+from core.search.orchestration import run
 from tests.plugins.vlms.asking import KEYS, VARIABLES
 from tests.plugins.vlms.servers import Reset, Say, Send, Stall, serving
 

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.config import load
+from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.interfaces import Brief, Message, Picture, Request, Text
 from core.plugins import installed
-from core.running import run
+from core.search.orchestration import run
 from plugins.vlms.mailbox.model import Mailbox
 from tasks.bring_cube import BringCube
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from core.design import Candidate, Evaluation
+from core.designs.composer import answer_schema
+from core.designs.reading import parse_reply, read_designs
+from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import Brief, Request, Task
 from core.plugins import installed
-from core.prompts import answer_schema
-from core.reading import parse_reply, read_designs
-from core.rollout import RolloutSettings, evaluate
-from core.rules import SpawnRules, check_tool
-from core.scene import Body, Goal, Part, Scene, floor, table
+from core.scene import Body, Geom, Goal, Scene, floor, table
+from core.simulation.rollout import RolloutSettings, evaluate
 from plugins.vlms.offline import heads
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.pour import handles
@@ -79,8 +79,8 @@ class PlateTask(CubeTask):
     goals: ClassVar = (Goal(("plate",), place=(0.75, 0.0, 0.4)),)
 
     def scene(self, seed):
-        foot = Part(Cylinder(0.07, 0.01), Pose(np.array([0.0, 0.0, 0.005])))
-        rim = Part(Cylinder(0.12, 0.006), Pose(np.array([0.0, 0.0, 0.015])))
+        foot = Geom(Cylinder(0.07, 0.01), Pose(np.array([0.0, 0.0, 0.005])))
+        rim = Geom(Cylinder(0.12, 0.006), Pose(np.array([0.0, 0.0, 0.015])))
         plate = Body("plate", Pose(np.array([0.75, 0.0, 0.0])), 0.5, (foot, rim), (foot, rim))
         return Scene((floor(), table(), plate))
 
@@ -122,7 +122,7 @@ def walls(name, length, width, height, *, mass, more=()):
         *(((length - 0.01, 0.005, height - 0.005), (0, side * y, z)) for side in (-1, 1)),
         *more,
     ]
-    parts = tuple(Part(Box(size), Pose(np.array(at, dtype=float))) for size, at in boxes)
+    parts = tuple(Geom(Box(size), Pose(np.array(at, dtype=float))) for size, at in boxes)
     return Body(name, Pose(), mass, parts, parts)
 
 

@@ -5,10 +5,10 @@ import sqlite3
 
 import pytest
 
-from core.config import load
+from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from core.running import run
+from core.search.orchestration import run
 
 SMALL = ["budget.n_agent=2", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1", "film=false", "logger={}"]
 

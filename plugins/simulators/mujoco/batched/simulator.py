@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, ClassVar, Unpack
 
 import numpy as np
 
-from core.drawing import View
 from core.errors import UsageError, check_positive
 from core.interfaces import Image, Outcome, Recording, Rollout, Simulator, Task
-from core.playback import record_every, schedule
-from core.robot import ARM_JOINTS, FINGER_JOINTS
+from core.robot.description import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Inertia, Scene
+from core.simulation.playback import record_every, schedule
+from core.simulation.rendering import View
 from plugins.simulators.mujoco.batched.models import Figures, Played, Size, figures, model
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MAX_TIME_STEP, MuJoCoSimulator

@@ -10,8 +10,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Rollout
-from core.playback import LAG_EVERY, record_every, schedule
-from core.robot import ARM_JOINTS
+from core.robot.description import ARM_JOINTS
+from core.simulation.playback import LAG_EVERY, record_every, schedule
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
 from plugins.simulators.mujoco.batched.kernels import advance, cut, drive, leave_out, mend, note
 from plugins.simulators.mujoco.batched.models import PER_WORLD, Figures, Played, Size

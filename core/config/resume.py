@@ -1,0 +1,84 @@
+"""What may change in a run's configuration as it goes on: what has no bearing on what it has come to already."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from core.config.compose import explain, first_line, load, register
+from core.config.schemas import RunConfig
+from core.errors import UsageError, UserError
+
+GROUPS = ("executor", "logger")
+KEYS = ("executor.", "logger.", "vlm.", "film", "budget.n_iteration", "budget.stop_reward")
+
+
+def hydra_config(folder: Path) -> dict[str, Any]:
+    """What Hydra noted of a run that ended before it stored anything.
+
+    Raises:
+        UserError: there is no such note.
+    """
+    file = folder / ".hydra" / "config.yaml"
+    if not file.is_file():
+        inside = sorted(store.parent for store in folder.glob("*/run.sqlite"))
+        hint = f"; there is one in {inside[0]}" if inside else ""
+        raise UserError(f"{folder} holds no run{hint}")
+    try:
+        return cast(dict[str, Any], OmegaConf.to_container(OmegaConf.load(file)))
+    except (OmegaConfBaseException, YAMLError, OSError, ValueError) as error:
+        raise UserError(f"{file} can't be used: {first_line(error)}") from error
+
+
+def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
+    """A run's configuration with what the command line changes.
+
+    Raises:
+        UsageError: something that can't be changed, or not to this.
+        UserError: the configuration is of a version too different.
+    """
+    try:
+        before = _typed(OmegaConf.create(config))
+    except OmegaConfBaseException as error:
+        raise UserError(f"the run's configuration can't be used by this version: {first_line(error)}") from error
+    after = before.copy()
+    try:
+        for override in OverridesParser.create().parse_overrides(list(overrides)):
+            _apply(after, override)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise explain(error, "config", overrides) from error
+    if after.budget.n_iteration < before.budget.n_iteration:
+        raise UsageError(
+            f"budget.n_iteration of a run that goes on can only be raised; it is {before.budget.n_iteration}"
+        )
+    return after
+
+
+def _typed(config: Any) -> DictConfig:
+    register()
+    merged = OmegaConf.merge(OmegaConf.structured(RunConfig), config)
+    assert isinstance(merged, DictConfig)
+    return merged
+
+
+def _apply(config: DictConfig, override: Override) -> None:
+    key, line = override.key_or_group, override.input_line or ""
+    if override.is_sweep_override():
+        raise UsageError(f"{line}: one run goes on, with one value for each setting")
+    if key in GROUPS and not override.is_delete():
+        config[key] = load("config", [line])[key]
+    elif key.startswith(KEYS) and key != "vlm.name" and not override.is_delete():
+        OmegaConf.update(config, key, override.value(), force_add=True)
+    else:
+        raise UsageError(
+            f"{line}: a run goes on as it began; what may change: {', '.join(GROUPS)}, "
+            f"{', '.join(key if not key.endswith('.') else key + '*' for key in KEYS[2:])}"
+        )

@@ -1,0 +1,287 @@
+"""Composes what a model is told from the templates in ``prompts/``, and says what its answer must look like.
+
+A use (first sampling, evolution, plans for a given tool) is a list of parts; a part ``NAME`` is the Jinja template
+``NAME.md.j2``. What a template may use is in `PromptComposer._values`; a name that it misspells is an error, not a gap.
+"""
+
+from __future__ import annotations
+
+import importlib.resources
+import inspect
+import json
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import jinja2.meta
+import numpy as np
+from jinja2.sandbox import SandboxedEnvironment
+
+from core.config.settings import FEEDBACK, PromptSettings
+from core.design import Evaluation, Tool
+from core.designs.rules import MAX_WAYPOINTS
+from core.errors import UsageError, UserError, choices
+from core.geometry import Vector
+from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
+from core.robot.description import FINGER_FRICTION, TOOL_FRICTION, assemble
+from core.robot.trajectory import plan_motion
+from core.scene import Body, Geom, Goal, floor, table
+
+SUFFIX = ".md.j2"
+REPAIR = "repair"
+
+LONGEST_IDEA = 50_000  # characters
+LONGEST_REPAIRED = 400_000  # characters of an unreadable reply that are sent back
+
+
+class PromptComposer:
+    """The templates of one folder, and which of them each use is composed of.
+
+    Args:
+        settings: None: the defaults.
+        rollout: how plans are executed, since templates tell; None: the defaults.
+
+    Raises:
+        UserError: the folder, a part's template or the person's file is missing, or a template is not valid Jinja.
+    """
+
+    def __init__(self, settings: PromptSettings | None = None, rollout: RolloutSettings | None = None) -> None:
+        self.settings = settings = settings or PromptSettings()
+        self.rollout = rollout or RolloutSettings()
+        if settings.feedback not in FEEDBACK:
+            raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
+        parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
+        self._templates, names = _load(Path(settings.dir) if settings.dir else None, parts)
+        self._idea = _read_idea(settings.file, wanted="idea" in names)
+
+    def compose(
+        self, brief: Brief, picture: Picture | None, elite_pictures: Mapping[str, Picture] | None = None
+    ) -> tuple[Message, ...]:
+        """A system message, and a user message: one text per part, then the picture of the scene, then those of
+        elites, by their ids, each after a line that says whose it is.
+
+        Raises:
+            UserError: a template uses a name that is not there, or breaks otherwise; or there are no elites, and no
+                parts for a request without.
+            ValueError: an elite without a tool.
+        """
+        pictured = dict(elite_pictures or {})
+        values = self._values(brief, picture) | {"pictured": list(pictured)}
+        parts = self.settings.evolution if brief.elites else self.settings.initial
+        parts = self.settings.given if values["given"] is not None else parts
+        if not parts:
+            raise UserError(
+                "this prompt evolves elites, and there are none: it has no parts for a first sampling; "
+                "use prompt=vlmgineer, or give python -m core.prompt a designs=FILE to take elites from"
+            )
+        user: list[Text | Picture] = [text for part in parts if (text := self._render(part, values)).text.strip()]
+        user += [picture] if picture else []
+        for name, shown in pictured.items():
+            user += [Text(f"Elite {name}:\n\n"), shown]
+        messages = [Message("user", tuple(user))]
+        if self.settings.system:
+            messages.insert(0, Message("system", tuple(self._render(part, values) for part in self.settings.system)))
+        return tuple(messages)
+
+    def repair(self, request: Request, reply: Reply, problem: str) -> tuple[Message, ...]:
+        """The messages of ``request``, the reply, and what is wrong with it.
+
+        Raises:
+            UserError: the template breaks.
+        """
+        asked = Message("user", (self._render(REPAIR, {"problem": problem, "brief": request.brief}),))
+        said = reply.text[:LONGEST_REPAIRED]
+        answered = [Message("assistant", (Text(said),))] if said.strip() else []
+        return (*request.messages, *answered, asked)
+
+    def _values(self, brief: Brief, picture: Picture | None) -> dict[str, Any]:
+        """What templates may use."""
+        task, representation = brief.task, brief.representation
+        given = representation.given(task)
+        mounted = given if given is not None else Tool(gripper=brief.gripper)
+        numbers = given is not None or self.settings.feedback != "paper"  # of a given tool they are all there is
+        return {
+            "given": given,
+            "bare": given is not None and not given.components,
+            "brief": brief,
+            "task": task,
+            "idea": self._idea,
+            "instructed": self._idea is not None,
+            "feedback": self.settings.feedback,
+            "picture": picture is not None,
+            "friction": {"tool": TOOL_FRICTION, "fingers": FINGER_FRICTION},
+            "tool_rules": representation.instructions(brief).strip(),
+            "task_source": task.source().rstrip("\n"),
+            "vocabulary": "\n\n".join(inspect.getsource(of).rstrip() for of in (Task, Geom, Body, Goal, table, floor)),
+            "executor": inspect.getsource(plan_motion).rstrip(),
+            "urdf": assemble(mounted, visuals=False, mesh_path=lambda path: path.name).rstrip(),
+            "home_xyz": _numbers(task.home.position),
+            "home_rpy": _numbers(task.home.rpy),
+            "rollout": self.rollout,
+            "max_waypoints": MAX_WAYPOINTS,
+            "schema": json.dumps(answer_schema(brief), indent=1, ensure_ascii=False),
+            "elites": _json([_shown(e, representation, numbers) for e in brief.elites]),
+            "other_kind": any(_tool(elite).gripper != brief.gripper for elite in brief.elites),
+        }
+
+    def _render(self, part: str, values: dict[str, Any]) -> Text:
+        try:
+            text = self._templates[part].render(values)
+        except jinja2.TemplateError as error:
+            raise UserError(
+                f"prompt template {part}{SUFFIX}: {_one_line(error)}; a template may use: {', '.join(sorted(values))}"
+            ) from error
+        return Text(text.strip() + "\n\n")  # a blank line, however a client joins the texts
+
+
+def as_markdown(message: Message, folder: str = "") -> str:
+    """The texts as they are sent; a line in the place of each picture names its file, in ``folder``."""
+    return "".join(
+        part.text if isinstance(part, Text) else f"![{part.name}]({folder}{part.name}.png)\n\n"
+        for part in message.parts
+    )
+
+
+def answer_schema(brief: Brief) -> dict[str, Any]:
+    """JSON schema of the answer to ``brief``: a scene analysis, and strategies, each a tool and its action plans."""
+    numbers = 7 if brief.gripper else 6
+    given = brief.representation.given(brief.task) is not None
+    waypoint = _list({"type": "number"}, numbers, numbers)
+    plan = _list(waypoint, 1)
+    strategy: dict[str, Any] = {
+        "strategy_name": {"type": "string"},
+        "strategy_description": {"type": "string"},
+        **({} if given else {"tool_name": {"type": "string"}, "tool_description": {"type": "string"}}),
+        "gripper": {"type": "boolean", "enum": [brief.gripper]},
+        **brief.representation.schema(),
+        "action_description": {"type": "string"},
+        "action_sets": _list(plan, brief.n_action, brief.n_action),
+    }
+    if brief.elites:
+        ids = [elite.candidate.id for elite in brief.elites]
+        strategy = {"parents": _list({"type": "string", "enum": ids}, 1, min(2, len(ids))), **strategy}
+    strategies = _list(_object(strategy), brief.n_tool, brief.n_tool)
+    return _object({"scene_analysis": {"type": "string"}, "strategies": strategies})
+
+
+def _object(properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
+
+
+def _list(items: dict[str, Any], least: int, most: int | None = None) -> dict[str, Any]:
+    limits = {"minItems": least} if most is None else {"minItems": least, "maxItems": most}
+    return {"type": "array", "items": items, **limits}
+
+
+def _load(folder: Path | None, parts: set[str]) -> tuple[dict[str, jinja2.Template], set[str]]:
+    """The templates of ``parts``, and the names that they use."""
+    root = importlib.resources.files("prompts") if folder is None else folder
+    if not root.is_dir():
+        raise UserError(f"no prompt folder {root}; name one that holds the templates, or none for the project's own")
+    # Sandboxed: a folder may be a stranger's, and a template fills in text, no more.
+    environment = SandboxedEnvironment(
+        undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["counted"] = counted
+    there = {file.name: file for file in root.iterdir() if file.name.endswith(SUFFIX)}
+    templates, names = {}, set()
+    for part in sorted(parts):
+        name = part + SUFFIX
+        if name not in there:
+            raise choices("prompt template", name, there, str(root))
+        try:
+            text = there[name].read_text(encoding="utf-8")
+            templates[part] = environment.from_string(text)
+            names |= jinja2.meta.find_undeclared_variables(environment.parse(text))
+        except jinja2.TemplateSyntaxError as error:
+            raise UserError(f"prompt template {name}, line {error.lineno}: {_one_line(error)}") from error
+        except (OSError, UnicodeDecodeError) as error:
+            raise UserError(f"prompt template {name} can't be read: {_one_line(error)}") from error
+    return templates, names
+
+
+def _read_idea(file: str | None, *, wanted: bool) -> str | None:
+    """A person's text, without its HTML comments.
+
+    Raises:
+        UserError: it is wanted and missing, or there and not wanted, or no readable text.
+    """
+    if not file and wanted:
+        raise UsageError(
+            "prompt.file is empty; give the text file with a person's idea, such as prompt.file=my_idea.md"
+        )
+    if not file:
+        return None
+    if not wanted:
+        raise UsageError(f"prompt.file={file} would not be told by this prompt; prompt=human tells it")
+    try:
+        text = re.sub(r"<!--.*?-->", "", Path(file).read_bytes().decode("utf-8-sig"), flags=re.DOTALL).strip()
+    except FileNotFoundError as error:
+        raise UserError(f"prompt.file={file}: there is no such file") from error
+    except OSError as error:
+        raise UserError(f"prompt.file={file} can't be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"prompt.file={file} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
+    if not text:
+        raise UserError(f"prompt.file={file} is empty; write down the tool and its motion")
+    if len(text) > LONGEST_IDEA:
+        raise UserError(f"prompt.file={file} has {len(text)} characters; at most {LONGEST_IDEA} are told")
+    return text
+
+
+def counted(number: int, what: str) -> str:
+    """A template's filter: ``one tool``, ``10 tools``."""
+    return f"one {what}" if number == 1 else f"{number} {what}s"
+
+
+def _json(value: object) -> str:
+    """Indented, but for lists of numbers, which take a line each."""
+    text = json.dumps(value, indent=1, ensure_ascii=False)
+    return re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
+
+
+def _shown(elite: Evaluation, representation: ToolRepresentation, numbers: bool) -> dict[str, Any]:
+    """What an evolution request tells of an elite; with ``numbers`` its plan and what became of it too."""
+    candidate, tool = elite.candidate, _tool(elite)
+    shown = {
+        "id": candidate.id,
+        "reward": round(elite.reward, 4),
+        "strategy_name": candidate.strategy_name,
+        "strategy_description": candidate.strategy_description,
+        "tool_name": tool.name,
+        "tool_description": tool.description,
+        "gripper": tool.gripper,
+        **representation.dump(tool),
+    }
+    if not numbers:
+        return shown
+    return shown | {
+        "action_plan": np.round(candidate.plan, 4).tolist(),
+        "distance_m": _rounded(elite.distance_m),
+        "moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()},
+        "missed_m": _rounded(elite.ik_error_m),
+        "missed_rad": _rounded(elite.ik_error_rad),
+        "lag_rad": _rounded(elite.tracking_error_rad),
+        "warnings": list(elite.warnings),
+    }
+
+
+def _rounded(number: float) -> float | None:
+    return round(number, 4) + 0.0 if math.isfinite(number) else None  # JSON has no nan
+
+
+def _tool(elite: Evaluation) -> Tool:
+    if elite.candidate.tool is None:
+        raise ValueError(f"elite {elite.candidate.id} has no tool")
+    return elite.candidate.tool
+
+
+def _numbers(values: Vector) -> str:
+    return "(" + ", ".join(f"{round(float(value), 4) + 0.0:g}" for value in values) + ")"
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,366 @@
+"""From a designs document, which a model or a person wrote, to candidates; and back.
+
+A document is an object ``{"strategies": [...]}``. A strategy holds the fields of its tool representation and
+``action_sets``, a list of action plans; ``gripper`` (default false), ``strategy_name``, ``strategy_description``,
+``tool_name``, ``tool_description``, ``action_description`` and ``parents`` (ids of the elites that it derives from)
+are optional, and whatever else it holds is ignored.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.design import Candidate, DesignError, Tool
+from core.designs.rules import WAYPOINT, SpawnRules, check_plan, check_tool
+from core.errors import UserError
+from core.geometry import Array
+from core.interfaces import ToolRepresentation
+from core.plugins import describe_part
+from core.text import clean, kind, shorten
+
+MAX_NAME = 200
+MAX_DESCRIPTION = 5000
+
+MAX_REPLY = 5_000_000  # characters: some ten times what the longest answer of a model takes
+MAX_MALFORMED = 100  # strategies of a malformed reply, or
+MAX_SAVED = 1000  # sound ones; what comes after so many is not looked at
+
+_SEPARATORS = re.compile(r"[\s,]*")
+_OPENING = re.compile(r'"strategies"\s*:\s*\[')
+_STRATEGY = re.compile(r'\{\s*"(?:parents|strategy_name)"\s*:')  # how one begins, by the schema
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+
+# A text (to its end, or the reply's), or what JSON does not allow: a comment, or a comma before a bracket that closes.
+# Possessive, so that no text of whatever kind is gone over twice.
+_LOOSE = re.compile(r'"(?:[^"\\]++|\\.)*+(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)|,(?=\s*[]}])', re.DOTALL)
+
+_EXPECTED = 'expected an object {"strategies": [...]} with at least one strategy'
+
+# Models break lines inside texts, hence not strict. NaN and its like become texts, which no rule takes for a number.
+_DECODER = json.JSONDecoder(strict=False, parse_constant=lambda name: name)
+
+
+def read_designs(
+    document: object,
+    representation: ToolRepresentation,
+    spawn: SpawnRules,
+    *,
+    generation: int = 0,
+    agent: int = 0,
+    elites: tuple[str, ...] = (),
+    n_tool: int | None = None,
+    n_action: int | None = None,
+) -> list[Candidate]:
+    """One candidate per action plan, in order, numbered by strategy and action from 0; of the first ``n_tool``
+    strategies, and of each the first ``n_action`` plans (None: of all).
+
+    A design that breaks a rule gives candidates with a `Candidate.problem`: all of the strategy's if the tool is at
+    fault, and a single one where the plans can't be counted. Candidates of a strategy share one tool. Of the
+    ``parents`` that a strategy names, the ids in ``elites`` are believed.
+
+    Raises:
+        DesignError: the document has no strategies at all.
+    """
+    candidates: list[Candidate] = []
+    for number, strategy in enumerate(_strategies(document)[:n_tool]):
+        base = Candidate(None, _no_plan(False), generation, agent, number, parents=_read_parents(strategy, elites))
+        candidates += _read_strategy(strategy, base, representation, spawn, n_action)
+    return candidates
+
+
+def _strategies(document: object) -> list[Any]:
+    if not isinstance(document, dict):
+        raise DesignError(f"the document is {kind(document)}; {_EXPECTED}")
+    if "strategies" not in document:
+        raise DesignError(f"the document has no 'strategies'; {_EXPECTED}")
+    strategies = document["strategies"]
+    if not isinstance(strategies, list):
+        raise DesignError(f"'strategies' is {kind(strategies)}, not a list; {_EXPECTED}")
+    if not strategies:
+        raise DesignError(f"'strategies' is empty; {_EXPECTED}")
+    return strategies
+
+
+def _read_strategy(
+    strategy: object, base: Candidate, representation: ToolRepresentation, spawn: SpawnRules, n_action: int | None
+) -> Iterator[Candidate]:
+    try:
+        if isinstance(strategy, Unread):
+            raise DesignError(strategy.reason)  # noqa: TRY301
+        if not isinstance(strategy, dict):
+            raise DesignError(f"the strategy is {kind(strategy)}, not an object")  # noqa: TRY301
+        given = representation.given(spawn.task)
+        gripper = _read_gripper(strategy, given)
+        base = replace(
+            base,
+            plan=_no_plan(gripper),
+            strategy_name=_read_text(strategy, "strategy_name", MAX_NAME),
+            strategy_description=_read_text(strategy, "strategy_description", MAX_DESCRIPTION),
+            action_description=_read_text(strategy, "action_description", MAX_DESCRIPTION),
+        )
+    except DesignError as error:
+        for action in range(_count_plans(strategy))[:n_action]:
+            yield replace(base, action=action, problem=str(error))
+        return
+
+    tool, tool_problem = (given, None) if given is not None else _read_tool(strategy, representation, spawn, gripper)
+    try:
+        plans = _read_action_sets(strategy)
+    except DesignError as error:
+        yield replace(base, tool=tool, problem=tool_problem or str(error))
+        return
+    for action, raw in enumerate(plans[:n_action]):
+        plan, plan_problem = base.plan, None
+        try:
+            plan = check_plan(_with_numbers(raw), gripper=gripper)
+        except DesignError as error:
+            plan_problem = f"action plan {action + 1}: {error}"
+        yield replace(base, tool=tool, plan=plan, action=action, problem=tool_problem or plan_problem)
+
+
+def _read_parents(strategy: object, elites: tuple[str, ...]) -> tuple[str, ...]:
+    named = strategy.get("parents") if isinstance(strategy, dict) else None
+    return tuple(elite for elite in elites if elite in named) if isinstance(named, list) else ()
+
+
+def _read_gripper(strategy: dict[Any, Any], given: Tool | None) -> bool:
+    gripper = strategy.get("gripper", given.gripper if given is not None else False)
+    if not isinstance(gripper, bool):
+        raise DesignError(f"'gripper' is {kind(gripper)}; it must be true or false")
+    if given is not None and gripper != given.gripper:
+        raise DesignError(
+            f"'gripper' is {str(gripper).lower()}, but the given tool is for {str(given.gripper).lower()}"
+        )
+    return gripper
+
+
+def _read_text(strategy: dict[Any, Any], field: str, longest: int) -> str:
+    text = strategy.get(field)
+    if text is None:
+        return ""
+    if not isinstance(text, str):
+        raise DesignError(f"{field!r} is {kind(text)}; it must be a text")
+    return clean(text, longest)
+
+
+def _read_tool(
+    strategy: dict[Any, Any], representation: ToolRepresentation, spawn: SpawnRules, gripper: bool
+) -> tuple[Tool | None, str | None]:
+    """The tool as far as it could be read, and what is wrong with it."""
+    tool = None
+    try:
+        name = _read_text(strategy, "tool_name", MAX_NAME)
+        description = _read_text(strategy, "tool_description", MAX_DESCRIPTION)
+        tool = replace(_parsed(representation, strategy, gripper), name=name, description=description)
+        check_tool(tool)
+        spawn.check(tool)
+    except DesignError as error:
+        return tool, str(error)
+    return tool, None
+
+
+def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], gripper: bool) -> Tool:
+    """What the representation reads; where it fails at it otherwise than it may, the design is lost, not the run.
+
+    Raises:
+        DesignError: a rule is broken, or the representation; then it says whose that is.
+    """
+    try:
+        tool = representation.parse(strategy, gripper=gripper)
+    except DesignError:
+        raise
+    except Exception as error:
+        raise DesignError(f"{describe_part(representation)}: parse raised {type(error).__name__}: {error}") from error
+    if not isinstance(tool, Tool) or tool.gripper != gripper:
+        wanted = "a Tool for the fingers" if gripper else "a rigid Tool"
+        raise DesignError(f"{describe_part(representation)}: parse gave {shorten(repr(tool))}; expected {wanted}")
+    return tool
+
+
+def _read_action_sets(strategy: dict[Any, Any]) -> list[Any]:
+    if "action_sets" not in strategy:
+        raise DesignError("'action_sets' is missing; give a list of action plans")
+    plans = strategy["action_sets"]
+    if not isinstance(plans, list) or not plans:
+        what = "an empty list" if plans == [] else kind(plans)
+        raise DesignError(f"'action_sets' is {what}; give a list of action plans")
+    return plans
+
+
+def _with_numbers(plan: object) -> object:
+    """``plan`` with numbers for the texts in its waypoints that are plain decimal numbers."""
+    if not isinstance(plan, list):
+        return plan
+    return [[_as_number(v) for v in waypoint] if isinstance(waypoint, list) else waypoint for waypoint in plan]
+
+
+def _as_number(value: object) -> object:
+    if isinstance(value, str) and len(value) < 100 and _NUMBER.fullmatch(value.strip()):
+        return float(value)
+    return value
+
+
+def _count_plans(strategy: object) -> int:
+    """How many candidates a strategy that can't be read stands for."""
+    plans = strategy.get("action_sets") if isinstance(strategy, dict) else None
+    return max(1, len(plans)) if isinstance(plans, list) else 1
+
+
+def _no_plan(gripper: bool) -> Array:
+    return np.empty((0, len(WAYPOINT) if gripper else len(WAYPOINT) - 1))
+
+
+# --- text and files ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Unread:
+    """Stands for a strategy that could not be read, and says why."""
+
+    reason: str
+
+
+def parse_reply(text: str) -> object:
+    """The JSON document in a model's reply, with or without a fence or chatter around it.
+
+    It is the first object that has strategies; failing that, the first object. ``NaN`` and ``Infinity`` are read as
+    texts. Where the document is malformed, its strategies are read one by one: comments and commas too many are
+    overlooked, and in the place of each strategy that is cut off or malformed all the same stands an `Unread`. Beyond
+    `MAX_REPLY` characters a reply counts as cut off.
+
+    Raises:
+        DesignError: there is no object, or it is malformed and no strategy in it is sound; with line and column.
+    """
+    text = text[:MAX_REPLY]
+    first: object = None
+    failure: tuple[int, DesignError] | None = None
+    start = text.find("{")
+    # A failure costs a count of all lines before it; so many can be had within a second or two.
+    for _ in range(100 + 1_000_000_000 // max(1, len(text))):
+        if start < 0:
+            break
+        try:
+            found, end = _DECODER.raw_decode(text, start)
+        except json.JSONDecodeError as error:
+            # What was read up to the error is no place to look for another object: it would be an inner one.
+            end = max(error.pos, start + 1)
+            where = f"line {error.lineno}, column {error.colno}"
+            if failure is None or end - start > failure[0]:
+                failure = end - start, DesignError(f"the reply's JSON is malformed at {where}: {error.msg}")
+        except (ValueError, RecursionError) as error:  # a whole number of thousands of digits; nesting without end
+            raise DesignError(f"the reply's JSON at position {start} can't be read: {_why(error)}") from error
+        else:
+            if "strategies" in found:
+                return found
+            first = found if first is None else first
+        start = text.find("{", end)
+    if failure is not None:
+        saved = _save_sound(text)
+        if saved is not None:
+            return saved
+        raise failure[1]
+    if first is None:
+        raise DesignError(f"the reply has no JSON object; {_EXPECTED}")
+    return first
+
+
+def _save_sound(text: str) -> dict[str, Any] | None:
+    """The strategies of a malformed document, read one by one; None: none of them is sound."""
+    opening = _OPENING.search(text)
+    if opening is None:
+        return None
+    strategies: list[Any] = []
+    malformed = 0
+    at, end = opening.end(), len(text)
+    loosened = False
+    while (at := _SEPARATORS.match(text, at).end()) < end and text[at] != "]":  # type: ignore[union-attr]
+        try:
+            strategy, at = _DECODER.raw_decode(text, at)
+        except (ValueError, RecursionError):
+            if not loosened:
+                text, loosened = text[:at] + _LOOSE.sub(_blank, text[at:]), True
+                continue
+            malformed += 1
+            strategies.append(_unread(text, at))
+            following = _STRATEGY.search(text, at + 1)
+            if following is None or malformed == MAX_MALFORMED:
+                break
+            at = following.start()
+        else:
+            strategies.append(strategy)
+            if len(strategies) >= MAX_SAVED:
+                break
+    if len(strategies) == malformed:
+        return None
+    if at >= end and not malformed:
+        strategies.append(_unread(text, at))
+    return {"strategies": strategies}
+
+
+def _unread(text: str, at: int) -> Unread:
+    line = text.count("\n", 0, at) + 1
+    return Unread(f"the strategy is cut off or malformed (it begins at line {line} of the reply)")
+
+
+def _blank(found: re.Match[str]) -> str:
+    """A text as it is; else as many blanks, and the line breaks, so that places stay what they are."""
+    return found[0] if found[0].startswith('"') else re.sub(r"[^\n]", " ", found[0])
+
+
+def _why(error: Exception) -> str:
+    return "it nests too deep" if isinstance(error, RecursionError) else "a number has too many digits"
+
+
+def load_designs(path: Path) -> object:
+    """The document in a designs file, ready for `read_designs`.
+
+    Raises:
+        UserError: the file can't be read, or holds no designs document.
+    """
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError as error:
+        raise UserError(f"no designs file {path}; give the path of a JSON file of strategies") from error
+    except OSError as error:
+        raise UserError(f"designs file {path} can't be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"designs file {path} is not UTF-8 text (byte {error.start}); save it as UTF-8 JSON") from error
+    try:
+        document: object = _DECODER.decode(text)
+        _strategies(document)
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise UserError(f"designs file {path} is malformed JSON at {where}: {error.msg}; {_EXPECTED}") from error
+    except DesignError as error:
+        raise UserError(f"designs file {path}: {error}") from error
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"designs file {path} can't be read as JSON: {_why(error)}") from error
+    return document
+
+
+def dump_design(candidate: Candidate, representation: ToolRepresentation) -> dict[str, Any]:
+    """A candidate as a strategy of a designs document, with its one action plan.
+
+    Raises:
+        ValueError: the candidate has no tool.
+    """
+    tool = candidate.tool
+    if tool is None:
+        raise ValueError(f"candidate {candidate.id} has no tool to write down: {candidate.problem}")
+    return {
+        "strategy_name": candidate.strategy_name,
+        "strategy_description": candidate.strategy_description,
+        "tool_name": tool.name,
+        "tool_description": tool.description,
+        "gripper": tool.gripper,
+        **representation.dump(tool),
+        "action_description": candidate.action_description,
+        "action_sets": [candidate.plan.tolist()],
+    }

@@ -1,0 +1,224 @@
+"""What every design must keep, whatever representation wrote it: limits of tools and plans, and a clear spawn."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from core.design import RIGID_MOUNT, Component, DesignError, Tool
+from core.geometry import Array, Pose
+from core.interfaces import Task
+from core.robot.description import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, FLANGE, assemble
+from core.robot.kinematics import arm
+from core.robot.solids import Solid, Solids, body_solids, robot_solids, signed_distance, solid_geometry
+from core.text import kind
+
+MAX_COMPONENTS = 100
+MIN_SIDE_M = 0.0005
+MAX_SIDE_M = 2.0
+MAX_COMPONENT_KG = 1.0
+MAX_TOOL_KG = 3.0  # the Panda's payload
+MAX_GAP_M = 0.001
+MAX_MOUNT_GAP_M = 0.002
+MAX_ARM_OVERLAP_M = 0.001  # at spawn; the scene may not even be touched
+
+
+MAX_WAYPOINTS = 200
+MAX_REACH_M = 3.0
+MAX_ANGLE_RAD = 100.0
+WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
+
+_TOUCH_M = 1e-5  # as exactly as inverse kinematics finds the home pose
+_CARRIER = "panda_link7"  # has the flange
+
+
+# --- the tool ---------------------------------------------------------------------------------------------------
+
+
+def check_tool(tool: Tool) -> None:
+    """Number, sizes and masses of the components, and that each touches its parent.
+
+    Raises:
+        DesignError: the first rule that is broken.
+    """
+    if not tool.components:
+        raise DesignError(f"the tool has no boxes; hang at least one from {' or '.join(tool.mounts)}")
+    if len(tool.components) > MAX_COMPONENTS:
+        raise DesignError(f"the tool has {len(tool.components)} boxes; at most {MAX_COMPONENTS} are allowed")
+    for component in tool.components:
+        _check_component(component)
+    if tool.mass > MAX_TOOL_KG:
+        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; the arm carries at most {MAX_TOOL_KG:g} kg")
+    _check_contacts(tool)
+
+
+def _check_component(component: Component) -> None:
+    for axis, side in zip("xyz", component.shape.size, strict=True):
+        if not MIN_SIDE_M <= side <= MAX_SIDE_M:
+            raise DesignError(
+                f"component {component.name!r} is {side:.6g} m long in {axis}; each side must be between "
+                f"{MIN_SIDE_M:g} and {MAX_SIDE_M:g} m"
+            )
+    if not 0 < component.mass <= MAX_COMPONENT_KG:
+        raise DesignError(
+            f"component {component.name!r} weighs {component.mass:.6g} kg; it must be more than 0 and at most "
+            f"{MAX_COMPONENT_KG:g} kg (a few grams do)"
+        )
+
+
+def _mount_solids(mount: str) -> list[Solid]:
+    if mount == RIGID_MOUNT:
+        return [Solid(mount, solid_geometry(FLANGE), Pose())]
+    return [solid for solid in robot_solids(True) if solid.name == mount]
+
+
+def _check_contacts(tool: Tool) -> None:
+    mounts = {mount: _mount_solids(mount) for mount in tool.mounts}
+    geometries = {component.name: solid_geometry(component.shape) for component in tool.components}
+    for component in tool.components:
+        solid = Solid(component.name, geometries[component.name], component.pose)
+        on_mount = component.parent in mounts
+        parents = (
+            mounts[component.parent] if on_mount else [Solid(component.parent, geometries[component.parent], Pose())]
+        )
+        gap = min(signed_distance(solid, parent) for parent in parents)
+        if gap > (MAX_MOUNT_GAP_M if on_mount else MAX_GAP_M):
+            what = "its mount " if on_mount else "its parent "
+            raise DesignError(
+                f"component {component.name!r} is {gap * 1000:.1f} mm away from {what}{component.parent!r}; "
+                "move or lengthen it until they touch"
+            )
+
+
+# --- the plan ---------------------------------------------------------------------------------------------------
+
+
+def check_plan(plan: object, *, gripper: bool) -> Array:
+    """An action plan as an array: (N, 6), or with the gripper (N, 7); see `core.design.Candidate`.
+
+    ``plan`` is lists of numbers as JSON has them, or an array.
+
+    Raises:
+        DesignError: which waypoint (from 1) is wrong, and in what.
+    """
+    if isinstance(plan, np.ndarray):
+        plan = plan.tolist()
+    if not isinstance(plan, list | tuple):
+        raise DesignError(f"an action plan must be a list of waypoints, not {kind(plan)}")
+    if not 1 <= len(plan) <= MAX_WAYPOINTS:
+        raise DesignError(f"the action plan has {len(plan)} waypoints; between 1 and {MAX_WAYPOINTS} are needed")
+    names = WAYPOINT if gripper else WAYPOINT[:6]
+    return np.array([_check_waypoint(waypoint, f"waypoint {i}", names) for i, waypoint in enumerate(plan, start=1)])
+
+
+def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> list[float]:
+    if not isinstance(waypoint, list | tuple):
+        raise DesignError(f"{where} must be a list of {len(names)} numbers, not {kind(waypoint)}")
+    if len(waypoint) != len(names):
+        raise DesignError(f"{where} has {len(waypoint)} numbers, {len(names)} are needed: {', '.join(names)}")
+    for name, number in zip(names, waypoint, strict=True):
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise DesignError(f"{where}: {name} must be a number, not {kind(number)}")
+        if isinstance(number, float) and not math.isfinite(number):
+            raise DesignError(f"{where}: {name} is {number}, a finite number is needed")
+        # Also keeps whole numbers too large for a float out of the arithmetic below.
+        limit, unit = (MAX_ANGLE_RAD, "radians") if name in WAYPOINT[3:6] else (MAX_REACH_M, "metres")
+        if name != "gripper" and abs(number) > limit:
+            raise DesignError(f"{where}: {name} is beyond {limit:g} {unit}")
+        if name == "gripper" and not 0 <= number <= 1:
+            raise DesignError(f"{where}: the gripper value must be between 0 (open) and 1 (closed)")
+    numbers = [float(number) for number in waypoint]
+    reach = math.hypot(*numbers[:3])
+    if reach > MAX_REACH_M:
+        raise DesignError(f"{where} is {reach:.2f} m from the base; at most {MAX_REACH_M:g} m make sense for this arm")
+    return numbers
+
+
+# --- the spawn --------------------------------------------------------------------------------------------------
+
+
+class SpawnRules:
+    """Where a tool may not be when a rollout of ``task`` with the scene of ``seed`` begins: in the arm, or at a body.
+
+    The arm is at the task's home pose and the fingers are open. The link that carries a component is left out:
+    ``panda_link7`` for rigid tools, the component's own finger for gripper tools.
+
+    Raises:
+        ValueError: the arm can't reach the task's home pose.
+    """
+
+    def __init__(self, task: Task, seed: int) -> None:
+        self.task = task
+        self._joints = arm().home_for(task.home)
+        self._scene = Solids(solid for body in task.scene(seed).bodies for solid in body_solids(body))
+        self._robots: dict[bool, tuple[Solids, dict[str, Pose]]] = {}
+
+    def check(self, tool: Tool) -> None:
+        """Refuse a tool that starts inside the arm, the scene, or its own other half.
+
+        Raises:
+            DesignError: which component overlaps what, and by how much.
+        """
+        robot, frames = self._robot(tool.gripper)
+        placed = tool.placed()
+        solids = {
+            c.name: Solid(c.name, solid_geometry(c.shape), frames[placed[c.name][0]] @ placed[c.name][1])
+            for c in tool.components
+        }
+        _check_two_halves(solids, placed)
+        for component in tool.components:
+            mount, solid = placed[component.name][0], solids[component.name]
+            carrier = mount if tool.gripper else _CARRIER
+            for link in robot.near(solid, _TOUCH_M):
+                depth = 0.0 if link.name == carrier else -signed_distance(solid, link)
+                if depth > MAX_ARM_OVERLAP_M:
+                    raise DesignError(
+                        f"component {component.name!r} starts {depth * 1000:.1f} mm inside the arm ({link.name}); "
+                        "move it away from the arm, or bend the tool around it"
+                    )
+            for body in self._scene.near(solid, _TOUCH_M):
+                depth = -signed_distance(solid, body)
+                if depth > -_TOUCH_M:
+                    how = f"{depth * 1000:.1f} mm inside" if depth > _TOUCH_M else "touching"
+                    raise DesignError(
+                        f"component {component.name!r} starts {how} {body.name!r} of the scene; "
+                        "shorten or turn the tool so that it starts clear of everything"
+                    )
+
+    def _robot(self, gripper: bool) -> tuple[Solids, dict[str, Pose]]:
+        """The robot's solids, and the world poses of its links."""
+        if gripper not in self._robots:
+            frames = _link_frames(self._joints, gripper)
+            solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(gripper))
+            self._robots[gripper] = Solids(solids), frames
+        return self._robots[gripper]
+
+
+def _check_two_halves(solids: dict[str, Solid], placed: dict[str, tuple[str, Pose]]) -> None:
+    """What moves with one finger must start clear of what moves with the other."""
+    for one, other in itertools.combinations(solids, 2):
+        if placed[one][0] != placed[other][0]:
+            depth = -signed_distance(solids[one], solids[other])
+            if depth > MAX_ARM_OVERLAP_M:
+                raise DesignError(
+                    f"components {one!r} and {other!r}, on different fingers, start {depth * 1000:.1f} mm inside each "
+                    "other; move them apart"
+                )
+
+
+def _link_frames(joints: Array, gripper: bool) -> dict[str, Pose]:
+    model = pin.buildModelFromXML(assemble(Tool(gripper=gripper), visuals=False))
+    configuration = pin.neutral(model)
+    targets = dict(zip(ARM_JOINTS, joints, strict=True)) | dict.fromkeys(FINGER_JOINTS if gripper else (), FINGER_OPEN)
+    for name, value in targets.items():
+        configuration[model.joints[model.getJointId(name)].idx_q] = value
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, configuration)
+    return {
+        frame.name: Pose.from_matrix(placement.homogeneous)
+        for frame, placement in zip(model.frames, data.oMf, strict=True)
+        if frame.type == pin.FrameType.BODY
+    }

@@ -1,0 +1,1 @@
+"""Write plugin packages to start from: ``python -m core.new``."""

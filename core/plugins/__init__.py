@@ -1,0 +1,26 @@
+"""Find plugins, check the settings of their parts, and make the parts. ``python -m core.plugins`` lists them."""
+
+from core.plugins.blame import PluginError, culprit, describe_failure
+from core.plugins.discovery import Discovery, Failure, Offer
+from core.plugins.kinds import ATTRIBUTES, GIVEN, INTERFACES, KINDS, event_hub
+from core.plugins.registry import Part, Plugins, describe_part, installed
+from core.plugins.settings import check_settings
+
+__all__ = [
+    "ATTRIBUTES",
+    "GIVEN",
+    "INTERFACES",
+    "KINDS",
+    "Discovery",
+    "Failure",
+    "Offer",
+    "Part",
+    "PluginError",
+    "Plugins",
+    "check_settings",
+    "culprit",
+    "describe_failure",
+    "describe_part",
+    "event_hub",
+    "installed",
+]

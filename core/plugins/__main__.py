@@ -1,0 +1,78 @@
+"""``python -m core.plugins``: list the installed parts; with ``--check NAME`` run their conformance suites."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from core.cli import command
+from core.errors import UsageError, UserError, choices
+from core.plugins.kinds import INTERFACES, KINDS
+from core.plugins.registry import installed
+
+USAGE = "usage: python -m core.plugins [--check NAME]"
+
+
+def main() -> None:
+    """Print a table of every part, and what failed to load; with ``--check NAME`` run the conformance suites of the
+    parts of that name, or of all parts of the plugin or distribution NAME.
+
+    Raises:
+        UserError: there is no such part, or it fails a check.
+    """
+    match sys.argv[1:]:
+        case []:
+            _list()
+        case ["--check", name]:
+            _check(name)
+        case ["--help" | "-h"]:
+            sys.stdout.write(f"{USAGE}\n")
+        case words:
+            raise UsageError(f"can't read {' '.join(words)!r}; {USAGE}")
+
+
+def _check(name: str) -> None:
+    found = installed()
+    asked = [offer for offer in found.offers.values() if name in (offer.name, offer.entry_point, offer.distribution)]
+    failures = [failure for failure in found.failures if name in (failure.entry_point, failure.distribution)]
+    for failure in failures:
+        sys.stdout.write(f"{failure.entry_point} of {failure.distribution}: {failure.reason}\n")
+    if not asked and not failures:
+        names = {key for o in found.offers.values() for key in (o.name, o.entry_point, o.distribution)}
+        raise choices("part, plugin or distribution", name, names)
+    for offer in asked:
+        if offer.kind not in INTERFACES:
+            found.create(offer.kind, offer.name)  # listeners may do what they like; that they hear events is checked
+            sys.stdout.write(f"{offer.kind} {offer.name}: can be made, and hears events\n")
+    words = [f"{offer.kind}={offer.name}" for offer in asked if offer.kind in INTERFACES]
+    if failures:
+        raise UserError(f"{len(failures)} of the plugin's hooks failed")
+    failed = 0
+    for word in words:
+        sys.stdout.write(f"{word}\n")
+        sys.stdout.flush()
+        failed += subprocess.run([sys.executable, "-m", "core.conformance", word]).returncode != 0  # noqa: S603
+    if failed:
+        raise UserError(f"{failed} of {len(words)} parts don't do what they must")
+
+
+def _list() -> None:
+    import rich.console
+    import rich.table
+
+    plugins = installed()
+    table = rich.table.Table("kind", "name", "entry point", "distribution", box=None, header_style="bold")
+    for kind in KINDS:
+        for name in plugins.names(kind):
+            offer = plugins.offers[kind, name]
+            table.add_row(kind, name, offer.entry_point, offer.distribution)
+    console = rich.console.Console()
+    console.print(table)
+    for failure in plugins.failures:
+        console.print(
+            f"[red]failed[/] {failure.entry_point} ({failure.distribution}): {failure.reason}", highlight=False
+        )
+
+
+if __name__ == "__main__":
+    command(main)

@@ -1,0 +1,74 @@
+"""Define the kinds of parts: their hooks, their interfaces, and the check that a part is what its kind says."""
+
+from __future__ import annotations
+
+import pluggy
+
+from core.errors import UserError
+from core.hooks import PROJECT, Events
+from core.interfaces import VLM, EvolutionStrategy, Executor, Simulator, Task, ToolRepresentation
+
+KINDS = {
+    "task": "tasks",
+    "sim": "simulators",
+    "vlm": "vlms",
+    "tool": "tool_representations",
+    "evolution": "evolution_strategies",
+    "executor": "executors",
+    "logger": "listeners",
+}
+"""The config group of each kind of part, and the hook that offers it."""
+
+INTERFACES: dict[str, type] = {
+    "task": Task,
+    "sim": Simulator,
+    "vlm": VLM,
+    "tool": ToolRepresentation,
+    "evolution": EvolutionStrategy,
+    "executor": Executor,
+}
+"""What the parts of a kind are; listeners are whatever hears an event."""
+
+ATTRIBUTES = {"task": ("name", "description", "goals"), "vlm": ("model",)}
+"""What they have besides methods."""
+
+GIVEN = {"evolution": ("designer", "budget")}
+"""Which arguments of a kind's factories the program gives; the others are settings."""
+
+
+def check_part(part: object, kind: str, offer: str) -> None:
+    """Refuse what the rest of the program could not use; ``offer`` names the part in the message.
+
+    Raises:
+        UserError: says what it is and lacks.
+    """
+    interface = INTERFACES.get(kind)
+    if interface is None:
+        _check_listener(part, offer)
+        return
+    if not isinstance(part, interface):
+        what = f"a {type(part).__name__}, which is no core.interfaces.{interface.__name__}"
+        raise UserError(f"{offer} makes {what}")
+    missing = [name for name in ATTRIBUTES.get(kind, ()) if not hasattr(part, name)]
+    if missing:
+        raise UserError(f"{offer}: {type(part).__qualname__} has no {' and no '.join(missing)}")
+
+
+def _check_listener(part: object, offer: str) -> None:
+    hub = event_hub()
+    try:
+        hub.register(part)
+    except pluggy.PluginValidationError as error:
+        raise UserError(f"{offer}: {' '.join(str(error).split())}") from error
+    known = [name for name in vars(Events) if not name.startswith("_")]
+    heard = {caller.name for caller in hub.get_hookcallers(part) or ()}
+    if not heard & set(known):
+        raise UserError(f"{offer} hears nothing: {type(part).__qualname__} implements none of {', '.join(known)}")
+    hub.unregister(part)
+
+
+def event_hub() -> pluggy.PluginManager:
+    """A manager that carries `Events` to the listeners registered with it."""
+    hub = pluggy.PluginManager(PROJECT)
+    hub.add_hookspecs(Events)
+    return hub

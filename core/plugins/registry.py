@@ -1,0 +1,98 @@
+"""Make parts by name, with their settings checked."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import typing
+import weakref
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from core.errors import UserError, choices
+from core.plugins.discovery import Discovery, Offer
+from core.plugins.kinds import check_part
+from core.plugins.settings import check_settings
+
+
+class Plugins(Discovery):
+    """The installed plugins, and what makes their parts."""
+
+    def names(self, kind: str) -> list[str]:
+        """What there is of a kind, sorted."""
+        return sorted(name for of, name in self.offers if of == kind)
+
+    def factory(self, kind: str, name: str) -> Callable[..., Any]:
+        """What makes the part ``name`` of a kind.
+
+        Raises:
+            UserError: there is none of that name, or it can't be imported.
+        """
+        offer = self.offers.get((kind, name))
+        if offer is None:
+            failed = "".join(f"; plugin {f.entry_point!r} failed to load: {f.reason}" for f in self.failures)
+            raise UserError(f"{choices(kind, name, self.names(kind))}{failed}")
+        if not isinstance(offer.factory, str):
+            return offer.factory
+        module, _, attribute = offer.factory.partition(":")
+        try:
+            return typing.cast(Callable[..., Any], getattr(importlib.import_module(module), attribute))
+        except Exception as error:  # whatever a stranger's import raises
+            raise UserError(
+                f"{kind} {name!r} of {offer.distribution} can't be imported: {type(error).__name__}: {error}"
+            ) from error
+
+    def create(self, kind: str, name: str, settings: Mapping[str, Any] | None = None, **given: Any) -> Any:
+        """Make a part: its factory is called with ``settings``, checked against its signature, and with what the
+        caller gives.
+
+        Raises:
+            UserError: no such part, a setting that it does not have or whose type is wrong, a setting that it needs, or
+            what the factory gives is no part of that kind; says whose it is.
+        """
+        factory, offer = self.factory(kind, name), self.offers[kind, name]
+        checked = check_settings(factory, settings or {}, f"{kind}={name}", given)
+        left = sorted(getattr(factory, "__abstractmethods__", ()))
+        if left:
+            raise UserError(f"{offer} can't be made: {factory.__qualname__} lacks {', '.join(left)}")
+        try:
+            part = factory(**checked, **given)
+        except (UserError, KeyboardInterrupt):
+            raise
+        except Exception as error:  # whatever a stranger's code raises
+            raise UserError(f"{offer} can't be made: {type(error).__name__}: {error}") from error
+        check_part(part, offer.kind, str(offer))
+        with contextlib.suppress(TypeError):  # one that can't be a key is told by its class
+            _made[part] = offer
+        return part
+
+
+_made: weakref.WeakKeyDictionary[Any, Offer] = weakref.WeakKeyDictionary()
+
+
+def describe_part(part: object) -> str:
+    """Of a part that was made here: its kind, its name, the distribution and the hook; of others the class."""
+    with contextlib.suppress(TypeError):
+        if part in _made:
+            return str(_made[part])
+    return f"{type(part).__module__}.{type(part).__qualname__}"
+
+
+@lru_cache(maxsize=1)
+def installed() -> Plugins:
+    """The plugins of this environment, found once per process."""
+    return Plugins()
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part by name and settings: what a worker process needs to make its own."""
+
+    kind: str
+    name: str
+    settings: tuple[tuple[str, Any], ...] = ()
+
+    def create(self, **given: Any) -> Any:
+        return installed().create(self.kind, self.name, dict(self.settings), **given)

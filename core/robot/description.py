@@ -1,0 +1,197 @@
+"""The Franka Panda: its description, the mounts, and the arm with a tool as one URDF.
+
+The description is franka_ros's, as the package example-robot-data carries it: any engine can read it without PyBullet
+being installed, and its masses and inertias are the identified ones (C. Gaz et al., "Dynamic identification of the
+Franka Emika Panda robot with retrieval of feasible parameters using penalty-based optimization", IEEE RA-L 2019),
+where pybullet_data's copy has placeholders. `tests/core/robot/test_description.py` checks that they are physical.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
+from core.errors import UserError
+from core.geometry import Array, Cylinder, Pose
+
+ARM_JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
+FINGER_JOINTS = ("panda_finger_joint1", "panda_finger_joint2")
+FINGER_OPEN = 0.04  # metres from the middle, each finger
+GRIP_FORCE = 70.0  # newtons, each finger: the hand's continuous force, Franka hand's data sheet
+FINGER_FRICTION = 1.0  # rubber tips
+TOOL_FRICTION = 0.5  # printed plastic; the arm's links too
+HOME_JOINTS = (-0.0018, -0.1860, 0.0017, -2.1008, 0.0003, 1.9147, 0.7847)
+
+# Joint accelerations that the arm allows, rad/s^2: Franka Control Interface documentation, "Robot and interface
+# specifications".
+ACCELERATION_LIMITS = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
+
+# What a rigid tool is screwed to: outer diameter of ISO 9409-1-50, centred at the mount's origin.
+FLANGE = Cylinder(radius=0.0315, length=0.01)
+
+_HAND_LINKS = ("panda_hand", "panda_hand_tcp", *GRIPPER_MOUNTS)
+_MESH_PREFIX = "package://example-robot-data/robots/panda_description/"
+
+MeshPath = Callable[[Path], str]
+
+
+@lru_cache(maxsize=1)
+def description_folder() -> Path:
+    """Where the Panda's description lies.
+
+    Raises:
+        UserError: the package example-robot-data is not installed, or has no Panda.
+    """
+    try:
+        files = importlib.metadata.files("example-robot-data") or []
+    except importlib.metadata.PackageNotFoundError:
+        files = []
+    for file in files:
+        if file.match("panda_description/urdf/panda.urdf"):
+            return Path(str(file.locate())).resolve().parents[1]
+    raise UserError("the Panda's description is missing: pip install example-robot-data")
+
+
+@lru_cache(maxsize=1)
+def _description() -> bytes:
+    return (description_folder() / "urdf" / "panda.urdf").read_bytes()
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{round(float(value), 12) + 0.0:.15g}" for value in values)
+
+
+def _origin(parent: Any, pose: Pose) -> None:
+    etree.SubElement(parent, "origin", xyz=_numbers(pose.position), rpy=_numbers(pose.rpy))
+
+
+def _inertial(link: Any, mass: float, center: Array, tensor: Array) -> None:
+    element = etree.SubElement(link, "inertial")
+    etree.SubElement(element, "origin", xyz=_numbers(center), rpy="0 0 0")
+    etree.SubElement(element, "mass", value=f"{mass:.15g}")
+    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    etree.SubElement(element, "inertia", {name: f"{tensor[at]:.15g}" for name, at in names.items()})
+
+
+def _shapes(link: Any, component: Component, pose: Pose) -> None:
+    for tag in ("visual", "collision"):
+        element = etree.SubElement(link, tag)
+        _origin(element, pose)
+        geometry = etree.SubElement(element, "geometry")
+        etree.SubElement(geometry, "box", size=_numbers(component.shape.size))
+        if tag == "visual":
+            material = etree.SubElement(element, "material", name=f"{component.name}_color")
+            etree.SubElement(material, "color", rgba=_numbers(component.color))
+
+
+def box_inertia(component: Component) -> Array:
+    """Inertia tensor (3, 3) of a component about its centre, in its own axes."""
+    x, y, z = np.square(component.shape.size)
+    return component.mass / 12 * np.diag([y + z, x + z, x + y])
+
+
+def tool_elements(tool: Tool) -> list[Any]:
+    """The tool's links and joints as URDF elements, to stand before the robot's closing tag."""
+    elements = []
+    for component in tool.components:
+        link = etree.Element("link", name=component.name)
+        _inertial(link, component.mass, np.zeros(3), box_inertia(component))
+        _shapes(link, component, Pose())
+        joint = etree.Element("joint", name=f"{component.name}_joint", type="fixed")
+        etree.SubElement(joint, "parent", link=component.parent)
+        etree.SubElement(joint, "child", link=component.name)
+        _origin(joint, component.pose)
+        elements += [link, joint]
+    return elements
+
+
+def to_text(element: Any) -> str:
+    etree.indent(element, "  ")
+    return str(etree.tostring(element, encoding="unicode")) + "\n"
+
+
+def tool_urdf(tool: Tool) -> str:
+    """The tool's block of links and joints, as text, without a root element."""
+    return "".join(to_text(element) for element in tool_elements(tool))
+
+
+def _fuse(link: Any, tool: Tool, mount: str) -> None:
+    """Make the components on ``mount`` part of its link: many shapes, one inertia."""
+    placed = tool.placed()
+    parts = [(c, placed[c.name][1]) for c in tool.components if placed[c.name][0] == mount]
+    if not parts:
+        return
+    masses, centers, tensors = [], [], []
+    own = link.find("inertial")
+    own_mass = float(own.find("mass").get("value"))
+    if own_mass > 0:
+        diagonal = [
+            float(own.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")
+        ]  # the fingers' have no products
+        masses.append(own_mass)
+        centers.append(np.array([float(x) for x in own.find("origin").get("xyz").split()]))
+        tensors.append(np.diag(diagonal))
+    for component, pose in parts:
+        axes = pose.rotation.as_matrix()
+        masses.append(component.mass)
+        centers.append(pose.position)
+        tensors.append(axes @ box_inertia(component) @ axes.T)
+    mass = sum(masses)
+    center: Array = np.average(centers, axis=0, weights=masses)
+    tensor = np.zeros((3, 3))
+    for m, c, i in zip(masses, centers, tensors, strict=True):
+        arm = c - center
+        tensor += i + m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    link.remove(own)
+    _inertial(link, mass, center, tensor)
+    for component, pose in parts:
+        _shapes(link, component, pose)
+
+
+def assemble(tool: Tool | None = None, *, fused: bool = False, visuals: bool = True, mesh_path: MeshPath = str) -> str:
+    """The Panda with a tool mounted, as URDF text.
+
+    A rigid tool takes the hand's place; with a gripper tool (or None, the bare hand) the hand stays.
+    ``panda_virtual`` sits where the hand does, 0.107 m beyond ``panda_link7`` and turned -45 degrees, flipped over so
+    that at home its axes are the world's.
+
+    Args:
+        tool: what is mounted; without components the bare flange, or with ``gripper`` the bare hand.
+        fused: the tool's boxes become shapes of the link that bears them (for engines: fewer links, the same physics),
+            instead of links of their own (for people).
+        visuals: with the arm's visual meshes (and the tool's visual boxes).
+        mesh_path: what to write for a mesh, given its absolute path.
+    """
+    tool = tool if tool is not None else Tool(gripper=True)
+    robot = etree.fromstring(_description(), etree.XMLParser(remove_comments=True, remove_blank_text=True))
+    if not tool.gripper:
+        for element in list(robot):
+            child = element.find("child")
+            if element.get("name") in _HAND_LINKS or (child is not None and child.get("link") in _HAND_LINKS):
+                robot.remove(element)
+    virtual = etree.SubElement(robot, "link", name=RIGID_MOUNT)
+    _inertial(virtual, 0.0, np.zeros(3), np.zeros((3, 3)))
+    joint = etree.SubElement(robot, "joint", name=f"{RIGID_MOUNT}_joint", type="fixed")
+    etree.SubElement(joint, "parent", link="panda_hand" if tool.gripper else "panda_link8")
+    etree.SubElement(joint, "child", link=RIGID_MOUNT)
+    turn = (np.pi, 0.0, 0.0) if tool.gripper else (np.pi, 0.0, -np.pi / 4)
+    _origin(joint, Pose.xyz_rpy((0.0, 0.0, 0.0), turn))
+    if fused:
+        for mount in tool.mounts:
+            _fuse(robot.find(f"link[@name='{mount}']"), tool, mount)
+    else:
+        robot.extend(tool_elements(tool))
+    for link in robot.findall("link"):
+        for visual in link.findall("visual") if not visuals else ():
+            link.remove(visual)
+        for mesh in link.iter("mesh"):
+            path = str(mesh.get("filename")).replace(_MESH_PREFIX, "")
+            mesh.set("filename", mesh_path(description_folder() / path))
+    return to_text(robot)

@@ -1,0 +1,144 @@
+"""Forward and inverse kinematics of the arm up to ``panda_virtual``, by Pinocchio."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg.lapack import dgesv
+
+from core.design import RIGID_MOUNT, Tool
+from core.geometry import Array, Pose
+from core.robot.description import HOME_JOINTS, assemble
+
+# Levenberg-Marquardt: a radian of orientation weighs as much as this many metres, so that out of reach the position
+# comes first.
+_RADIAN_WEIGHT = 0.3
+_POSITION_TOLERANCE = 1e-5
+_MAX_STEPS = 60
+
+_EYE = np.eye(6)
+_STRIDE = np.full(7, 0.5)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Joints (7,) in radians, and by how much they miss: metres and radians."""
+
+    joints: Array
+    error_m: float
+    error_rad: float
+
+
+class Arm:
+    """The seven joints, with their limits: ``lower``, ``upper`` (7,) in radians, ``velocity_limits`` (7,) in rad/s."""
+
+    def __init__(self) -> None:
+        self._model = pin.buildModelFromXML(assemble(Tool(), visuals=False))
+        self._data = self._model.createData()
+        self._frame = self._model.getFrameId(RIGID_MOUNT)
+        # Where the frame is: views of what Pinocchio keeps up to date.
+        self._here, self._back = self._data.oMf[self._frame].translation, self._data.oMf[self._frame].rotation.T
+        self.lower: Array = self._model.lowerPositionLimit.copy()
+        self.upper: Array = self._model.upperPositionLimit.copy()
+        self.velocity_limits: Array = self._model.velocityLimit.copy()
+        self.home: Array = np.array(HOME_JOINTS)
+
+    def forward(self, joints: Array) -> Pose:
+        """The pose of ``panda_virtual`` in the world."""
+        pin.framesForwardKinematics(self._model, self._data, np.asarray(joints, dtype=np.float64))
+        return Pose.from_matrix(self._data.oMf[self._frame].homogeneous)
+
+    def positions(self, joints: Array) -> Array:
+        """Positions (T, 3) of ``panda_virtual`` at joints (T, 7)."""
+        out = np.empty((len(joints), 3))
+        for row, q in zip(out, joints, strict=True):
+            pin.framesForwardKinematics(self._model, self._data, q)
+            row[:] = self._data.oMf[self._frame].translation
+        return out
+
+    def inverse(self, pose: Pose, seed: Array) -> Solution:
+        """The joints near ``seed`` whose end-effector comes closest to ``pose``, within the joint limits (`follow`)."""
+        joints, errors = self.follow(pose.position[None], pose.rotation.as_matrix()[None], seed)
+        return Solution(joints[0], float(errors[0, 0]), float(errors[0, 1]))
+
+    def follow(self, positions: Array, rotations: Array, seed: Array) -> tuple[Array, Array]:
+        """Joints (K, 7) that lead to poses one after another, each near the one before, the first near ``seed``; and by
+        how much they miss, (K, 2), in metres and radians.
+
+        Positions (K, 3) and rotations (K, 3, 3) are those of ``panda_virtual`` in the world. Damped least squares on
+        the pose error (position and rotation vector). A joint that presses against its limit is held there while the
+        others go on. A pose out of reach gives the nearest that was found, and its miss.
+        """
+        joints, errors = np.empty((len(positions), 7)), np.empty((len(positions), 2))
+        for k, (position, rotation) in enumerate(zip(positions, rotations, strict=True)):
+            seed, error = self._closest(position, rotation, seed)
+            joints[k] = seed
+            errors[k] = math.sqrt(error[:3].dot(error[:3])), math.sqrt(error[3:].dot(error[3:])) / _RADIAN_WEIGHT
+        return joints, errors
+
+    def _miss(self, position: Array, rotation: Array, joints: Array) -> Array:
+        """How far a pose is from where these joints lead, (6,), in the axes there: metres, and weighted radians."""
+        pin.forwardKinematics(self._model, self._data, joints)
+        pin.updateFramePlacement(self._model, self._data, self._frame)
+        error = np.empty(6)
+        error[:3] = self._back.dot(position - self._here)
+        error[3:] = _RADIAN_WEIGHT * pin.log3(self._back.dot(rotation))
+        return error
+
+    def _closest(self, position: Array, rotation: Array, seed: Array) -> tuple[Array, Array]:
+        """The joints, and what `_miss` says of them. Most of a plan's time is spent here: numpy's shorter ways."""
+        lower, upper = self.lower, self.upper
+        q = np.minimum(np.maximum(seed, lower), upper)
+        error = self._miss(position, rotation, q)
+        cost, damping = float(error.dot(error)), 1e-4
+        for count in range(_MAX_STEPS):
+            if cost < _POSITION_TOLERANCE**2:
+                break
+            jacobian = pin.computeFrameJacobian(self._model, self._data, q, self._frame, pin.LOCAL)
+            jacobian[3:] *= _RADIAN_WEIGHT
+            # What the pose leaves free drifts home, away from the joint limits; only at first, so that it converges.
+            idle = (0.05 if count < 4 else 0.0) * (self.home - q)
+            if np.count_nonzero((q <= lower) | (q >= upper)):
+                gradient = jacobian.T.dot(error)
+                held = ((q <= lower) & (gradient < 0)) | ((q >= upper) & (gradient > 0))
+                jacobian[:, held] = 0.0
+                idle[held] = 0.0
+            square = jacobian.dot(jacobian.T) + damping * _EYE
+            step = idle + jacobian.T.dot(dgesv(square.T, error - jacobian.dot(idle), True, True)[2])
+            trial = np.minimum(np.maximum(q + np.minimum(np.maximum(step, -_STRIDE), _STRIDE), lower), upper)
+            trial_error = self._miss(position, rotation, trial)
+            trial_cost = float(trial_error.dot(trial_error))
+            if trial_cost < cost:
+                small = cost - trial_cost < 1e-6 * cost
+                q, error, cost, damping = trial, trial_error, trial_cost, max(damping / 5, 1e-8)
+                if small:
+                    break
+            else:
+                damping *= 10
+                if damping > 1e3:
+                    break
+        return q, error
+
+    def home_for(self, pose: Pose) -> Array:
+        """The joints with which the arm starts at ``pose``.
+
+        Raises:
+            ValueError: the arm can't be there.
+        """
+        solution = self.inverse(pose, self.home)
+        if solution.error_m > 1e-3 or solution.error_rad > 1e-2:
+            raise ValueError(
+                f"home {pose.position} is out of the arm's reach by {solution.error_m:.3f} m and "
+                f"{solution.error_rad:.2f} rad"
+            )
+        return solution.joints
+
+
+@lru_cache(maxsize=1)
+def arm() -> Arm:
+    """The arm, built once per process."""
+    return Arm()

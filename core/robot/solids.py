@@ -1,0 +1,122 @@
+"""Shapes as solids whose distances can be asked for; the distances are Coal's.
+
+A mesh counts as its convex hull, as it does for every engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import coal
+import numpy as np
+import trimesh
+from lxml import etree
+
+from core.design import Tool
+from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.robot.description import assemble
+from core.scene import Body
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A shape of Coal's and where it stands in some frame; ``name`` is the link's or body's that it belongs to."""
+
+    name: str
+    geometry: Any
+    pose: Pose
+
+    @property
+    def transform(self) -> Any:
+        return coal.Transform3s(self.pose.rotation.as_matrix(), self.pose.position)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Centre (3,) and half lengths (3,) of a box along the frame's axes that holds it."""
+        self.geometry.computeLocalAABB()
+        local = self.geometry.aabb_local
+        half = np.abs(self.pose.rotation.as_matrix()) @ ((local.max_ - local.min_) / 2)
+        return self.pose.apply((local.max_ + local.min_) / 2), half
+
+
+def hull(mesh: trimesh.Trimesh | trimesh.PointCloud) -> Any:
+    """The convex hull of a mesh or of points, for Coal."""
+    convex = mesh.convex_hull
+    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    points.extend(np.asarray(convex.vertices, dtype=np.float64))
+    faces.extend(coal.Triangle(*(int(corner) for corner in face)) for face in convex.faces)
+    return coal.Convex(points, faces)
+
+
+def solid_geometry(shape: Shape) -> Any:
+    """A shape, for Coal."""
+    match shape:
+        case Box(size):
+            return coal.Box(*size)
+        case Sphere(radius):
+            return coal.Sphere(radius)
+        case Cylinder(radius, length):
+            return coal.Cylinder(radius, length)
+        case Mesh():
+            return hull(shape.to_trimesh())
+
+
+def body_solids(body: Body) -> Iterator[Solid]:
+    """What can be felt of a body, in the world."""
+    return (Solid(body.name, solid_geometry(part.shape), body.pose @ part.pose) for part in body.collisions)
+
+
+def signed_distance(a: Solid, b: Solid) -> float:
+    """Metres between two solids in one frame; negative is how deep one is in the other."""
+    return float(
+        coal.distance(a.geometry, a.transform, b.geometry, b.transform, coal.DistanceRequest(), coal.DistanceResult())
+    )
+
+
+class Solids:
+    """Solids that stand still in one frame; bounding boxes tell quickly which of them can be near."""
+
+    def __init__(self, solids: Iterable[Solid]) -> None:
+        self._solids = tuple(solids)
+        bounds = [solid.bounds() for solid in self._solids]
+        self._centers = np.array([center for center, _ in bounds]).reshape(-1, 3)
+        self._halves = np.array([half for _, half in bounds]).reshape(-1, 3)
+
+    def near(self, solid: Solid, margin: float) -> list[Solid]:
+        """Those that may be within ``margin`` metres of ``solid``, and perhaps a few others."""
+        center, half = solid.bounds()
+        close = (np.abs(self._centers - center) <= self._halves + half + margin).all(axis=1)
+        return [self._solids[i] for i in np.flatnonzero(close)]
+
+
+def box_gap(a: Box, pose_a: Pose, b: Box, pose_b: Pose) -> float:
+    """Metres between two boxes, both poses in one frame; 0 if they touch or overlap."""
+    return max(0.0, signed_distance(Solid("", solid_geometry(a), pose_a), Solid("", solid_geometry(b), pose_b)))
+
+
+@lru_cache(maxsize=2)
+def robot_solids(gripper: bool) -> tuple[Solid, ...]:
+    """The collision shapes of the robot without a tool, each in the frame of its link."""
+    solids = []
+    robot = etree.fromstring(assemble(Tool(gripper=gripper), visuals=False))
+    for link in robot.findall("link"):
+        for collision in link.findall("collision"):
+            box, mesh = collision.find("geometry/box"), collision.find("geometry/mesh")
+            if box is not None:
+                geometry = coal.Box(*_floats(box.get("size")))
+            elif mesh is not None:
+                geometry = hull(trimesh.load_mesh(mesh.get("filename")))
+            else:
+                raise ValueError(
+                    f"the robot's description: {link.get('name')} has a shape that is neither box nor mesh"
+                )
+            origin = collision.find("origin")
+            pose = Pose() if origin is None else Pose.xyz_rpy(_floats(origin.get("xyz")), _floats(origin.get("rpy")))
+            solids.append(Solid(str(link.get("name")), geometry, pose))
+    return tuple(solids)
+
+
+def _floats(text: str | None) -> list[float]:
+    return [float(number) for number in (text or "0 0 0").split()]

@@ -1,0 +1,197 @@
+"""Waypoints to a timed joint trajectory, once, before any engine is involved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import BSpline, PchipInterpolator, make_interp_spline
+from scipy.spatial.transform import Rotation
+
+from core.geometry import Array, Pose
+from core.interfaces import JointTrajectory, Task
+from core.robot.description import ACCELERATION_LIMITS, FINGER_OPEN
+from core.robot.kinematics import Arm
+from core.robot.kinematics import arm as panda_arm
+
+_ROUNDING = 1e-9  # radians
+# Inverse kinematics is solved at knots this close; a cubic spline joins them.
+_KNOT_M = 0.02
+_KNOT_RAD = 0.1
+_SAMPLE_S = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A joint trajectory and what is known of it beforehand.
+
+    ``distance_m``: the way of the end-effector's origin from the first waypoint to the last, as the joints go.
+    ``ik_error_m``, ``ik_error_rad``: the largest misses of the inverse kinematics at the knots of that way.
+    """
+
+    trajectory: JointTrajectory
+    distance_m: float
+    ik_error_m: float
+    ik_error_rad: float
+
+
+def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, speed: float = 0.95) -> Motion:
+    """The motion from the home pose through all waypoints, at rest at each.
+
+    In a segment the position goes straight, the orientation by SLERP and the fingers linearly. It lasts
+    ``segment_s``, or longer where a joint would pass its velocity or acceleration limit (times ``speed``).
+
+    Args:
+        plan: (N, 6) or (N, 7), see `core.design.Candidate`.
+        home: where the end-effector starts.
+        arm: whose kinematics and limits count.
+        segment_s: the least time of a segment, seconds.
+        speed: the share of the velocity and acceleration limits to use, 0..1.
+    """
+    grips = np.concatenate([[0.0], plan[:, 6] if plan.shape[1] == 7 else np.zeros(len(plan))])
+    positions = np.vstack([home.position, plan[:, :3]])
+    rotations = Rotation.concatenate([home.rotation, Rotation.from_euler("xyz", plan[:, 3:6])])
+
+    points, turns, ends = _path(positions, rotations)
+    start = arm.home_for(home)
+    solved, errors = arm.follow(points[1:], turns[1:], start)
+    knots = np.vstack([start, solved])
+    segments = [(_joined(knots[a : b + 1], arm), b - a) for a, b in pairwise(ends)]
+    times, targets, fingers = [np.zeros(1)], [start[None]], [np.full(1, FINGER_OPEN)]
+    for i, (instants, joints) in enumerate(_timed(segments, arm, segment_s, speed)):
+        times.append(times[-1][-1] + instants)
+        targets.append(np.minimum(np.maximum(joints, arm.lower), arm.upper))
+        closed = grips[i] + (grips[i + 1] - grips[i]) * instants / instants[-1]
+        fingers.append(FINGER_OPEN * (1 - np.minimum(np.maximum(closed, 0.0), 1.0)))
+
+    first = ends[1]  # what happens before the first waypoint counts for nothing
+    distance = float(np.linalg.norm(np.diff(arm.positions(knots[first:]), axis=0), axis=1).sum())
+    worst = errors[first - 1 :].max(axis=0)
+    trajectory = JointTrajectory(np.concatenate(times), np.concatenate(targets), np.concatenate(fingers))
+    return Motion(trajectory, distance, float(worst[0]), float(worst[1]))
+
+
+def _path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int]]:
+    """Knots from the first pose (N + 1) to the last: positions (K, 3), rotations (K, 3, 3), and which of them are those
+    poses.
+    """
+    ways, turns = np.diff(positions, axis=0), rotations[:-1].inv() * rotations[1:]
+    angles = np.asarray(turns.magnitude())
+    ends, legs, along = [0], [np.zeros(1, dtype=int)], [np.zeros(1)]
+    for number, (way, angle) in enumerate(zip(ways, angles, strict=True)):
+        count = max(1, math.ceil(max(float(np.linalg.norm(way)) / _KNOT_M, float(angle) / _KNOT_RAD)))
+        ends.append(ends[-1] + count)
+        legs.append(np.full(count, number))
+        along.append(np.linspace(0.0, 1.0, count + 1)[1:])
+    leg, share = np.concatenate(legs), np.concatenate(along)[:, None]
+    turned = rotations[leg] * Rotation.from_rotvec(turns.as_rotvec()[leg] * share)  # SLERP
+    quaternions = turned.as_quat(scalar_first=True)
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)  # as a `Pose` would have them, to the last bit
+    matrices = Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
+    return positions[leg] + share * ways[leg], matrices, ends
+
+
+def _joined(knots: Array, arm: Arm) -> BSpline | PchipInterpolator:
+    """Joints over s in [0, 1] through knots (K, 7): a cubic spline; where that would swing past a limit, one without
+    overshoot.
+    """
+    s = np.linspace(0.0, 1.0, len(knots))
+    path = make_interp_spline(s, knots, k=min(3, len(knots) - 1))
+    between = path(np.linspace(0.0, 1.0, 8 * len(knots)))
+    if ((between < arm.lower - _ROUNDING) | (between > arm.upper + _ROUNDING)).any():
+        return PchipInterpolator(s, knots, axis=0)
+    return path
+
+
+@lru_cache(maxsize=256)
+def _grid(cells: int) -> Array:
+    """Where one looks along a segment: s (S,) from 0 to 1, the knots among them, where it bends most."""
+    return np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
+
+
+def _bend(path: BSpline | PchipInterpolator, s: Array) -> Array:
+    """How hard a path bends, (S, 7), at s (S,)."""
+    bend: Array = np.abs(path(s, 2))
+    if isinstance(path, PchipInterpolator):  # bends one way before a knot and another way behind it
+        bend = np.maximum(bend, np.abs(path(np.maximum(s - 1e-9, 0.0), 2)))
+    return bend
+
+
+def _timed(
+    segments: list[tuple[BSpline | PchipInterpolator, int]], arm: Arm, segment_s: float, speed: float
+) -> Iterator[tuple[Array, Array]]:
+    """When to be where along each path (joints over s in [0, 1], and how many cells it has), at rest at both ends:
+    instants (S,) in seconds, and joints (S, 7).
+
+    Without limits it is a trapezoid of the path's speed: a fifth of the time to speed up, a fifth to slow down. Where
+    a joint would pass a limit, the speed is lower there and before and after (forward and backward pass over the
+    squared path speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths",
+    IJRR 1985; half of each acceleration limit for the path's bend, half for the change of speed).
+    """
+    placed = [(path, _grid(cells)) for path, cells in segments]
+    slope = np.abs(np.concatenate([path(s, 1) for path, s in placed]))
+    bend = np.concatenate([_bend(path, s) for path, s in placed])
+    sizes = [len(s) for _, s in placed]
+    ends = np.cumsum(sizes)
+    step = np.repeat([s[1] for _, s in placed], sizes)
+    half = ACCELERATION_LIMITS * speed / 2
+    with np.errstate(divide="ignore"):  # where a joint stands still, and between two segments
+        fastest = np.minimum(_least(arm.velocity_limits * speed / slope) ** 2, _least(half / bend))
+        gain = np.minimum(_least(half / slope), 6.25 / segment_s**2)
+        square = np.minimum(fastest, (1.25 / segment_s) ** 2)
+        square[0] = square[ends[:-1]] = square[ends - 1] = 0.0
+        rate = np.sqrt(_within(square.tolist(), (2 * step[:-1] * np.minimum(gain[:-1], gain[1:])).tolist()))
+        lasts = 2 * step[:-1] / (rate[:-1] + rate[1:])
+    for (path, s), end in zip(placed, ends, strict=True):
+        own = slice(end - len(s), end)
+        instants, along = _sampled(s, rate[own], lasts[own][: len(s) - 1])
+        yield instants, path(along)
+
+
+def _least(values: Array) -> Array:
+    """Of each row, for rows that are many and short."""
+    least: Array = np.ascontiguousarray(values.T).min(axis=0)
+    return least
+
+
+def _within(square: list[float], allowed: list[float]) -> list[float]:
+    """Squared speeds (S,), made so low that none is above the one before it, or the one after, by more than is
+    ``allowed`` (S - 1,) there. They are numbers of Python's own, which one by one are faster than numpy's.
+    """
+    count, last = len(allowed), square[0]
+    for k in range(count):
+        last += allowed[k]
+        if last < square[k + 1]:
+            square[k + 1] = last
+        else:
+            last = square[k + 1]
+    for k in range(count - 1, -1, -1):
+        last += allowed[k]
+        if last < square[k]:
+            square[k] = last
+        else:
+            last = square[k]
+    return square
+
+
+def _sampled(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
+    """Instants (T,) in seconds, and how far along a path one is then, (T,), at a path speed of ``rate`` (S,) at ``s``
+    (S,); each step of these takes ``lasts`` (S - 1,) seconds.
+    """
+    instants = np.concatenate([[0.0], np.cumsum(lasts)])
+    duration = instants[-1]
+    times = np.linspace(0.0, duration, max(2, math.ceil(duration / _SAMPLE_S) + 1))[1:]
+    at = np.minimum(np.searchsorted(instants, times, side="right") - 1, len(lasts) - 1)
+    since = times - instants[at]
+    along = s[at] + rate[at] * since + (rate[at + 1] - rate[at]) / lasts[at] / 2 * since**2
+    return times, np.minimum(np.maximum(along, 0.0), 1.0)
+
+
+def at_home(task: Task) -> JointTrajectory:
+    """No motion: the arm stays at the task's home pose, the fingers open."""
+    joints = panda_arm().home_for(task.home)
+    return JointTrajectory(np.zeros(1), joints[None], np.array([FINGER_OPEN]))

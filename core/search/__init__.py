@@ -1,0 +1,1 @@
+"""Search: designer, evolution, dispatch, and the whole run."""

@@ -1,0 +1,237 @@
+"""From a brief to candidates: compose the requests, ask the model, read its replies."""
+
+from __future__ import annotations
+
+import queue
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Literal, cast, get_args
+
+import numpy as np
+import pluggy
+
+from core.config.settings import Sampling
+from core.design import Candidate, DesignError, Evaluation, Tool
+from core.designs.composer import PromptComposer, answer_schema
+from core.designs.reading import parse_reply, read_designs
+from core.designs.rules import SpawnRules
+from core.errors import NoPicture, choices
+from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulator, Task, ToolRepresentation
+from core.plugins import describe_part
+from core.simulation.pictures import draw_stages, png
+from core.text import shorten
+
+ToolKind = Literal["rigid", "gripper"]
+TOOL_KINDS: tuple[ToolKind, ...] = get_args(ToolKind)
+DEFAULT_KINDS: tuple[ToolKind, ...] = ("rigid",)  # of a task that names none
+
+
+class ModelDesigner:
+    """The `core.interfaces.Designer`: agents without shared history, all asked at once.
+
+    Agents' seeds, temperatures and kinds of tool follow from ``seed``, the generation and the agent's number alone.
+    Of two ``tool_kinds`` each agent is given one by lot. Where the representation has a tool to give, agents are asked
+    for plans only. ``show`` draws what an elite did, and is called if the prompts' feedback is ``full``.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        vlm: VLM,
+        representation: ToolRepresentation,
+        prompts: PromptComposer,
+        budget: Budget,
+        *,
+        seed: int,
+        sampling: Sampling,
+        tool_kinds: Sequence[ToolKind],
+        picture: Picture | None,
+        events: pluggy.PluginManager,
+        show: Callable[[Candidate], Picture] | None = None,
+    ) -> None:
+        self.task = task
+        self.vlm = vlm
+        self.representation = representation
+        self.prompts = prompts
+        self.budget = budget
+        self.seed = seed
+        self.sampling = sampling
+        self.tool_kinds = tuple(tool_kinds)
+        self.picture = picture
+        self.events = events
+        self.show = show
+        self._spawn = SpawnRules(task, seed)
+        self._given = representation.given(task)
+
+    def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
+        """See `core.interfaces.Designer`.
+
+        Raises:
+            LimitReached: after the candidates that there are; see `VLM.complete`.
+        """
+        requests = self.requests(generation, elites, range(self.budget.n_agent))
+        yield from self._candidates(requests, repair=self.prompts.settings.repair)
+
+    def requests(self, generation: int, elites: Sequence[Evaluation], agents: Iterable[int]) -> list[Request]:
+        """What each of the ``agents`` is asked."""
+        pictures: dict[str, Picture] = {}
+        if self.show is not None and self.prompts.settings.feedback == "full":
+            pictures = {elite.candidate.id: self.show(elite.candidate) for elite in elites}
+        return [self._request(generation, agent, elites, pictures) for agent in agents]
+
+    def _candidates(self, requests: Sequence[Request], *, repair: bool) -> Iterator[Candidate]:
+        """Of all replies, as they arrive; with ``repair`` the unreadable ones are asked for once more at the end."""
+        repairs: list[Request] = []
+        missing = {request.id: request for request in requests}
+        for reply in self._replies(requests):
+            request = missing.pop(reply.request_id)
+            try:
+                candidates = self._read(request.brief, reply)
+            except DesignError as error:
+                if repair:
+                    repairs.append(self._repair(request, reply, str(error)))
+                    continue
+                candidates = [_lost(request.brief, f"the reply can't be read: {error}")]
+            yield from candidates
+        yield from (_lost(request.brief, "no reply came") for request in missing.values())
+        if repairs:
+            yield from self._candidates(repairs, repair=False)
+
+    def _replies(self, requests: Sequence[Request]) -> Iterator[Reply]:
+        """Replies as they arrive. Each is told to the listeners at once, so that it is on disk even if nobody comes
+        to read it; for that they are listened for in a thread of their own, while candidates of earlier ones are
+        tried.
+        """
+        arrived: queue.SimpleQueue[Reply | Exception | None] = queue.SimpleQueue()
+        asked = {request.id: request for request in requests}
+        missing = set(asked)
+
+        def listen() -> None:
+            try:
+                for reply in self.vlm.complete(requests):
+                    if not isinstance(reply, Reply) or reply.request_id not in missing:
+                        sys.stderr.write(f"{describe_part(self.vlm)}: complete gave {_told(reply)}; it is left out\n")
+                        continue
+                    missing.remove(reply.request_id)
+                    self.events.hook.reply_received(request=asked[reply.request_id], reply=reply)
+                    arrived.put(reply)
+            except Exception as error:  # to be raised where somebody sees it
+                arrived.put(error)
+            arrived.put(None)
+
+        for request in requests:
+            self.events.hook.request_composed(request=request)
+        threading.Thread(target=listen, name="replies", daemon=True).start()
+        while (reply := arrived.get()) is not None:
+            if isinstance(reply, Exception):
+                raise reply
+            yield reply
+
+    def _request(
+        self, generation: int, agent: int, elites: Sequence[Evaluation], pictures: Mapping[str, Picture]
+    ) -> Request:
+        rng = np.random.default_rng([self.seed, generation, agent])
+        kind = self.tool_kinds[int(rng.integers(len(self.tool_kinds)))]
+        gripper = self._given.gripper if self._given is not None else kind == "gripper"
+        temperature = self.sampling.temperature + rng.uniform(-self.sampling.spread, self.sampling.spread)
+        brief = Brief(
+            task=self.task,
+            scene_seed=self.seed,
+            representation=self.representation,
+            gripper=gripper,
+            n_tool=self.budget.n_tool if self._given is None else 1,
+            n_action=self.budget.n_action,
+            generation=generation,
+            agent=agent,
+            seed=int(rng.integers(2**31)),
+            elites=tuple(elites),
+        )
+        messages = self.prompts.compose(brief, self.picture, pictures)
+        schema = answer_schema(brief)
+        return Request(f"g{generation}-a{agent}", brief, messages, schema, float(np.clip(temperature, 0.0, 2.0)))
+
+    def _repair(self, request: Request, reply: Reply, problem: str) -> Request:
+        """A request of its own, for the same brief."""
+        return replace(request, id=f"{request.id}-repair", messages=self.prompts.repair(request, reply, problem))
+
+    def _read(self, brief: Brief, reply: Reply) -> list[Candidate]:
+        """The candidates of a reply, no more than were asked for.
+
+        Raises:
+            DesignError: the reply can't be read.
+        """
+        if reply.error is not None:
+            return [_lost(brief, f"the model gave no answer: {reply.error}")]
+        return read_designs(
+            parse_reply(reply.text),
+            self.representation,
+            self._spawn,
+            generation=brief.generation,
+            agent=brief.agent,
+            elites=tuple(elite.candidate.id for elite in brief.elites),
+            n_tool=brief.n_tool,
+            n_action=brief.n_action,
+        )
+
+
+def _told(reply: object) -> str:
+    """What is wrong with a reply that answers no request."""
+    if isinstance(reply, Reply):
+        return f"a reply to {reply.request_id!r}, which was not asked or had its reply"
+    return f"{shorten(repr(reply))}, which is no Reply"
+
+
+def _lost(brief: Brief, problem: str) -> Candidate:
+    """Stands for all that an agent would have designed."""
+    return Candidate(None, np.zeros((0, 6)), brief.generation, brief.agent, problem=problem)
+
+
+def make_designer(
+    task: Task,
+    simulator: Simulator,
+    vlm: VLM,
+    representation: ToolRepresentation,
+    prompts: PromptComposer,
+    budget: Budget,
+    *,
+    seed: int,
+    sampling: Sampling,
+    tool_kinds: Sequence[str],
+    events: pluggy.PluginManager,
+) -> ModelDesigner:
+    """A designer that shows pictures which ``simulator`` draws: of the scene, and of what elites did. Where nothing can
+    draw any, standard error says why, and the model has the words.
+
+    Raises:
+        UserError: a tool kind that there is not, or no given tool for the task.
+    """
+    for name in tool_kinds:
+        if name not in TOOL_KINDS:
+            raise choices("tool kind", str(name), TOOL_KINDS, "task.tool_kinds")
+    given = representation.given(task)
+    mounted = given if given is not None else Tool(gripper=tuple(tool_kinds) == ("gripper",))
+
+    def show(candidate: Candidate) -> Picture:
+        stages = draw_stages(task, simulator, candidate, seed, prompts.rollout)
+        return Picture(png(stages), f"elite_{candidate.id}")
+
+    try:
+        picture = Picture(png(simulator.render(task, seed=seed, tool=mounted)))
+    except NoPicture as error:
+        picture = None
+        sys.stderr.write(f"no pictures: {error}\n")
+    return ModelDesigner(
+        task,
+        vlm,
+        representation,
+        prompts,
+        budget,
+        seed=seed,
+        sampling=sampling,
+        tool_kinds=cast(Sequence[ToolKind], tool_kinds),
+        picture=picture,
+        events=events,
+        show=show if picture is not None else None,
+    )

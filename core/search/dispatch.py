@@ -1,0 +1,78 @@
+"""Chunks dealt to workers that take one at a time and answer when it is done: what executors of that kind share."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from dataclasses import dataclass
+from typing import TypeVar
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+CHUNK = 10  # candidates that travel together, as many as the method has plans for a tool; none has less time than one
+
+
+@dataclass(frozen=True)
+class _Raised:
+    error: Exception
+
+
+def time_limit(timeout_s: float | None, chunk: object) -> float | None:
+    """Seconds that a chunk may take: ``timeout_s`` for every ten candidates. One that needs more is broken up, and
+    each of them then has all of it: what hangs is found after one limit instead of ten, and what is slow is not lost.
+    """
+    count = len(chunk) if isinstance(chunk, Sized) else 1
+    return None if timeout_s is None else timeout_s * max(1, -(-count // CHUNK))
+
+
+def dispatch(workers: Sequence[Callable[[A], B | Exception]], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
+    """Each chunk with what a worker made of it, as they finish.
+
+    ``chunks`` is read in a thread of its own, so that results come while the next chunk is awaited, and never more than
+    two for each worker are on their way. What a worker raises, or the chunks do, is raised here.
+    """
+    ready: queue.SimpleQueue[tuple[A] | None] = queue.SimpleQueue()
+    results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = queue.SimpleQueue()
+    room = threading.Semaphore(2 * len(workers))  # for chunks from being read to their results being taken
+    stop = threading.Event()
+
+    def read() -> None:
+        try:
+            source = iter(chunks)
+            while room.acquire() and not stop.is_set():
+                ready.put((next(source),))
+        except StopIteration:
+            pass
+        except Exception as error:  # to be raised where somebody sees it
+            results.put(_Raised(error))
+        for _ in workers:
+            ready.put(None)
+
+    def serve(worker: Callable[[A], B | Exception]) -> None:
+        try:
+            while (taken := ready.get()) is not None and not stop.is_set():
+                (chunk,) = taken
+                results.put((chunk, worker(chunk)))
+        except Exception as error:
+            results.put(_Raised(error))
+        results.put(None)
+
+    threading.Thread(target=read, name="chunks", daemon=True).start()
+    for worker in workers:
+        threading.Thread(target=serve, args=[worker], name="worker", daemon=True).start()
+    serving = len(workers)
+    try:
+        while serving:
+            result = results.get()
+            if result is None:
+                serving -= 1
+            elif isinstance(result, _Raised):
+                raise result.error
+            else:
+                room.release()
+                yield result
+    finally:
+        stop.set()
+        room.release()

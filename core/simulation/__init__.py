@@ -1,0 +1,1 @@
+"""Try candidates: rollout, playback, rendering, pictures, penetration and perturbation."""

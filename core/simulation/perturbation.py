@@ -1,0 +1,136 @@
+"""Small changes of a scene: poses, masses and friction, drawn by lot. No engine knows of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from core.config.settings import PerturbationRange
+from core.geometry import Array, Pose
+from core.interfaces import Task
+from core.robot.solids import Solid, Solids, body_solids, signed_distance
+from core.scene import Body, Scene, State
+
+TOGETHER_M = 0.0015  # free bodies nearer than this stand together and are moved as one
+CLEAR_M = 0.0002  # what is moved comes no nearer to others than this, or than it was
+CONTACT_M = 0.0005  # what was nearer than this to another stays as near: it keeps what it stands on
+
+_EXACT_M = 2e-5  # of Coal's distances between convex shapes that touch
+_TRIES = 32  # at each size; then the change is halved
+_HALVINGS = 6
+
+
+class Perturbed(Task):
+    """A task whose scenes are changed a little, the same way each time; all else is the task's own."""
+
+    def __init__(self, task: Task, spread: PerturbationRange, draw: int) -> None:
+        # What classes say of tasks is told by the wrapped one; an attribute of the object hides the class's.
+        names = ("name", "description", "goals", "home", "camera", "success_reward")
+        vars(self).update({name: getattr(task, name) for name in names})
+        self._task = task
+        self._spread = spread
+        self._draw = draw
+        self._scenes: dict[int, Scene] = {}
+
+    def scene(self, seed: int) -> Scene:
+        if seed not in self._scenes:
+            self._scenes[seed] = perturb(self._task.scene(seed), self._spread, self._draw)
+        return self._scenes[seed]
+
+    def reward(self, start: State, end: State) -> Array:
+        return self._task.reward(start, end)
+
+    def source(self) -> str:
+        return self._task.source()
+
+
+def perturb(scene: Scene, spread: PerturbationRange, draw: int) -> Scene:
+    """The scene with small changes; the same ``draw`` (0 or greater) gives the same ones.
+
+    Masses of free bodies and the friction of all (sliding and rolling by the same share) change one by one. Poses
+    change where they are free to: a free body goes about on the level it stands on, together with the free bodies that
+    it touches or nearly touches (a pot with what lies in it, a row of books). It neither gets into anything nor lets go
+    of what it touched; where room is scarce the change is drawn again, and smaller. Fixed bodies and marks stay, since
+    rewards name places in the world.
+    """
+    scales = np.random.default_rng([draw, 0]).uniform(-1, 1, (len(scene.bodies), 2)).tolist()
+    poses = _moved(scene, spread, np.random.default_rng([draw, 1]))
+    return Scene(
+        tuple(
+            replace(
+                body,
+                pose=poses.get(body.name, body.pose),
+                mass=body.mass * (1 + spread.mass * heavier),
+                friction=body.friction * (1 + spread.friction * rougher),
+                rolling_friction=body.rolling_friction * (1 + spread.friction * rougher),
+            )
+            for body, (heavier, rougher) in zip(scene.bodies, scales, strict=True)
+        )
+    )
+
+
+def _moved(scene: Scene, spread: PerturbationRange, rng: np.random.Generator) -> dict[str, Pose]:
+    """New poses of free bodies, by name."""
+    poses: dict[str, Pose] = {}
+    if spread.position == spread.yaw == 0:
+        return poses
+    solids = {body.name: tuple(body_solids(body)) for body in scene.bodies}
+    for group in together(scene.free, solids):
+        members = {body.name for body in group}
+        others = Solids(solid for name, felt in solids.items() if name not in members for solid in felt)
+        move = _move(group, [solid for body in group for solid in solids[body.name]], others, spread, rng)
+        for body in group:
+            poses[body.name] = move @ body.pose
+            solids[body.name] = tuple(replace(s, pose=move @ s.pose) for s in solids[body.name])
+    return poses
+
+
+def together(bodies: Sequence[Body], solids: Mapping[str, Sequence[Solid]]) -> list[list[Body]]:
+    """The bodies in groups that touch or nearly touch, directly or through others; in the order of their first."""
+    near = np.zeros((len(bodies), len(bodies)), dtype=bool)
+    for i, body in enumerate(bodies):
+        for j in range(i):
+            others = Solids(solids[bodies[j].name])
+            near[i, j] = any(
+                signed_distance(solid, other) < TOGETHER_M
+                for solid in solids[body.name]
+                for other in others.near(solid, TOGETHER_M)
+            )
+    count, labels = connected_components(near, directed=False)
+    return [[body for body, label in zip(bodies, labels, strict=True) if label == group] for group in range(count)]
+
+
+def _move(
+    group: Sequence[Body], felt: Sequence[Solid], others: Solids, spread: PerturbationRange, rng: np.random.Generator
+) -> Pose:
+    """Of the group as a whole, in the world, about the middle of its bodies; none at all if nothing fits."""
+    middle = np.mean([body.pose.position for body in group], axis=0) * np.array([1.0, 1.0, 0.0])
+    before = _gaps(felt, others)
+    for halvings in range(_HALVINGS):
+        for _ in range(_TRIES):
+            x, y, yaw = rng.uniform(-1, 1, 3) * (spread.position, spread.position, spread.yaw) * 0.5**halvings
+            move = Pose.xyz_rpy(middle + np.array([x, y, 0.0]), (0.0, 0.0, yaw)) @ Pose(-middle)
+            if _fits(before, _gaps([replace(s, pose=move @ s.pose) for s in felt], others)):
+                return move
+    return Pose()
+
+
+def _gaps(felt: Sequence[Solid], others: Solids) -> dict[str, float]:
+    """Metres to each of the others, by name, as far as they are near."""
+    gaps: dict[str, float] = {}
+    for solid in felt:
+        for other in others.near(solid, CLEAR_M):
+            gaps[other.name] = min(signed_distance(solid, other), gaps.get(other.name, math.inf))
+    return gaps
+
+
+def _fits(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+    """Whether nothing has come too near, and nothing has lost its hold."""
+    far = math.inf
+    free = all(gap >= min(before.get(name, far), CLEAR_M) - _EXACT_M for name, gap in after.items())
+    held = all(after.get(name, far) < CONTACT_M + _EXACT_M for name, gap in before.items() if gap < CONTACT_M)
+    return free and held

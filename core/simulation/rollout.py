@@ -1,0 +1,187 @@
+"""One candidate in one world: from waypoints to a reward. Engines only play what is prepared here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+
+from core.design import Candidate, Evaluation
+from core.errors import UserError
+from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
+from core.plugins import Part, describe_part, installed
+from core.plugins.blame import PluginError, describe_failure
+from core.robot.kinematics import arm
+from core.robot.trajectory import Motion, plan_motion
+from core.scene import State
+from core.simulation.penetration import SAMPLE_HZ, Explosion, Finding, findings
+from core.text import shorten
+
+
+@dataclass(frozen=True)
+class Evaluator:
+    """Where candidates are tried: a task, a simulator, the seed of the scene's layout, and how plans are executed.
+
+    It is small, hashable and picklable, and may be called: a chunk of candidates in, their evaluations out, in order.
+
+    Raises:
+        PluginError: the task's code or the simulator's raised something; says whose.
+    """
+
+    task: Part
+    sim: Part
+    seed: int = 0
+    settings: RolloutSettings = field(default_factory=RolloutSettings)
+
+    @property
+    def batch(self) -> int:
+        """Candidates that its simulator likes at once (`Simulator.batch`)."""
+        return int(getattr(installed().factory(self.sim.kind, self.sim.name), "batch", 1))
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        try:
+            return evaluate(_task(self.task), _simulator(self.sim), candidates, self.seed, self.settings)
+        except (UserError, MemoryError):
+            raise
+        except Exception as error:  # whatever a plugin's code raises
+            blamed = describe_failure(error)
+            if blamed is None:
+                raise
+            raise PluginError(blamed) from error
+
+
+@lru_cache(maxsize=256)
+def _task(part: Part) -> Task:
+    """Made once per process."""
+    return part.create()  # type: ignore[no-any-return]
+
+
+@lru_cache(maxsize=4)
+def _simulator(part: Part) -> Simulator:
+    """Made once per process."""
+    return part.create()  # type: ignore[no-any-return]
+
+
+def prepare(
+    task: Task, candidate: Candidate, seed: int, settings: RolloutSettings, record_hz: float = 0.0
+) -> tuple[Motion, Rollout]:
+    """The candidate's motion, and the job that plays it.
+
+    Raises:
+        ValueError: the candidate has no tool (it was rejected).
+    """
+    if candidate.tool is None:
+        raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
+    motion = plan_motion(candidate.plan, task.home, arm(), segment_s=settings.segment_s, speed=settings.speed)
+    job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, settings.hold_s, record_hz)
+    return motion, job
+
+
+def rejected(candidate: Candidate, reason: str | None = None) -> Evaluation:
+    """The evaluation of a candidate that breaks a rule."""
+    return Evaluation(candidate, "rejected", reason=reason or candidate.problem or "")
+
+
+def evaluate(
+    task: Task, simulator: Simulator, candidates: Sequence[Candidate], seed: int, settings: RolloutSettings
+) -> list[Evaluation]:
+    """Try each candidate; in order. The reward is taken of all worlds at once."""
+    evaluations: dict[int, Evaluation] = {}
+    motions: dict[int, Motion] = {}
+    jobs: list[Rollout] = []
+    for i, candidate in enumerate(candidates):
+        if candidate.problem is not None:
+            evaluations[i] = rejected(candidate)
+            continue
+        motion, job = prepare(task, candidate, seed, settings, SAMPLE_HZ if settings.penetration != "ignore" else 0.0)
+        if motion.trajectory.duration > settings.max_motion_s:
+            took = f"the motion takes {motion.trajectory.duration:.0f} s under the arm's limits"
+            evaluations[i] = rejected(
+                candidate, f"{took}, more than {settings.max_motion_s:.0f} s; use fewer waypoints"
+            )
+            continue
+        motions[i] = motion
+        jobs.append(job)
+    outcomes = dict(zip(motions, _outcomes(simulator, task, jobs), strict=True))
+    sound: list[tuple[int, State, State]] = []
+    seen: dict[int, list[Finding]] = {}
+    scene = task.scene(seed) if any(outcome.recording is not None for outcome in outcomes.values()) else None
+    for i, outcome in outcomes.items():
+        tool = candidates[i].tool
+        if outcome.recording is not None and scene is not None and tool is not None:
+            try:
+                seen[i] = findings(scene, tool, outcome.recording)
+            except Explosion as error:
+                evaluations[i] = Evaluation(candidates[i], "failed", reason=f"the simulation blew up: {error}")
+                continue
+        if outcome.error is None and outcome.start is not None and outcome.end is not None:
+            sound.append((i, outcome.start, outcome.end))
+        else:
+            evaluations[i] = Evaluation(candidates[i], "failed", reason=outcome.error or "no state came back")
+    for i, evaluation in _scored(task, candidates, motions, outcomes, sound):
+        evaluations[i] = judged(evaluation, seen.get(i, []), forbid=settings.penetration == "forbid")
+    return [evaluations[i] for i in range(len(candidates))]
+
+
+def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
+    """One for each job.
+
+    Raises:
+        PluginError: something else came; says whose simulator it is.
+    """
+    outcomes = simulator.rollout(task, jobs)
+    if not isinstance(outcomes, list) or not all(isinstance(outcome, Outcome) for outcome in outcomes):
+        raise PluginError(
+            f"{describe_part(simulator)}: rollout gave {shorten(repr(outcomes))}; expected a list of Outcome"
+        )
+    if len(outcomes) != len(jobs):
+        raise PluginError(f"{describe_part(simulator)}: rollout gave {len(outcomes)} outcomes for {len(jobs)} jobs")
+    return outcomes
+
+
+def judged(evaluation: Evaluation, seen: Sequence[Finding], *, forbid: bool) -> Evaluation:
+    """The evaluation with what was seen among its warnings; where cheats are forbidden, it earns nothing with one."""
+    warnings = (*evaluation.warnings, *(finding.text for finding in seen))
+    cheats = [finding.text for finding in seen if finding.cheat]
+    if not (forbid and cheats and evaluation.reward > 0):
+        return replace(evaluation, warnings=warnings)
+    reason = f"{cheats[0]}, so that its reward of {evaluation.reward:.2f} does not count"
+    return replace(evaluation, warnings=warnings, reward=0.0, reason=evaluation.reason or reason)
+
+
+def _scored(
+    task: Task,
+    candidates: Sequence[Candidate],
+    motions: dict[int, Motion],
+    outcomes: dict[int, Outcome],
+    sound: list[tuple[int, State, State]],
+) -> Iterator[tuple[int, Evaluation]]:
+    if not sound:
+        return
+    starts, ends = State.stack([start for _, start, _ in sound]), State.stack([end for _, _, end in sound])
+    rewards = np.asarray(task.reward(starts, ends), dtype=np.float64)
+    if rewards.shape != (len(sound),):
+        raise PluginError(
+            f"{describe_part(task)}: reward gave an array of shape {rewards.shape} for {len(sound)} worlds; "
+            f"expected ({len(sound)},)"
+        )
+    shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1)
+    for (i, _, _), reward, moved in zip(sound, rewards, shifts, strict=True):
+        motion, outcome = motions[i], outcomes[i]
+        evaluation = Evaluation(
+            candidates[i],
+            "ok",
+            reward=float(reward),
+            distance_m=motion.distance_m,
+            ik_error_m=motion.ik_error_m,
+            ik_error_rad=motion.ik_error_rad,
+            tracking_error_rad=outcome.tracking_error_rad,
+            moved_m={name: float(shift) for name, shift in zip(starts.names, moved, strict=True)},
+            warnings=outcome.warnings,
+        )
+        if not 0.0 <= reward <= 1.0:
+            reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
+            evaluation = replace(evaluation, status="failed", reward=0.0, reason=reason)
+        yield i, evaluation

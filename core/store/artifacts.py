@@ -1,0 +1,85 @@
+"""The files that a person takes away: the best tool to print, the motion to run, and a film of it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from core.design import GRIPPER_MOUNTS, Candidate, Tool
+from core.designs.reading import dump_design
+from core.geometry import Pose
+from core.interfaces import ToolRepresentation
+from core.robot.description import FINGER_OPEN, assemble, tool_urdf
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+def save_design(candidate: Candidate, representation: ToolRepresentation, folder: Path) -> None:
+    """Write ``design.json`` (a designs file), ``waypoints.csv``, ``tool.urdf``, ``robot.urdf`` with its meshes,
+    ``tool.stl``.
+    """
+    tool = candidate.tool
+    assert tool is not None
+    folder.mkdir(parents=True, exist_ok=True)
+    document = {"strategies": [dump_design(candidate, representation)]}
+    (folder / "design.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    with (folder / "waypoints.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        names = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"]
+        writer.writerow(names[: candidate.plan.shape[1]])
+        writer.writerows(candidate.plan.tolist())
+    (folder / "tool.urdf").write_text(
+        f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool)}</robot>\n', encoding="utf-8"
+    )
+    (folder / "robot.urdf").write_text(assemble(tool, mesh_path=MeshCopier(folder)), encoding="utf-8")
+    tool_mesh(tool).export(folder / "tool.stl")
+
+
+def _mounts(tool: Tool) -> str:
+    """The mount links, so that a tool's file stands alone: one root, and a second mount fixed to it."""
+    first, *others = tool.mounts
+    joints = (
+        f'<joint name="{name}_joint" type="fixed"><parent link="{first}"/><child link="{name}"/></joint>\n'
+        for name in others
+    )
+    return "".join(f'<link name="{name}"/>\n' for name in tool.mounts) + "".join(joints)
+
+
+class MeshCopier:
+    """Copies the arm's small collision meshes to ``meshes/`` beside a URDF, to be seen and felt, and names them
+    relatively.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder / "meshes"
+        self._folder.mkdir(exist_ok=True)
+
+    def __call__(self, mesh: Path) -> str:
+        small = mesh.parents[1] / "collision" / f"{mesh.stem}.stl"
+        if not (self._folder / small.name).exists():
+            shutil.copy(small, self._folder)
+        return f"meshes/{small.name}"
+
+
+def tool_mesh(tool: Tool) -> trimesh.Trimesh:
+    """The boxes as one mesh in millimetres, as slicers expect; each mount's parts in that mount's frame, two mounts
+    side by side.
+    """
+    import trimesh
+
+    apart = {
+        GRIPPER_MOUNTS[0]: Pose(np.array([0.0, FINGER_OPEN, 0.0])),
+        GRIPPER_MOUNTS[1]: Pose(np.array([0.0, -FINGER_OPEN, 0.0])),
+    }
+    placed = tool.placed()
+    boxes = []
+    for component in tool.components:
+        mount, pose = placed[component.name]
+        boxes.append(component.shape.to_trimesh().apply_transform((apart.get(mount, Pose()) @ pose).matrix))
+    return trimesh.util.concatenate(boxes).apply_scale(1000.0) if boxes else trimesh.Trimesh()

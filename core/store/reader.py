@@ -1,0 +1,75 @@
+"""What a run's store holds, read back."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from core.design import Evaluation
+from core.designs.reading import read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UserError
+from core.interfaces import ToolRepresentation
+from core.store.database import FILE, SCHEMA_VERSION
+
+
+def _query(folder: Path, query: str) -> list[sqlite3.Row]:
+    file = folder / FILE
+    if not file.is_file():
+        raise UserError(f"{folder} holds no run: there is no {FILE} in it")
+    # Without a log it may be read as it lies, from a place that can't be written too.
+    mode = "mode=ro" if file.with_name(f"{FILE}-wal").exists() else "mode=ro&immutable=1"
+    try:
+        with closing(sqlite3.connect(f"{file.absolute().as_uri()}?{mode}", uri=True)) as database:
+            database.row_factory = sqlite3.Row
+            return database.execute(query).fetchall()
+    except sqlite3.Error as error:
+        raise UserError(f"{file} can't be read: {error}") from error
+
+
+def stored_config(folder: Path) -> dict[str, Any]:
+    """The configuration of a run.
+
+    Raises:
+        UserError: the folder holds no run, or one that this version can't read.
+    """
+    rows = _query(folder, "SELECT schema_version, config FROM run")
+    if not rows:
+        raise UserError(f"{folder} holds a run that ended before it began; its store is empty")
+    found = rows[0]["schema_version"]
+    if not 1 <= found <= SCHEMA_VERSION:
+        raise UserError(
+            f"{folder} was written by another version: its store is of form {found}, this one reads up to "
+            f"{SCHEMA_VERSION}"
+        )
+    config: dict[str, Any] = json.loads(rows[0]["config"])
+    return config
+
+
+def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: SpawnRules) -> list[Evaluation]:
+    """Of all candidates that were tried without a fault, in the order of `Candidate.key`: what they are, their rewards
+    and distances. The candidates of a strategy share one tool.
+
+    Raises:
+        UserError: the folder holds no run.
+    """
+    strategies = {
+        (row["generation"], row["agent"], row["strategy"]): row for row in _query(folder, "SELECT * FROM strategies")
+    }
+    rows = _query(folder, "SELECT * FROM evaluations WHERE status = 'ok' ORDER BY generation, agent, strategy, plan")
+    evaluations = []
+    for key, group in groupby(rows, key=lambda row: (row["generation"], row["agent"], row["strategy"])):
+        plans = list(group)
+        design = json.loads(strategies[key]["design"])
+        design["action_sets"] = [json.loads(row["waypoints"]) for row in plans]
+        parents = tuple(json.loads(strategies[key]["parents"]))
+        candidates = read_designs({"strategies": [design]}, representation, spawn, generation=key[0], agent=key[1])
+        for row, candidate in zip(plans, candidates, strict=True):
+            known = replace(candidate, strategy=key[2], action=row["plan"], parents=parents)
+            evaluations.append(Evaluation(known, "ok", row["reward"], row["distance_m"]))
+    return evaluations

@@ -1,0 +1,321 @@
+"""A run's SQLite store, and the plain files beside it. Each thing is on disk before the loop goes on.
+
+The store is a listener like any other; the loop does not know it.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import logging
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from core.design import Candidate, Evaluation
+from core.designs.reading import dump_design
+from core.errors import UserError
+from core.events import Generation, Result, Run
+from core.hooks import hookimpl
+from core.interfaces import Picture, Reply, Request, Text
+from core.store.database import FILE, SCHEMA_VERSION, Database, writing
+from core.store.progress import StoredProgress, digest
+
+_log = logging.getLogger(__name__)
+
+
+class RunStore:
+    """Writes ``run.sqlite``, ``requests/``, ``replies/`` and ``result.json`` of a run folder, which it keeps to itself
+    until the run has ended. `create` and `open` make one.
+
+    What is in it already, told once more as a run goes on, is left as it is.
+
+    Attributes:
+        config: the run's, resolved.
+        past: what the run had come to when the store was opened.
+        result: what `report` said when the run last came to an end, or was stopped; None: it did neither.
+        seconds: how long it has been worked on before.
+        overrides: what the command line changed of the configuration as the run went on; kept as a note.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self.folder = database.folder
+        self._database = database
+        ((config, result),) = database.rows("SELECT config, result FROM run")
+        self.config: dict[str, Any] = json.loads(config)
+        self.result: dict[str, Any] | None = json.loads(result) if result is not None else None
+        self.past = StoredProgress(database)
+        ((self.seconds,),) = database.rows("SELECT total(seconds) FROM sessions")
+        self._strategies = {tuple(row) for row in database.rows("SELECT generation, agent, strategy FROM strategies")}
+        self.overrides: Sequence[str] = ()
+        self._began = time.monotonic()
+        self._open = True
+        self._run: Run | None = None
+        with writing(self.folder):
+            for name in ("requests", "replies"):
+                (self.folder / name).mkdir(exist_ok=True)
+
+    @classmethod
+    def create(cls, folder: Path, config: dict[str, Any]) -> RunStore:
+        """Of a new run.
+
+        Raises:
+            UserError: the folder holds a run already, is in another process's hands, or can't be written.
+        """
+        database = Database(folder)
+        with ExitStack() as on_error:
+            on_error.callback(database.close)
+            if database.begun():
+                raise UserError(
+                    f"{folder} already holds a run; go on with it with resume={folder}, or choose another folder with "
+                    "hydra.run.dir=..."
+                )
+            with database.transaction():
+                database.upgrade()
+                database.insert("run", schema_version=SCHEMA_VERSION, config=json.dumps(config))
+            store = cls(database)
+            on_error.pop_all()
+        return store
+
+    @classmethod
+    def open(cls, folder: Path) -> RunStore | None:
+        """Of a run that was begun; None: nothing of it is stored.
+
+        Raises:
+            UserError: the store is damaged, in another process's hands, a newer version's, or can't be written.
+        """
+        if not (folder / FILE).exists():
+            return None
+        database = Database(folder)
+        with ExitStack() as unless_begun:
+            unless_begun.callback(database.close)
+            if not database.begun():
+                return None
+            with database.transaction():
+                database.upgrade()
+            store = cls(database)
+            unless_begun.pop_all()
+        return store
+
+    @hookimpl
+    def run_started(self, run: Run) -> None:
+        self._run = run
+        self._began = time.monotonic()
+        found = versions()
+        for row in self._database.rows("SELECT versions FROM sessions ORDER BY number DESC LIMIT 1"):
+            self._compare(json.loads(row["versions"]), found)
+        with self._database.transaction():
+            self._database.insert(
+                "sessions",
+                began=datetime.now(UTC).isoformat(timespec="seconds"),
+                seconds=0.0,
+                overrides=json.dumps(list(self.overrides)),
+                versions=json.dumps(found),
+            )
+            # Until it ends again it has not ended, whatever befalls it.
+            self._database.execute("UPDATE run SET config = ?, result = NULL", json.dumps(run.config))
+
+    def _compare(self, before: dict[str, str], now: dict[str, str]) -> None:
+        names = sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
+        if names:
+            changes = ", ".join(f"{name} {before.get(name)} -> {now.get(name)}" for name in names)
+            _log.warning("versions have changed since this run began (%s): it may come to something else", changes)
+
+    @hookimpl
+    def request_composed(self, request: Request) -> None:
+        asked, known = digest(request), request.id in self.past.requests
+        if known and self.past.requests[request.id] in (None, asked):
+            return
+        if request.id in self.past.replies:
+            _log.warning("%s is composed differently now than when it was asked; its reply is kept", request.id)
+            return
+        brief = request.brief
+        with writing(self.folder):
+            folder = self.folder / "requests"
+            for picture in _pictures(request):
+                (folder / f"{picture.name}.png").write_bytes(picture.png)
+            _write(folder / f"{request.id}.md", _readable(request))
+            _write(folder / f"{request.id}.schema.json", json.dumps(request.schema, indent=2))
+        with self._database.transaction():
+            self._database.insert(
+                "requests",
+                replacing=True,
+                id=request.id,
+                generation=brief.generation,
+                agent=brief.agent,
+                gripper=brief.gripper,
+                temperature=request.temperature,
+                elites=json.dumps([elite.candidate.id for elite in brief.elites]),
+                digest=asked,
+            )
+
+    @hookimpl
+    def reply_received(self, reply: Reply) -> None:
+        try:
+            # One that comes after the end of an interrupted run is kept as a file only.
+            if self._open and reply.request_id not in self.past.replies:
+                with self._database.transaction(paid=True):
+                    self._database.insert("replies", **vars(reply))
+        finally:
+            file = self.folder / "replies" / f"{reply.request_id}.txt"
+            with writing(self.folder):
+                if not file.exists():
+                    _write(file, reply.text)
+
+    @hookimpl
+    def candidate_evaluated(self, evaluation: Evaluation) -> None:
+        candidate = evaluation.candidate
+        if candidate.id in self.past.candidates:
+            return
+        generation, agent, strategy, action = candidate.key
+        with self._database.transaction():
+            self._insert_strategy(candidate)
+            self._database.insert(
+                "evaluations",
+                candidate=candidate.id,
+                generation=generation,
+                agent=agent,
+                strategy=strategy,
+                plan=action,
+                waypoints=json.dumps(candidate.plan.tolist()),
+                status=evaluation.status,
+                reason=evaluation.reason,
+                reward=float(evaluation.reward),  # an engine's numbers may be numpy's
+                distance_m=float(evaluation.distance_m),
+                ik_error_m=float(evaluation.ik_error_m),
+                ik_error_rad=float(evaluation.ik_error_rad),
+                tracking_error_rad=float(evaluation.tracking_error_rad),
+                moved_m=json.dumps(evaluation.moved_m),
+                warnings=json.dumps(evaluation.warnings),
+                content=candidate.content,
+                details=json.dumps(evaluation.details),
+            )
+            self._count_time()
+
+    def _insert_strategy(self, candidate: Candidate) -> None:
+        """Once for all of its candidates: the design as a strategy of a designs file, without action plans."""
+        key = candidate.key[:3]
+        if key in self._strategies or candidate.tool is None or self._run is None:
+            return
+        self._strategies.add(key)
+        design = dump_design(candidate, self._run.representation) | {"action_sets": []}
+        generation, agent, strategy = key
+        self._database.insert(
+            "strategies",
+            generation=generation,
+            agent=agent,
+            strategy=strategy,
+            parents=json.dumps(candidate.parents),
+            design=json.dumps(design),
+        )
+
+    def _count_time(self) -> None:
+        seconds = time.monotonic() - self._began
+        self._database.execute(
+            "UPDATE sessions SET seconds = ? WHERE number = (SELECT max(number) FROM sessions)", seconds
+        )
+
+    @hookimpl
+    def generation_finished(self, generation: Generation) -> None:
+        with self._database.transaction():
+            self._database.insert(
+                "generations", replacing=True, number=generation.index, summary=json.dumps(summary(generation))
+            )
+            self._count_time()
+
+    @hookimpl
+    def run_finished(self, run: Run, result: Result) -> None:
+        told = report(run, result)
+        with writing(self.folder):
+            _write(self.folder / "result.json", json.dumps(told, indent=2) + "\n")
+        with self._database.transaction():
+            self._database.execute("UPDATE run SET result = ?", json.dumps(told))
+            self._count_time()
+
+    @hookimpl
+    def run_ended(self) -> None:
+        self._open = False
+        self._database.close()
+
+
+def _write(file: Path, text: str) -> None:
+    """All of it or nothing, whenever the process ends."""
+    part = file.with_name(f"{file.name}.part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(file)
+
+
+def report(run: Run, result: Result) -> dict[str, Any]:
+    """The content of ``result.json``."""
+    return {
+        **{kind: run.parts[kind] for kind in ("task", "sim", "vlm", "tool", "evolution")},
+        "budget": run.config["budget"]["name"],
+        "seed": run.seed,
+        "best": best_figures(result),
+        "stopped": result.stopped,
+        "generations": [summary(generation) for generation in result.generations],
+        "n_evaluations": result.n_evaluations,
+        "wall_time_s": round(result.wall_time_s, 3),
+        "rollouts_per_s": round(result.n_evaluations / result.wall_time_s, 3),
+        "versions": versions(),
+    }
+
+
+def best_figures(result: Result) -> dict[str, Any] | None:
+    """The best candidate, as in ``result.json``."""
+    best = result.best
+    if best is None:
+        return None
+    return {
+        "reward": best.reward,
+        "distance_m": best.distance_m,
+        "generation": best.candidate.generation,
+        "candidate": best.candidate.id,
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of Python, of this distribution, and of all that it requires and is installed."""
+    found = {"python": sys.version.split()[0]}
+    for requirement in ["vlmgineer", *(importlib.metadata.requires("vlmgineer") or [])]:
+        name = requirement.split(";")[0].split("[")[0].rstrip("<>=!~.,0123456789 ")
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue  # an extra, or not for this platform
+    return found
+
+
+def summary(generation: Generation) -> dict[str, Any]:
+    """A generation's figures, as in ``result.json``."""
+    return {
+        "index": generation.index,
+        "best_reward": generation.best.reward if generation.best is not None else None,
+        "mean_reward": generation.mean_reward,
+        "n_candidates": len(generation.evaluations),
+        "n_rejected": generation.count("rejected"),
+        "n_failed": generation.count("failed"),
+    }
+
+
+def _pictures(request: Request) -> list[Picture]:
+    """But for the run's ``scene.png``, which is there."""
+    parts = [part for message in request.messages for part in message.parts]
+    return [part for part in parts if isinstance(part, Picture) and part.name != "scene"]
+
+
+def _readable(request: Request) -> str:
+    """The messages as one Markdown text, with links to the pictures."""
+    blocks = []
+    for message in request.messages:
+        parts = [part.text if isinstance(part, Text) else _link(part) for part in message.parts]
+        blocks.append(f"# {message.role}\n\n" + "\n\n".join(parts))
+    return "\n\n".join(blocks) + "\n"
+
+
+def _link(picture: Picture) -> str:
+    return "![the scene](../scene.png)" if picture.name == "scene" else f"![{picture.name}]({picture.name}.png)"

@@ -1,0 +1,672 @@
+"""The prompts say what the code does: nothing missing, nothing of this machine, and no wrong sign."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import shutil
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+from lxml import etree
+
+import core.designs.composer
+import prompts
+from core.config.compose import load, node
+from core.config.schemas import PromptConfig
+from core.config.settings import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettings
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
+from core.designs.composer import REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown, counted
+from core.errors import UsageError, UserError
+from core.geometry import Array, Box, Pose
+from core.interfaces import Brief, Message, Picture, Reply, Request, Task, Text, ToolRepresentation
+from core.robot.description import FINGER_OPEN, assemble
+from core.robot.kinematics import arm
+from core.robot.trajectory import plan_motion
+from core.scene import Body, Goal, Scene, State, floor, table
+from core.simulation.rollout import RolloutSettings
+
+FOLDER = Path(prompts.__file__).parent
+PICTURE = Picture(b"\x89PNG")
+
+
+class PushCube(Task):
+    name = "PushCube"
+    description = "A small cube stands on the table. Push it {{ off }} the far edge."  # braces are text here, not Jinja
+    goals = (Goal(bodies=("cube",), away=0.5),)
+    home = Pose(np.array([0.4, -0.2, 0.2]))
+
+    def scene(self, seed: int) -> Scene:
+        cube = Body.of("cube", Box((0.05, 0.05, 0.05)), (1.2, 0.0, 0.025), mass=0.1, color=(1, 0, 0, 1))
+        return Scene((floor(), table(), cube))
+
+    def reward(self, start: State, end: State) -> Array:
+        moved = end.position("cube")[..., 0] - start.position("cube")[..., 0]
+        return np.clip(moved / 0.5, 0.0, 1.0)
+
+
+class Bar(ToolRepresentation):
+    """A tool is one bar, written down as XML."""
+
+    def instructions(self, brief: Brief) -> str:
+        return f"The tool is one bar on {' and '.join(GRIPPER_MOUNTS) if brief.gripper else RIGID_MOUNT}."
+
+    def schema(self) -> dict[str, Any]:
+        return {"xml": {"type": "string", "description": "the bar"}}
+
+    def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
+        raise NotImplementedError
+
+    def dump(self, tool: Tool) -> dict[str, Any]:
+        return {"xml": f'<bar name="{tool.components[0].name}"/>\n'}
+
+
+def make_brief(**changes: Any) -> Brief:
+    brief = Brief(PushCube(), 7, Bar(), gripper=False, n_tool=3, n_action=4, generation=0, agent=0, seed=0)
+    return replace(brief, **changes)
+
+
+def make_elite(strategy: int, reward: float, *, gripper: bool = False) -> Evaluation:
+    mount = GRIPPER_MOUNTS[0] if gripper else RIGID_MOUNT
+    bar = Component(f"bar{strategy}", mount, Pose(np.array([0.0, 0.0, -0.1])), Box((0.01, 0.01, 0.2)))
+    tool = Tool((bar,), gripper, name=f"Bar {strategy}", description="A long bar.")
+    candidate = Candidate(tool, np.zeros((1, 7 if gripper else 6)), strategy=strategy, strategy_name=f"Push {strategy}")
+    return Evaluation(candidate, "ok", reward=reward)
+
+
+ELITES = (make_elite(0, 0.87654321), make_elite(1, 0.6))
+
+
+SOURCE = Path(__file__).read_text(encoding="utf-8").rstrip()
+
+
+def words(messages: tuple[Message, ...]) -> str:
+    """All text but the task's source: that is this file, in which any test would find what it looks for."""
+    text = "".join(part.text for message in messages for part in message.parts if isinstance(part, Text))
+    assert text.count(SOURCE) == 1  # verbatim
+    return text.replace(SOURCE, "SOURCE")
+
+
+def headings(text: str) -> list[str]:
+    return re.findall(r"^# (.+)$", re.sub(r"```.*?```", "", text, flags=re.DOTALL), re.MULTILINE)
+
+
+BRIEFS = [
+    pytest.param(make_brief(), id="initial rigid"),
+    pytest.param(make_brief(gripper=True), id="initial gripper"),
+    pytest.param(make_brief(elites=ELITES), id="evolution rigid"),
+    pytest.param(make_brief(elites=ELITES, gripper=True), id="evolution gripper"),
+    pytest.param(make_brief(n_tool=1, n_action=1), id="one tool, one plan"),
+    pytest.param(make_brief(n_tool=1, n_action=1, elites=ELITES[:1]), id="one of everything"),
+]
+
+
+# --- what is composed -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("brief", BRIEFS)
+def test_what_every_prompt_holds(brief: Brief) -> None:
+    system, user = PromptComposer().compose(brief, PICTURE)
+    assert (system.role, user.role) == ("system", "user")
+    assert user.parts[-1] == PICTURE
+    assert all(isinstance(part, Text) and part.text.endswith("\n\n") for part in user.parts[:-1])
+    text = words((system, user))
+    assert "```python\nSOURCE\n```" in text
+    assert brief.task.description in text
+    assert brief.representation.instructions(brief) in text
+    assert "(0.4, -0.2, 0.2)" in text
+    for source in ("class Task(ABC):", "class Body:", "class Goal:", "def table()", "def plan_motion("):
+        assert source in text
+    assert json.dumps(answer_schema(brief), indent=1) in text
+
+
+@pytest.mark.parametrize("brief", BRIEFS)
+def test_no_path_of_this_machine(brief: Brief) -> None:
+    text = words(PromptComposer().compose(brief, PICTURE))
+    for folder in (FOLDER.parent, Path.home(), Path(sys.prefix), Path(pin.__file__).parents[1]):
+        assert str(folder) not in text
+    assert "package://" not in text
+    assert 'filename="link7.stl"' in text
+
+
+def test_parts_come_in_order() -> None:
+    rules = ["Tool rules", "Action rules", "Action diversity", "Workspace", "Spawn rules", "Frames", "Units", "Output"]
+    end = ["The task: PushCube"]
+    assert headings(words(PromptComposer().compose(make_brief(), None))) == ["Mission", "Procedure", *rules, *end]
+    evolved = headings(words(PromptComposer().compose(make_brief(elites=ELITES), None)))
+    assert evolved == ["Mission", "Procedure", "Evolution rules", *rules, *end]
+
+
+def test_without_a_picture_none_is_spoken_of() -> None:
+    messages = PromptComposer().compose(make_brief(), None)
+    assert all(isinstance(part, Text) for message in messages for part in message.parts)
+    assert "picture" not in words(messages).lower()
+
+
+def test_the_robot_shown_is_the_one_that_gets_the_tool() -> None:
+    rigid, gripper = (words(PromptComposer().compose(make_brief(gripper=g), None)) for g in (False, True))
+    for text, hand in ((rigid, False), (gripper, True)):
+        urdf = re.search(r"```xml\n(.*?)```", text, re.DOTALL)
+        assert urdf is not None
+        links = {link.get("name") for link in etree.fromstring(urdf[1]).findall("link")}
+        assert RIGID_MOUNT in links
+        assert ("panda_hand" in links) == (set(GRIPPER_MOUNTS) <= links) == hand
+    assert "exactly 6 numbers" in rigid
+    assert "exactly 7 numbers" in gripper
+    assert "`grip`" not in rigid
+
+
+def test_elites_are_shown() -> None:
+    text = words(PromptComposer().compose(make_brief(elites=ELITES), None))
+    block = re.search(r"## The elites\n```json\n(.*?)```", text, re.DOTALL)
+    assert block is not None
+    first, second = json.loads(block[1])
+    assert first == {
+        "id": "g0-a0-s0-p0",
+        "reward": 0.8765,
+        "strategy_name": "Push 0",
+        "strategy_description": "",
+        "tool_name": "Bar 0",
+        "tool_description": "A long bar.",
+        "gripper": False,
+        "xml": '<bar name="bar0"/>\n',
+    }
+    assert (second["id"], second["reward"]) == ("g0-a0-s1-p0", 0.6)
+    assert "crossover" in text.split("# Evolution rules")[1]
+
+
+# --- what else may be told of elites ----------------------------------------------------------------------------
+
+FIGURES = {
+    "distance_m": 1.23456,
+    "ik_error_m": 0.0711111,
+    "ik_error_rad": 0.5,
+    "tracking_error_rad": 0.02,
+    "moved_m": {"cube": 0.44444444},
+    "warnings": ("it fell",),
+}
+
+
+@pytest.mark.parametrize("feedback", ["paper", "numbers", "full"])
+def test_feedback(feedback: str) -> None:
+    plan = np.array([[0.5, 0.0, 0.123456, 0, 0, 1.5], [0.4, 0, 0.1, 0, 0, 0]])
+    elite = replace(ELITES[0], candidate=replace(ELITES[0].candidate, plan=plan), **FIGURES)
+    pictures = {"g0-a0-s0-p0": Picture(b"elite", "elite_g0-a0-s0-p0")} if feedback == "full" else {}
+    prompts = PromptComposer(PromptSettings(feedback=feedback))
+    messages = prompts.compose(make_brief(elites=(elite, ELITES[1])), PICTURE, pictures)
+    text = words(messages)
+    block = re.search(r"## The elites\n.*?```json\n(.*?)```", text, re.DOTALL)
+    assert block is not None
+    first, second = json.loads(block[1])
+    told = {
+        "action_plan": [[0.5, 0, 0.1235, 0, 0, 1.5], [0.4, 0, 0.1, 0, 0, 0]],
+        "distance_m": 1.2346,
+        "moved_m": {"cube": 0.4444},
+        "missed_m": 0.0711,
+        "missed_rad": 0.5,
+        "lag_rad": 0.02,
+        "warnings": ["it fell"],
+    }
+    assert {key: first.get(key) for key in told} == (told if feedback != "paper" else dict.fromkeys(told))
+    assert second.get("distance_m") is None  # nan
+    assert ("[0.4, 0.0, 0.1, 0.0, 0.0, 0.0]" in block[1]) == (feedback != "paper")  # a waypoint takes a line
+    assert ("that earned the rewards are not shown" in text) == (feedback == "paper")
+    for name in told:
+        assert (f"`{name}`" in text) == (feedback != "paper")
+    assert ("four instants" in text) == (feedback == "full")
+    *_, last = messages[-1].parts
+    if feedback == "full":
+        assert messages[-1].parts[-3:] == (PICTURE, Text("Elite g0-a0-s0-p0:\n\n"), pictures["g0-a0-s0-p0"])
+    else:
+        assert last == PICTURE
+
+
+def test_unknown_feedback_is_an_error() -> None:
+    with pytest.raises(UsageError, match=r"no feedback 'ful' in prompt.feedback \(did you mean 'full'\?\)"):
+        PromptComposer(PromptSettings(feedback="ful"))
+
+
+class GivenBar(Bar):
+    def given(self, task: Task) -> Tool:
+        return Tool((Component("bar", RIGID_MOUNT, Pose(), Box((0.01, 0.01, 0.2))),), name="bar", description="it is")
+
+    def schema(self) -> dict[str, Any]:
+        return {}
+
+    def dump(self, tool: Tool) -> dict[str, Any]:
+        return {}
+
+
+def test_plans_for_a_given_tool_go_on_from_the_best_ones() -> None:
+    first = words(PromptComposer().compose(make_brief(representation=GivenBar(), n_tool=1), None))
+    assert "best plans so far" not in first
+    brief = make_brief(representation=GivenBar(), n_tool=1, elites=ELITES)
+    later = words(PromptComposer().compose(brief, None))
+    assert "## The best plans so far" in later
+    assert '"action_plan"' in later
+    assert "`parents`" in later
+    assert "parents" in answer_schema(brief)["properties"]["strategies"]["items"]["properties"]
+
+
+class NoTool(GivenBar):
+    def given(self, task: Task) -> Tool:
+        return Tool(gripper=True, name="bare gripper", description="the hand")
+
+
+@pytest.mark.parametrize("n_action", [1, 4])
+def test_without_a_tool_none_is_spoken_of(n_action: int) -> None:
+    brief = make_brief(representation=NoTool(), n_tool=1, n_action=n_action, gripper=True)
+    text = words(PromptComposer().compose(brief, PICTURE))
+    prose = re.sub(r"```.*?```", "", text, flags=re.DOTALL).replace("There is no tool, and none can be designed.", "")
+    assert not re.search(r"\btools?\b", prose.partition("# Mission")[2])
+    assert "at (0.4, -0.2, 0.2) with roll, pitch, yaw (0, 0, 0)" in prose  # home
+    assert "finger tips" in prose
+
+
+def test_what_stands_in_a_file_for_a_picture() -> None:
+    message = Message("user", (Text("a\n\n"), PICTURE, Text("b\n\n"), Picture(b"", "elite")))
+    assert as_markdown(message, "../") == "a\n\n![scene](../scene.png)\n\nb\n\n![elite](../elite.png)\n\n"
+
+
+# --- a person's idea --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def idea(tmp_path: Path) -> Path:
+    file = tmp_path / "my_idea.md"
+    file.write_text("\ufeff Take a broom {{ brief }}.\n", encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize(
+    "brief", [make_brief(), make_brief(elites=ELITES), make_brief(representation=GivenBar(), n_tool=1)]
+)
+def test_a_persons_idea_is_passed_on(idea: Path, brief: Brief) -> None:
+    text = words(PromptComposer(settings_of("human", f"prompt.file={idea}")).compose(brief, None))
+    assert text.count("```text\nTake a broom {{ brief }}.\n```") == 1
+    assert "# The colleague's instructions" in text
+    assert "wide range" not in text
+    assert "Think of a tool" not in text
+    order = headings(text)
+    assert order.index("The colleague's instructions") < order.index("Procedure")
+
+
+IDEAS = sorted((FOLDER.parent / "docs" / "ideas").glob("*.md"))
+
+
+def test_there_are_three_samples() -> None:
+    assert len(IDEAS) == 3
+
+
+@pytest.mark.parametrize("file", IDEAS, ids=lambda file: file.stem)
+def test_samples_are_marked_as_such_and_the_mark_is_not_told(file: Path) -> None:
+    assert file.read_text(encoding="utf-8").startswith("<!-- An example, written for this project")
+    text = words(PromptComposer(settings_of("human", f"prompt.file={file}")).compose(make_brief(), None))
+    assert file.read_text(encoding="utf-8").partition("-->")[2].strip() in text
+    assert "<!--" not in text
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (None, "there is no such file"),
+        (b"", "is empty; write down the tool"),
+        (b" \n<!-- nothing\nbut a comment -->", "is empty; write down the tool"),
+        (b"\xff\xfe", "is not UTF-8 text"),
+        (b"x" * 60_000, "has 60000 characters; at most 50000"),
+    ],
+)
+def test_files_that_hold_no_idea(tmp_path: Path, content: bytes | None, reason: str) -> None:
+    file = tmp_path / "idea.md"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(UserError, match=reason) as error:
+        PromptComposer(settings_of("human", f"prompt.file={file}"))
+    assert str(error.value).startswith(f"prompt.file={file}")
+    assert "\n" not in str(error.value)
+
+
+def test_a_folder_holds_no_idea(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="can't be read: Is a directory"):
+        PromptComposer(settings_of("human", f"prompt.file={tmp_path}"))
+
+
+def test_an_idea_that_is_not_wanted_and_a_wanted_one_that_is_not_there() -> None:
+    with pytest.raises(UsageError, match=r"prompt\.file=x\.md would not be told by this prompt; prompt=human tells it"):
+        PromptComposer(PromptSettings(file="x.md"))
+    with pytest.raises(UsageError, match=r"prompt\.file is empty; give the text file"):
+        PromptComposer(settings_of("human"))
+
+
+def test_evolution_alone_needs_elites() -> None:
+    prompts = PromptComposer(settings_of("evolve"))
+    assert "## The elites" in words(prompts.compose(make_brief(elites=ELITES), None))
+    with pytest.raises(UserError, match="this prompt evolves elites, and there are none"):
+        prompts.compose(make_brief(), None)
+
+
+# --- a repair ---------------------------------------------------------------------------------------------------
+
+
+def test_a_repair_tells_what_was_said_and_what_is_wrong_with_it() -> None:
+    brief = make_brief()
+    first = Request("g0-a0", brief, PromptComposer().compose(brief, PICTURE), {}, 1.0)
+    messages = PromptComposer().repair(first, Reply("g0-a0", "I {{ think }}", "m"), "it has no {{ JSON }}")
+    assert messages[:2] == first.messages
+    assert [m.role for m in messages[2:]] == ["assistant", "user"]
+    assert messages[2].parts == (Text("I {{ think }}"),)
+    assert "can't be read: it has no {{ JSON }}." in messages[3].parts[0].text
+    silent = PromptComposer().repair(first, Reply("g0-a0", " \n", "m"), "it is empty")
+    assert [m.role for m in silent] == ["system", "user", "user"]
+
+
+# --- one elite, or of the other kind ----------------------------------------------------------------------------
+
+
+def test_one_elite_can_only_be_mutated() -> None:
+    text = words(PromptComposer().compose(make_brief(elites=ELITES[:1]), None))
+    assert "mutation" in text
+    assert "crossover" not in text
+
+
+@pytest.mark.parametrize("gripper", [False, True])
+def test_elites_of_the_other_kind_are_pointed_out(gripper: bool) -> None:
+    same = words(
+        PromptComposer().compose(make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=gripper),)), None)
+    )
+    other = words(
+        PromptComposer().compose(make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=not gripper),)), None)
+    )
+    assert "of the other kind" not in same
+    assert f"`gripper` is {json.dumps(not gripper)}, it is of the other kind" in other
+
+
+def test_an_elite_without_a_tool_is_an_error() -> None:
+    elite = Evaluation(Candidate(None, np.zeros((0, 6)), problem="no tool"), "rejected")
+    with pytest.raises(ValueError, match="elite g0-a0-s0-p0 has no tool"):
+        PromptComposer().compose(make_brief(elites=(elite,)), None)
+
+
+def test_counts_read_well() -> None:
+    assert (counted(1, "tool"), counted(10, "tool")) == ("one tool", "10 tools")
+    for elites in ((), ELITES, ELITES[:1]):
+        for n_tool in (1, 2):
+            for n_action in (1, 2):
+                brief = make_brief(n_tool=n_tool, n_action=n_action, elites=elites)
+                text = words(PromptComposer().compose(brief, PICTURE)).split("# The task")[0]
+                assert not re.search(r"\b1 (new )?(tools?|plans?|action plans?|times|strateg|different)", text)
+                assert not re.search(r"one (new )?(tools|plans|action plans|strategies)\b", text)
+
+
+def test_how_plans_are_executed_is_told() -> None:
+    settings = RolloutSettings(segment_s=0.75, hold_s=2.5, max_motion_s=33.0)
+    text = words(PromptComposer(rollout=settings).compose(make_brief(), None))
+    assert "lasts 0.75 s" in text
+    assert "for 2.5 s" in text
+    assert "longer than 33 s" in text
+
+
+# --- the templates ----------------------------------------------------------------------------------------------
+
+
+def test_each_template_is_used() -> None:
+    human = settings_of("human")
+    used = {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN, REPAIR, *human.initial, *human.evolution, *human.given}
+    assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == used
+
+
+def test_the_default_choice_is_the_default() -> None:
+    assert settings_of("vlmgineer") == PromptConfig(name="vlmgineer")
+
+
+def test_parts_can_be_chosen() -> None:
+    chosen = PromptSettings(system=[], initial=["units", "context", "frames"])
+    messages = PromptComposer(chosen).compose(make_brief(), None)
+    assert [message.role for message in messages] == ["user"]
+    assert headings(words(messages)) == ["Units", "The task: PushCube", "Frames"]
+
+
+def from_folder(folder: Path) -> PromptComposer:
+    return PromptComposer(PromptSettings(dir=str(folder)))
+
+
+def settings_of(name: str, *overrides: str) -> PromptSettings:
+    """A choice of the config group."""
+    return node(load("config", [f"prompt={name}", *overrides]).prompt, PromptConfig)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(FOLDER, tmp_path / "mine", ignore=shutil.ignore_patterns("*.py", "__pycache__")))
+
+
+def test_another_folder(folder: Path) -> None:
+    (folder / "units.md.j2").write_text("# Units\nInches, for {{ task.name }}.\n", encoding="utf-8")
+    assert "Inches, for PushCube." in words(from_folder(folder).compose(make_brief(), None))
+
+
+def test_a_misspelt_name_is_an_error(folder: Path) -> None:
+    (folder / "units.md.j2").write_text("{{ brif.n_tool }}", encoding="utf-8")
+    with pytest.raises(
+        UserError, match=r"units\.md\.j2: 'brif' is undefined; a template may use: bare, brief, "
+    ) as error:
+        from_folder(folder).compose(make_brief(), None)
+    assert "\n" not in str(error.value)
+
+
+def test_a_template_can_not_break_out(folder: Path) -> None:
+    (folder / "units.md.j2").write_text("{{ brief.__class__.__mro__ }}", encoding="utf-8")
+    with pytest.raises(UserError, match=r"units\.md\.j2: .*unsafe"):
+        from_folder(folder).compose(make_brief(), None)
+
+
+def test_a_broken_template_is_an_error(folder: Path) -> None:
+    (folder / "units.md.j2").write_text("# Units\n{% if %}", encoding="utf-8")
+    with pytest.raises(UserError, match=r"units\.md\.j2, line 2: "):
+        from_folder(folder)
+
+
+def test_a_missing_template_is_an_error(folder: Path) -> None:
+    (folder / "units.md.j2").rename(folder / "unit.md.j2")
+    with pytest.raises(UserError, match=r"no prompt template 'units\.md\.j2' .*did you mean 'unit\.md\.j2'") as error:
+        from_folder(folder)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_folder_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"no prompt folder .*nowhere; name one") as error:
+        from_folder(tmp_path / "nowhere")
+    assert "\n" not in str(error.value)
+
+
+# --- the schema -------------------------------------------------------------------------------------------------
+
+
+def objects(schema: Any) -> list[dict[str, Any]]:
+    if isinstance(schema, list):
+        return [found for item in schema for found in objects(item)]
+    if not isinstance(schema, dict):
+        return []
+    own = [schema] if schema.get("type") == "object" else []
+    return own + [found for item in schema.values() for found in objects(item)]
+
+
+@pytest.mark.parametrize(("gripper", "numbers"), [(False, 6), (True, 7)])
+def test_schema_counts(gripper: bool, numbers: int) -> None:
+    schema = answer_schema(make_brief(gripper=gripper))
+    strategies = schema["properties"]["strategies"]
+    assert (strategies["minItems"], strategies["maxItems"]) == (3, 3)
+    fields = strategies["items"]["properties"]
+    plans = fields["action_sets"]
+    assert (plans["minItems"], plans["maxItems"]) == (4, 4)
+    plan = plans["items"]
+    assert plan["minItems"] == 1
+    assert "maxItems" not in plan
+    assert plan["items"] == {"type": "array", "items": {"type": "number"}, "minItems": numbers, "maxItems": numbers}
+    assert fields["gripper"] == {"type": "boolean", "enum": [gripper]}
+    assert fields["xml"] == {"type": "string", "description": "the bar"}
+    assert "parents" not in fields
+
+
+@pytest.mark.parametrize("elites", [(), ELITES])
+def test_schema_is_closed_and_complete(elites: tuple[Evaluation, ...]) -> None:
+    schema = answer_schema(make_brief(elites=elites))
+    found = objects(schema)
+    assert len(found) == 2
+    for each in found:
+        assert each["additionalProperties"] is False
+        assert each["required"] == list(each["properties"])
+    assert json.loads(json.dumps(schema)) == schema
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_offspring_name_their_parents(count: int) -> None:
+    strategy = answer_schema(make_brief(elites=ELITES[:count]))["properties"]["strategies"]["items"]
+    ids = ["g0-a0-s0-p0", "g0-a0-s1-p0"][:count]
+    parents = {"type": "array", "items": {"type": "string", "enum": ids}, "minItems": 1, "maxItems": count}
+    assert strategy["properties"]["parents"] == parents
+
+
+# --- what the templates claim, in numbers -----------------------------------------------------------------------
+
+PARTS = (np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, -1.0]))  # in front, to the left, hanging below
+DIRECTIONS = {
+    "stays": (0, 0, 0),
+    "goes up": (0, 0, 1),
+    "goes down": (0, 0, -1),
+    "swings left": (0, 1, 0),
+    "swings back": (-1, 0, 0),
+}
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_turns_move_parts_as_the_frames_say(axis: int, sign: int) -> None:
+    """The template's table, against the arm: asked for the turned waypoint, it moves what is mounted on it that way."""
+    rows = re.findall(r"^\| \+(\w+) \| (.+) \| (.+) \| (.+) \|$", (FOLDER / "frames.md.j2").read_text(), re.MULTILINE)
+    name, *told = rows[axis]
+    assert name == ("roll", "pitch", "yaw")[axis]
+    position, turn = np.array([0.5, 0.0, 0.4]), sign * 0.3 * np.eye(3)[axis]
+    solution = arm().inverse(Pose.xyz_rpy(position, turn), arm().home)
+    assert solution.error_m < 1e-4
+    pose = arm().forward(solution.joints)
+    for part, words_of_it in zip(PARTS, told, strict=True):
+        (direction,) = (way for text, way in DIRECTIONS.items() if words_of_it.startswith(text))
+        shift = pose.apply(0.3 * part) - (position + 0.3 * part)
+        across = shift - (shift @ part) * part  # without how far it came nearer
+        np.testing.assert_allclose(across, sign * 0.3 * np.sin(0.3) * np.array(direction), atol=1e-3)
+
+
+def test_the_frames_example() -> None:
+    x, y, z, pitch = 0.5, 0.1, 0.4, 0.3
+    ahead, below = Pose.xyz_rpy((x, y, z), (0, pitch, 0)).apply([[0.3, 0, 0], [0, 0, -0.3]])
+    np.testing.assert_allclose(ahead, (x + 0.3 * np.cos(pitch), y, z - 0.3 * np.sin(pitch)))
+    np.testing.assert_allclose(below, (x - 0.3 * np.sin(pitch), y, z - 0.3 * np.cos(pitch)))
+    turned = Pose.xyz_rpy((0, 0, 0), (0.1, 0.2, 0.3)).rotation.as_matrix()
+    about_x, about_y, about_z = (Pose.xyz_rpy((0, 0, 0), rpy).matrix[:3, :3] for rpy in np.diag([0.1, 0.2, 0.3]))
+    np.testing.assert_allclose(turned, about_z @ about_y @ about_x, atol=1e-12)
+
+
+def frames_at(home: Pose, gripper: bool) -> dict[str, Pose]:
+    """The robot's links, fingers open, in the frame of ``panda_virtual``."""
+    model = pin.buildModelFromXML(assemble(None if gripper else Tool(), visuals=False))
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, np.r_[arm().home_for(home), [FINGER_OPEN] * (2 if gripper else 0)])
+    virtual = data.oMf[model.getFrameId(RIGID_MOUNT)]
+    links = [(i, frame.name) for i, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
+    return {name: Pose.from_matrix(virtual.actInv(data.oMf[i]).homogeneous) for i, name in links}
+
+
+def corners(link: Any, pose: Pose) -> Array:
+    """All vertices of a link's collision shapes, placed."""
+    points = []
+    for collision in link.findall("collision"):
+        origin = collision.find("origin")
+        values = [[float(x) for x in origin.get(key).split()] for key in ("xyz", "rpy")] if origin is not None else None
+        mesh, box = collision.find("geometry/mesh"), collision.find("geometry/box")
+        if mesh is not None:
+            shape = trimesh.load(mesh.get("filename"))
+        else:
+            shape = trimesh.creation.box([float(x) for x in box.get("size").split()])
+        local = Pose.xyz_rpy(*values) if values else Pose()
+        points.append((pose @ local).apply(shape.vertices))
+    return np.concatenate(points)
+
+
+def test_finger_frames() -> None:
+    frames = frames_at(Task.home, gripper=True)
+    for name, side in zip(GRIPPER_MOUNTS, (-1, 1), strict=True):
+        np.testing.assert_allclose(frames[name].position, (0, side * 0.04, -0.0584), atol=1e-6)
+        np.testing.assert_allclose(frames[name].rotation.as_matrix(), np.diag([1, -1, -1]), atol=1e-6)
+
+
+@pytest.mark.parametrize("home", [Task.home, PushCube.home, Pose(np.array([0.4, 0.0, 0.1]))])
+def test_where_the_wrist_is_at_home(home: Pose) -> None:
+    frames = frames_at(home, gripper=False)
+    robot = etree.fromstring(assemble(Tool(), visuals=False))
+    links = {link.get("name"): link for link in robot.findall("link") if link.find("collision") is not None}
+    wrist = np.concatenate([corners(links[name], frames[name]) for name in ("panda_link6", "panda_link7")])
+    assert wrist[:, 2].min() > -1e-3
+    assert 0.18 < wrist[:, 2].max() < 0.2
+    assert 0.13 < np.linalg.norm(wrist[:, :2], axis=1).max() < 0.15
+    forearm = corners(links["panda_link5"], frames["panda_link5"])
+    assert forearm[:, 2].min() > 0.0
+
+
+def test_where_the_hand_is_at_home() -> None:
+    frames = frames_at(Task.home, gripper=True)
+    robot = etree.fromstring(assemble(None, visuals=False))
+    hand = corners(robot.find("link[@name='panda_hand']"), frames["panda_hand"])
+    assert np.all(hand.min(axis=0) > (-0.035, -0.105, -0.07))
+    assert np.all(hand.max(axis=0)[:2] < (0.035, 0.105))
+    for name in GRIPPER_MOUNTS:
+        assert corners(robot.find(f"link[@name='{name}']"), frames[name])[:, 2].min() == pytest.approx(-0.113, abs=1e-3)
+
+
+def test_the_workspace_can_be_reached() -> None:
+    """Pointing down, in front and to the sides: to a little inside the border, and not to a little outside."""
+    for angle in (-1.0, 0.0, 1.0):
+        for radius, reached in ((0.5, True), (0.75, True), (0.85, False)):
+            x, y = radius * np.cos(angle), radius * np.sin(angle)
+            seed = arm().home + np.array([angle, 0, 0, 0, 0, 0, angle])
+            solution = arm().inverse(Pose.xyz_rpy((x, y, 0.1)), seed)
+            assert (solution.error_m < 1e-3) == reached, (angle, radius)
+
+
+def test_the_motion_is_what_the_action_rules_say() -> None:
+    home, segment_s = PushCube.home, 0.5
+    low, turned = [0.4, -0.2, 0.15, 0, 0, 0, 0], [0.4, -0.2, 0.15, 0, 0, 0.02, 0]
+    motion = plan_motion(np.array([low, turned, [*turned[:6], 1]]), home, arm(), segment_s=segment_s)
+    trajectory = motion.trajectory
+    assert trajectory.duration == pytest.approx(3 * segment_s, rel=0.02)  # three short segments, the first from home
+    np.testing.assert_allclose(arm().forward(trajectory.arm[0]).position, home.position, atol=1e-4)
+    np.testing.assert_allclose(arm().forward(trajectory.arm[-1]).position, low[:3], atol=1e-4)
+    assert (trajectory.fingers[0], trajectory.fingers[-1]) == (FINGER_OPEN, 0.0)
+    _, fingers = trajectory.sample(np.array([2 * segment_s, 2.5 * segment_s]))
+    np.testing.assert_allclose(fingers, (FINGER_OPEN, FINGER_OPEN / 2), atol=1e-3)  # evenly, while the arm stands
+    halfway = arm().forward(trajectory.sample(np.array([0.5 * segment_s]))[0][0])
+    np.testing.assert_allclose(halfway.position, (0.4, -0.2, 0.175), atol=1e-3)  # straight
+
+
+def test_a_turn_goes_the_shorter_way_and_a_far_one_takes_longer() -> None:
+    turn = 1.3 * np.pi  # the shorter way is the other one
+    plan = np.array([[0.5, 0, 0.4, 0, 0, 0], [0.5, 0, 0.4, 0, 0, turn]])
+    trajectory = plan_motion(plan, Task.home, arm()).trajectory
+    yaws = [arm().forward(joints).rpy[2] for joints in trajectory.arm]
+    assert min(yaws) == pytest.approx(turn - 2 * np.pi, abs=0.01)
+    assert max(yaws) < 0.01
+    assert trajectory.duration > 1.1
+
+
+def test_the_core_imports_no_plugin() -> None:
+    tree = ast.parse(Path(core.designs.composer.__file__).read_text(encoding="utf-8"))
+    modules = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    assert not [module for module in modules if module.split(".")[0] in ("plugins", "tasks")]

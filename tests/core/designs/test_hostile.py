@@ -1,0 +1,241 @@
+"""Hostile replies, each read in a process of its own that has so much time and memory; and random ones."""
+
+import contextlib
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from core.design import DesignError
+from core.designs.reading import parse_reply, read_designs
+from core.evaluate import show
+from core.plugins import installed
+from plugins.tools.urdf.representation import UrdfTools
+from tests.conftest import FUZZ_CASES
+from tests.hostile import REPLIES, ROD, TOOLS, reply, reply_of, sound, spawn_rules, tool_reply
+from tests.soundness import check_candidate
+
+LIMITS = {"workers": 1, "timeout_s": 60.0, "memory_mb": 1024}
+HARMLESS = {"texture", "stylesheet", "million plans"}  # what is hostile in them is dropped, what is left is sound
+
+
+def reading(text):
+    """As `core.search.designer` reads a reply."""
+    return read_designs(parse_reply(text), UrdfTools(), spawn_rules(), n_tool=10, n_action=10)
+
+
+def problems(names):
+    """In a worker: of each candidate of a hostile reply its problem; a text where there is none at all."""
+    (name,) = names
+    group, _, key = name.partition(": ")
+    try:
+        candidates = reading(tool_reply(key) if group == "tool" else reply(key))
+    except DesignError as error:
+        return str(error)
+    for candidate in candidates:
+        check_candidate(candidate)
+    return [candidate.problem for candidate in candidates]
+
+
+@pytest.fixture(scope="module")
+def pool(tmp_path_factory):
+    with contextlib.chdir(tmp_path_factory.mktemp("cwd")):
+        with installed().create("executor", "local", LIMITS) as pool:
+            ((_, found),) = pool.map(problems, [["reply: a refusal"]])
+            assert "no JSON object" in found
+            yield pool
+        assert list(Path.cwd().iterdir()) == []
+
+
+@pytest.mark.parametrize("name", [*(f"tool: {key}" for key in TOOLS), *(f"reply: {key}" for key in REPLIES)])
+def test_is_refused_with_a_reason(pool, name):
+    ((_, found),) = pool.map(problems, [[name]])
+    assert not isinstance(found, Exception), found
+    if name.partition(": ")[2] in HARMLESS:
+        assert set(found) == {None}
+        return
+    for reason in [found] if isinstance(found, str) else found:
+        assert reason
+        assert reason.isprintable()
+        assert len(reason) < 500
+
+
+def test_what_is_sound_is_taken():
+    (candidate,) = reading(reply_of(sound()))
+    assert candidate.problem is None
+    check_candidate(candidate)
+
+
+@pytest.mark.parametrize("name", sorted(HARMLESS & set(TOOLS)))
+def test_of_a_reference_nothing_is_left(name):
+    (candidate,) = reading(tool_reply(name))
+    written = json.dumps(UrdfTools().dump(candidate.tool))
+    assert "passwd" not in written
+    assert "127.0.0.1" not in written
+
+
+def test_names_reach_no_path():
+    """Whatever passes for a name of a link holds no separator, and a name is only ever text within a file."""
+    for name in ("..", ".", "-rf", "a" * 64):
+        tool = UrdfTools().parse(sound(tool_urdf=ROD.replace('"rod"', f'"{name}"')), gripper=False)
+        assert tool.components[0].name == name
+    with pytest.raises(DesignError):
+        UrdfTools().parse(sound(tool_urdf=ROD.replace('"rod"', '"a/b"')), gripper=False)
+
+
+# --- random ones ------------------------------------------------------------------------------------------------
+
+fuzz = settings(max_examples=FUZZ_CASES, suppress_health_check=list(HealthCheck), print_blob=True)
+
+words = st.sampled_from(
+    [
+        "rod",
+        "b",
+        "panda_virtual",
+        "panda_link7",
+        "",
+        "fixed",
+        "0.02 0.02 0.1",
+        "0 0 -0.055",
+        "nan",
+        "1e9",
+        "-1",
+        "../x",
+        "0 0 0",
+        "0.1",
+        "1e-9 1 1",
+        "\x1b[2J",
+        "&amp;",
+        "\ud800",
+        "\u202e",
+        "0.03 0.03 0.03",
+        "0.02",
+        "1 0 0 1",
+    ]
+)
+tags = st.sampled_from(
+    [
+        "link",
+        "joint",
+        "visual",
+        "collision",
+        "inertial",
+        "geometry",
+        "box",
+        "mesh",
+        "origin",
+        "mass",
+        "parent",
+        "child",
+        "material",
+        "color",
+        "texture",
+        "robot",
+        "gazebo",
+        "sphere",
+    ]
+)
+attributes = st.dictionaries(
+    st.sampled_from(["name", "type", "link", "size", "xyz", "rpy", "value", "rgba", "filename"]), words, max_size=3
+)
+
+
+def written(tag, given, inside):
+    return f"<{' '.join([tag, *(f'{key}={value!r}' for key, value in given.items())])}>{''.join(inside)}</{tag}>"
+
+
+def element(children):
+    return st.builds(written, tags, attributes, st.lists(children, max_size=4))
+
+
+xml = st.recursive(st.one_of(words, st.builds("<{}/>".format, tags)), element, max_leaves=12)
+
+
+@st.composite
+def urdf(draw):
+    """A sound tool that something has befallen, or elements at random."""
+    parts = [ROD, *draw(st.lists(xml, max_size=3))]
+    text = "".join(draw(st.permutations(parts)))
+    for _ in range(draw(st.integers(0, 4))):
+        at = draw(st.integers(0, len(text)))
+        end = draw(st.integers(at, min(len(text), at + 30)))
+        text = text[:at] + draw(st.one_of(words, xml, st.text(max_size=5), st.just(text[at:end] * 2))) + text[end:]
+    old = draw(st.sampled_from(["0.02 0.02 0.1", "rod", "panda_virtual", "0 0 -0.055", 'value="0.02"', "fixed"]))
+    return text.replace(old, draw(words)) if draw(st.booleans()) else text
+
+
+@fuzz
+@given(text=urdf(), gripper=st.booleans())
+def test_any_tool_is_sound_or_refused(text, gripper):
+    for candidate in reading(reply_of(sound(tool_urdf=text, gripper=gripper))):
+        check_candidate(candidate)
+        if candidate.problem is None:
+            again = UrdfTools().parse(UrdfTools().dump(candidate.tool), gripper=gripper)
+            assert len(again.components) == len(candidate.tool.components)
+
+
+numbers = st.one_of(st.floats(), st.integers(), st.floats(-1, 1), st.sampled_from(["0.5", "NaN", "1e999", None, True]))
+waypoints = st.lists(st.one_of(numbers, st.floats(0.3, 0.6)), min_size=5, max_size=8)
+anything = st.recursive(
+    st.one_of(st.none(), st.booleans(), numbers, st.text(max_size=20)),
+    lambda inside: st.one_of(st.lists(inside, max_size=4), st.dictionaries(st.text(max_size=9), inside, max_size=4)),
+    max_leaves=8,
+)
+strategies = st.builds(
+    lambda changes, dropped: {k: v for k, v in sound(**changes).items() if k not in dropped},
+    st.fixed_dictionaries(
+        {},
+        optional={
+            "gripper": st.one_of(st.booleans(), anything),
+            "tool_urdf": st.one_of(st.just(ROD), urdf(), anything),
+            "action_sets": st.one_of(st.lists(st.lists(waypoints, max_size=3), max_size=3), anything),
+            "strategy_name": st.one_of(st.text(), anything),
+            "tool_description": st.one_of(st.text(), anything),
+            "parents": anything,
+        },
+    ),
+    st.sets(st.sampled_from(["gripper", "tool_urdf", "action_sets"]), max_size=1),
+)
+
+
+@st.composite
+def replies(draw):
+    """A document with or without text around it, whole or not."""
+    text = json.dumps({"strategies": draw(st.lists(st.one_of(strategies, anything), max_size=3))})
+    text = draw(st.text(max_size=10)) + text + draw(st.text(max_size=10))
+    for _ in range(draw(st.integers(0, 3))):
+        at = draw(st.integers(0, len(text)))
+        end = draw(st.integers(at, min(len(text), at + 20)))
+        text = (
+            text[:at]
+            + draw(st.sampled_from(["", "{", "}", "[", "]", '"', ",", "//", "/*", "\\", "\ud800"]))
+            + text[end:]
+        )
+    return text[: draw(st.integers(0, len(text)))] if draw(st.booleans()) else text
+
+
+@fuzz
+@given(replies())
+def test_any_reply_gives_sound_candidates_or_a_reason(text):
+    try:
+        candidates = reading(text)
+    except DesignError:
+        return
+    for candidate in candidates:
+        check_candidate(candidate)
+
+
+def test_a_terminal_is_shown_no_control_sequences(capsys):
+    """A plugin's error may hold what a model wrote."""
+    reason = "\x1b]0;owned\x07\x1b[2J[bold]no[/bold] \u202egnp\x00\nnext"
+    show(
+        [
+            {**dict.fromkeys(("strategy", "plan", "reward"), 0), "distance_m": None, "ik_error_m": None}
+            | {"status": "failed", "reason": reason}
+        ]
+    )
+    shown = capsys.readouterr().out
+    assert "[bold]no" in shown  # as it stands, not as markup
+    assert all(character.isprintable() or character == "\n" for character in shown)

@@ -1,0 +1,477 @@
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.design import Component, DesignError, Tool
+from core.designs.reading import MAX_SAVED, dump_design, load_designs, parse_reply, read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UserError
+from core.geometry import Box, Pose
+from core.interfaces import Task, ToolRepresentation
+from core.scene import Body, Scene, table
+from core.text import clean
+
+
+class CubeOnTable(Task):
+    name = "CubeOnTable"
+    description = "A cube on a table."
+    goals = ()
+
+    def scene(self, seed):
+        cube = Body.of("cube", Box((0.07, 0.07, 0.07)), (0.8, 0, 0.035), mass=1, color=(1, 0, 0, 1))
+        return Scene((table(), cube))
+
+    def reward(self, start, end):
+        return np.zeros(start.positions.shape[:-2])
+
+
+class Rod(ToolRepresentation):
+    """A tool is the length of a rod that hangs from the mount."""
+
+    def __init__(self):
+        self.parsed = 0
+
+    def instructions(self, brief):
+        return "Give the length of a rod."
+
+    def schema(self):
+        return {"length": {"type": "number"}}
+
+    def parse(self, data, *, gripper):
+        self.parsed += 1
+        length = data.get("length")
+        if isinstance(length, bool) or not isinstance(length, int | float) or not 0 < length < 10:
+            raise DesignError("length must be a number between 0 and 10")
+        if gripper:
+            rods = ("panda_leftfinger", 1), ("panda_rightfinger", -1)
+            return Tool(tuple(self._rod(m, length, (0, y * 0.0075, 0.05 + length / 2)) for m, y in rods), gripper=True)
+        return Tool((self._rod("panda_virtual", length, (0, 0, -length / 2)),))
+
+    def _rod(self, mount, length, at):
+        return Component(f"rod_{mount[6]}", mount, Pose.xyz_rpy(at), Box((0.01, 0.01, length)))
+
+    def dump(self, tool):
+        return {"length": tool.components[0].shape.size[2]}
+
+
+SPAWN = SpawnRules(CubeOnTable(), 0)
+PLAN = [[0.5, 0, 0.4, 0, 0, 0], [0.6, 0, 0.4, 0, 0, 0.5]]
+OPEN = [[*waypoint, 0.0] for waypoint in PLAN]
+STRATEGY = {
+    "strategy_name": "poke",
+    "strategy_description": "Poke it.",
+    "tool_name": "rod",
+    "tool_description": "A rod.",
+    "length": 0.2,
+    "action_description": "Forward.",
+    "action_sets": [PLAN, PLAN[:1]],
+}
+
+
+def read(*strategies, **how):
+    return read_designs({"strategies": list(strategies)}, Rod(), SPAWN, **how)
+
+
+def without(field):
+    return {name: value for name, value in STRATEGY.items() if name != field}
+
+
+def test_parents_are_believed_if_they_are_elites():
+    named = ["g0-a0-s0-p1", "g9-a9-s9-p9", 7, {"id": "g0-a1-s0-p0"}]
+    first, second = read(
+        {**STRATEGY, "parents": named}, {**STRATEGY, "parents": "g0-a0-s0-p1"}, elites=("g0-a1-s0-p0", "g0-a0-s0-p1")
+    )[::2]
+    assert first.parents == ("g0-a0-s0-p1",)
+    assert second.parents == ()
+
+
+def test_one_candidate_per_action_plan():
+    rods = Rod()
+    document = {"scene_analysis": "ignored", "strategies": [STRATEGY, {**STRATEGY, "extra": 1}]}
+    candidates = read_designs(document, rods, SPAWN, generation=2, agent=3)
+    assert [c.id for c in candidates] == ["g2-a3-s0-p0", "g2-a3-s0-p1", "g2-a3-s1-p0", "g2-a3-s1-p1"]
+    assert all(c.problem is None and c.parents == () for c in candidates)
+    assert rods.parsed == 2
+    first, second, third, _ = candidates
+    assert first.tool is second.tool is not third.tool
+    assert (first.tool.name, first.tool.description) == ("rod", "A rod.")
+    assert (first.strategy_name, first.strategy_description, first.action_description) == (
+        "poke",
+        "Poke it.",
+        "Forward.",
+    )
+    np.testing.assert_array_equal(first.plan, PLAN)
+    assert second.plan.shape == (1, 6)
+
+
+def test_only_the_tool_and_the_plans_are_required():
+    (candidate,) = read({"length": 0.2, "action_sets": [PLAN], "strategy_name": None})
+    assert candidate.problem is None
+    assert candidate.strategy_name == candidate.tool.name == ""
+
+
+def test_gripper_designs():
+    (candidate,) = read({**STRATEGY, "gripper": True, "length": 0.05, "action_sets": [OPEN]})
+    assert candidate.problem is None
+    assert candidate.tool.gripper
+    assert candidate.plan.shape == (2, 7)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"length": "long"}, "length must be a number"),
+        ({"length": 5}, "5 m long in z"),
+        ({"length": 0.6}, "inside 'table' of the scene"),
+        ({"tool_name": 3}, "'tool_name' is a number; it must be a text"),
+        ({"tool_description": []}, "'tool_description' is a list"),
+        ({"strategy_name": {}}, "'strategy_name' is an object"),
+        ({"strategy_description": 1.5}, "'strategy_description' is a number"),
+        ({"action_description": False}, "'action_description' is a boolean"),
+        ({"gripper": "yes"}, "'gripper' is the text 'yes'; it must be true or false"),
+        ({"gripper": 1}, "'gripper' is a number"),
+    ],
+)
+def test_a_fault_of_the_strategy_is_a_problem_of_all_its_plans(change, reason):
+    good, *bad = read({**STRATEGY, "action_sets": [PLAN]}, {**STRATEGY, **change})
+    assert good.problem is None
+    assert [c.action for c in bad] == [0, 1]
+    assert all(reason in c.problem and c.strategy == 1 for c in bad)
+
+
+def test_a_fault_of_a_plan_is_its_own():
+    good, bad, other = read({**STRATEGY, "action_sets": [PLAN, [PLAN[0], OPEN[0]], PLAN]})
+    assert good.problem is other.problem is None
+    assert bad.problem == "action plan 2: waypoint 2 has 7 numbers, 6 are needed: x, y, z, roll, pitch, yaw"
+    assert bad.plan.shape == (0, 6)
+    assert bad.tool is good.tool
+
+
+@pytest.mark.parametrize(
+    ("plans", "reason"),
+    [
+        (None, "is null"),
+        ({}, "is an object"),
+        ([], "is an empty list"),
+        ("none", "is the text 'none'"),
+        (7, "is a number"),
+    ],
+)
+def test_unusable_action_sets_give_one_candidate(plans, reason):
+    (candidate,) = read({**STRATEGY, "action_sets": plans})
+    assert candidate.problem == f"'action_sets' {reason}; give a list of action plans"
+    (candidate,) = read({**STRATEGY, "action_sets": plans, "gripper": 1})
+    assert "'gripper'" in candidate.problem
+
+
+def test_missing_fields():
+    (candidate,) = read(without("action_sets"))
+    assert "'action_sets' is missing" in candidate.problem
+    assert all("length" in c.problem for c in read(without("length")))
+
+
+@pytest.mark.parametrize("strategy", [None, 3, "x", [], True])
+def test_a_strategy_that_is_no_object(strategy):
+    bad, good = read(strategy, {**STRATEGY, "action_sets": [PLAN]})
+    assert "the strategy is " in bad.problem
+    assert (good.problem, good.strategy) == (None, 1)
+
+
+@pytest.mark.parametrize(
+    ("document", "reason"),
+    [
+        (None, "the document is null"),
+        ([STRATEGY], "the document is a list"),
+        ("x", "the document is the text"),
+        ({}, "has no 'strategies'"),
+        ({"strategies": {}}, "'strategies' is an object, not a list"),
+        ({"strategies": []}, "'strategies' is empty"),
+    ],
+)
+def test_a_document_without_strategies(document, reason):
+    with pytest.raises(DesignError, match=f"{reason}.*expected an object"):
+        read_designs(document, Rod(), SPAWN)
+
+
+def test_texts_are_cleaned():
+    (candidate,) = read({**STRATEGY, "tool_name": "a\x1b[31m\nb\u202e\ud800", "action_sets": [PLAN]})
+    assert candidate.tool.name == "a[31m b"
+    assert clean("x" * 300, 200) == "x" * 197 + "..."
+    (candidate,) = read({**STRATEGY, "strategy_description": "y" * 10_000, "action_sets": [PLAN]})
+    assert len(candidate.strategy_description) == 5000
+
+
+json_values = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=10)
+    | st.just(PLAN[0])
+    | st.just(10**400),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from([*STRATEGY, "gripper"]), inner, max_size=5)
+    ),
+    max_leaves=20,
+)
+strategies = st.fixed_dictionaries({}, optional={name: json_values | st.just(v) for name, v in STRATEGY.items()})
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    json_values | st.fixed_dictionaries({"strategies": json_values | st.lists(strategies | json_values, max_size=4)})
+)
+def test_any_document_gives_candidates_or_a_design_error(document):
+    try:
+        candidates = read_designs(document, Rod(), SPAWN)
+    except DesignError:
+        assert (
+            not isinstance(document, dict)
+            or not isinstance(document.get("strategies"), list)
+            or not document["strategies"]
+        )
+        return
+    assert {c.strategy for c in candidates} == set(range(len(document["strategies"])))
+    assert len({c.key for c in candidates}) == len(candidates)
+    for candidate in candidates:
+        if candidate.problem is None:
+            assert candidate.tool is not None
+            assert np.isfinite(candidate.plan).all()
+            assert len(candidate.plan) > 0
+
+
+# --- replies ----------------------------------------------------------------------------------------------------
+
+DOCUMENT = {"strategies": [{"tool_urdf": "<link name='{a}'>\n```json {\"</link>", "action_sets": [PLAN]}]}
+TEXT = json.dumps(DOCUMENT)
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        TEXT,
+        f"\n {json.dumps(DOCUMENT, indent=2)} \n",
+        f"```json\n{TEXT}\n```",
+        f"```\n{TEXT}\n```",
+        f"Sure! Here {{is}} what I {{ think:\n```json\n{TEXT}\n```\nGood luck {{}}.",
+        f'First I thought of {{"a": 1}}, then of {TEXT} and {{"strategies": []}}',
+        f"[{TEXT}]",
+        TEXT.replace("\\n", "\n"),
+    ],
+)
+def test_the_document_is_found_in_a_reply(reply):
+    assert parse_reply(reply) == DOCUMENT
+
+
+def test_an_object_without_strategies_is_given_as_it_is():
+    assert parse_reply('so: {"a": 1} {"b": 2}') == {"a": 1}
+
+
+@pytest.mark.parametrize("reply", ["", "I can't help with that.", "[1, 2]", "```json\n```"])
+def test_a_reply_without_an_object(reply):
+    with pytest.raises(DesignError, match="no JSON object"):
+        parse_reply(reply)
+
+
+def test_malformed_json_is_located_at_its_outermost_object():
+    with pytest.raises(DesignError, match=r"malformed at line 2, column 15: Expecting"):
+        parse_reply('{"strategies": [\n  {"length": 1;}\n  {"length": 2}]}')
+    cut = json.dumps({"strategies": [STRATEGY]}, indent=1)[:-30]
+    with pytest.raises(DesignError, match=r"malformed at line \d+, column \d+"):
+        parse_reply(f"Here {{it}} is:\n{cut}")
+
+
+def test_of_a_reply_that_is_cut_off_the_complete_strategies_are_kept():
+    whole = json.dumps({"scene_analysis": "x", "strategies": [STRATEGY, STRATEGY, STRATEGY]}, indent=1)
+    candidates = read_designs(parse_reply(f"Here it is:\n```json\n{whole[: -len(whole) // 4]}"), Rod(), SPAWN)
+    assert [c.problem is None for c in candidates] == [True] * 4 + [False]
+    assert re.search(r"cut off or malformed \(it begins at line \d+ of the reply\)", candidates[-1].problem)
+
+
+def test_a_reply_cut_off_between_strategies_says_so():
+    whole = '{"strategies": [' + json.dumps(STRATEGY) + ",\n"
+    *good, cut = read_designs(parse_reply(whole), Rod(), SPAWN)
+    assert [c.problem for c in good] == [None, None]
+    assert "cut off or malformed (it begins at line 2 of the reply)" in cut.problem
+
+
+def test_strategies_after_a_malformed_one_are_kept():
+    first, *_ = whole = [json.dumps({**STRATEGY, "strategy_name": str(n)}) for n in range(4)]
+    broken = whole[1].replace("[[", "[[;", 1)
+    text = '{"strategies": [' + ",\n".join([first, broken, broken, whole[3]]) + "]}"
+    candidates = read_designs(parse_reply(text), Rod(), SPAWN)
+    assert [(c.strategy, c.problem is None) for c in candidates] == [
+        *([(0, True)] * 2), (1, False), (2, False), *([(3, True)] * 2)
+    ]  # fmt: skip
+    assert candidates[-1].strategy_name == "3"
+    assert "line 2 " in candidates[2].problem
+    assert "line 3 " in candidates[3].problem
+
+
+@pytest.mark.parametrize(
+    "loose",
+    [
+        TEXT.replace("]", ", ]").replace("}]", ",\n}]"),
+        TEXT.replace("]", '] // up ] "\n'),
+        TEXT.replace("[[0", "/* it's \" a\ncomment */ [[0", 1),
+        'Say " and {' + TEXT.replace("]", ",]"),
+    ],
+)
+def test_comments_and_commas_too_many_are_overlooked(loose):
+    tricky = loose.replace("'{a}'", "'{a},] /* // */'")  # within a text they stay
+    assert parse_reply(tricky)["strategies"] == [
+        {
+            **DOCUMENT["strategies"][0],
+            "tool_urdf": DOCUMENT["strategies"][0]["tool_urdf"].replace("{a}", "{a},] /* // */"),
+        }
+    ]
+
+
+def test_numbers_may_be_texts():
+    plans = [
+        [[" 0.5", "0", "4e-1", "-0.10", ".5", "+1."]],
+        [["0.5", "0", "0.4", "pi/2", "0", "0"]],
+        [["1e999", *"00000"]],
+    ]
+    good, bad, far = read({**STRATEGY, "action_sets": plans})
+    np.testing.assert_array_equal(good.plan, [[0.5, 0, 0.4, -0.1, 0.5, 1.0]])
+    assert bad.problem == "action plan 2: waypoint 1: roll must be a number, not the text 'pi/2'"
+    assert "a finite number is needed" in far.problem
+
+
+def test_no_more_is_read_than_was_asked_for():
+    rods = Rod()
+    document = {
+        "strategies": [{**STRATEGY, "action_sets": [PLAN] * 5}, {**STRATEGY, "gripper": 1, "action_sets": [1] * 5}] * 3
+    }
+    candidates = read_designs(document, rods, SPAWN, n_tool=2, n_action=3)
+    assert [c.key[2:] for c in candidates] == [(s, p) for s in range(2) for p in range(3)]
+    assert rods.parsed == 1
+
+
+HUGE = 20_000_000
+
+
+@pytest.mark.parametrize(
+    "endless",
+    [
+        *("x", "{", "[", '"', "9", "/*", ", ", '{"', '\\"', '{"a":'),
+        *('{"strategies": [', '{"strategies": [],', '{"strategies": [{"strategy_name": 1, '),
+    ],
+)
+@pytest.mark.parametrize("before", ["", '{"strategies": ['])
+def test_twenty_megabytes_of_anything_are_read_or_refused(before, endless):
+    try:
+        document = parse_reply(before + endless * (HUGE // len(endless)))
+    except DesignError as error:
+        document, reason = {}, str(error)
+        assert len(reason) < 300
+    assert len(document.get("strategies", ())) <= MAX_SAVED
+
+
+def test_of_twenty_megabytes_the_sound_strategies_at_the_front_are_kept():
+    strategy = json.dumps(STRATEGY)
+    text = '{"strategies": [' + ", ".join([strategy] * 3) + ', {"strategy_name": "' + "x" * HUGE
+    candidates = read_designs(parse_reply(text), Rod(), SPAWN)
+    assert [c.problem is None for c in candidates] == [True] * 6 + [False]
+
+
+@pytest.mark.parametrize("between", ["\n", ",,", ", ,"])
+@pytest.mark.parametrize("end", ["]}", ",]}", "]"])
+def test_wrong_commas_between_strategies_cost_nothing(between, end):
+    strategy = json.dumps(STRATEGY)
+    candidates = read_designs(parse_reply('{"strategies": [' + strategy + between + strategy + end), Rod(), SPAWN)
+    assert [c.problem for c in candidates] == [None] * 4
+
+
+@pytest.mark.parametrize("constant", ["NaN", "Infinity", "-Infinity", "1e999"])
+def test_numbers_that_are_none_reject_one_plan_only(constant):
+    text = json.dumps({"strategies": [{**STRATEGY, "action_sets": [PLAN, [["?", 0, 0, 0, 0, 0]]]}]}).replace(
+        '"?"', constant
+    )
+    good, bad = read_designs(parse_reply(text), Rod(), SPAWN)
+    assert good.problem is None
+    assert "action plan 2: waypoint 1: x " in bad.problem
+
+
+@pytest.mark.parametrize(
+    ("inside", "reason"), [("9" * 5000, "too many digits"), ("[" * 100_000 + "]" * 100_000, "nests too deep")]
+)
+def test_json_that_breaks_parsers(inside, reason, tmp_path):
+    text = f'{{"strategies": [{inside}]}}'
+    with pytest.raises(DesignError, match=reason):
+        parse_reply(text)
+    (tmp_path / "designs.json").write_text(text)
+    with pytest.raises(UserError, match=reason):
+        load_designs(tmp_path / "designs.json")
+
+
+@settings(max_examples=200)
+@given(
+    st.text() | st.lists(st.sampled_from([*'{}[]",:1', "```json\n", "NaN", '"strategies"']), max_size=30).map("".join)
+)
+def test_any_reply_gives_an_object_or_a_design_error(text):
+    try:
+        assert isinstance(parse_reply(text), dict)
+    except DesignError as error:
+        message = str(error)
+        assert "\n" not in message
+
+
+# --- files ------------------------------------------------------------------------------------------------------
+
+
+def test_designs_files_are_read(tmp_path):
+    path = tmp_path / "designs.json"
+    path.write_bytes(b"\xef\xbb\xbf" + TEXT.encode())
+    assert load_designs(path) == DOCUMENT
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"\xff\xfe{}", "is not UTF-8 text"),
+        (b'{"strategies": [\n1,]}', "malformed JSON at line 2, column"),
+        (b"", "malformed JSON at line 1, column 1"),
+        (b"[]", "the document is a list"),
+        (b"{}", "has no 'strategies'"),
+        (b'{"strategies": []}', "'strategies' is empty"),
+        (b'{"strategies": "x"}', "not a list"),
+    ],
+)
+def test_files_that_hold_no_designs(tmp_path, content, reason):
+    path = tmp_path / "designs.json"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match=reason) as caught:
+        load_designs(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_not_there(tmp_path):
+    with pytest.raises(UserError, match=r"no designs file .*missing.json"):
+        load_designs(tmp_path / "missing.json")
+    with pytest.raises(UserError, match="can't be read: Is a directory"):
+        load_designs(tmp_path)
+
+
+@pytest.mark.parametrize("strategy", [STRATEGY, {**STRATEGY, "gripper": True, "length": 0.05, "action_sets": [OPEN]}])
+def test_a_design_is_written_as_it_is_read(strategy):
+    candidate = read(strategy)[0]
+    written = json.loads(json.dumps(dump_design(candidate, Rod())))
+    (again,) = read(written)
+    assert again.problem is None
+    assert again.tool == candidate.tool
+    np.testing.assert_array_equal(again.plan, candidate.plan)
+    assert written == {"gripper": False, **strategy, "action_sets": [strategy["action_sets"][0]]}
+
+
+def test_a_design_without_a_tool_is_not_written():
+    candidate = read({**STRATEGY, "length": math.inf})[0]
+    with pytest.raises(ValueError, match="g0-a0-s0-p0 has no tool to write down: length"):
+        dump_design(candidate, Rod())

@@ -1,0 +1,289 @@
+import math
+import re
+
+import numpy as np
+import pytest
+import trimesh
+
+from core.design import Component, DesignError, Tool
+from core.designs.rules import SpawnRules, check_plan, check_tool
+from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
+from core.interfaces import Task
+from core.robot.solids import box_gap
+from core.scene import Body, Geom, Scene, table
+
+WAYPOINT = [0.5, 0, 0.3, 0, 0, 0]
+
+
+class CubeOnTable(Task):
+    name = "CubeOnTable"
+    description = "A cube on a table."
+    goals = ()
+
+    def __init__(self, *bodies):
+        cube = Body.of("cube", Box((0.07, 0.07, 0.07)), (0.8, 0, 0.035), mass=1, color=(1, 0, 0, 1))
+        self._bodies = (table(), cube, *bodies)
+
+    def scene(self, seed):
+        return Scene(self._bodies)
+
+    def reward(self, start, end):
+        return np.zeros(start.positions.shape[:-2])
+
+
+def box(name="a", at=(0, 0, -0.05), size=(0.02, 0.02, 0.1), *, parent="panda_virtual", mass=0.005, rpy=(0, 0, 0)):
+    return Component(name, parent, Pose.xyz_rpy(at, rpy), Box(size), mass)
+
+
+def rigid(*components):
+    return Tool(components or (box(),))
+
+
+def gripper(*components):
+    return Tool(components, gripper=True)
+
+
+# --- the tool ---------------------------------------------------------------------------------------------------
+
+
+def test_a_sound_tool_passes():
+    check_tool(rigid(box(), box("b", (0.1, 0, -0.05), (0.2, 0.02, 0.02), parent="a")))
+
+
+@pytest.mark.parametrize("number", [100, 101])
+def test_number_of_components(number):
+    tool = rigid(*(box(f"c{i}") for i in range(number)))
+    if number > 100:
+        with pytest.raises(DesignError, match="has 101 boxes; at most 100"):
+            check_tool(tool)
+    else:
+        check_tool(tool)
+
+
+def test_a_tool_has_components():
+    with pytest.raises(DesignError, match="no boxes; hang at least one from panda_virtual"):
+        check_tool(Tool())
+    with pytest.raises(DesignError, match="from panda_leftfinger or panda_rightfinger"):
+        check_tool(Tool(gripper=True))
+
+
+@pytest.mark.parametrize(
+    ("size", "reason"),
+    [((0.0004, 1, 1), "0.0004 m long in x"), ((1, 2.01, 1), "2.01 m long in y"), ((1, 1, 1e9), "1e.09 m long in z")],
+)
+def test_sides(size, reason):
+    with pytest.raises(DesignError, match=f"component 'a' is {reason}; each side must be between 0.0005 and 2 m"):
+        check_tool(rigid(box(size=size)))
+
+
+@pytest.mark.parametrize("mass", [0.0, -0.1, 1.001, math.nan, math.inf])
+def test_masses(mass):
+    with pytest.raises(DesignError, match="component 'a' weighs"):
+        check_tool(rigid(box(mass=mass)))
+
+
+def test_payload():
+    with pytest.raises(DesignError, match=r"the tool weighs 3.6 kg; the arm carries at most 3 kg"):
+        check_tool(rigid(*(box(f"c{i}", mass=0.9) for i in range(4))))
+
+
+@pytest.mark.parametrize("rpy", [(0, 0, 0), (0, 0, 1.2)])
+def test_a_gap_to_the_parent(rpy):
+    def tool(gap):
+        return rigid(box(), box("b", (0, 0, -0.1 - gap), parent="a", rpy=rpy))
+
+    check_tool(tool(0.0009))
+    with pytest.raises(DesignError, match=r"component 'b' is 12.0 mm away from its parent 'a'"):
+        check_tool(tool(0.012))
+
+
+def test_a_gap_at_an_edge_is_measured_from_edge_to_edge():
+    with pytest.raises(DesignError, match=r"is 14.1 mm away"):
+        check_tool(rigid(box(), box("b", (0.03, 0, -0.11), parent="a")))
+
+
+@pytest.mark.parametrize(("at", "gap"), [((0, 0, -0.0569), None), ((0, 0, -0.06), "5.0"), ((0.0513, 0, 0), "9.8")])
+def test_a_gap_to_the_flange(at, gap):
+    if gap is None:
+        check_tool(rigid(box(at=at)))
+        return
+    with pytest.raises(DesignError, match=f"component 'a' is {gap} mm away from its mount 'panda_virtual'"):
+        check_tool(rigid(box(at=at)))
+
+
+@pytest.mark.parametrize(("mount", "outward"), [("panda_leftfinger", 1), ("panda_rightfinger", -1)])
+def test_a_gap_to_a_finger(mount, outward):
+    def tool(z, y=0.0075):
+        return gripper(box(at=(0, outward * y, z), size=(0.02, 0.015, 0.04), parent=mount))
+
+    check_tool(tool(0.0745))
+    with pytest.raises(DesignError, match=f"5.5 mm away from its mount '{mount}'"):
+        check_tool(tool(0.080))
+    with pytest.raises(DesignError, match=f"away from its mount '{mount}'"):
+        check_tool(tool(0.0745, y=-0.03))
+
+
+def test_box_gap():
+    cube = Box((1, 1, 1))
+    assert box_gap(cube, Pose(), cube, Pose.xyz_rpy((0, 0, 1.25))) == pytest.approx(0.25, abs=1e-6)
+    assert box_gap(cube, Pose(), cube, Pose.xyz_rpy((0, 0, 0.5))) == 0
+
+
+# --- the plan ---------------------------------------------------------------------------------------------------
+
+
+def test_plans_become_arrays():
+    plan = check_plan([WAYPOINT, [1, 2, 0.5, -3.1, 0, 6]], gripper=False)
+    assert plan.shape == (2, 6)
+    assert plan.dtype == np.float64
+    np.testing.assert_array_equal(check_plan(plan, gripper=False), plan)
+    assert check_plan([[*WAYPOINT, 1]] * 200, gripper=True).shape == (200, 7)
+
+
+@pytest.mark.parametrize(
+    ("plan", "reason"),
+    [
+        (None, "must be a list of waypoints, not null"),
+        ({"a": 1}, "not an object"),
+        ("[[1]]", "not the text"),
+        (3, "not a number"),
+        ([], "has 0 waypoints; between 1 and 200"),
+        ([WAYPOINT] * 201, "has 201 waypoints"),
+        ([WAYPOINT, 5], "waypoint 2 must be a list of 6 numbers, not a number"),
+        ([WAYPOINT, WAYPOINT, [*WAYPOINT, 1]], "waypoint 3 has 7 numbers, 6 are needed: x, y, z, roll, pitch, yaw$"),
+        ([[]], "waypoint 1 has 0 numbers"),
+        ([[True, *WAYPOINT[1:]]], "waypoint 1: x must be a number, not a boolean"),
+        ([[*WAYPOINT[:5], "0.1"]], "waypoint 1: yaw must be a number, not the text '0.1'"),
+        ([[*WAYPOINT[:5], [0]]], "yaw must be a number, not a list"),
+        ([[*WAYPOINT[:3], math.nan, 0, 0]], "waypoint 1: roll is nan, a finite number"),
+        ([[-math.inf, *WAYPOINT[1:]]], "x is -inf"),
+        ([[10**400, *WAYPOINT[1:]]], "x is beyond 3 metres"),
+        ([[*WAYPOINT[:4], -(10**400), 0]], "pitch is beyond 100 radians"),
+        ([[2, 2, 2, 0, 0, 0]], "waypoint 1 is 3.46 m from the base; at most 3 m"),
+        (np.zeros((2, 3)), "waypoint 1 has 3 numbers"),
+        (np.zeros(6), "waypoint 1 must be a list"),
+        (np.zeros((1, 6), dtype=complex), "x must be a number"),
+    ],
+)
+def test_unusable_plans_get_a_reason(plan, reason):
+    with pytest.raises(DesignError, match=reason):
+        check_plan(plan, gripper=False)
+
+
+@pytest.mark.parametrize("value", [-0.01, 1.01, 10**400])
+def test_gripper_values(value):
+    with pytest.raises(DesignError, match="waypoint 1: the gripper value must be between 0"):
+        check_plan([[*WAYPOINT, value]], gripper=True)
+
+
+def test_gripper_plans_have_seven_numbers():
+    with pytest.raises(DesignError, match=r"waypoint 1 has 6 numbers, 7 are needed: .*yaw, gripper"):
+        check_plan([WAYPOINT], gripper=True)
+
+
+# --- the spawn --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def spawn():
+    return SpawnRules(CubeOnTable(), 0)
+
+
+def test_tools_that_start_clear_pass(spawn):
+    spawn.check(Tool())
+    spawn.check(rigid(box(), box("b", (0.3, 0, -0.1), (0.6, 0.02, 0.02), parent="a")))
+    spawn.check(gripper(box(at=(0, 0.0075, 0.07), size=(0.02, 0.015, 0.04), parent="panda_leftfinger")))
+
+
+def test_a_tool_in_the_arm(spawn):
+    spawn.check(rigid(box(at=(0, 0, 0.01), size=(0.02, 0.02, 0.02))))  # inside the link that carries it
+    with pytest.raises(DesignError, match=r"component 'a' starts [0-9.]+ mm inside the arm \(panda_link6\); move it"):
+        spawn.check(rigid(box(at=(0.05, 0, 0.11), size=(0.2, 0.02, 0.02))))
+    with pytest.raises(DesignError, match=r"component 'b' starts [0-9.]+ mm inside the arm"):
+        spawn.check(rigid(box(), box("b", (-0.5, 0, 0.1), (0.2, 0.2, 0.3), parent="a")))
+
+
+def test_a_graze_of_the_arm_is_forgiven(spawn):
+    """A box comes from the left, 0.1 mm at a time, to the side of the sixth link."""
+    assert _reason(spawn, 0.15) is None
+    refused = next(y for y in np.arange(0.15, 0.0, -0.0001) if _reason(spawn, y))
+    assert re.search(r"starts 1\.[01] mm inside the arm \(panda_link6\)", _reason(spawn, refused))
+
+
+def _reason(spawn, y):
+    try:
+        spawn.check(rigid(box(at=(0, y, 0.11), size=(0.02, 0.02, 0.02))))
+    except DesignError as error:
+        return str(error)
+    return None
+
+
+@pytest.mark.parametrize(
+    ("bottom", "reason"),
+    [(0.002, None), (0.0, "touching 'table' of the scene"), (-0.005, "5.0 mm inside 'table' of the scene; shorten")],
+)
+def test_a_tool_at_the_table(spawn, bottom, reason):
+    length = 0.5 - bottom
+    tool = rigid(box(at=(0, 0, -length / 2), size=(0.02, 0.02, length)))
+    if reason is None:
+        spawn.check(tool)
+        return
+    with pytest.raises(DesignError, match=f"component 'a' starts {reason}"):
+        spawn.check(tool)
+
+
+def test_a_tool_in_a_body(spawn):
+    with pytest.raises(DesignError, match=r"component 'a' starts 20.0 mm inside 'cube'"):
+        spawn.check(rigid(box(at=(0.3, 0, -0.225), size=(0.02, 0.02, 0.45))))
+
+
+_wedge = trimesh.convex.convex_hull([[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2]])
+
+
+@pytest.mark.parametrize("shape", [Sphere(0.05), Cylinder(0.05, 0.1), Mesh.from_trimesh(_wedge), Box((0.1, 0.1, 0.1))])
+def test_every_shape_of_a_scene_is_felt(shape):
+    part = (Geom(shape),)
+    thing = Body("thing", Pose.xyz_rpy((0.5, 0, 0.2)), 1.0, part, part)
+    below = rigid(box(at=(0.001, 0.001, -0.15), size=(0.02, 0.02, 0.3)))
+    beside = rigid(box(at=(0, 0.3, -0.3)))
+    rules = SpawnRules(CubeOnTable(thing), 0)
+    with pytest.raises(DesignError, match="mm inside 'thing'"):
+        rules.check(below)
+    rules.check(beside)
+    SpawnRules(CubeOnTable(), 0).check(below)
+
+
+def test_marks_are_not_felt():
+    mark = Body.mark("mark", (0.5, 0, 0.3), 0.1, (1, 0, 0, 1))
+    SpawnRules(CubeOnTable(mark), 0).check(rigid(box(at=(0, 0, -0.15), size=(0.02, 0.02, 0.3))))
+
+
+def test_an_attachment_may_be_in_its_own_finger_only(spawn):
+    spawn.check(gripper(box(at=(0, 0.01, 0.045), size=(0.02, 0.01, 0.02), parent="panda_leftfinger")))
+    # The fingers are open: their inner faces are 0.08 m apart, and left's -y is toward the right one.
+    across = gripper(box(at=(0, -0.04, 0.045), size=(0.02, 0.1, 0.01), parent="panda_leftfinger"))
+    with pytest.raises(DesignError, match=r"10\.\d mm inside the arm \(panda_rightfinger\)"):
+        spawn.check(across)
+
+
+def test_an_attachment_in_the_hand(spawn):
+    with pytest.raises(DesignError, match=r"inside the arm \(panda_hand\)"):
+        spawn.check(gripper(box(at=(0, 0.01, 0), size=(0.02, 0.02, 0.1), parent="panda_leftfinger")))
+
+
+def test_the_arm_is_where_the_task_starts_it():
+    class Low(CubeOnTable):
+        home = Pose(np.array([0.5, 0.0, 0.15]))
+
+    tool = rigid(box(at=(0, 0, -0.1), size=(0.02, 0.02, 0.2)))
+    SpawnRules(CubeOnTable(), 0).check(tool)
+    with pytest.raises(DesignError, match="mm inside 'table'"):
+        SpawnRules(Low(), 0).check(tool)
+
+
+def test_a_home_out_of_reach_is_the_tasks_mistake():
+    class Far(CubeOnTable):
+        home = Pose(np.array([2.0, 0.0, 0.5]))
+
+    with pytest.raises(ValueError, match="out of the arm's reach"):
+        SpawnRules(Far(), 0)

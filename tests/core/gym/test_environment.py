@@ -1,0 +1,111 @@
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import core.gym  # registers them
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UserError
+from core.interfaces import RolloutSettings
+from core.plugins import installed
+from core.robot.description import FINGER_OPEN
+from core.robot.kinematics import arm
+from core.simulation.rollout import prepare
+from tests.test_docs import ROOT
+
+DESIGNS = ROOT / "tests/tasks/solutions"
+
+
+def test_every_task_is_an_environment():
+    names = {spec.name for spec in gymnasium.registry.values() if spec.namespace == core.gym.NAMESPACE}
+    assert names == set(installed().names("task"))
+
+
+@pytest.mark.filterwarnings("ignore:.*observation space m..imum value")  # bodies may be flung anywhere
+@pytest.mark.parametrize("task", installed().names("task"))
+def test_gymnasiums_checker_is_content(task):
+    mode = "end_effector" if task in ("BringCube", "LiftBox") else "joints"
+    env = gymnasium.make(
+        f"RoboToolBench/{task}-v0",
+        designs=None if task == "LiftBox" else DESIGNS / f"{task}.json",
+        gripper=task == "LiftBox",
+        control_mode=mode,
+        render_mode="rgb_array",
+        width=64,
+        height=48,
+    )
+    check_env(env.unwrapped, skip_render_check=task != "BringCube")
+    env.close()
+
+
+def test_observations_are_what_they_say():
+    env = gymnasium.make("RoboToolBench/BringCube-v0", render_mode="rgb_array", width=80, height=60)
+    seen, info = env.reset(seed=1)
+    assert seen.shape == (9 + 13,)
+    np.testing.assert_allclose(seen[9:12], (1.0, 0.0, 0.035), atol=1e-3)
+    np.testing.assert_allclose(seen[12:16], (1, 0, 0, 0), atol=1e-3)
+    np.testing.assert_allclose(seen[16:], 0, atol=0.02)
+    assert info["reward"] == pytest.approx(0, abs=1e-6)
+    assert env.render().shape == (60, 80, 3)
+
+
+def test_end_effector_actions_move_the_end_effector():
+    env = gymnasium.make("RoboToolBench/BringCube-v0", control_mode="end_effector")
+    seen, _ = env.reset(seed=0)
+    before = arm().forward(seen[:7])
+    for _ in range(10):
+        seen, *_ = env.step(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
+    moved = arm().forward(seen[:7])
+    np.testing.assert_allclose(moved.position - before.position, (0, 10 * 0.05 * 0.25, 0), atol=0.01)
+    assert (moved.rotation * before.rotation.inv()).magnitude() < 0.05
+
+
+def test_the_same_plan_earns_what_it_earns_in_a_rollout():
+    """A solution's joint trajectory, driven step by step, and its rewards summed: the task is solved, and the episode
+    ends.
+    """
+
+    env = gymnasium.make("RoboToolBench/BringCube-v0", designs=DESIGNS / "BringCube.json")
+    task = env.unwrapped.task
+    document = load_designs(DESIGNS / "BringCube.json")
+    candidate = read_designs(document, installed().create("tool", "urdf"), SpawnRules(task, 0))[0]
+    trajectory = prepare(task, candidate, 0, RolloutSettings())[1].trajectory
+    env.reset(seed=0)
+    limits, total, done = 0.05 * arm().velocity_limits, 0.0, False
+    times = np.arange(0.05, trajectory.duration + 1.0, 0.05)
+    targets, _ = trajectory.sample(times)
+    for target in targets:
+        _, reward, done, _, info = env.step((target - env.unwrapped._joints) / limits)
+        total += reward
+        if done:
+            break
+    assert done
+    assert info["is_success"]
+    assert total == pytest.approx(info["reward"])
+    assert info["reward"] >= task.success_reward
+
+
+def test_fingers_open_and_close():
+    env = gymnasium.make("RoboToolBench/LiftBox-v0", gripper=True)
+    seen, _ = env.reset(seed=0)
+    np.testing.assert_allclose(seen[7:9], FINGER_OPEN, atol=2e-3)
+    for _ in range(20):
+        seen, *_ = env.step(np.array([0.0] * 7 + [1.0]))
+    np.testing.assert_allclose(seen[7:9], 0, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ({"control_mode": "torques"}, "no control_mode 'torques'; possible: end_effector, joints"),
+        (
+            {"designs": DESIGNS / "BringCube.json", "strategy": 7},
+            r"BringCube.json has \d strategies; there is no",
+        ),
+        ({"sim": "pybulet"}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\)"),
+    ],
+)
+def test_what_cannot_be_is_told(settings, reason):
+    with pytest.raises(UserError, match=reason):
+        gymnasium.make("RoboToolBench/BringCube-v0", **settings)

@@ -1,0 +1,103 @@
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+from core.conformance.suites import SUITES
+from core.errors import UsageError, UserError
+from core.new import __main__ as command
+from core.new import packages as new
+from tests.strangers import PYTHON, install
+
+PARTS = {"task": "PullBlock", "sim": "my_engine", "vlm": "parrot", "tool": "crates", "strategy": "greedy"}
+PARTS |= {"executor": "in_turn", "listener": "rows"}
+RUNS = ["task=PullBlock", "sim=my_engine", "vlm=parrot", "tool=crates", "evolution=greedy", "executor=in_turn"]
+SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "film=false"]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """One package of each kind, in folders of their kinds' names, as if all of them were installed."""
+    folder = tmp_path_factory.mktemp("new")
+    for kind, name in PARTS.items():
+        new.write(kind, name, folder / kind)
+    sites = [str(install(folder / kind, tmp_path_factory.mktemp(kind))) for kind in PARTS]
+    return folder, PYTHON | {"PYTHONPATH": os.pathsep.join(sites)}
+
+
+def test_what_is_written_passes_its_own_tests(written):
+    """Of a simulator's many checks a few: it hands over to an engine that passes them all elsewhere."""
+    folder, environment = written
+    some = "not test_my_engine or recordings or pictures or free_bodies"
+    words = ["pytest", "-v", "-p", "no:cacheprovider", *(f"{kind}/tests" for kind in PARTS), "-k", some]
+    done = subprocess.run([sys.executable, "-m", *words], cwd=folder, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    for kind, template in new.TEMPLATES.items():
+        checks = {"sim": 4, "listener": 1}.get(kind) or len(SUITES[template.group])
+        file = "test_pull_block.py" if kind == "task" else f"test_{PARTS[kind]}.py"
+        assert len(re.findall(rf"{file}::.* PASSED", done.stdout)) == checks, kind
+
+
+def test_its_tests_are_its_own_affair_inside_another_project(written, tmp_path):
+    """Such as a clone of this one, whose settings of pytest ask for more than it has."""
+    (tmp_path / "pyproject.toml").write_text('[tool.pytest.ini_options]\naddopts = "--no-such-option"\n')
+    new.write("listener", PARTS["listener"], tmp_path / "rows")
+    words = ["pytest", "-q", "-p", "no:cacheprovider", "rows"]
+    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_what_is_written_runs(written, tmp_path):
+    words = ["core.run", *RUNS, *SMALL, "logger=[rows]", "hydra.run.dir=run"]
+    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "run/best/design.json").exists()
+    assert len((tmp_path / "run/generations.csv").read_text().splitlines()) == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "reason"),
+    [
+        (
+            "taks",
+            "Mine",
+            r"no kind 'taks' in core.new \(did you mean 'task'\?\); possible: executor, li",
+        ),
+        ("task", "my task", "'my task' can't be a name: letters, digits and underscores"),
+        ("task", "../Mine", "can't be a name"),
+        ("task", "9Lives", "a letter first"),
+        ("vlm", "class", "can't be a name"),
+        ("task", "BringCube", "task 'BringCube' is taken: vlmgineer offers it; choose another name"),
+        ("vlm", "numpy", "'numpy' can't be a name: a module 'numpy' is there already"),
+    ],
+)
+def test_what_can_be_no_package_is_told(tmp_path, kind, name, reason):
+    with pytest.raises(UsageError, match=reason):
+        new.write(kind, name, tmp_path / "out")
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_overwritten(tmp_path):
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(UserError, match="is there already; choose another folder"):
+        new.write("task", "Mine", tmp_path)
+
+
+def test_the_command_says_how_to_go_on(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["core.new", "strategy", "TopThree"])
+    command.main()
+    assert capsys.readouterr().out == (
+        "top_three/top_three/search.py: a search strategy, ready to be changed\n"
+        "  pip install -e 'top_three[test]'\n"
+        "  python -m core.plugins --check TopThree\n"
+        "  python -m core.run evolution=TopThree\n"
+        "  python -m pytest top_three\n"
+    )
+    assert "class TopThreeStrategy(" in (tmp_path / "top_three/top_three/search.py").read_text()
+    for words in ([], ["task"], ["task", "A", "B"], ["-x", "task"]):
+        monkeypatch.setattr(sys, "argv", ["core.new", *words])
+        with pytest.raises(UsageError, match="a kind and a name are needed; usage: "):
+            command.main()

@@ -1,0 +1,114 @@
+"""Parts that give what they may not: a line that says whose they are, and the rest goes on."""
+
+import re
+
+import pytest
+
+from core.design import Tool
+from core.designs.reading import read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UserError
+from core.interfaces import EvolutionStrategy
+from core.plugins import Offer, installed
+from core.search.orchestration import run
+from core.simulation import rollout
+from tests import toys
+
+
+class Few(toys.ToyEngine):
+    def rollout(self, task, jobs):
+        return super().rollout(task, jobs)[1:]
+
+
+class Numbers(toys.ToyEngine):
+    def rollout(self, task, jobs):
+        return [0.5 for _ in jobs]
+
+
+class Chatty(toys.ToyModel):
+    def complete(self, requests):
+        for reply in super().complete(requests):
+            yield reply
+            yield reply
+        yield "that is all"
+
+
+class Patient(toys.Here):
+    def map(self, function, chunks):
+        for chunk in chunks:
+            try:
+                yield chunk, function(chunk)
+            except Exception as error:
+                yield chunk, error
+
+
+class Losing(toys.Here):
+    def map(self, function, chunks):
+        return (pair for number, pair in enumerate(super().map(function, chunks)) if number)
+
+
+@pytest.fixture
+def come_to(tmp_path, monkeypatch):
+    """Run with toys, and with one part in the place of another; the candidates' reasons."""
+
+    def play(kind, name, part, *words):
+        rollout._simulator.cache_clear()  # made once per process; here it is another one each time
+        monkeypatch.setitem(installed().offers, ("executor", "here"), Offer("executor", "here", "p", "p", Patient))
+        for key, offer in toys.offered().items():
+            if key != ("executor", "here"):
+                monkeypatch.setitem(installed().offers, key, offer)
+        monkeypatch.setitem(installed().offers, (kind, name), Offer(kind, name, "shoddy", "shoddy-parts", part))
+        result = run(toys.config(tmp_path / "notes", *words), tmp_path / "run")
+        return [e.reason for generation in result.generations for e in generation.evaluations if e.status == "failed"]
+
+    yield play
+    rollout._simulator.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [(Few, r"rollout gave 0 outcomes for 1 jobs"), (Numbers, r"rollout gave '\[0\.5\]'; expected a list of Outcome")],
+)
+def test_a_simulator_that_gives_something_else(come_to, part, told):
+    reasons = come_to("sim", "toy", part)
+    assert len(reasons) > 5
+    for reason in reasons:
+        assert reason.startswith("sim 'toy' of shoddy-parts (hook 'simulators'): ")
+    assert re.search(told, reasons[0])
+
+
+def test_replies_that_nobody_asked_for_are_left_out(come_to, capfd):
+    come_to("vlm", "toy", Chatty)
+    told = [line for line in capfd.readouterr().err.splitlines() if line.startswith("vlm 'toy' of shoddy-parts")]
+    assert "complete gave a reply to 'g0-a0', which was not asked or had its reply; it is left out" in told[0]
+    assert any("complete gave \"'that is all'\", which is no Reply" in line for line in told)
+
+
+def test_an_executor_that_loses_chunks_ends_the_run(come_to):
+    with pytest.raises(UserError, match=r"executor 'here' of shoddy-parts .*: map gave no result for \d+ c"):
+        come_to("executor", "here", Losing)
+
+
+@pytest.mark.parametrize(("asked", "told"), [
+    (lambda self: iter(["a hammer"]), "ask gave \"'a hammer'\" among its candidates; expected a Candidate"),
+    (lambda self: None, "ask gave None; expected an iterator of Candidate"),
+])  # fmt: skip
+def test_a_strategy_that_asks_for_something_else_ends_the_run(come_to, asked, told):
+    part = type("Strays", (EvolutionStrategy,), {"ask": asked, "tell": lambda self, evaluations: None})
+    with pytest.raises(UserError, match="evolution 'vlmgineer' of shoddy-parts") as error:
+        come_to("evolution", "vlmgineer", part, "evolution=sampling", "evolution.name=vlmgineer")
+    assert told in str(error.value)
+
+
+@pytest.mark.parametrize(("parse", "told"), [
+    (lambda data: data["tool_urdf"]["x"], "parse raised TypeError: "),
+    (lambda data: None, "parse gave 'None'; expected a rigid Tool"),
+    (lambda data: Tool(gripper=True), "parse gave 'Tool(components=(), gripper=True"),
+])  # fmt: skip
+def test_a_representation_that_reads_something_else_loses_the_design(monkeypatch, parse, told):
+    made = installed().create("tool", "urdf")
+    monkeypatch.setattr(type(made), "parse", lambda self, data, *, gripper: parse(data))
+    document = {"strategies": [{"tool_urdf": "", "action_sets": [[[0.5, 0, 0.5, 0, 0, 0]]]}]}
+    task = installed().create("task", "BringCube")
+    (candidate,) = read_designs(document, made, SpawnRules(task, 0))
+    assert candidate.problem.startswith(f"tool 'urdf' of vlmgineer (hook 'tool_representations'): {told}")

@@ -1,0 +1,327 @@
+"""What is read of run folders, and what is not: finished, failed, unfinished, broken."""
+
+import json
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from core.errors import UserError
+from core.report.methods import group, label
+from core.report.runs import FinishedRun, LeftOutRun, find_runs, natural, opened, read_run, spending
+from core.report.tools import given_tool, winners
+from tests.core.run_folders import hook, result, write_run
+
+
+def folder_state(folder: Path) -> dict[str, tuple[int, int]]:
+    return {str(p.relative_to(folder)): (p.stat().st_mtime_ns, p.stat().st_size) for p in sorted(folder.rglob("*"))}
+
+
+def test_a_finished_run(tmp_path):
+    folder = write_run(tmp_path / "run", "seed=4", rewards=[[0.2, None], [0.5, 0.1]], cost_usd=0.25)
+    run = read_run(folder)
+    assert isinstance(run, FinishedRun)
+    assert (run.task, run.seed) == ("BringCube", 4)
+    assert vars(run.best) == result(folder)["best"]
+    assert run.best_so_far == [0.2, 0.5]
+    assert [g.n_rejected for g in run.figures.generations] == [1, 0]
+    assert run.config["budget"]["name"] == "quick"
+    spent = spending(run)
+    assert (spent.requests, spent.replies, spent.prompt_tokens, spent.cost_usd) == (2, 2, 200, 0.5)
+    assert run.recordings() == {}
+
+
+def test_reading_leaves_a_folder_as_it_was(tmp_path):
+    folder = write_run(tmp_path / "run")
+    before = folder_state(folder)
+    run = read_run(folder)
+    winners(run)
+    spending(run)
+    with opened(folder / "run.sqlite") as database:
+        database.execute("SELECT * FROM evaluations").fetchall()
+        assert folder_state(folder) == before
+    assert folder_state(folder) == before
+
+
+def test_columns_and_tables_may_come(tmp_path):
+    folder = write_run(tmp_path / "run")
+    with sqlite3.connect(folder / "run.sqlite") as database:
+        database.execute("ALTER TABLE run ADD COLUMN state TEXT")
+        database.execute("ALTER TABLE evaluations ADD COLUMN seconds REAL")
+        database.execute("CREATE TABLE locks (owner TEXT)")
+    document = result(folder) | {"resumed": 3}
+    document["best"]["seconds"] = 1.5
+    (folder / "result.json").write_text(json.dumps(document))
+    run = read_run(folder)
+    assert run.best.reward == 0.7
+    assert winners(run)[0].candidate == run.best.candidate
+
+
+# --- runs that do not count ---------------------------------------------------------------------------------------
+
+
+def test_a_run_that_was_killed_is_unfinished(tmp_path):
+    folder = write_run(tmp_path / "run", rewards=[[0.3, 0.6]], finish=False)
+    run = read_run(folder)
+    assert isinstance(run, LeftOutRun)
+    assert (run.status, run.task) == ("unfinished", "BringCube")
+    assert run.reason == "1 generations and 2 candidates done, best reward so far 0.600"
+
+
+def test_a_run_that_stopped_before_its_time_is_unfinished(tmp_path):
+    folder = write_run(tmp_path / "run")
+    (folder / "result.json").write_text(json.dumps(result(folder) | {"stopped": "the model's limit of 3 USD"}))
+    run = read_run(folder)
+    assert (run.status, run.reason) == ("unfinished", "stopped: the model's limit of 3 USD")
+
+
+def test_a_run_in_which_nothing_could_be_tried_failed(tmp_path):
+    run = read_run(write_run(tmp_path / "run", rewards=[[None, None]]))
+    assert (run.status, run.reason) == ("failed", "no candidate could be tried; the first reason: it is too heavy")
+
+
+def test_a_job_that_never_began_failed(tmp_path):
+    notes = tmp_path / "0_task=OneBook" / ".hydra"
+    notes.mkdir(parents=True)
+    (notes / "config.yaml").write_text("task: {name: OneBook}\n")
+    (run,) = find_runs([tmp_path])[1]
+    assert (run.status, run.task, run.folder) == ("failed", "OneBook", notes.parent)
+    (notes / "config.yaml").write_text("task: {name: [\n")
+    (run,) = find_runs([tmp_path])[1]
+    assert (run.status, run.task) == ("failed", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{", "EOF"),
+        ("[]", "Input should be"),
+        ('{"task": "BringCube"}', "seed Field required"),
+        ("\x00\xff", "result.json"),
+    ],
+)
+def test_a_broken_result_is_said_to_be(tmp_path, text, said):
+    folder = write_run(tmp_path / "run")
+    (folder / "result.json").write_text(text)
+    run = read_run(folder)
+    assert run.status == "unreadable"
+    assert said in run.reason
+    assert run.task == "BringCube"
+
+
+def test_a_store_that_is_none(tmp_path):
+    folder = write_run(tmp_path / "run")
+    (folder / "run.sqlite").write_bytes(b"this is no database, of whatever length it may be " * 100)
+    run = read_run(folder)
+    assert run.status == "unreadable"
+    assert "run.sqlite: file is not a database" in run.reason
+
+
+def test_a_result_alone_counts_and_its_tools_are_missing(tmp_path):
+    folder = write_run(tmp_path / "run")
+    (folder / "run.sqlite").unlink()
+    run = read_run(folder)
+    assert run.best.reward == 0.7
+    assert spending(run) is None
+    assert given_tool(run) is None
+    with pytest.raises(UserError, match=r"has no run\.sqlite"):
+        winners(run)
+
+
+WRITER = """
+import sys
+sys.path.insert(0, {root!r})
+from pathlib import Path
+from core.events import Generation
+from tests.core.run_folders import write_run
+write_run(Path({folder!r}), rewards=[[0.3, 0.6]], finish=False)
+print("written", flush=True)
+sys.stdin.readline()
+write_run.open[0].hook.generation_finished(generation=Generation(7, ()))
+print("written", flush=True)
+sys.stdin.readline()
+"""
+
+
+def test_a_store_that_is_being_written(tmp_path):
+    """It is read as far as it has come, the writer can go on, and what it wrote is there."""
+    script = WRITER.format(root=str(Path(__file__).parents[3]), folder=str(tmp_path / "run"))
+    writer = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        assert writer.stdout.readline() == "written\n"
+        assert (tmp_path / "run" / "run.sqlite-wal").stat().st_size > 0
+        assert read_run(tmp_path / "run").reason.startswith("1 generations and 2 candidates done")
+        writer.stdin.write("go on\n")
+        writer.stdin.flush()
+        assert writer.stdout.readline() == "written\n"
+        assert read_run(tmp_path / "run").reason.startswith("2 generations and 2 candidates done")
+    finally:
+        writer.kill()
+        writer.wait()
+    before = folder_state(tmp_path / "run").keys()
+    assert read_run(tmp_path / "run").reason.startswith("2 generations and 2 candidates done")  # of its log
+    assert folder_state(tmp_path / "run").keys() == before
+
+
+def test_a_store_in_a_folder_that_cannot_be_written_is_read_from_a_copy(tmp_path, monkeypatch):
+    folder = write_run(tmp_path / "run", rewards=[[0.3]], finish=False)
+    assert (folder / "run.sqlite-wal").exists()
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    opened_at = []
+    connect = sqlite3.connect
+    monkeypatch.setattr(sqlite3, "connect", lambda at, **how: opened_at.append(at) or connect(at, **how))
+    before = folder_state(folder)
+    assert "1 candidates done" in read_run(folder).reason
+    assert folder_state(folder) == before
+    assert opened_at
+    assert not any(str(folder) in at for at in opened_at)
+
+
+# --- where runs are -----------------------------------------------------------------------------------------------
+
+
+def test_runs_are_found_below_and_a_multiruns_by_number(tmp_path):
+    for name in ("10_seed=2", "9_seed=1", "2_seed=0"):
+        shutil.copytree(write_run(tmp_path / "one", f"seed={name[-1]}"), tmp_path / "multirun" / "sunday" / name)
+        shutil.rmtree(tmp_path / "one")
+    (tmp_path / "multirun" / "sunday" / "multirun.yaml").write_text("")
+    (tmp_path / "multirun" / "sunday" / ".hydra").mkdir()  # notes of the whole are no run
+    finished, left_out = find_runs([tmp_path / "multirun"])
+    assert [run.seed for run in finished] == [0, 1, 2]
+    assert not left_out
+    again, _ = find_runs([tmp_path / "multirun" / "sunday" / "9_seed=1", tmp_path / "multirun"])
+    assert [run.seed for run in again] == [1, 0, 2]  # each once, in the order asked for
+
+
+def test_a_folder_without_runs_is_refused(tmp_path):
+    with pytest.raises(UserError, match="no folder"):
+        find_runs([tmp_path / "nowhere"])
+    with pytest.raises(UserError, match="holds no run"):
+        find_runs([tmp_path])
+
+
+def test_numbers_in_names_sort_by_size():
+    assert sorted(["a10", "a9", "10", "b", "9b"], key=natural) == ["9b", "10", "a9", "a10", "b"]
+
+
+# --- methods ------------------------------------------------------------------------------------------------------
+
+
+def config(**choices):
+    base = {
+        "task": {"name": "BringCube", "tool_kinds": ["rigid"], "paper": {"k_top": 5}},
+        "sim": {"name": "pybullet", "time_step": 0.002},
+        "vlm": {"name": "offline"},
+        "tool": {"name": "urdf"},
+        "evolution": {"name": "vlmgineer"},
+        "prompt": {"name": "vlmgineer"},
+        "budget": {"name": "quick", "n_agent": 4, "k_top": 5},
+        "executor": {"name": "local", "workers": None},
+        "logger": {"progress": {}},
+        "seed": 0,
+        "film": True,
+    }
+    for path, value in choices.items():
+        group, _, key = path.partition("__")
+        if key:
+            base[group] = base[group] | {key: value}
+        else:
+            base[group] = {"name": value} if isinstance(value, str) else value
+    return base
+
+
+def labels(*configs, tasks=None):
+    return label([((tasks or ["BringCube"] * len(configs))[i], c) for i, c in enumerate(configs)])
+
+
+def test_methods_are_named_by_the_least_that_tells_them_apart():
+    assert labels(config(), config(evolution="sampling"), config(tool="none"), config(tool="rlbench")) == [
+        "tool=urdf evolution=vlmgineer",
+        "evolution=sampling",
+        "tool=none",
+        "tool=rlbench",
+    ]
+    assert labels(config(), config(sim="sapien")) == ["sim=pybullet", "sim=sapien"]
+    assert labels(config(), config(fitness="robust")) == ["no fitness", "fitness=robust"]
+
+
+def test_seed_workers_listeners_and_films_make_no_method():
+    assert len(set(labels(config(), config(seed=3, film=False, executor="ray", logger={"rerun": {}})))) == 1
+
+
+def test_runs_that_are_all_alike_are_named_too():
+    assert labels(config(), config()) == ["tool=urdf evolution=vlmgineer vlm=offline"] * 2
+
+
+def test_a_setting_makes_a_method_where_the_choices_are_the_same():
+    assert labels(config(), config(budget__n_agent=8)) == ["budget.n_agent=4", "budget.n_agent=8"]
+    assert labels(config(), config(task__tool_kinds=["gripper"])) == [
+        'task.tool_kinds=["rigid"]',
+        'task.tool_kinds=["gripper"]',
+    ]
+
+
+def test_what_follows_from_a_choice_or_from_the_task_makes_none():
+    quick, paper = config(), config(budget={"name": "paper", "n_agent": 20, "k_top": 5})
+    other = config(budget={"name": "paper", "n_agent": 30, "k_top": 7}, task__name="LiftBox")
+    assert labels(quick, paper, other, tasks=["BringCube", "BringCube", "LiftBox"]) == [
+        "budget=quick",
+        "budget=paper",
+        "budget=paper",
+    ]
+
+
+def test_runs_are_grouped_and_left_out_ones_counted(tmp_path):
+    for seed in (0, 1):
+        write_run(tmp_path / f"ours{seed}", f"seed={seed}", rewards=[[0.5 + seed / 4]])
+    write_run(tmp_path / "ours2", "seed=2", rewards=[[0.9]], finish=False)
+    write_run(tmp_path / "ours3", "seed=3", rewards=[[None]])
+    write_run(tmp_path / "sampled", "evolution=sampling", rewards=[[0.4]])
+    write_run(tmp_path / "book", "task=OneBook", rewards=[[0.3]])
+    groups = group(*find_runs([tmp_path]))
+    assert [(g.task, g.method, g.rewards, g.left_out) for g in groups] == [
+        ("BringCube", "evolution=vlmgineer", [0.5, 0.75], 2),
+        ("BringCube", "evolution=sampling", [0.4], 0),
+        ("OneBook", "evolution=vlmgineer", [0.3], 0),
+    ]
+
+
+def test_of_equal_rewards_the_shorter_distance_is_the_best(tmp_path):
+    for seed, distance in ((0, 2.0), (1, 0.5), (2, 1.0)):
+        write_run(tmp_path / str(seed), f"seed={seed}", rewards=[[0.5]], distances=[distance])
+    (g,) = group(*find_runs([tmp_path]))
+    assert (g.best.seed, g.best.best.distance_m) == (1, 0.5)
+
+
+# --- tools --------------------------------------------------------------------------------------------------------
+
+
+def test_winners_are_the_best_of_each_shape(tmp_path):
+    tools = [hook(0.3, "long"), hook(0.2, "short"), hook(0.3, "long again")]
+    folder = write_run(tmp_path / "run", rewards=[[0.5, 0.9, 0.7], [0.8, 0.1, 0.2]], tools=tools)
+    run = read_run(folder)
+    assert [(w.name, w.reward, w.generation) for w in winners(run)] == [("short", 0.9, 0), ("long", 0.8, 1)]
+    assert [w.name for w in winners(run, 1)] == ["short"]
+    assert [(w.name, w.reward) for w in winners(run, generation=0)] == [("short", 0.9), ("long again", 0.7)]
+    assert winners(run)[0].candidate == run.best.candidate
+
+
+def test_given_tools_are_known(tmp_path):
+    bare = read_run(write_run(tmp_path / "bare", "tool=none"))
+    stick = read_run(write_run(tmp_path / "stick", "tool=rlbench"))
+    assert given_tool(bare).components == ()
+    assert given_tool(stick).name == "stick"
+    assert [w.name for w in winners(stick)] == ["stick"]
+
+
+def test_parts_that_are_not_installed_are_said_to_be(tmp_path):
+    folder = write_run(tmp_path / "run")
+    with sqlite3.connect(folder / "run.sqlite") as database:
+        text = database.execute("SELECT config FROM run").fetchone()[0]
+        database.execute("UPDATE run SET config = ?", [text.replace('"BringCube"', '"Elsewhere"')])
+    with pytest.raises(UserError, match="no task 'Elsewhere'"):
+        winners(read_run(folder))

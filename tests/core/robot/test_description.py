@@ -1,0 +1,263 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+from lxml import etree
+
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
+from core.geometry import Box, Pose
+from core.robot.description import (
+    ACCELERATION_LIMITS,
+    ARM_JOINTS,
+    FINGER_JOINTS,
+    FINGER_OPEN,
+    HOME_JOINTS,
+    assemble,
+    box_inertia,
+    description_folder,
+    tool_urdf,
+)
+
+LEFT, RIGHT = GRIPPER_MOUNTS
+
+
+def box(name, parent, at, size, rpy=(0, 0, 0), mass=0.05):
+    return Component(name, parent, Pose.xyz_rpy(at, rpy), Box(size), mass, (0.1, 0.2, 0.3, 0.4))
+
+
+RIGID = Tool(
+    (
+        box("shaft", RIGID_MOUNT, (0.1, 0, -0.01), (0.3, 0.03, 0.02), (0, 0.3, 0.2), 0.08),
+        box("blade", "shaft", (0.16, 0.02, -0.05), (0.02, 0.12, 0.1), (0.4, 0, 0.7), 0.03),
+    )
+)
+GRIPPER = Tool(
+    (
+        box("left_pad", LEFT, (0.01, 0.0075, 0.07), (0.05, 0.015, 0.04), (0.1, 0.2, 0.3), 0.02),
+        box("right_pad", RIGHT, (0.01, -0.0075, 0.07), (0.05, 0.015, 0.04), (0, 0, 0.5), 0.03),
+        box("right_tip", "right_pad", (0, 0, 0.03), (0.02, 0.02, 0.02), (0, 1, 0), 0.01),
+    ),
+    gripper=True,
+)
+TOOLS = {"rigid": RIGID, "gripper": GRIPPER, "bare arm": Tool(), "bare hand": Tool(gripper=True), "none": None}
+every_tool = pytest.mark.parametrize("tool", TOOLS.values(), ids=TOOLS)
+
+
+def model_of(tool, **how):
+    return pin.buildModelFromXML(assemble(tool, visuals=False, **how))
+
+
+def home(model):
+    q = pin.neutral(model)
+    for name, angle in zip(ARM_JOINTS, HOME_JOINTS, strict=True):
+        q[model.joints[model.getJointId(name)].idx_q] = angle
+    for name in FINGER_JOINTS:
+        if model.existJointName(name):
+            q[model.joints[model.getJointId(name)].idx_q] = 0.03
+    return q
+
+
+def frame_pose(model, name):
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, home(model))
+    return Pose.from_matrix(data.oMf[model.getFrameId(name)].homogeneous)
+
+
+def links(urdf):
+    return {link.get("name"): link for link in etree.fromstring(urdf).findall("link")}
+
+
+# --- the arm ----------------------------------------------------------------------------------------------------
+
+
+def test_masses_and_inertias_are_physical():
+    robot, total = assemble(), 0.0
+    for name, link in links(robot).items():
+        mass = float(link.find("inertial/mass").get("value"))
+        total += mass
+        i = {key: float(value) for key, value in link.find("inertial/inertia").items()}
+        tensor = np.array(
+            [[i["ixx"], i["ixy"], i["ixz"]], [i["ixy"], i["iyy"], i["iyz"]], [i["ixz"], i["iyz"], i["izz"]]]
+        )
+        if mass == 0:  # a frame, no thing
+            assert not tensor.any(), name
+            continue
+        moments = np.linalg.eigvalsh(tensor)
+        assert moments[0] > 0, name
+        assert moments[0] + moments[1] >= moments[2], f"{name}: no distribution of mass has the moments {moments}"
+        gyration = np.sqrt(moments / mass)
+        assert gyration[-1] < 0.5, f"{name}: its mass would lie outside of it"
+    assert 15 < total < 19
+    arm = [float(links(robot)[f"panda_link{i}"].find("inertial/mass").get("value")) for i in range(8)]
+    assert len(set(arm)) == 8  # placeholders repeat
+    assert 1.0 not in arm
+
+
+def test_joint_limits_are_the_data_sheets():
+    model = model_of(Tool())
+    assert list(model.names)[1:] == list(ARM_JOINTS)
+    np.testing.assert_allclose(
+        model.lowerPositionLimit, [-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973]
+    )
+    np.testing.assert_allclose(model.upperPositionLimit, [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973])
+    np.testing.assert_allclose(model.velocityLimit, [2.175] * 4 + [2.61] * 3)
+    np.testing.assert_allclose(model.effortLimit, [87] * 4 + [12] * 3)
+    np.testing.assert_allclose(ACCELERATION_LIMITS, [15, 7.5, 10, 12.5, 15, 20, 20])
+
+
+def test_the_fingers_open_to_the_data_sheets_stroke():
+    model = model_of(None)
+    for name in FINGER_JOINTS:
+        joint = model.joints[model.getJointId(name)]
+        assert model.lowerPositionLimit[joint.idx_q] == 0
+        assert model.upperPositionLimit[joint.idx_q] == FINGER_OPEN == 0.04
+
+
+# --- the mounts -------------------------------------------------------------------------------------------------
+
+
+@every_tool
+def test_at_home_the_end_effector_has_the_worlds_axes(tool):
+    pose = frame_pose(model_of(tool), RIGID_MOUNT)
+    assert np.linalg.norm(pose.position - (0.5, 0, 0.5)) < 1e-3
+    assert pose.rotation.magnitude() < 1e-3
+
+
+def test_the_rigid_mount_takes_the_hands_place():
+    assert not {"panda_hand", *GRIPPER_MOUNTS} & set(links(assemble(RIGID)))
+    rigid, hand = model_of(Tool()), model_of(None)
+    for name in (RIGID_MOUNT, "panda_link7"):
+        np.testing.assert_allclose(frame_pose(rigid, name).matrix, frame_pose(hand, name).matrix, atol=1e-6)
+    link7, virtual = frame_pose(rigid, "panda_link7"), frame_pose(rigid, RIGID_MOUNT)
+    np.testing.assert_allclose((link7.inverse() @ virtual).position, [0, 0, 0.107], atol=1e-9)
+    np.testing.assert_allclose(virtual.position, frame_pose(hand, "panda_hand").position, atol=1e-9)
+
+
+def test_the_bare_hand_is_what_there_is_without_a_tool():
+    assert assemble(None) == assemble(Tool(gripper=True))
+    assert {"panda_hand", *GRIPPER_MOUNTS} <= set(links(assemble(None)))
+
+
+@every_tool
+def test_components_stand_where_the_tool_places_them(tool):
+    if tool is None:
+        return
+    model = model_of(tool)
+    for name, (mount, pose) in tool.placed().items():
+        expected = frame_pose(model, mount) @ pose
+        np.testing.assert_allclose(frame_pose(model, name).matrix, expected.matrix, atol=1e-7)
+
+
+# --- inertia ----------------------------------------------------------------------------------------------------
+
+
+def test_the_inertia_of_a_box_component():
+    component = box("a", RIGID_MOUNT, (0, 0, 0), (0.1, 0.2, 0.3), mass=1.2)
+    np.testing.assert_allclose(np.diag(box_inertia(component)), [0.013, 0.010, 0.005])
+    assert np.count_nonzero(box_inertia(component)) == 3
+
+
+def whole_inertia(model):
+    """Mass, centre of mass and inertia of the robot at home as one rigid body."""
+    data = model.createData()
+    pin.ccrba(model, data, home(model), np.zeros(model.nv))
+    pin.centerOfMass(model, data, home(model))
+    return data.mass[0], data.com[0].copy(), data.Ig.inertia.copy()  # the data's own arrays die with it
+
+
+@every_tool
+def test_fused_or_not_the_robot_weighs_the_same(tool):
+    apart, fused = model_of(tool), model_of(tool, fused=True)
+    for one, other in zip(whole_inertia(apart), whole_inertia(fused), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-7)
+    for one, other in zip(apart.inertias, fused.inertias, strict=True):  # of what moves with each joint
+        np.testing.assert_allclose(one.matrix(), other.matrix(), rtol=1e-6, atol=1e-8)
+    bare = whole_inertia(model_of(Tool(gripper=tool is None or tool.gripper)))[0]
+    assert whole_inertia(apart)[0] - bare == pytest.approx(0 if tool is None else tool.mass, abs=1e-9)
+
+
+@pytest.mark.parametrize("tool", [RIGID, GRIPPER])
+def test_fusing_makes_shapes_of_the_mount(tool):
+    bare, apart, fused = (
+        links(assemble(Tool(gripper=tool.gripper))),
+        links(assemble(tool)),
+        links(assemble(tool, fused=True)),
+    )
+    assert set(fused) == set(bare)
+    assert set(apart) - set(bare) == {component.name for component in tool.components}
+    for tag in ("visual", "collision"):
+        before, one, other = (sum(len(link.findall(tag)) for link in robot.values()) for robot in (bare, apart, fused))
+        assert one == other == before + len(tool.components)
+
+
+def test_fused_shapes_stand_where_the_components_do():
+    placed = GRIPPER.placed()
+    for mount in GRIPPER_MOUNTS:
+        boxes = links(assemble(GRIPPER, fused=True))[mount].findall("collision")[-2 if mount == RIGHT else -1 :]
+        own = [c for c in GRIPPER.components if placed[c.name][0] == mount]
+        for element, component in zip(boxes, own, strict=True):
+            origin = {key: [float(x) for x in value.split()] for key, value in element.find("origin").items()}
+            found = Pose.xyz_rpy(origin["xyz"], origin["rpy"])
+            np.testing.assert_allclose(found.matrix, placed[component.name][1].matrix, atol=1e-7)
+            assert [float(x) for x in element.find("geometry/box").get("size").split()] == list(component.shape.size)
+
+
+# --- the text ---------------------------------------------------------------------------------------------------
+
+
+@every_tool
+@pytest.mark.parametrize("fused", [False, True])
+def test_every_urdf_is_one_tree(tool, fused):
+    robot = etree.fromstring(assemble(tool, fused=fused))
+    names = [link.get("name") for link in robot.findall("link")]
+    children = [joint.find("child").get("link") for joint in robot.findall("joint")]
+    assert len(names) == len(set(names))
+    assert sorted(children) == sorted(set(names) - {"panda_link0"})
+    assert {joint.find("parent").get("link") for joint in robot.findall("joint")} <= set(names)
+    movable = 9 if tool is None or tool.gripper else 7
+    assert pin.buildModelFromXML(assemble(tool, fused=fused)).nq == movable
+
+
+def test_mesh_paths_are_the_callers_to_choose():
+    asked = []
+
+    def name(path):
+        asked.append(path)
+        return f"meshes/{path.name}"
+
+    text = assemble(RIGID, mesh_path=name)
+    assert asked
+    assert all(path.is_absolute() and path.is_file() for path in asked)
+    named = [mesh.get("filename") for mesh in etree.fromstring(text).iter("mesh")]
+    assert sorted(named) == sorted(f"meshes/{path.name}" for path in asked)
+    assert str(description_folder()) not in text
+    assert "package://" not in text
+
+
+def test_meshes_are_found_by_default():
+    for mesh in etree.fromstring(assemble()).iter("mesh"):
+        assert (description_folder() / mesh.get("filename")).is_file()
+
+
+def test_visuals_can_be_left_out():
+    assert not list(etree.fromstring(assemble(RIGID, visuals=False)).iter("visual"))
+    assert len(list(etree.fromstring(assemble(RIGID)).iter("visual"))) > 8
+    one, other = (etree.fromstring(assemble(RIGID, visuals=v)) for v in (True, False))
+    assert len(list(one.iter("collision"))) == len(list(other.iter("collision"))) > 8
+
+
+def test_a_tools_block_has_a_link_and_a_joint_per_component():
+    block = etree.fromstring(f"<robot>{tool_urdf(RIGID)}</robot>")
+    assert [element.tag for element in block] == ["link", "joint", "link", "joint"]
+    for component, link, joint in zip(RIGID.components, block[::2], block[1::2], strict=True):
+        assert link.get("name") == joint.find("child").get("link") == component.name
+        assert joint.get("type") == "fixed"
+        assert joint.find("parent").get("link") == component.parent
+        for tag in ("visual", "collision"):
+            assert [float(x) for x in link.find(f"{tag}/geometry/box").get("size").split()] == list(
+                component.shape.size
+            )
+        assert link.find("visual/material/color").get("rgba") == "0.1 0.2 0.3 0.4"
+        assert float(link.find("inertial/mass").get("value")) == component.mass
+        origin = {key: [float(x) for x in value.split()] for key, value in joint.find("origin").items()}
+        np.testing.assert_allclose(Pose.xyz_rpy(origin["xyz"], origin["rpy"]).matrix, component.pose.matrix, atol=1e-8)
+    assert tool_urdf(Tool()) == ""

@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.geometry import Pose
+from core.robot.description import HOME_JOINTS
+from core.robot.kinematics import arm
+
+ARM = arm()
+seeds = st.integers(0, 2**32 - 1)
+
+
+def miss(solution, pose):
+    """Metres and radians between where the joints lead and where they ought to."""
+    reached = ARM.forward(solution.joints)
+    return np.linalg.norm(reached.position - pose.position), (reached.rotation.inv() * pose.rotation).magnitude()
+
+
+def within_limits(joints):
+    return bool(((ARM.lower <= joints) & (joints <= ARM.upper)).all())
+
+
+def test_home():
+    assert ARM.home.tolist() == list(HOME_JOINTS)
+    assert within_limits(ARM.home)
+    np.testing.assert_allclose(ARM.forward(ARM.home).position, [0.5, 0, 0.5], atol=1e-3)
+
+
+def test_positions_are_forward_of_each_row():
+    joints = np.random.default_rng(0).uniform(ARM.lower, ARM.upper, (5, 7))
+    np.testing.assert_array_equal(ARM.positions(joints), [ARM.forward(q).position for q in joints])
+    assert ARM.positions(joints[:0]).shape == (0, 3)
+
+
+def test_the_first_joint_turns_the_arm_about_the_base():
+    turned = ARM.home.copy()
+    turned[0] += np.pi / 2
+    x, y, z = ARM.forward(ARM.home).position
+    np.testing.assert_allclose(ARM.forward(turned).position, [-y, x, z], atol=1e-12)
+    assert ARM.forward(turned).rpy[2] - ARM.forward(ARM.home).rpy[2] == pytest.approx(np.pi / 2)
+
+
+@settings(max_examples=200)
+@given(seeds)
+def test_there_and_back_from_nearby(seed):
+    """As along a path: the seed is at most 0.1 rad away in each joint."""
+    rng = np.random.default_rng(seed)
+    margin = 0.05 * (ARM.upper - ARM.lower)
+    joints = rng.uniform(ARM.lower + margin, ARM.upper - margin)
+    pose = ARM.forward(joints)
+    solution = ARM.inverse(pose, np.clip(joints + rng.uniform(-0.1, 0.1, 7), ARM.lower, ARM.upper))
+    assert solution.error_m < 1e-4
+    assert solution.error_rad < 1e-3
+    assert within_limits(solution.joints)
+
+
+def test_the_workspace_in_front_is_reached_from_home():
+    for x in (0.35, 0.5, 0.65):
+        for y in (-0.3, 0, 0.3):
+            for z in (0.1, 0.3, 0.5):
+                for rpy in ((0, 0, 0), (0.3, -0.3, 0.5)):
+                    pose = Pose.xyz_rpy((x, y, z), rpy)
+                    solution = ARM.inverse(pose, ARM.home)
+                    assert solution.error_m < 1e-4, pose
+                    assert max(miss(solution, pose)) < 1e-3
+
+
+coordinates = st.floats(-3, 3)
+angles = st.floats(-10, 10)
+
+
+@settings(max_examples=200)
+@given(st.tuples(coordinates, coordinates, coordinates), st.tuples(angles, angles, angles), seeds)
+def test_whatever_is_asked_for_limits_hold_and_the_miss_is_told_truthfully(xyz, rpy, seed):
+    pose = Pose.xyz_rpy(xyz, rpy)
+    start = np.random.default_rng(seed).uniform(ARM.lower, ARM.upper)
+    solution = ARM.inverse(pose, start)
+    assert within_limits(solution.joints)
+    metres, radians = miss(solution, pose)
+    assert solution.error_m == pytest.approx(metres, abs=1e-9)
+    assert solution.error_rad == pytest.approx(radians, abs=1e-6)
+    worse = miss(type(solution)(start, 0.0, 0.0), pose)
+    assert (
+        metres**2 + (0.3 * radians) ** 2 <= worse[0] ** 2 + (0.3 * worse[1]) ** 2 + 1e-12
+    )  # never worse than the seed
+
+
+@pytest.mark.parametrize("x", [0.9, 1.2, 2.0])
+def test_out_of_reach_the_arm_comes_close(x):
+    pose = Pose.xyz_rpy((x, 0, 0.333))
+    solution = ARM.inverse(pose, ARM.home)
+    reach = 0.9  # of the flange from the shoulder, about
+    assert solution.error_m > 1e-3
+    assert solution.error_m < x - reach + 0.15
+
+
+def test_a_seed_beyond_the_limits_is_no_harm():
+    solution = ARM.inverse(Pose.xyz_rpy((0.5, 0, 0.4)), np.full(7, 100.0))
+    assert within_limits(solution.joints)
+
+
+def test_home_for():
+    pose = Pose.xyz_rpy((0.4, -0.2, 0.2))
+    joints = ARM.home_for(pose)
+    np.testing.assert_allclose(ARM.forward(joints).matrix, pose.matrix, atol=1e-4)
+    assert within_limits(joints)
+
+
+def test_a_home_out_of_reach():
+    with pytest.raises(ValueError, match=r"home \[2. 0. 0.\] is out of the arm's reach by 1\.\d\d\d m"):
+        ARM.home_for(Pose.xyz_rpy((2, 0, 0)))
+
+
+def test_one_arm_per_process():
+    assert arm() is ARM

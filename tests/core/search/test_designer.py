@@ -1,0 +1,242 @@
+"""From requests to candidates: what agents are told, and what becomes of what they answer."""
+
+import json
+import threading
+
+import numpy as np
+import pytest
+
+from core.config.settings import PromptSettings, Sampling
+from core.design import Candidate, Component, Evaluation, Tool
+from core.designs.composer import PromptComposer
+from core.errors import LimitReached
+from core.geometry import Box, Pose
+from core.hooks import hookimpl
+from core.interfaces import VLM, Budget, Picture, Reply
+from core.plugins import event_hub, installed
+from core.search.designer import ModelDesigner
+from tasks.bring_cube import BringCube
+
+ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
+PLAN = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]]
+URDF = installed().create("tool", "urdf")
+
+
+class Canned(VLM):
+    """Answers every request with what ``answer`` makes of it; keeps the requests."""
+
+    model = "a can"
+
+    def __init__(self, answer):
+        self.answer = answer
+        self.requests = []
+
+    def complete(self, requests):
+        self.requests += requests
+        for request in reversed(requests):
+            reply = self.answer(request)
+            if reply is not None:
+                yield reply
+
+
+def document(n_tool=1, n_action=1, **more) -> str:
+    strategy = {**URDF.dump(ROD), "action_sets": [PLAN] * n_action, **more}
+    return json.dumps({"strategies": [strategy] * n_tool})
+
+
+def good(request):
+    return Reply(request.id, document(), "a can")
+
+
+def designer(vlm, budget=None, kinds=("rigid",), seed=3, events=None, temperature=1.0, prompt=None, show=None):
+    return ModelDesigner(
+        BringCube(),
+        vlm,
+        URDF,
+        PromptComposer(prompt),
+        budget or Budget(3, 1, 1, 0, 5, 0.6),
+        seed=seed,
+        sampling=Sampling(temperature),
+        tool_kinds=kinds,
+        picture=None,
+        events=events or event_hub(),
+        show=show,
+    )
+
+
+class Listener:
+    """Notes what it hears, in order."""
+
+    def __init__(self):
+        self.heard = []
+        self.hub = event_hub()
+        self.hub.register(self)
+
+    @hookimpl
+    def request_composed(self, request):
+        self.heard.append(("asked", request.id))
+
+    @hookimpl
+    def reply_received(self, request, reply):
+        self.heard.append(("answered", request.id))
+
+
+def test_one_candidate_per_agent_tool_and_plan_named_by_where_it_came_from():
+    budget = Budget(2, 2, 3, 0, 5, 0.6)
+    found = list(designer(Canned(lambda r: Reply(r.id, document(2, 3), "a can")), budget).design(4))
+    assert sorted(c.key for c in found) == [(4, a, s, p) for a in range(2) for s in range(2) for p in range(3)]
+    assert all(c.problem is None for c in found)
+
+
+def test_more_than_was_asked_for_is_left_out():
+    found = list(designer(Canned(lambda r: Reply(r.id, document(4, 5), "a can")), Budget(1, 2, 3, 0, 5, 0.6)).design(0))
+    assert len(found) == 2 * 3
+
+
+def test_agents_differ_and_follow_from_the_seed():
+    def told(seed):
+        vlm = Canned(good)
+        list(designer(vlm, Budget(40, 1, 1, 0, 5, 0.6), ("rigid", "gripper"), seed).design(1))
+        return [(r.id, r.temperature, r.brief.seed, r.brief.gripper) for r in vlm.requests]
+
+    requests = told(3)
+    assert requests == told(3) != told(4)
+    temperatures = [temperature for _, temperature, _, _ in requests]
+    assert 0.5 <= min(temperatures) < 0.7 < 1.3 < max(temperatures) <= 1.5
+    assert len({seed for _, _, seed, _ in requests}) == 40
+    assert 5 < sum(gripper for _, _, _, gripper in requests) < 35
+
+
+def test_temperatures_stay_in_the_providers_range():
+    vlm = Canned(good)
+    list(designer(vlm, Budget(40, 1, 1, 0, 5, 0.6), temperature=2.0).design(0))
+    temperatures = [r.temperature for r in vlm.requests]
+    assert max(temperatures) == 2.0
+    assert min(temperatures) >= 1.5
+
+
+@pytest.mark.parametrize(
+    ("reply", "reason"),
+    [
+        (lambda r: Reply(r.id, "", "a can", error="quota exhausted"), "quota exhausted"),
+        (lambda r: Reply(r.id, "I would rather not.", "a can"), "can't be read"),
+        (lambda r: Reply(r.id, '{"strategies": []}', "a can"), "empty"),
+        (lambda r: None, "no reply came"),
+    ],
+)
+def test_an_agent_that_fails_costs_its_own_candidates_only(reply, reason):
+    found = list(designer(Canned(lambda r: reply(r) if r.id == "g0-a1" else good(r))).design(0))
+    assert sorted(c.id for c in found) == ["g0-a0-s0-p0", "g0-a1-s0-p0", "g0-a2-s0-p0"]
+    (lost,) = [c for c in found if c.problem is not None]
+    assert lost.agent == 1
+    assert reason in lost.problem
+
+
+def test_a_model_that_raises_is_not_swallowed():
+    def broken(request):
+        raise RuntimeError("the plugin is broken")
+
+    with pytest.raises(RuntimeError, match="the plugin is broken"):
+        list(designer(Canned(broken)).design(0))
+
+
+def test_elites_reach_the_brief_and_parents_come_back():
+    elite = Evaluation(Candidate(ROD, np.array(PLAN), strategy_name="poke"), "ok", reward=0.8)
+    vlm = Canned(lambda r: Reply(r.id, document(parents=["g0-a0-s0-p0", "g7-a7-s7-p7"]), "a can"))
+    found = list(designer(vlm).design(1, [elite]))
+    assert all(c.parents == ("g0-a0-s0-p0",) for c in found)
+    assert all(r.brief.elites == (elite,) for r in vlm.requests)
+
+
+def test_replies_are_told_while_nobody_reads_them():
+    """A reply that was paid for is kept although the candidates of the first one are still being tried."""
+    told = []
+    all_told = threading.Event()
+
+    class Listener:
+        @hookimpl
+        def reply_received(self, request, reply):
+            told.append(reply.request_id)
+            if len(told) == 3:
+                all_told.set()
+
+    events = event_hub()
+    events.register(Listener())
+    candidates = designer(Canned(good), events=events).design(0)
+    next(candidates)
+    assert all_told.wait(10.0)
+    assert sorted(told) == ["g0-a0", "g0-a1", "g0-a2"]
+
+
+# --- repairs ----------------------------------------------------------------------------------------------------
+
+
+def chatting(request):
+    """Agent 1 answers with chatter, the first time; agent 2 not at all."""
+    if request.id == "g0-a2":
+        return Reply(request.id, "", "a can", error="quota exhausted")
+    return Reply(request.id, "I think that", "a can") if request.id == "g0-a1" else good(request)
+
+
+def test_an_unreadable_reply_is_asked_for_once_more_if_wanted():
+    listener, vlm = Listener(), Canned(chatting)
+    found = list(designer(vlm, events=listener.hub, prompt=PromptSettings(repair=True)).design(0))
+    assert {c.agent: c.problem for c in found} == {0: None, 1: None, 2: "the model gave no answer: quota exhausted"}
+    assert [what for what in listener.heard if what[1].startswith("g0-a1")] == [
+        ("asked", "g0-a1"),
+        ("answered", "g0-a1"),
+        ("asked", "g0-a1-repair"),
+        ("answered", "g0-a1-repair"),
+    ]
+    assert [r.id for r in vlm.requests] == ["g0-a0", "g0-a1", "g0-a2", "g0-a1-repair"]
+    first, again = vlm.requests[1], vlm.requests[3]
+    assert again.messages[: len(first.messages)] == first.messages
+    assert [m.role for m in again.messages[len(first.messages) :]] == ["assistant", "user"]
+    assert (again.schema, again.temperature, again.brief) == (first.schema, first.temperature, first.brief)
+
+
+def test_no_repair_unless_it_is_wanted_and_never_a_second_one():
+    vlm = Canned(chatting)
+    assert [c.problem is None for c in designer(vlm).design(0)].count(True) == 1
+    assert len(vlm.requests) == 3
+    stubborn = Canned(lambda r: Reply(r.id, "no", "a can"))
+    found = list(designer(stubborn, prompt=PromptSettings(repair=True)).design(0))
+    assert len(stubborn.requests) == 6
+    assert [c.id for c in found] == ["g0-a2-s0-p0", "g0-a1-s0-p0", "g0-a0-s0-p0"][::-1]
+    assert all("the reply can't be read" in c.problem for c in found)
+
+
+# --- limits -----------------------------------------------------------------------------------------------------
+
+
+def test_a_limit_is_passed_on_after_the_candidates_that_there_are():
+    class Broke(Canned):
+        def complete(self, requests):
+            yield good(requests[0])
+            raise LimitReached("all is spent")
+
+    candidates = designer(Broke(good)).design(0)
+    assert next(candidates).id == "g0-a0-s0-p0"
+    with pytest.raises(LimitReached, match="all is spent"):
+        next(candidates)
+
+
+# --- pictures of elites -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("feedback", ["paper", "numbers", "full"])
+def test_elites_are_drawn_once_and_only_if_they_are_shown(feedback):
+    drawn = []
+
+    def show(candidate):
+        drawn.append(candidate.id)
+        return Picture(b"drawn", f"elite_{candidate.id}")
+
+    elites = [Evaluation(Candidate(ROD, np.array(PLAN), strategy=n), "ok", reward=0.8) for n in range(2)]
+    vlm = Canned(good)
+    list(designer(vlm, prompt=PromptSettings(feedback=feedback), show=show).design(1, elites))
+    names = ["g0-a0-s0-p0", "g0-a0-s1-p0"] if feedback == "full" else []
+    assert drawn == names
+    for request in vlm.requests:
+        pictures = [part.name for part in request.messages[-1].parts if isinstance(part, Picture)]
+        assert pictures == [f"elite_{name}" for name in names]

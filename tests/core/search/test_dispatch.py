@@ -1,0 +1,34 @@
+import pytest
+
+from core.search.dispatch import CHUNK, dispatch, time_limit
+
+
+@pytest.mark.parametrize(
+    ("chunk", "limit"), [("a", 10), ("a" * CHUNK, 10), ("a" * (CHUNK + 1), 20), ([], 10), (None, 10)]
+)
+def test_a_chunk_has_no_more_time_than_one(chunk, limit):
+    assert time_limit(10.0, chunk) == limit
+    assert time_limit(None, chunk) is None
+
+
+def test_chunks_are_read_no_faster_than_they_are_worked_on():
+    read = []
+
+    def chunks():
+        for number in range(20):
+            read.append(number)
+            yield number
+
+    results = dispatch([lambda n: n * n], chunks())
+    assert next(results) == (0, 0)
+    assert len(read) <= 4
+    assert sorted(results) == [(n, n * n) for n in range(1, 20)]
+
+
+def test_what_chunks_raise_is_raised():
+    def chunks():
+        yield 1
+        raise ValueError("no more")
+
+    with pytest.raises(ValueError, match="no more"):
+        list(dispatch([lambda n: n], chunks()))

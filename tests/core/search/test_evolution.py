@@ -1,0 +1,465 @@
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.design import Candidate, Component, Evaluation, Tool
+from core.errors import LimitReached
+from core.events import INTERRUPTED
+from core.geometry import Box, Pose
+from core.hooks import hookimpl
+from core.interfaces import Budget, EvolutionStrategy, Executor
+from core.plugins import event_hub, installed
+from core.search.dispatch import CHUNK
+from core.search.evolution import evaluate_all, evolve
+
+
+def tool(name="rod"):
+    return Tool((Component(name, "panda_virtual", Pose(), Box((0.1, 0.1, 0.1))),))
+
+
+def population(generation, *plans_per_tool, problem=None):
+    return [
+        Candidate(own, np.full((1, 6), generation + action / 100), generation, 0, strategy, action, problem=problem)
+        for strategy, plans in enumerate(plans_per_tool)
+        for own in [tool(f"rod_{strategy}")]
+        for action in range(plans)
+    ]
+
+
+class Here(Executor):
+    """In this process; ``order`` shuffles the results' arrival."""
+
+    def __init__(self, order=None):
+        self.order = order
+        self.chunks = []
+        self.read = 0
+
+    def map(self, function, chunks):
+        results = []
+        for chunk in chunks:
+            self.chunks.append(list(chunk))
+            try:
+                result = function(chunk)
+            except Exception as error:
+                result = error
+            if self.order is None:
+                yield chunk, result
+            results.append((chunk, result))
+        if self.order is not None:
+            for i in self.order.permutation(len(results)):
+                yield results[i]
+
+    def close(self):
+        pass
+
+
+class Scripted(EvolutionStrategy):
+    """Asks for the generations that it is given."""
+
+    def __init__(self, generations):
+        super().__init__(None, None)
+        self.generations = generations
+        self.asked = 0
+        self.told = []
+
+    def ask(self):
+        self.asked += 1
+        return iter(self.generations[self.asked - 1])
+
+    def tell(self, evaluations):
+        self.told.append(list(evaluations))
+
+
+class Diary:
+    def __init__(self, strategy):
+        self.entries = []
+        self.strategy = strategy
+
+    @hookimpl
+    def generation_started(self, index):
+        self.entries.append(f"start {index}")
+
+    @hookimpl
+    def candidate_evaluated(self, evaluation):
+        self.entries.append(evaluation.candidate.id)
+        assert len(self.strategy.told) == evaluation.candidate.generation  # not told yet
+
+    @hookimpl
+    def generation_finished(self, generation):
+        self.entries.append(f"finish {generation.index}")
+        assert len(self.strategy.told) == generation.index + 1  # told already
+
+
+def reward_of(candidate):
+    return (1 + candidate.generation) * (candidate.strategy + candidate.action) / 100
+
+
+def earn(chunk):
+    return [Evaluation(candidate, "ok", reward=reward_of(candidate), distance_m=1.0) for candidate in chunk]
+
+
+def run(generations, evaluate=earn, executor=None, known=None, **budget):
+    strategy = Scripted(generations)
+    diary = Diary(strategy)
+    events = event_hub()
+    events.register(diary)
+    limits = {"n_iteration": len(generations) - 1, "stop_reward": None, **budget}
+    spent = Budget(1, 1, 1, k_top=5, reward_save=0.5, **limits)
+    found = evolve(strategy, evaluate, executor or Here(), spent, events, known)
+    return found, strategy, diary.entries
+
+
+# --- the loop ---------------------------------------------------------------------------------------------------
+
+
+def test_events_come_in_order():
+    _, strategy, diary = run([population(0, 2), population(1, 1)])
+    assert diary == ["start 0", "g0-a0-s0-p0", "g0-a0-s0-p1", "finish 0", "start 1", "g1-a0-s0-p0", "finish 1"]
+    assert strategy.asked == 2
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_whatever_order_results_arrive_in_the_strategy_is_told_in_order(seed):
+    order = np.random.default_rng(seed)
+    generations = [population(0, 12, 1, 9), population(1, 3, 3)]
+    result, strategy, _ = run(generations, executor=Here(order))
+    for told, generation in zip(strategy.told, generations, strict=True):
+        assert [e.candidate for e in told] == generation
+    for generation, told in zip(result.generations, strategy.told, strict=True):
+        assert list(generation.evaluations) == told
+
+
+def test_one_generation_more_than_iterations():
+    result, strategy, _ = run([population(i, 1) for i in range(9)], n_iteration=3)
+    assert strategy.asked == len(result.generations) == 4
+    assert [generation.index for generation in result.generations] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(("stop_reward", "generations"), [(0.04, 2), (0.041, 3), (None, 4), (0.01, 1)])
+def test_a_reward_that_is_enough_ends_the_run(stop_reward, generations):
+    """The best of generation i is 0.02 * (i + 1)."""
+    result, strategy, diary = run([population(i, 3) for i in range(4)], stop_reward=stop_reward)
+    assert len(result.generations) == strategy.asked == len(strategy.told) == generations
+    assert diary[-1] == f"finish {generations - 1}"
+
+
+def test_the_best_is_of_all_generations():
+    def earn_less_later(chunk):
+        return [Evaluation(c, "ok", reward=0.5 / (1 + c.generation), distance_m=2.0 - c.action) for c in chunk]
+
+    result, _, _ = run([population(i, 2) for i in range(3)], earn_less_later)
+    assert result.best.candidate.id == "g0-a0-s0-p1"  # the shorter of two equal ones
+    assert [generation.best.reward for generation in result.generations] == [0.5, 0.25, 0.5 / 3]
+    assert result.generations[1].mean_reward == 0.25
+
+
+def test_an_empty_generation_is_told_too():
+    result, strategy, _ = run([[], population(1, 2)])
+    assert strategy.told[0] == []
+    assert result.generations[0].best is None
+    assert result.generations[0].mean_reward is None
+    assert result.best is not None
+
+
+def test_a_run_in_which_nothing_could_be_tried():
+    result, _, _ = run([population(0, 2, problem="a rule")])
+    assert result.best is None
+    assert result.n_evaluations == 0
+
+
+# --- what is rejected, what fails -------------------------------------------------------------------------------
+
+
+def test_what_breaks_a_rule_is_never_tried():
+    good, bad = population(0, 2, 2), population(0, 0, 0, 2, problem="it has no boxes")
+    mixed = [bad[0], good[0], good[1], bad[1], good[2], good[3]]
+    executor = Here()
+    result, strategy, diary = run([mixed], executor=executor)
+    assert [c for chunk in executor.chunks for c in chunk] == good
+    (told,) = strategy.told
+    assert [(e.status, e.reason) for e in told] == [("ok", "")] * 4 + [("rejected", "it has no boxes")] * 2
+    assert sorted(diary[1:-1]) == sorted(c.id for c in mixed)  # listeners hear of the rejected ones too
+    assert result.generations[0].count("rejected") == 2
+    assert result.n_evaluations == 4
+
+
+def test_only_the_guilty_one_of_a_broken_chunk_fails():
+    calls = []
+
+    def burst(chunk):
+        calls.append([c.action for c in chunk])
+        if any(c.action == 2 for c in chunk):
+            raise RuntimeError("it burst")
+        return earn(chunk)
+
+    result, strategy, _ = run([population(0, 5)], burst)
+    assert calls == [[0, 1, 2, 3, 4], [0], [1], [2], [3], [4]]
+    (told,) = strategy.told
+    assert [e.status for e in told] == ["ok", "ok", "failed", "ok", "ok"]
+    assert told[2].reason == "RuntimeError: it burst"
+    assert told[2].reward == 0
+    assert result.best.candidate.action == 4
+    assert result.n_evaluations == 5
+
+
+def test_a_chunk_that_breaks_does_not_touch_its_neighbours():
+    def burst(chunk):
+        if chunk[0].strategy == 1 and len(chunk) > 1:
+            raise MemoryError
+        return earn(chunk)
+
+    executor = Here()
+    _, strategy, _ = run([population(0, 3, 3, 3)], burst, executor)
+    assert [len(chunk) for chunk in executor.chunks] == [3, 3, 3, 1, 1, 1]
+    assert [e.status for e in strategy.told[0]] == ["ok"] * 9
+
+
+def test_a_failed_one_is_not_the_best():
+    def fail(chunk):
+        if len(chunk) > 1 or chunk[0].action == 1:
+            raise RuntimeError
+        return earn(chunk)
+
+    result, _, _ = run([population(0, 2)], fail)
+    assert result.best.candidate.action == 0
+    assert result.generations[0].count("failed") == 1
+
+
+# --- chunks -----------------------------------------------------------------------------------------------------
+
+
+def test_chunks_never_mix_tools_and_are_not_too_long():
+    executor = Here()
+    candidates = population(0, 3, CHUNK, 1, 2 * CHUNK + 1, 1)
+    assert len(list(evaluate_all(candidates, earn, executor))) == len(candidates)
+    for chunk in executor.chunks:
+        assert len({id(candidate.tool) for candidate in chunk}) == 1
+        assert len(chunk) <= CHUNK
+    assert [len(chunk) for chunk in executor.chunks] == [3, CHUNK, 1, CHUNK, CHUNK, 1, 1]
+    assert [c for chunk in executor.chunks for c in chunk] == candidates
+
+
+class ManyAtOnce:
+    """Earns like `earn`, and likes ``batch`` candidates at once."""
+
+    def __init__(self, batch, breaks=lambda chunk: False):
+        self.batch, self.breaks = batch, breaks
+
+    def __call__(self, chunk):
+        if self.breaks(chunk):
+            raise RuntimeError("too many")
+        return earn(chunk)
+
+
+def test_an_engine_that_batches_is_given_all_that_has_come_whatever_the_tools():
+    executor = Here()
+    candidates = population(0, 3, 1, 4)
+    assert {e.candidate for e in evaluate_all(candidates, ManyAtOnce(6), executor)} == set(candidates)
+    assert [len(chunk) for chunk in executor.chunks] == [6, 2]
+    assert [c for chunk in executor.chunks for c in chunk] == candidates
+
+
+def test_what_has_come_is_tried_while_an_engine_that_batches_waits_for_more():
+    later = threading.Event()
+
+    def two_replies():
+        yield from population(0, 3)
+        assert later.wait(60)
+        yield from population(0, 3, 2)[3:]
+
+    executor = Here()
+    evaluations = evaluate_all(two_replies(), ManyAtOnce(100), executor)
+    first = [next(evaluations) for _ in range(3)]
+    later.set()
+    assert len(first) + len(list(evaluations)) == 5
+    assert [len(chunk) for chunk in executor.chunks] == [3, 2]
+
+
+def test_a_batch_that_breaks_is_tried_in_smaller_ones_and_at_last_one_by_one():
+    executor = Here()
+    candidates = population(0, CHUNK + 4, CHUNK)
+    bad = candidates[CHUNK + 5]
+    evaluations = list(evaluate_all(candidates, ManyAtOnce(100, lambda chunk: bad in chunk), executor))
+    assert [len(chunk) for chunk in executor.chunks] == [2 * CHUNK + 4, CHUNK, CHUNK, 4, *[1] * CHUNK]
+    assert [e.candidate for e in evaluations if e.status == "failed"] == [bad]
+    assert len(evaluations) == len(candidates)
+
+
+def test_what_candidates_raise_while_they_are_gathered_is_raised():
+    def broken():
+        yield from population(0, 2)
+        raise RuntimeError("no more ideas")
+
+    with pytest.raises(RuntimeError, match="no more ideas"):
+        list(evaluate_all(broken(), ManyAtOnce(100), Here()))
+
+
+def test_results_are_told_while_candidates_still_come():
+    """Listeners must not wait for a model's last reply to hear of the first evaluation."""
+    seen = []
+
+    def slowly():
+        for candidate in population(0, 2, 2, 2):
+            seen.append("asked")
+            yield candidate
+
+    evaluations = evaluate_all(slowly(), earn, Here())
+    next(evaluations)
+    assert len(seen) < 6
+
+
+def test_a_strategy_that_breaks_ends_the_run():
+    class Broken(Scripted):
+        def ask(self):
+            raise RuntimeError("no more ideas")
+
+    with pytest.raises(RuntimeError, match="no more ideas"):
+        evolve(Broken([]), earn, Here(), Budget(1, 1, 1, 0, 5, 0.5), event_hub())
+
+
+# --- identical candidates ---------------------------------------------------------------------------------------
+
+
+def alike(*ids, plan=0.0, own=None):
+    """Candidates of one content, by (generation, agent, strategy, action)."""
+    own = own or tool()
+    return [Candidate(own, np.full((1, 6), plan), *key, strategy_name=f"{key}") for key in ids]
+
+
+def tried(executor):
+    return [candidate.id for chunk in executor.chunks for candidate in chunk]
+
+
+def test_identical_candidates_are_tried_once_and_earn_the_same():
+    first = [*alike((0, 0, 0, 0), (0, 1, 0, 0)), *alike((0, 1, 0, 1), plan=0.5), *alike((0, 2, 0, 0))]
+    later = [*alike((1, 0, 0, 0)), *alike((1, 0, 0, 1), plan=0.25)]
+    executor = Here()
+    result, strategy, diary = run([first, later], executor=executor)
+    assert tried(executor) == ["g0-a0-s0-p0", "g0-a1-s0-p1", "g1-a0-s0-p1"]
+    told = {e.candidate.id: e.reward for e in [*strategy.told[0], *strategy.told[1]]}
+    assert told["g0-a0-s0-p0"] == told["g0-a1-s0-p0"] == told["g0-a2-s0-p0"] == told["g1-a0-s0-p0"]
+    assert sorted(diary) == sorted(["start 0", "finish 0", "start 1", "finish 1", *told])  # each is told of once
+    assert [e.candidate.strategy_name for e in strategy.told[0]] == [c.strategy_name for c in sorted(first, key=key)]
+    assert result.n_evaluations == 6
+
+
+def key(candidate):
+    return candidate.key
+
+
+def test_one_that_breaks_breaks_for_all_that_are_identical():
+    def burst(chunk):
+        raise RuntimeError("it burst")
+
+    executor = Here()
+    _, strategy, _ = run([alike((0, 0, 0, 0), (0, 1, 0, 0), (0, 2, 0, 0))], burst, executor)
+    assert tried(executor) == ["g0-a0-s0-p0", "g0-a0-s0-p0"]  # once in its chunk, once alone
+    assert [(e.status, e.reason) for e in strategy.told[0]] == [("failed", "RuntimeError: it burst")] * 3
+
+
+def test_what_is_said_about_a_tool_makes_no_difference_and_what_it_is_does():
+    rod = tool()
+    same = replace(rod, name="a rod", description="to poke with")
+    longer = Tool((replace(rod.components[0], shape=Box((0.1, 0.1, 0.1 + 1e-15))),))
+    turned = Tool((replace(rod.components[0], pose=Pose.xyz_rpy((0, 0, 0), (0, 0, 1e-15))),))
+    open_hand = Tool(gripper=True)
+    contents = [Candidate(own, np.zeros((1, 6))).content for own in (rod, same, longer, turned, Tool(), open_hand)]
+    assert contents[0] == contents[1]
+    assert len(set(contents)) == 5
+    plans = (np.zeros((1, 6)), np.zeros((2, 3)), np.zeros((1, 7)), np.zeros((1, 6)) + 1e-300)
+    assert len({Candidate(rod, plan).content for plan in plans}) == 4
+
+
+# --- what is known, limits, interrupts --------------------------------------------------------------------------
+
+
+def test_what_is_known_is_not_tried():
+    known = {"g0-a0-s0-p1": Evaluation(population(0, 2)[1], "ok", reward=0.75, distance_m=3.0)}
+    executor = Here()
+    result, strategy, diary = run([population(0, 3)], executor=executor, known=lambda c: known.get(c.id))
+    assert tried(executor) == ["g0-a0-s0-p0", "g0-a0-s0-p2"]
+    assert [e.reward for e in strategy.told[0]] == [0.0, 0.75, 0.02]
+    assert sorted(diary[1:-1]) == ["g0-a0-s0-p0", "g0-a0-s0-p1", "g0-a0-s0-p2"]
+    assert result.best.reward == 0.75
+
+
+class Limited(Scripted):
+    """Reaches its limit after ``last`` candidates of the last generation."""
+
+    def __init__(self, generations, last):
+        super().__init__(generations)
+        self.last = last
+
+    def ask(self):
+        candidates = list(super().ask())
+        if self.asked < len(self.generations):
+            yield from candidates
+        else:
+            yield from candidates[: self.last]
+            raise LimitReached("3 dollars are spent")
+
+
+@pytest.mark.parametrize("last", [0, 3])
+def test_a_limit_ends_the_run_with_what_there_is(last):
+    strategy = Limited([population(0, 2), population(1, 4)], last)
+    diary = Diary(strategy)
+    events = event_hub()
+    events.register(diary)
+    result = evolve(strategy, earn, Here(np.random.default_rng(1)), Budget(1, 1, 3, 5, 5, 0.5), events)
+    assert result.stopped == "3 dollars are spent"
+    assert [len(generation.evaluations) for generation in result.generations] == [2, 3][: 1 + bool(last)]
+    assert result.best.candidate.id == ("g1-a0-s0-p2" if last else "g0-a0-s0-p1")
+    assert len(strategy.told) == 1
+    assert "finish 1" not in diary.entries  # it may go on where the limit is raised
+
+
+@pytest.mark.parametrize("when", ["while one is tried", "while one is told of", "while a generation ends"])
+def test_an_interrupt_ends_the_run_with_what_there_is(when):
+    def interrupted(chunk):
+        if when == "while one is tried" and chunk[0].generation == 1 and chunk[0].strategy == 1:
+            raise KeyboardInterrupt
+        return earn(chunk)
+
+    class Impatient(Diary):
+        @hookimpl
+        def candidate_evaluated(self, evaluation):
+            if when == "while one is told of" and evaluation.candidate.id == "g1-a0-s0-p1":
+                raise KeyboardInterrupt
+
+        @hookimpl
+        def generation_finished(self, generation):
+            if when == "while a generation ends" and generation.index == 1:
+                raise KeyboardInterrupt
+
+    strategy = Scripted([population(0, 2, 2), population(1, 2, 2), population(2, 2)])
+    events = event_hub()
+    events.register(Impatient(strategy))
+    result = evolve(strategy, interrupted, Here(), Budget(1, 1, 1, 2, 5, 0.5), events)
+    assert result.stopped == INTERRUPTED
+    came = {"while one is tried": 2, "while one is told of": 1, "while a generation ends": 4}[when]
+    assert [len(generation.evaluations) for generation in result.generations] == [4, came]
+    assert strategy.asked == 2
+
+
+def test_a_run_that_comes_to_its_end_was_not_stopped():
+    assert run([population(0, 1)])[0].stopped is None
+
+
+def test_processes_come_to_the_same_as_this_one():
+    """Candidates are read in another thread then, while results come: identical and rejected ones, and a limit."""
+    asked = [
+        *population(0, 3, 3),
+        *alike((0, 1, 0, 0), (0, 1, 0, 1), (0, 2, 0, 0)),
+        *population(0, 0, 0, 0, 2, problem="a rule"),
+    ]
+    found = []
+    for executor in (Here(), installed().create("executor", "local", {"workers": 2})):
+        strategy = Limited([asked, asked], 5)
+        with executor:
+            result = evolve(strategy, earn, executor, Budget(1, 1, 1, 1, 5, 0.5), event_hub())
+        found.append([[(e.candidate.id, e.status, e.reward) for e in g.evaluations] for g in result.generations])
+        assert result.stopped == "3 dollars are spent"
+    assert found[0] == found[1]
+    assert [len(generation) for generation in found[0]] == [11, 5]

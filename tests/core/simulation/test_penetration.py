@@ -1,0 +1,338 @@
+"""Cheats made on purpose, as recordings and in a real engine."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from core.design import Candidate, Component, Tool
+from core.errors import UsageError
+from core.geometry import Box, Cylinder, Pose, Sphere
+from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, RolloutSettings, Simulator, Task
+from core.plugins import installed
+from core.robot.kinematics import arm
+from core.scene import Body, Goal, Scene, State, table
+from core.simulation.penetration import Explosion, findings
+from core.simulation.rollout import evaluate
+
+HZ = 25.0
+ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
+GREY = (0.5, 0.5, 0.5, 1.0)
+
+
+def body(name, shape, position, mass=0.1, rpy=(0, 0, 0)):
+    return Body.of(name, shape, position, mass=mass, color=GREY, rpy=rpy)
+
+
+WALL = body("wall", Box((0.01, 0.5, 0.5)), (0.5, 0.0, 0.25), mass=0.0)
+
+
+def recording(scene, paths, hz=HZ, arms=None, quaternions=None, velocities=None):
+    """Of free bodies at ``paths`` (T, 3), by name; the arm is far from them unless ``arms`` (T, 7) says otherwise."""
+    count = len(arms) if arms is not None else len(next(iter(paths.values())))
+    away = np.tile([2.8, *arm().home[1:]], (count, 1))
+    free = scene.free
+    positions = np.array([paths[b.name] for b in free]).reshape(len(free), count, 3).swapaxes(0, 1)
+    turned = np.zeros((count, len(free), 4))
+    turned[..., 0] = 1.0
+    for name, values in (quaternions or {}).items():
+        turned[:, [b.name for b in free].index(name)] = values
+    speeds = np.zeros(positions.shape)
+    for name, values in (velocities or {}).items():
+        speeds[:, [b.name for b in free].index(name)] = values
+    states = State(tuple(b.name for b in free), positions, turned, speeds, np.zeros(positions.shape))
+    return Recording(np.arange(count) / hz, arms if arms is not None else away, np.zeros((count, 2)), states)
+
+
+def straight(start, end, count):
+    return np.linspace(start, end, count)
+
+
+def cheats(scene, taken, tool=ROD):
+    return [finding.text for finding in findings(scene, tool, taken) if finding.cheat]
+
+
+# --- passing through --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("speed", [0.2, 1.0, 5.0, 20.0])
+@pytest.mark.parametrize("shape", [Sphere(0.02), Box((0.03, 0.05, 0.02)), Cylinder(0.01, 0.2)])
+def test_a_body_that_goes_through_a_wall_is_seen_however_fast(shape, speed):
+    scene = Scene((WALL, body("thing", shape, (0.2, 0, 0.25))))
+    path = straight((0.2, 0.0, 0.25), (0.8, 0.0, 0.25), max(4, round(0.6 / speed * HZ)))
+    (told,) = cheats(scene, recording(scene, {"thing": path}))
+    assert "'thing'" in told
+    assert "'wall'" in told
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0, 8.0])
+def test_a_wall_that_goes_through_a_body(speed):
+    """The wall moves, and the one it passes stands still, turned somehow."""
+    gate = body("gate", Box((0.01, 0.5, 0.5)), (0.2, 0, 0.25))
+    scene = Scene((gate, body("post", Box((0.04, 0.04, 0.3)), (0.5, 0.0, 0.25), mass=0.0, rpy=(0.3, 0.2, 0.7))))
+    path = straight((0.2, 0.0, 0.25), (0.8, 0.0, 0.25), max(4, round(0.6 / speed * HZ)))
+    assert len(cheats(scene, recording(scene, {"gate": path}))) == 1
+
+
+def test_two_bodies_that_pass_through_each_other():
+    scene = Scene((body("one", Sphere(0.02), (0.2, 0, 0.2)), body("other", Sphere(0.03), (0.8, 0, 0.2))))
+    paths = {"one": straight((0.2, 0, 0.2), (0.8, 0, 0.2), 9), "other": straight((0.8, 0, 0.2), (0.2, 0, 0.2), 9)}
+    assert len(cheats(scene, recording(scene, paths))) == 1
+
+
+def test_a_body_that_sinks_in_and_stays():
+    scene = Scene((table(), body("cube", Box((0.05, 0.05, 0.05)), (0.5, 0.3, 0.025))))
+    path = np.vstack([straight((0.5, 0.3, 0.025), (0.5, 0.3, 0.010), 10), np.tile((0.5, 0.3, 0.010), (10, 1))])
+    (told,) = cheats(scene, recording(scene, {"cube": path}))
+    assert "deep inside 'table'" in told
+
+
+def test_a_body_that_turns_through_a_wall():
+    """Its middle stays where it is; only its end passes."""
+    bar = body("bar", Box((0.3, 0.01, 0.01)), (0.4, 0.0, 0.25))
+    turns = Rotation.from_euler("z", np.linspace(0.7, 2.4, 6)[:, None]).as_quat()[:, [3, 0, 1, 2]]
+    scene = Scene((body("wall", Box((0.01, 0.01, 0.5)), (0.4, 0.1, 0.25), mass=0.0), bar))
+    taken = recording(scene, {"bar": np.tile((0.4, 0.0, 0.25), (6, 1))}, quaternions={"bar": turns})
+    assert len(cheats(scene, taken)) == 1
+
+
+@given(
+    solid=st.sampled_from([Sphere(0.03), Box((0.08, 0.02, 0.05)), Cylinder(0.03, 0.02), Cylinder(0.012, 0.1)]),
+    radius=st.floats(0.005, 0.05),
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(3, 40),
+    carried=st.booleans(),
+    beside=st.booleans(),
+)
+def test_a_ball_goes_through_a_solid_or_beside_it(solid, radius, seed, count, carried, beside):
+    """From anywhere, spinning; or the ball stands, spins, and the solid comes: the same is seen."""
+    random = np.random.default_rng(seed)
+    turn, way = Rotation.random(rng=random), Rotation.random(rng=random).as_matrix()
+    middle, reach = (
+        np.array([1.5, 1.5, 1.0]),
+        0.08,
+    )  # out of the arm's way; no point of a solid is farther from its middle
+    off = (reach + radius + 0.001) * way[1] if beside else np.zeros(3)
+    path = middle + off + np.linspace(-0.3, 0.3 + 0.3 * random.random(), count)[:, None] * way[0]
+    rpy = turn.as_euler("xyz")
+    if carried:
+        scene = Scene((body("ball", Sphere(radius), path[0]), body("solid", solid, middle, rpy=rpy)))
+        turns = np.tile(turn.as_quat(scalar_first=True), (count, 1))
+        paths = {"ball": np.tile(path[0], (count, 1)), "solid": middle + path[0] - path}
+    else:
+        scene = Scene((body("ball", Sphere(radius), path[0]), body("solid", solid, middle, mass=0.0, rpy=rpy)))
+        turns, paths = None, {"ball": path}
+    spins = Rotation.random(count, rng=random).as_quat(scalar_first=True)
+    quaternions = {"ball": spins} if turns is None else {"ball": spins, "solid": turns}
+    assert len(cheats(scene, recording(scene, paths, quaternions=quaternions))) == (not beside)
+
+
+def sweep(turn, count):
+    """The arm turns about its base."""
+    arms = np.tile(arm().home, (count, 1))
+    arms[:, 0] += np.linspace(-turn, turn, count)
+    return arms
+
+
+@pytest.mark.parametrize("count", [4, 12, 60])
+def test_a_tool_that_goes_through_a_wall(count):
+    pose = arm().forward(arm().home)
+    wall = body("fence", Box((0.3, 0.01, 0.05)), pose.apply((0.0, 0.0, -0.15)), mass=0.0)
+    scene = Scene((wall,))
+    (told,) = cheats(scene, recording(scene, {}, arms=sweep(0.4, count)))
+    assert told.startswith("'rod'")
+    assert cheats(scene, recording(scene, {}, arms=sweep(0.4, count)), Tool()) == []  # the bare arm is above it
+
+
+@pytest.mark.parametrize("side", ["left_rod", "right_rod"])
+def test_each_of_a_pair_of_fingertips(side):
+    part = Component(
+        side, f"panda_{side.removesuffix('_rod')}finger", Pose(np.array([0, 0, 0.1])), Box((0.02, 0.01, 0.1))
+    )
+    tool = Tool((part,), gripper=True)
+    taken = recording(Scene(()), {}, arms=sweep(0.4, 40))
+    assert taken.fingers.shape == (40, 2)
+    pose = arm().forward(arm().home)
+    scene = Scene((body("fence", Box((0.3, 0.01, 0.02)), pose.apply((0.0, 0.0, -0.19)), mass=0.0),))
+    (told,) = cheats(scene, taken, tool)
+    assert told.startswith(repr(side))
+
+
+# --- what is no cheat -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("speed", [0.5, 3.0, 10.0])
+def test_over_the_wall_and_along_it_is_no_cheat(speed):
+    scene = Scene((WALL, body("ball", Sphere(0.02), (0.2, 0, 0.25))))
+    count = max(4, round(1.0 / speed * HZ))
+    over = straight((0.2, 0.0, 0.525), (0.8, 0.0, 0.525), count)
+    along = straight((0.4748, -0.3, 0.25), (0.4748, 0.3, 0.25), count)
+    for path in (over, along):
+        assert findings(scene, ROD, recording(scene, {"ball": path})) == []
+
+
+def test_a_bounce_and_a_hard_blow_are_no_cheat():
+    scene = Scene((WALL, body("ball", Sphere(0.02), (0.2, 0, 0.25))))
+    out = straight((0.1, 0.0, 0.25), (0.49, 0.0, 0.25), 6)  # 15 mm into the wall for a moment
+    path = np.vstack([out, out[::-1]])
+    assert findings(scene, ROD, recording(scene, {"ball": path})) == []
+
+
+def test_what_stands_in_each_other_from_the_start_is_no_cheat():
+    scene = Scene((WALL, body("plug", Cylinder(0.02, 0.2), (0.5, 0.0, 0.25))))
+    taken = recording(scene, {"plug": straight((0.5, 0.0, 0.25), (0.5, 0.0, 0.3), 30)})
+    assert findings(scene, ROD, taken) == []
+
+
+# --- flung ------------------------------------------------------------------------------------------------------
+
+
+def test_a_body_faster_than_the_robot_can_make_it_was_flung():
+    scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
+    path = {"ball": straight((0.5, 0.0, 1.0), (3.0, 0.0, 1.0), 10)}
+    (found,) = findings(scene, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)}))
+    assert (found.cheat, "flung" in found.text, "50.0 m/s" in found.text) == (False, True, True)
+    swing = recording(scene, path, arms=sweep(1.0, 10))  # some 5 m/s
+    swing.states.linear_velocities[:] = (8.0, 0, 0)
+    assert findings(scene, ROD, swing) == []
+
+
+def test_a_fall_is_no_fling():
+    scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
+    times = np.arange(75) / HZ
+    path = np.column_stack([np.full(75, 0.5), np.zeros(75), 1.0 - 9.81 / 2 * times**2])
+    speeds = np.column_stack([np.zeros(75), np.zeros(75), -9.81 * times])
+    assert findings(scene, ROD, recording(scene, {"ball": path}, velocities={"ball": speeds})) == []
+
+
+def test_a_body_that_is_metres_away_was_flung():
+    scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
+    (found,) = findings(scene, ROD, recording(scene, {"ball": straight((0.5, 0, 1), (9, 0, 1), 500)}))
+    assert "9.0 m away" in found.text
+
+
+@pytest.mark.parametrize(("velocity", "why"), [(1e4, "10000 m/s"), (np.nan, "not finite"), (np.inf, "not finite")])
+def test_an_explosion_is_told_as_such(velocity, why):
+    scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
+    taken = recording(scene, {"ball": np.tile((0.5, 0, 1), (5, 1))}, velocities={"ball": (velocity, 0, 0)})
+    with pytest.raises(Explosion, match=why):
+        findings(scene, ROD, taken)
+
+
+# --- what it costs ----------------------------------------------------------------------------------------------
+
+
+class Fenced(Task):
+    name = "Fenced"
+    description = "A ball before a wall."
+    goals = (Goal(("ball",), place=(0.8, None, None)),)
+    home = Pose(np.array([0.3, 0.0, 0.75]))
+
+    def scene(self, seed):
+        return Scene((table(), WALL, body("ball", Sphere(0.02), (0.4, 0.0, 0.02))))
+
+    def reward(self, start, end):
+        return np.where(end.position("ball")[..., 0] > 0.5, 1.0, 0.25)
+
+
+class Ghostly(Simulator):
+    """The ball goes to 0.8 m, ahead through the wall or round it; every third time it explodes."""
+
+    def __init__(self, way):
+        self.way = way
+
+    def rollout(self, task, jobs):
+        return [self.one(task, job) for job in jobs]
+
+    def one(self, task, job):
+        scene = task.scene(job.seed)
+        detour = [(0.4, 0, 0.02), *([(0.4, 0, 0.8), (0.8, 0, 0.8)] if self.way == "over" else []), (0.8, 0, 0.02)]
+        path = np.vstack([straight(a, b, 20) for a, b in itertools.pairwise(detour)])
+        velocity = (1e5 if self.way == "explosion" else 0.0, 0, 0)
+        film = recording(scene, {"ball": path}, velocities={"ball": velocity})
+        states = film.states
+        return Outcome(states[0], states[-1], 0.0, recording=film if job.record_hz else None, warnings=("it creaked",))
+
+    def render(self, task, **_):
+        raise NotImplementedError
+
+
+def earned(way, cheats):
+    candidate = Candidate(ROD, np.array([[0.3, 0.0, 0.8, 0, 0, 0]]))
+    (evaluation,) = evaluate(Fenced(), Ghostly(way), [candidate], 0, RolloutSettings(penetration=cheats))
+    return evaluation
+
+
+def test_by_default_a_cheat_earns_nothing_and_says_why():
+    forbidden = earned("through", "forbid")
+    assert (forbidden.status, forbidden.reward) == ("ok", 0.0)
+    assert RolloutSettings().penetration == "forbid"
+    assert forbidden.warnings[0] == "it creaked"
+    assert "'ball' passed through 'wall'" in forbidden.warnings[1]
+    assert "'ball' passed through 'wall'" in forbidden.reason
+    assert "1.00" in forbidden.reason
+
+
+def test_or_it_is_told_only_or_not_looked_for():
+    warned, ignored = earned("through", "warn"), earned("through", "ignore")
+    assert (warned.reward, warned.reason, len(warned.warnings)) == (1.0, "", 2)
+    assert (ignored.reward, ignored.reason, len(ignored.warnings)) == (1.0, "", 1)
+
+
+def test_an_honest_way_earns_its_reward():
+    honest = earned("over", "forbid")
+    assert (honest.reward, honest.reason, honest.warnings) == (1.0, "", ("it creaked",))
+
+
+def test_an_explosion_fails():
+    failed = earned("explosion", "forbid")
+    assert (failed.status, failed.reward) == ("failed", 0.0)
+    assert "blew up: 'ball' reached 100000 m/s" in failed.reason
+
+
+def test_a_wrong_choice_is_refused():
+    with pytest.raises(UsageError, match=r"rollout\.penetration.*forbid, ignore, warn"):
+        RolloutSettings(penetration="allow")
+
+
+class Hurried(Task):
+    """A heavy ball that flies at a thin wall, faster than a coarse time step can tell."""
+
+    name = "Hurried"
+    description = "A ball before a wall."
+    goals = (Goal(("ball",), place=(0.8, None, None)),)
+    home = Pose(np.array([0.3, 0.0, 0.75]))
+
+    def scene(self, seed):
+        sheet = body("sheet", Box((0.5, 0.5, 0.004)), (0.6, 0.3, 0.3), mass=0.0)
+        return Scene((sheet, body("ball", Sphere(0.01), (0.6, 0.3, 2.5))))
+
+    def reward(self, start, end):
+        return np.where(end.position("ball")[..., 2] < 0.2, 1.0, 0.0)
+
+
+def test_what_a_real_engine_lets_through_is_seen():
+    """A ball that falls two metres moves 12 cm in a step of 0.02 s, a sheet of 4 mm is nothing to it."""
+    candidate = Candidate(ROD, np.array([[0.3, 0.0, 0.75, 0, 0, 0]]))
+    coarse = installed().create("sim", "pybullet", {"time_step": 0.02})
+    fine = installed().create("sim", "pybullet", {"time_step": 0.001})
+    settings = RolloutSettings(settle_s=0.0)
+    (through,) = evaluate(Hurried(), coarse, [candidate], 0, settings)
+    assert through.reward == 0.0
+    assert "'ball' passed through 'sheet'" in through.reason
+    (caught,) = evaluate(Hurried(), fine, [candidate], 0, settings)
+    assert (caught.reason, caught.warnings) == ("", ())
+
+
+def test_a_recording_does_not_change_what_is_recorded():
+    task, sim = installed().create("task", "BringCube"), installed().create("sim", "pybullet")
+    still = Rollout(ROD, _still(task), settle_s=0.2, hold_s=0.2)
+    plain, filmed = sim.rollout(task, [still, Rollout(ROD, _still(task), settle_s=0.2, hold_s=0.2, record_hz=HZ)])
+    assert np.array_equal(plain.end.positions, filmed.end.positions)
+
+
+def _still(task):
+    return JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.array([0.04]))

@@ -1,0 +1,247 @@
+"""Small changes of scenes, on every task that is installed."""
+
+import hashlib
+import itertools
+import math
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from core.config.settings import PerturbationRange
+from core.design import Tool
+from core.errors import UsageError
+from core.geometry import Box, Cylinder, Pose
+from core.interfaces import JointTrajectory, Rollout
+from core.plugins import installed
+from core.robot.description import FINGER_OPEN
+from core.robot.kinematics import arm
+from core.robot.solids import body_solids, signed_distance
+from core.scene import Body, Geom, Scene, table
+from core.simulation.perturbation import CONTACT_M, Perturbed, perturb, together
+
+ROOT = Path(__file__).parents[3]
+TASKS = installed().names("task")
+GREY = (0.5, 0.5, 0.5, 1.0)
+
+every_task = pytest.mark.parametrize("name", TASKS)
+draws = st.integers(0, 2**31)
+
+
+@cache
+def plain(name):
+    return installed().create("task", name).scene(0)
+
+
+def gaps(scene):
+    """Metres between each free body and each other that is near, by their names."""
+    felt = {body.name: tuple((solid, *solid.bounds()) for solid in body_solids(body)) for body in scene.bodies}
+    found = {}
+    for body, other in itertools.product(scene.free, scene.bodies):
+        for (a, at_a, half_a), (b, at_b, half_b) in itertools.product(felt[body.name], felt[other.name]):
+            if body is not other and (np.abs(at_a - at_b) < half_a + half_b + 0.001).all():
+                pair = body.name, other.name
+                found[pair] = min(signed_distance(a, b), found.get(pair, math.inf))
+    return found
+
+
+def block(name, x, y, z, side=0.05, mass=1.0):
+    return Body.of(name, Box((side, side, side)), (x, y, z), mass=mass, color=GREY)
+
+
+# --- every task -------------------------------------------------------------------------------------------------
+
+
+@every_task
+@pytest.mark.parametrize("draw", [0, 1])
+def test_nothing_gets_into_another_or_off_what_it_stands_on(name, draw):
+    was, now = gaps(plain(name)), gaps(perturb(plain(name), PerturbationRange(0.01, 0.1), draw))
+    for pair, metres in now.items():
+        assert metres > min(was.get(pair, math.inf), 1e-4) - 5e-5
+    touching = [pair for pair, metres in was.items() if metres < 2e-4]
+    assert touching
+    assert all(now[pair] < 6e-4 for pair in touching)
+
+
+@every_task
+@pytest.mark.parametrize("draw", [2, 3])
+def test_changes_are_small_and_level_and_what_is_fixed_stays(name, draw):
+    spread = PerturbationRange(0.004, 0.03, 0.2, 0.3)
+    before, after = plain(name), perturb(plain(name), spread, draw)
+    alone = {group[0].name for group in groups(before) if len(group) == 1}
+    for old, new in zip(before.bodies, after.bodies, strict=True):
+        assert (new.name, new.visuals, new.collisions) == (old.name, old.visuals, old.collisions)
+        assert 0.7 * old.friction <= new.friction <= 1.3 * old.friction
+        assert new.rolling_friction * old.friction == pytest.approx(old.rolling_friction * new.friction)
+        if old.fixed:
+            assert new.pose == old.pose
+            assert new.mass == 0
+            continue
+        assert 0.8 * old.mass <= new.mass <= 1.2 * old.mass
+        assert new.pose.position[2] == pytest.approx(old.pose.position[2], abs=1e-12)
+        roll, pitch, yaw = (new.pose.rotation * old.pose.rotation.inv()).as_rotvec()
+        assert (roll, pitch) == pytest.approx((0, 0), abs=1e-9)
+        assert abs(yaw) <= 0.03 + 1e-9
+        if old.name in alone:
+            assert np.abs(new.pose.position - old.pose.position).max() <= 0.004 + 1e-12
+
+
+def groups(scene):
+    return together(scene.free, {body.name: tuple(body_solids(body)) for body in scene.bodies})
+
+
+@every_task
+def test_something_changes_and_every_draw_is_another(name):
+    before = plain(name).state().positions
+    shifts = np.array([perturb(plain(name), PerturbationRange(), draw).state().positions - before for draw in range(4)])
+    assert np.abs(shifts).max() > 0.002
+    for one, other in itertools.combinations(shifts, 2):
+        assert not np.array_equal(one, other)
+
+
+def test_what_stands_together_moves_as_one():
+    assert sorted(len(group) for group in groups(plain("SnatchCookie"))) == [6, 6]  # two columns
+    assert [len(group) for group in groups(plain("TurkeyLegs"))] == [6]  # the pot and what lies in it
+    assert [len(group) for group in groups(plain("OneBook"))] == [5]
+    assert all(len(group) == 1 for group in groups(plain("GatherSpheres")))
+    before, after = plain("TurkeyLegs"), perturb(plain("TurkeyLegs"), PerturbationRange(), 3)
+    assert np.linalg.norm(after["pot"].pose.position - before["pot"].pose.position) > 1e-3
+    for body in before.free:
+        was = before["pot"].pose.inverse() @ body.pose
+        now = after["pot"].pose.inverse() @ after[body.name].pose
+        np.testing.assert_allclose(now.matrix, was.matrix, atol=1e-12)
+
+
+@every_task
+def test_a_changed_scene_is_at_rest(name):
+    """In a real engine: nothing is pushed apart, nothing falls."""
+    task = Perturbed(installed().create("task", name), PerturbationRange(), 1)
+    still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.array([FINGER_OPEN]))
+    job = Rollout(Tool(), still, seed=0, settle_s=0.4, hold_s=0.0)
+    (outcome,) = installed().create("sim", "pybullet").rollout(task, [job])
+    assert outcome.error is None
+    placed = task.scene(0).state()
+    assert np.linalg.norm(outcome.end.positions - placed.positions, axis=-1).max() < 3e-3
+    assert np.abs(outcome.end.linear_velocities).max() < 0.03
+
+
+# --- the same draw, the same change -----------------------------------------------------------------------------
+
+
+def digest():
+    """Of some changed scenes."""
+    found = hashlib.sha256()
+    for name in ("CleanTable", "OneBook", "TurkeyLegs"):
+        for body in perturb(plain(name), PerturbationRange(), 5).bodies:
+            found.update(body.pose.matrix.tobytes() + f"{body.mass} {body.friction}".encode())
+    return found.hexdigest()
+
+
+def test_a_draw_gives_the_same_scene_in_every_process():
+    code = "from tests.core.simulation.test_perturbation import digest; print(digest())"
+    elsewhere = os.environ | {"PYTHONHASHSEED": "1"}
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, env=elsewhere)
+    assert done.stdout.strip() == digest(), done.stderr
+
+
+def test_masses_and_friction_do_not_hang_on_how_far_things_move():
+    little, much = (perturb(plain("OneBook"), PerturbationRange(position=p), 4) for p in (0.0, 0.02))
+    assert [body.mass for body in little.bodies] == [body.mass for body in much.bodies]
+    assert [body.friction for body in little.bodies] == [body.friction for body in much.bodies]
+    assert little.state().positions.tolist() != much.state().positions.tolist()
+
+
+@every_task
+def test_no_spread_no_change(name):
+    scene = perturb(plain(name), PerturbationRange(0, 0, 0, 0), 7)
+    for old, new in zip(plain(name).bodies, scene.bodies, strict=True):
+        assert (new.pose, new.mass, new.friction) == (old.pose, old.mass, old.friction)
+
+
+# --- where room is scarce ---------------------------------------------------------------------------------------
+
+
+def pen(room):
+    """Four fixed walls with a free block between them, which has ``room`` metres on each side."""
+    wall = Pose.xyz_rpy((0.03 + room, 0, 0))
+    quarters = [Pose.xyz_rpy((0, 0, 0), (0, 0, k * math.pi / 2)) for k in range(4)]
+    walls = tuple(Geom(Box((0.01, 0.07 + 2 * room, 0.05)), quarter @ wall) for quarter in quarters)
+    around = Body("pen", Pose.xyz_rpy((0.5, 0, 0.025)), 0.0, walls, walls)
+    return Scene((table(), around, block("block", 0.5, 0, 0.025)))
+
+
+@given(draw=draws)
+@settings(max_examples=10)
+def test_a_block_in_a_pen_moves_as_far_as_there_is_room(draw):
+    scene = pen(0.002)
+    moved = perturb(scene, PerturbationRange(0.05, 0.5), draw)["block"].pose
+    assert np.abs(moved.position - scene["block"].pose.position).max() < 0.002
+    assert not np.array_equal(moved.position, scene["block"].pose.position)
+
+
+def test_a_block_without_room_stays():
+    scene = pen(1e-5)
+    assert perturb(scene, PerturbationRange(0.05, 0.5), 0)["block"].pose == scene["block"].pose
+
+
+@given(draw=draws)
+@example(draw=38675008)
+@settings(max_examples=10)
+def test_a_block_on_a_post_goes_on_touching_it(draw):
+    post = Geom(Cylinder(0.01, 0.3), Pose.xyz_rpy((0, 0, 0.15)))
+    scene = Scene(
+        (table(), Body("post", Pose.xyz_rpy((0.5, 0, 0)), 0.0, (post,), (post,)), block("block", 0.5, 0, 0.325))
+    )
+    moved = perturb(scene, PerturbationRange(0.2, 1.0), draw)["block"].pose.position
+    assert np.linalg.norm(moved[:2] - (0.5, 0)) < 0.01 + 0.025 * math.sqrt(2) + CONTACT_M
+
+
+def test_a_stack_moves_as_a_stack():
+    tower = [block(f"block_{i}", 0.5, 0.002 * i, 0.025 + 0.05 * i) for i in range(4)]
+    scene = Scene((table(), *tower, block("other", 0.7, 0.1, 0.025)))
+    after = perturb(scene, PerturbationRange(0.05, 1.0), 2)
+    assert [len(group) for group in groups(scene)] == [4, 1]
+    for i in range(4):
+        was = scene["block_0"].pose.inverse() @ scene[f"block_{i}"].pose
+        np.testing.assert_allclose(
+            (after["block_0"].pose.inverse() @ after[f"block_{i}"].pose).matrix, was.matrix, atol=1e-12
+        )
+
+
+# --- the task that is wrapped, and what may be asked ------------------------------------------------------------
+
+
+@every_task
+def test_a_perturbed_task_is_the_task_but_for_its_scenes(name):
+    task = installed().create("task", name)
+    changed = Perturbed(task, PerturbationRange(), 1)
+    for attribute in ("name", "description", "goals", "home", "camera", "success_reward"):
+        assert getattr(changed, attribute) == getattr(task, attribute)
+    assert changed.source() == task.source()
+    assert changed.scene(0) is changed.scene(0)
+    start = changed.scene(0).state()
+    assert float(changed.reward(start, start)) == float(task.reward(start, start))
+    assert (
+        changed.scene(2).state().positions.tolist()
+        == perturb(task.scene(2), PerturbationRange(), 1).state().positions.tolist()
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"position": -0.1}, "spread.position must be 0 or greater, and finite, got -0.1"),
+        ({"yaw": math.inf}, "spread.yaw"),
+        ({"mass": 1.0}, "spread.mass must be 0 or greater and less than 1, got 1.0"),
+        ({"friction": math.nan}, "spread.friction"),
+    ],
+)
+def test_a_spread_that_cannot_be(wrong, said):
+    with pytest.raises(UsageError, match=said):
+        PerturbationRange(**wrong)

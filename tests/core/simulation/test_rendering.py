@@ -1,0 +1,85 @@
+"""With renderers that note what they are told; real ones are in the simulators' tests."""
+
+import numpy as np
+import pytest
+
+from core.conformance.worlds import HOME, Bodies, cube
+from core.errors import NoPicture
+from core.interfaces import Simulator
+from core.plugins import Offer, installed
+from core.robot.description import FINGER_OPEN
+from core.robot.kinematics import arm
+from core.scene import Camera, table
+from core.simulation.rendering import Pictures, draw
+
+TASK = Bodies(table(), cube(at=(0.6, 0.0, 0.05)))
+
+
+class Noting:
+    name = "a pencil"
+
+    def load(self, task, seed, tool):
+        self.loaded = task, seed, tool
+
+    def pose(self, arm, fingers, state):
+        self.posed = arm, fingers, state
+
+    def shoot(self, camera, width, height):
+        self.shot = camera, width, height
+        return np.zeros((height, width, 3), np.uint8)
+
+
+class Painter(Simulator):
+    def rollout(self, task, jobs):
+        raise NotImplementedError
+
+    def render(self, task, *, width=640, height=480, **view):
+        return np.full((height, width, 3), 7, np.uint8)
+
+
+@pytest.fixture
+def painter(monkeypatch):
+    offer = Offer("sim", "painter", "tests", "tests", Painter)
+    monkeypatch.setattr(installed(), "offers", installed().offers | {("sim", "painter"): offer})
+
+
+def nothing():
+    raise NoPicture("its own renderer needs a pencil")
+
+
+def test_what_is_left_out_is_as_at_spawn():
+    renderer = Noting()
+    assert draw(renderer, TASK, width=4, height=3).shape == (3, 4, 3)
+    joints, fingers, state = renderer.posed
+    assert renderer.loaded == (TASK, 0, None)
+    np.testing.assert_array_equal(joints, arm().home_for(HOME))
+    np.testing.assert_array_equal(fingers, [FINGER_OPEN, FINGER_OPEN])
+    np.testing.assert_array_equal(state.position("cube"), [0.6, 0.0, 0.05])
+    assert renderer.shot == (TASK.camera, 4, 3)
+
+
+def test_what_is_told_is_shown():
+    renderer, camera, state = Noting(), Camera(position=(1.0, 1.0, 1.0)), TASK.scene(0).state()
+    draw(renderer, TASK, seed=3, arm=np.ones(7), fingers=np.zeros(2), state=state, camera=camera)
+    assert renderer.loaded == (TASK, 3, None)
+    np.testing.assert_array_equal(renderer.posed[0], np.ones(7))
+    np.testing.assert_array_equal(renderer.posed[1], np.zeros(2))
+    assert renderer.posed[2] is state
+    assert renderer.shot == (camera, 640, 480)
+
+
+def test_its_own_renderer_comes_first(painter):
+    pictures = Pictures(Noting, "painter")
+    assert pictures.render(TASK, width=4, height=3).max() == 0
+    assert pictures.drawn_by == "a pencil"
+
+
+def test_another_simulator_stands_in(painter):
+    pictures = Pictures(nothing, "painter")
+    assert pictures.render(TASK, width=4, height=3).min() == 7
+    assert pictures.drawn_by == "painter's renderer: its own renderer needs a pencil"
+
+
+def test_with_neither_both_reasons_are_said():
+    with pytest.raises(NoPicture, match=r"needs a pencil, and nobody's can't stand in for it: no sim 'nobody'"):
+        Pictures(nothing, "nobody").render(TASK)

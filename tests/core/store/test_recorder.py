@@ -1,0 +1,157 @@
+"""What a run leaves in its store, and in what order it gets there."""
+
+import json
+import sqlite3
+
+import numpy as np
+import pytest
+
+from core.design import Candidate, Component, Evaluation, Tool
+from core.errors import UserError
+from core.events import Generation, Result, Run
+from core.geometry import Box, Pose
+from core.interfaces import Brief, Budget, Message, Picture, Reply, Request, Text
+from core.plugins import event_hub, installed
+from core.store.recorder import RunStore, summary
+from tasks.bring_cube import BringCube
+
+ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
+PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1]])
+URDF = installed().create("tool", "urdf")
+
+
+def request() -> Request:
+    brief = Brief(BringCube(), 0, URDF, False, 1, 1, generation=0, agent=1, seed=5)
+    parts = (Text("What is seen:"), Picture(b"png"))
+    return Request("g0-a1", brief, (Message("user", parts),), {"type": "object"}, 0.75)
+
+
+@pytest.fixture
+def opened(tmp_path):
+    config = {"budget": {"name": "quick"}}
+    store = RunStore.create(tmp_path / "run", config)
+    events = event_hub()
+    events.register(store)
+    parts = {"task": "BringCube", "sim": "none", "vlm": "canned", "tool": "urdf", "evolution": "vlmgineer"}
+    run = Run(store.folder, config, parts, "a can", BringCube(), URDF, Budget(1, 1, 3, 0, 5, 0.6), 7)
+    events.hook.run_started(run=run)
+    yield store, events, run
+    events.hook.run_ended()
+
+
+def rows(store: RunStore, query: str) -> list[tuple]:
+    with sqlite3.connect(store.folder / "run.sqlite") as database:
+        return database.execute(query).fetchall()
+
+
+def test_request_and_reply_are_on_disk_at_once(opened):
+    store, events, _ = opened
+    events.hook.request_composed(request=request())
+    assert rows(store, "SELECT id, temperature FROM requests") == [("g0-a1", 0.75)]
+    text = (store.folder / "requests" / "g0-a1.md").read_text()
+    assert "What is seen:" in text
+    assert "../scene.png" in text
+    assert json.loads((store.folder / "requests" / "g0-a1.schema.json").read_text()) == {"type": "object"}
+    reply = Reply("g0-a1", "{not json", "somebody", prompt_tokens=7)
+    events.hook.reply_received(request=request(), reply=reply)
+    assert (store.folder / "replies" / "g0-a1.txt").read_text() == "{not json"
+    assert rows(store, "SELECT model, text, prompt_tokens, cost_usd FROM replies") == [
+        ("somebody", "{not json", 7, None)
+    ]
+
+
+def test_evaluations_and_their_design_once(opened):
+    store, events, _ = opened
+    for action in range(3):
+        candidate = Candidate(ROD, PLAN, 1, 2, 3, action, parents=("g0-a0-s0-p0",))
+        events.hook.candidate_evaluated(evaluation=Evaluation(candidate, "ok", reward=0.25 * action, distance_m=1.0))
+    rejected = Candidate(None, np.zeros((0, 6)), 1, 2, 4, problem="no boxes")
+    events.hook.candidate_evaluated(evaluation=Evaluation(rejected, "rejected", reason="no boxes"))
+    found = rows(
+        store, "SELECT candidate, status, reason, reward, distance_m, waypoints FROM evaluations ORDER BY rowid"
+    )
+    assert [row[:4] for row in found] == [
+        ("g1-a2-s3-p0", "ok", "", 0.0),
+        ("g1-a2-s3-p1", "ok", "", 0.25),
+        ("g1-a2-s3-p2", "ok", "", 0.5),
+        ("g1-a2-s4-p0", "rejected", "no boxes", 0.0),
+    ]
+    assert json.loads(found[0][5]) == PLAN.tolist()
+    assert found[3][4] is None
+    ((parents, design),) = rows(store, "SELECT parents, design FROM strategies")
+    assert json.loads(parents) == ["g0-a0-s0-p0"]
+    assert URDF.parse(json.loads(design), gripper=False).components[0].shape == Box((0.02, 0.02, 0.2))
+
+
+def test_result_and_generations(opened):
+    store, events, run = opened
+    candidates = [Candidate(ROD, PLAN, 0, 0, 0, action) for action in range(3)]
+    generation = Generation(
+        0,
+        (
+            Evaluation(candidates[0], "ok", reward=0.5, distance_m=2.0),
+            Evaluation(candidates[1], "failed", reason="it blew up"),
+            Evaluation(candidates[2], "ok", reward=0.1, distance_m=1.0),
+        ),
+    )
+    events.hook.generation_finished(generation=generation)
+    ((text,),) = rows(store, "SELECT summary FROM generations")
+    assert json.loads(text) == summary(generation)
+    assert summary(generation) == {
+        "index": 0,
+        "best_reward": 0.5,
+        "mean_reward": pytest.approx(0.3),
+        "n_candidates": 3,
+        "n_rejected": 0,
+        "n_failed": 1,
+    }
+    events.hook.run_finished(run=run, result=Result((generation,), 1.5))
+    result = json.loads((store.folder / "result.json").read_text())
+    assert result.pop("versions").keys() >= {"python", "vlmgineer", "numpy", "pin"}
+    assert result == {
+        "task": "BringCube",
+        "sim": "none",
+        "vlm": "canned",
+        "tool": "urdf",
+        "evolution": "vlmgineer",
+        "budget": "quick",
+        "seed": 7,
+        "best": {"reward": 0.5, "distance_m": 2.0, "generation": 0, "candidate": "g0-a0-s0-p0"},
+        "stopped": None,
+        "generations": [summary(generation)],
+        "n_evaluations": 3,
+        "wall_time_s": 1.5,
+        "rollouts_per_s": 2.0,
+    }
+
+
+def test_a_folder_holds_one_run(opened):
+    store, events, _ = opened
+    with pytest.raises(UserError, match=r"another process is at work on the run in .*run; wait for its end"):
+        RunStore.create(store.folder, {})
+    events.hook.run_ended()
+    with pytest.raises(UserError, match=r"already holds a run; go on with it with resume=.*run, or choose another"):
+        RunStore.create(store.folder, {})
+
+
+def test_numbers_come_back_to_the_last_bit(opened):
+    store, events, _ = opened
+    numbers = {
+        "reward": 0.1 + 0.2,
+        "distance_m": np.float64(1) / 3,
+        "ik_error_m": np.float32(0.1),
+        "ik_error_rad": 5e-324,
+    }
+    candidate = Candidate(ROD, PLAN)
+    told = Evaluation(candidate, "ok", **numbers, moved_m={"cube": 1 / 7}, warnings=("a", "b"), details={"x": [1 / 9]})
+    events.hook.candidate_evaluated(evaluation=told)
+    events.hook.run_ended()
+    again = RunStore.open(store.folder)
+    again.run_ended()
+    back = again.past.evaluation(candidate)
+    assert {name: getattr(back, name) for name in numbers} == {name: float(number) for name, number in numbers.items()}
+    assert np.isnan(back.tracking_error_rad)
+    assert (back.moved_m, back.warnings, back.details) == (told.moved_m, told.warnings, told.details)
+    assert back.candidate is candidate
+    assert again.past.evaluation(Candidate(ROD, PLAN, action=1)).reward == back.reward  # identical
+    assert again.past.evaluation(Candidate(ROD, np.nextafter(PLAN, 1.0), action=1)) is None
