@@ -34,7 +34,7 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     """
     check_seed(cfg.seed)
     document = load_designs(Path(cfg.designs))
-    task_part, sim_part = part("task", cfg.task, without=("tool_kinds", "paper")), part("sim", cfg.sim)
+    task_part, sim_part = part("task", cfg.task), part("sim", cfg.sim)
     sim_part.create()  # a wrong setting is said here, once, rather than by each worker
     representation = part("tool", cfg.tool).create()
     candidates = read_designs(document, representation, SpawnRules(task_part.create(), cfg.seed))

@@ -65,6 +65,11 @@ class Parts:
         raise NotImplementedError
 
     @hookspec
+    def fitness_functions(self) -> Factories:
+        """Make a `core.interfaces.Fitness`; besides its settings the factory is given ``evaluator``."""
+        raise NotImplementedError
+
+    @hookspec
     def executors(self) -> Factories:
         """Make a `core.interfaces.Executor`."""
         raise NotImplementedError

@@ -305,6 +305,34 @@ class EvolutionStrategy(ABC):
         """What the whole generation earned, in the order of `Candidate.key`."""
 
 
+class Evaluate(Protocol):
+    """Candidates in, their evaluations out, in order. ``batch`` is how many candidates it takes at once; more than one
+    means that they need not share a tool.
+    """
+
+    @property
+    def batch(self) -> int: ...
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]: ...
+
+
+class Fitness(ABC):
+    """Decide what a candidate's rollouts are worth. It is picklable, and called in workers.
+
+    Besides its settings the factory is given ``evaluator``, which tries candidates in the chosen engine (a
+    `core.simulation.rollout.Evaluator`).
+    """
+
+    @property
+    def batch(self) -> int:
+        """Candidates that it takes at once; with 1 they come grouped by tool."""
+        return 1
+
+    @abstractmethod
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        """One evaluation for each candidate, in order."""
+
+
 # --- the machine ------------------------------------------------------------------------------------------------
 
 
@@ -337,8 +365,10 @@ __all__ = [
     "Budget",
     "Designer",
     "Estimate",
+    "Evaluate",
     "EvolutionStrategy",
     "Executor",
+    "Fitness",
     "GivenTools",
     "Image",
     "JointTrajectory",

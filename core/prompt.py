@@ -54,7 +54,7 @@ def compose(cfg: DictConfig) -> Request:
     check_seed(cfg.seed)
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
-    task: Task = part("task", cfg.task, without=("tool_kinds", "paper")).create()
+    task: Task = part("task", cfg.task).create()
     representation: ToolRepresentation = part("tool", cfg.tool).create()
     settings = node(cfg.rollout, RolloutSettings)
     designer = make_designer(
@@ -119,7 +119,7 @@ def _told(strategy: object, number: int, file: str) -> tuple[float, float] | Non
 def _tried(cfg: DictConfig, candidates: Sequence[Candidate]) -> list[Evaluation]:
     if not candidates:
         return []
-    task_part, sim_part = part("task", cfg.task, without=("tool_kinds", "paper")), part("sim", cfg.sim)
+    task_part, sim_part = part("task", cfg.task), part("sim", cfg.sim)
     bench = Evaluator(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
     with part("executor", cfg.executor).create() as executor:
         return list(evaluate_all(candidates, bench, executor))

@@ -32,7 +32,7 @@ def render(cfg: DictConfig) -> tuple[Image, str]:
     for name, pixels in (("width", cfg.width), ("height", cfg.height)):
         if not 1 <= pixels <= MAX_PIXELS:
             raise UsageError(f"{name} must be between 1 and {MAX_PIXELS}, got {pixels}")
-    task = part("task", cfg.task, without=("tool_kinds", "paper")).create()
+    task = part("task", cfg.task).create()
     simulator = part("sim", cfg.sim).create()
     tool = None if cfg.designs is None else _tool(cfg, task)
     picture: Image = simulator.render(task, seed=cfg.seed, tool=tool, width=cfg.width, height=cfg.height)

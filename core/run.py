@@ -63,9 +63,10 @@ def _hydra(overrides: list[str]) -> None:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from core.config.compose import explain, register
+    from core.config.compose import explain, register, renamed
 
     register()
+    sys.argv[1:] = renamed(sys.argv[1:])  # where Hydra reads them
     os.environ["HYDRA_FULL_ERROR"] = "1"  # let Hydra's errors through; they are told in one line here
     try:
         hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")(_job)()

@@ -28,13 +28,13 @@ from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import RolloutSettings, ToolRepresentation
 from core.search.evolution import evaluate_all
-from core.simulation.fitness import check_draws, engines, perturbed, worst
+from core.simulation.robustness import check_draws, engines, perturbed, worst
 from core.simulation.rollout import Evaluator
 from core.store.reader import stored_config, stored_evaluations
 
 USAGE = (
-    "usage: python -m core.transfer designs=FILE|RUN_DIR [task=NAME] [sims=[NAME,...]] [seeds=[N,...]] [spread.KEY=X] "
-    "[top=N] [output=FILE.json] [KEY=VALUE ...]"
+    "usage: python -m core.transfer designs=FILE|RUN_DIR [task=NAME] [sims=[NAME,...]] [seeds=[N,...]] "
+    "[perturbation.KEY=X] [top=N] [output=FILE.json] [KEY=VALUE ...]"
 )
 
 
@@ -74,15 +74,15 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     """
     check_seed(cfg.seed)
     check_draws(cfg.seeds)
-    task = part("task", cfg.task, without=("tool_kinds", "paper"))
+    task = part("task", cfg.task)
     candidates = designs(cfg, part("tool", cfg.tool).create(), SpawnRules(task.create(), cfg.seed))
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
-    settings, spread = node(cfg.rollout, RolloutSettings), node(cfg.spread, PerturbationRange)
+    settings, ranges = node(cfg.rollout, RolloutSettings), node(cfg.perturbation, PerturbationRange)
     benches: dict[tuple[str, int | None], Evaluator] = {}
     for engine, sim in sims.items():
         bench = Evaluator(task, sim, cfg.seed, settings)
         benches[engine, None] = bench
-        benches |= {(engine, change): perturbed(bench, spread, change) for change in cfg.seeds}
+        benches |= {(engine, change): perturbed(bench, ranges, change) for change in cfg.seeds}
     tried: dict[tuple[str, str, int | None], Evaluation] = {}
     with part("executor", cfg.executor).create() as executor:
         for evaluation in track(
@@ -100,7 +100,7 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
         "task": task.name,
         "seed": cfg.seed,
         "seeds": list(cfg.seeds),
-        "spread": asdict(spread),
+        "perturbation": asdict(ranges),
         "engines": {engine: {"name": sim.name, **dict(sim.settings)} for engine, sim in sims.items()},
         "designs": [
             record(

@@ -41,7 +41,7 @@ def recordings(run: Path) -> list[Path]:
         raise UserError(f"no run folder {run}")
     found = sorted(run.glob("recording.rrd")) or sorted(run.glob("*/recording.rrd"))
     if not found:
-        raise UserError(f"{run} holds no recording.rrd; a run to which the logger rerun listens leaves one")
+        raise UserError(f"{run} holds no recording.rrd; a run to which the listener rerun was chosen leaves one")
     return found
 
 

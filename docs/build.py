@@ -90,7 +90,7 @@ def notebook(file: Path) -> None:
 
 def best_by_generation(name: str, seed: int, *overrides: str) -> list[float]:
     """The best reward so far after each generation of a run that stops when it reaches `ENOUGH`."""
-    words = [f"task={name}", f"seed={seed}", "film=false", "logger=[]", f"budget.stop_reward={ENOUGH}", *overrides]
+    words = [f"task={name}", f"seed={seed}", "film=false", "listener=[]", f"budget.stop_reward={ENOUGH}", *overrides]
     with tempfile.TemporaryDirectory() as folder:
         result = run(load("config", words), Path(folder))
     bests = [g.best.reward if g.best is not None else 0.0 for g in result.generations]

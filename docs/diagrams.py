@@ -27,8 +27,9 @@ PARTS = {
     "vlm": "gemini, openai, ... or offline",
     "tool": "urdf; none, rlbench",
     "evolution": "vlmgineer, sampling",
+    "fitness": "nominal, robust",
     "executor": "local, ray",
-    "logger": "progress, rerun, summary",
+    "listener": "progress, rerun, summary",
 }
 
 
@@ -101,7 +102,7 @@ def house() -> str:
     for what, said in (("what a part must do", "implement"), ("parts found, configured", "are found by")):
         pieces.append(arrow((rail, middle[what]), (left + width + 2, middle[what])))
         pieces.append(text((rail + left + width) / 2, middle[what] - 7, said, size=12, color=SOFT))
-    return drawing(900, 570, "The floors of core, and the seven kinds of parts beside it", pieces)
+    return drawing(900, 570, "The floors of core, and the eight kinds of parts beside it", pieces)
 
 
 def loop() -> str:

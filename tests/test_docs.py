@@ -146,11 +146,11 @@ def test_example_plugin_works(tmp_path, monkeypatch, capsys):
     import my_plugin
 
     plugins = Plugins({"my_plugin": my_plugin})
-    listener = plugins.create("logger", "shout", {"mark": "?"})
+    listener = plugins.create("listener", "shout", {"mark": "?"})
     listener.generation_finished(type("Generation", (), {"index": 3}))
     assert capsys.readouterr().out == "generation 3 is done?\n"
     with pytest.raises(UsageError, match="mark"):
-        plugins.create("logger", "shout", {"marc": "?"})
+        plugins.create("listener", "shout", {"marc": "?"})
 
 
 @pytest.mark.parametrize("number", [0, 1])

@@ -31,7 +31,7 @@ def python_m(site, folder, *words):
 
 def test_all_its_parts_together_right_after_its_installation(site, tmp_path):
     parts = ["sim=toy", "task=PushButton", "tool=boxes", "evolution=restarts"]
-    parts += ["vlm=echo", "executor=here", "logger=[csv]", "logger.csv.delimiter=';'"]
+    parts += ["vlm=echo", "executor=here", "listener=[csv]", "listener.csv.delimiter=';'"]
     done = python_m(site, tmp_path, "core.run", *parts, *SMALL, "hydra.run.dir=run")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("best reward 0.")
@@ -51,7 +51,14 @@ def test_every_combination_with_what_is_built_in(site, tmp_path):
         "tool": ("boxes", "urdf"),
     }
     sweep = [f"{kind}={','.join(names)}" for kind, names in choices.items()]
-    fixed = [*SMALL, "budget.n_iteration=0", "budget.n_action=1", "evolution=restarts", "executor=here", "logger=[csv]"]
+    fixed = [
+        *SMALL,
+        "budget.n_iteration=0",
+        "budget.n_action=1",
+        "evolution=restarts",
+        "executor=here",
+        "listener=[csv]",
+    ]
     done = python_m(site, tmp_path, "core.run", "-m", *sweep, *fixed, "hydra.sweep.dir=sweep")
     assert done.returncode == 0, done.stderr
     tables = list((tmp_path / "sweep").glob("*/candidates.csv"))
@@ -64,7 +71,7 @@ def test_every_combination_with_what_is_built_in(site, tmp_path):
 
 @pytest.mark.parametrize("part", ["sim=toy", "vlm=echo", "task=PushButton tool=boxes", "evolution=restarts"])
 def test_its_parts_travel_to_our_workers(site, tmp_path, part):
-    run = ["executor.workers=1", "logger=[csv,progress]", "hydra.run.dir=run"]
+    run = ["executor.workers=1", "listener=[csv,progress]", "hydra.run.dir=run"]
     done = python_m(site, tmp_path, "core.run", *part.split(), *run, *SMALL)
     assert done.returncode == 0, done.stderr
     assert "ok" in {row["status"] for row in csv.DictReader((tmp_path / "run/candidates.csv").open())}
@@ -73,7 +80,7 @@ def test_its_parts_travel_to_our_workers(site, tmp_path, part):
 def test_runs_side_by_side(site, tmp_path):
     """In joblib's processes, with workers of their own."""
     sweep = ["-m", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=sweep", "seed=0,1"]
-    parts = ["sim=toy", "task=PushButton", "tool=boxes", "vlm=echo", "executor.workers=1", "logger=[csv]"]
+    parts = ["sim=toy", "task=PushButton", "tool=boxes", "vlm=echo", "executor.workers=1", "listener=[csv]"]
     done = python_m(site, tmp_path, "core.run", *sweep, *parts, *SMALL, "budget.n_iteration=0")
     assert done.returncode == 0, done.stderr
     results = [json.loads(file.read_text()) for file in (tmp_path / "sweep").glob("*/result.json")]
@@ -92,7 +99,7 @@ def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
         "tool": "boxes",
         "evolution": "restarts",
         "executor": "here",
-        "logger": "csv",
+        "listener": "csv",
     }
     help_text = python_m(site, tmp_path, "core.run", "--help").stdout
     assert re.search(r"^sim: .*\btoy\b", help_text, re.M)

@@ -123,12 +123,12 @@ class Mute(VLM):
         raise ArithmeticError("no")
 
 
-@pytest.mark.parametrize(("kind", "part"), [("logger", Grumbler), ("evolution", Hesitant), ("vlm", Mute)])
+@pytest.mark.parametrize(("kind", "part"), [("listener", Grumbler), ("evolution", Hesitant), ("vlm", Mute)])
 def test_a_run_that_a_plugin_ends_names_it_and_says_how_to_go_on(kind, part, monkeypatch, tmp_path):
     offers = toys.offered() | {(kind, "theirs"): Offer(kind, "theirs", "theirs", "their-distribution", part)}
     monkeypatch.setattr(installed(), "offers", installed().offers | offers)
     cfg = toys.config(tmp_path / "notes")
-    OmegaConf.update(cfg, kind, {"theirs": {}} if kind == "logger" else {"name": "theirs"}, merge=False)
+    OmegaConf.update(cfg, kind, {"theirs": {}} if kind == "listener" else {"name": "theirs"}, merge=False)
     with pytest.raises(ArithmeticError) as caught:
         run(cfg, tmp_path / "run")
     whose, then = caught.value.__notes__
@@ -140,7 +140,7 @@ def test_who_is_to_blame():
     plugins = Plugins()
     plugins.offers = {
         ("sim", "a"): Offer("sim", "a", "a", "dist-a", "tests.faults:Faulty"),
-        ("logger", "b"): Offer("logger", "b", "b", "dist-b", "somewhere.else:Listener"),
+        ("listener", "b"): Offer("listener", "b", "b", "dist-b", "somewhere.else:Listener"),
     }
     with pytest.raises(ArithmeticError) as caught:
         Faulty().break_down("raise")

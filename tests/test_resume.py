@@ -271,7 +271,7 @@ def test_a_limit_before_anything_came(toy, tmp_path):
 
 
 REFUSED = [
-    ("seed=6", "seed=6: a run goes on as it began; what may change: executor, logger, vlm.*, film, budget.n_iter"),
+    ("seed=6", "seed=6: a run goes on as it began; what may change: executor, listener, vlm.*, film, budget.n_iter"),
     ("task=OneBook", "what may change"),
     ("vlm=offline", "what may change"),
     ("vlm.name=offline", "what may change"),

@@ -28,7 +28,7 @@ SMALL = [
     "budget.n_iteration=1",
     "film=false",
     "seed=5",
-    "logger=[progress]",
+    "listener=[progress]",
 ]
 POINTS = int(os.environ.get("VLMGINEER_REAL_KILLS", "0"))
 PATIENCE_S = 180

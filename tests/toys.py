@@ -163,5 +163,5 @@ def config(notes: Path, *overrides: str) -> DictConfig:
 @lru_cache
 def composed(overrides: tuple[str, ...]) -> DictConfig:
     sizes = ["budget.n_agent=4", "budget.n_tool=2", "budget.n_action=3", "budget.n_iteration=1", "budget.k_top=3"]
-    fixed = ["task=BringCube", "budget.reward_save=0.0", "seed=5", "film=false", "logger=[]"]
+    fixed = ["task=BringCube", "budget.reward_save=0.0", "seed=5", "film=false", "listener=[]"]
     return load("config", [*sizes, *fixed, *overrides])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any, TypeVar
@@ -26,7 +27,7 @@ from core.config.schemas import (
     TransferConfig,
 )
 from core.errors import UsageError, UserError, choices
-from core.plugins import Part
+from core.plugins import NOT_SETTINGS, Part
 
 T = TypeVar("T")
 
@@ -45,6 +46,14 @@ def register() -> None:
     store.store("gallery_schema", GalleryConfig)
 
 
+def renamed(overrides: Sequence[str]) -> list[str]:
+    """The overrides with the old name ``logger`` replaced by ``listener``; standard error says so."""
+    new = [re.sub(r"^([+~]*)logger(?=[=.@]|$)", r"\1listener", word) for word in overrides]
+    if new != list(overrides):
+        sys.stderr.write("warning: the config group 'logger' is called 'listener' now; write listener=\n")
+    return new
+
+
 def load(name: str, overrides: Sequence[str]) -> DictConfig:
     """The primary config ``name`` with command-line overrides.
 
@@ -52,6 +61,7 @@ def load(name: str, overrides: Sequence[str]) -> DictConfig:
         UserError: a wrong group, key or type; it says what is possible.
     """
     register()
+    overrides = renamed(overrides)
     try:
         return _compose(name, overrides)
     except (HydraException, OmegaConfBaseException) as error:
@@ -123,8 +133,8 @@ def node(config: DictConfig, of: type[T]) -> T:
     return made
 
 
-def part(kind: str, config: DictConfig, without: Sequence[str] = ()) -> Part:
-    """The part that a config node names, with its settings but for the keys in ``without``.
+def part(kind: str, config: DictConfig) -> Part:
+    """The part that a config node names, with its settings.
 
     Raises:
         UserError: the node names none.
@@ -132,7 +142,7 @@ def part(kind: str, config: DictConfig, without: Sequence[str] = ()) -> Part:
     settings = OmegaConf.to_container(config, resolve=True)
     if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):
         raise UserError(f"{kind}: the configuration names no part; give it a 'name'")
-    kept = {str(k): _hashable(v) for k, v in settings.items() if k not in ("name", *without)}
+    kept = {str(k): _hashable(v) for k, v in settings.items() if k not in ("name", *NOT_SETTINGS.get(kind, ()))}
     return Part(kind, settings["name"], tuple(kept.items()))
 
 

@@ -13,12 +13,12 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from core.config.compose import explain, first_line, load, register
+from core.config.compose import explain, first_line, load, register, renamed
 from core.config.schemas import RunConfig
 from core.errors import UsageError, UserError
 
-GROUPS = ("executor", "logger")
-KEYS = ("executor.", "logger.", "vlm.", "film", "budget.n_iteration", "budget.stop_reward")
+GROUPS = ("executor", "listener")
+KEYS = ("executor.", "listener.", "vlm.", "film", "budget.n_iteration", "budget.stop_reward")
 
 
 def hydra_config(folder: Path) -> dict[str, Any]:
@@ -51,7 +51,7 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
         raise UserError(f"the run's configuration can't be used by this version: {first_line(error)}") from error
     after = before.copy()
     try:
-        for override in OverridesParser.create().parse_overrides(list(overrides)):
+        for override in OverridesParser.create().parse_overrides(renamed(overrides)):
             _apply(after, override)
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, "config", overrides) from error

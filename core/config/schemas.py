@@ -56,7 +56,7 @@ class RunConfig(SceneConfig):
     evolution: dict[str, Any] = MISSING
     fitness: dict[str, Any] = field(default_factory=lambda: {"name": "nominal"})
     executor: dict[str, Any] = MISSING
-    logger: dict[str, Any] = field(default_factory=dict)
+    listener: dict[str, Any] = field(default_factory=dict)
     prompt: PromptConfig = field(default_factory=PromptConfig)
     budget: BudgetConfig = field(default_factory=BudgetConfig)
     sampling: Sampling = field(default_factory=Sampling)
@@ -89,7 +89,7 @@ class TransferConfig:
     sims: list[Any] = MISSING
     seed: int = 0
     seeds: list[int] = MISSING
-    spread: PerturbationRange = field(default_factory=PerturbationRange)
+    perturbation: PerturbationRange = field(default_factory=PerturbationRange)
     designs: str = MISSING
     top: int = 1
     output: str | None = None

@@ -88,4 +88,4 @@ class PerturbationRange:
             value = getattr(self, name)
             if not 0 <= value < most:
                 less = f" and less than {most:g}" if most < math.inf else ", and finite"
-                raise UsageError(f"spread.{name} must be 0 or greater{less}, got {value}")
+                raise UsageError(f"perturbation.{name} must be 0 or greater{less}, got {value}")

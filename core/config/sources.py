@@ -15,7 +15,7 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import MISSING, OmegaConf
 
 from core.errors import UserError
-from core.plugins import GIVEN, KINDS, installed
+from core.plugins import KINDS, PROVIDED, installed
 
 
 class PluginConfigs(SearchPathPlugin):  # type: ignore[misc]  # hydra has no types
@@ -53,7 +53,7 @@ class Signatures(ConfigSource):  # type: ignore[misc]
     def load_config(self, config_path: str) -> ConfigResult:
         kind, name = _part(config_path)
         settings = defaults(kind, name)
-        config = {name: settings} if kind == "logger" else {"name": name, **settings}  # listeners: several at once
+        config = {name: settings} if kind == "listener" else {"name": name, **settings}  # listeners: several at once
         return ConfigResult(self.provider, f"{self.scheme()}://", OmegaConf.create(config), {"package": None})
 
 
@@ -76,7 +76,7 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
 
 def _is_setting(kind: str, parameter: inspect.Parameter) -> bool:
     named = parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
-    return named and parameter.name not in GIVEN.get(kind, ())
+    return named and parameter.name not in PROVIDED.get(kind, ())
 
 
 def _is_plain(value: object) -> bool:

@@ -21,13 +21,10 @@ def main() -> None:
         UserError: some did not pass; says how many.
     """
     config = load("conformance", arguments(USAGE))
-    asked = [part(kind, config[kind], without=TASK_ONLY) for kind in SUITES if config.get(kind) is not None]
+    asked = [part(kind, config[kind]) for kind in SUITES if config.get(kind) is not None]
     if not asked:
         raise UsageError(f"what is to be checked? {USAGE}")
     report(asked)
-
-
-TASK_ONLY = ("tool_kinds", "paper")  # of a task's config, which are not its settings
 
 
 def report(asked: list[Part]) -> None:

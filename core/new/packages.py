@@ -36,7 +36,7 @@ TEMPLATES = {
     "tool": Template("tool", "a tool representation", "tools", "{}Tools"),
     "strategy": Template("evolution", "a search strategy", "search", "{}Strategy"),
     "executor": Template("executor", "an executor", "executor", "{}Executor"),
-    "listener": Template("logger", "a listener", "listener", "{}Listener", "listener_test.py", "[progress,{}]"),
+    "listener": Template("listener", "a listener", "listener", "{}Listener", "listener_test.py", "[progress,{}]"),
 }
 
 

@@ -2,15 +2,16 @@
 
 from core.plugins.blame import PluginError, culprit, describe_failure
 from core.plugins.discovery import Discovery, Failure, Offer
-from core.plugins.kinds import ATTRIBUTES, GIVEN, INTERFACES, KINDS, event_hub
+from core.plugins.kinds import ATTRIBUTES, INTERFACES, KINDS, NOT_SETTINGS, PROVIDED, event_hub
 from core.plugins.registry import Part, Plugins, describe_part, installed
 from core.plugins.settings import check_settings
 
 __all__ = [
     "ATTRIBUTES",
-    "GIVEN",
     "INTERFACES",
     "KINDS",
+    "NOT_SETTINGS",
+    "PROVIDED",
     "Discovery",
     "Failure",
     "Offer",

@@ -6,7 +6,7 @@ import pluggy
 
 from core.errors import UserError
 from core.hooks import PROJECT, Events
-from core.interfaces import VLM, EvolutionStrategy, Executor, Simulator, Task, ToolRepresentation
+from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Simulator, Task, ToolRepresentation
 
 KINDS = {
     "task": "tasks",
@@ -14,8 +14,9 @@ KINDS = {
     "vlm": "vlms",
     "tool": "tool_representations",
     "evolution": "evolution_strategies",
+    "fitness": "fitness_functions",
     "executor": "executors",
-    "logger": "listeners",
+    "listener": "listeners",
 }
 """The config group of each kind of part, and the hook that offers it."""
 
@@ -25,6 +26,7 @@ INTERFACES: dict[str, type] = {
     "vlm": VLM,
     "tool": ToolRepresentation,
     "evolution": EvolutionStrategy,
+    "fitness": Fitness,
     "executor": Executor,
 }
 """What the parts of a kind are; listeners are whatever hears an event."""
@@ -32,8 +34,11 @@ INTERFACES: dict[str, type] = {
 ATTRIBUTES = {"task": ("name", "description", "goals"), "vlm": ("model",)}
 """What they have besides methods."""
 
-GIVEN = {"evolution": ("designer", "budget")}
-"""Which arguments of a kind's factories the program gives; the others are settings."""
+PROVIDED = {"evolution": ("designer", "budget"), "fitness": ("evaluator",)}
+"""The arguments of a kind's factories that the program provides; the others are settings."""
+
+NOT_SETTINGS = {"task": ("tool_kinds", "paper")}
+"""The keys of a kind's configuration that are not settings of the part: the search reads them."""
 
 
 def check_part(part: object, kind: str, offer: str) -> None:

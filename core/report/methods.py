@@ -14,7 +14,7 @@ from core.report.runs import FinishedRun, LeftOutRun, short
 TELLING = ("tool", "evolution", "vlm", "prompt", "sim", "budget")
 """The choices that tell most of a method, in order; others follow."""
 
-_NO_METHOD = ("seed", "film", "logger", "executor", "task.name", "task.paper")
+_NO_METHOD = ("seed", "film", "listener", "executor", "task.name", "task.paper")
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,7 +62,7 @@ class Winner:
 @lru_cache(maxsize=256)
 def _made(kind: str, settings: str) -> Any:
     config = OmegaConf.create(json.loads(settings))
-    return part(kind, config, without=("tool_kinds", "paper") if kind == "task" else ()).create()
+    return part(kind, config).create()
 
 
 def _part(run: FinishedRun, kind: str) -> Any:

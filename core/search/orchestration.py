@@ -26,7 +26,6 @@ from core.plugins import event_hub, installed
 from core.plugins.blame import describe_failure
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
-from core.simulation.fitness import fitness
 from core.simulation.pictures import save_film
 from core.simulation.rollout import Evaluator
 from core.store.artifacts import save_design
@@ -47,7 +46,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
     check_budget(budget)
     check_seed(cfg.seed)
-    task_part, sim_part = part("task", cfg.task, without=("tool_kinds", "paper")), part("sim", cfg.sim)
+    task_part, sim_part = part("task", cfg.task), part("sim", cfg.sim)
     task, simulator = task_part.create(), sim_part.create()
     vlm = part("vlm", cfg.vlm).create()
     representation = part("tool", cfg.tool).create()
@@ -55,7 +54,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     if given is not None:
         budget = replace(budget, n_tool=1)
     settings = node(cfg.rollout, RolloutSettings)
-    earns = fitness(config["fitness"], Evaluator(task_part, sim_part, cfg.seed, settings))
+    evaluator = Evaluator(task_part, sim_part, cfg.seed, settings)
+    fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
 
     executor: Executor = part("executor", cfg.executor).create()
     prompts = PromptComposer(node(cfg.prompt, PromptConfig), settings)
@@ -73,8 +73,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         events=events,
     )
     strategy = part("evolution", cfg.evolution).create(designer=designer, budget=budget)
-    for name, options in config["logger"].items():
-        events.register(installed().create("logger", name, options or {}), name)
+    for name, options in config["listener"].items():
+        events.register(installed().create("listener", name, options or {}), name)
     store = store or RunStore.create(folder, config)  # from here on the folder is this run's
     events.register(store, "store")
     events.register(vlm, "vlm")
@@ -86,7 +86,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
                 (folder / "scene.png").write_bytes(designer.picture.png)
         events.hook.run_started(run=this)
         with executor:
-            result = evolve(strategy, earns, executor, budget, events, store.past.evaluation)
+            result = evolve(strategy, fitness, executor, budget, events, store.past.evaluation)
         result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
         with writing(folder):
             save_best(result, this, simulator, settings, film=cfg.film)

@@ -27,18 +27,18 @@ _HALVINGS = 6
 class Perturbed(Task):
     """A task whose scenes are changed a little, the same way each time; all else is the task's own."""
 
-    def __init__(self, task: Task, spread: PerturbationRange, draw: int) -> None:
+    def __init__(self, task: Task, ranges: PerturbationRange, draw: int) -> None:
         # What classes say of tasks is told by the wrapped one; an attribute of the object hides the class's.
         names = ("name", "description", "goals", "home", "camera", "success_reward")
         vars(self).update({name: getattr(task, name) for name in names})
         self._task = task
-        self._spread = spread
+        self._ranges = ranges
         self._draw = draw
         self._scenes: dict[int, Scene] = {}
 
     def scene(self, seed: int) -> Scene:
         if seed not in self._scenes:
-            self._scenes[seed] = perturb(self._task.scene(seed), self._spread, self._draw)
+            self._scenes[seed] = perturb(self._task.scene(seed), self._ranges, self._draw)
         return self._scenes[seed]
 
     def reward(self, start: State, end: State) -> Array:
@@ -48,7 +48,7 @@ class Perturbed(Task):
         return self._task.source()
 
 
-def perturb(scene: Scene, spread: PerturbationRange, draw: int) -> Scene:
+def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:
     """The scene with small changes; the same ``draw`` (0 or greater) gives the same ones.
 
     Masses of free bodies and the friction of all (sliding and rolling by the same share) change one by one. Poses
@@ -58,31 +58,31 @@ def perturb(scene: Scene, spread: PerturbationRange, draw: int) -> Scene:
     rewards name places in the world.
     """
     scales = np.random.default_rng([draw, 0]).uniform(-1, 1, (len(scene.bodies), 2)).tolist()
-    poses = _moved(scene, spread, np.random.default_rng([draw, 1]))
+    poses = _moved(scene, ranges, np.random.default_rng([draw, 1]))
     return Scene(
         tuple(
             replace(
                 body,
                 pose=poses.get(body.name, body.pose),
-                mass=body.mass * (1 + spread.mass * heavier),
-                friction=body.friction * (1 + spread.friction * rougher),
-                rolling_friction=body.rolling_friction * (1 + spread.friction * rougher),
+                mass=body.mass * (1 + ranges.mass * heavier),
+                friction=body.friction * (1 + ranges.friction * rougher),
+                rolling_friction=body.rolling_friction * (1 + ranges.friction * rougher),
             )
             for body, (heavier, rougher) in zip(scene.bodies, scales, strict=True)
         )
     )
 
 
-def _moved(scene: Scene, spread: PerturbationRange, rng: np.random.Generator) -> dict[str, Pose]:
+def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) -> dict[str, Pose]:
     """New poses of free bodies, by name."""
     poses: dict[str, Pose] = {}
-    if spread.position == spread.yaw == 0:
+    if ranges.position == ranges.yaw == 0:
         return poses
     solids = {body.name: tuple(body_solids(body)) for body in scene.bodies}
     for group in together(scene.free, solids):
         members = {body.name for body in group}
         others = Solids(solid for name, felt in solids.items() if name not in members for solid in felt)
-        move = _move(group, [solid for body in group for solid in solids[body.name]], others, spread, rng)
+        move = _move(group, [solid for body in group for solid in solids[body.name]], others, ranges, rng)
         for body in group:
             poses[body.name] = move @ body.pose
             solids[body.name] = tuple(replace(s, pose=move @ s.pose) for s in solids[body.name])
@@ -105,14 +105,14 @@ def together(bodies: Sequence[Body], solids: Mapping[str, Sequence[Solid]]) -> l
 
 
 def _move(
-    group: Sequence[Body], felt: Sequence[Solid], others: Solids, spread: PerturbationRange, rng: np.random.Generator
+    group: Sequence[Body], felt: Sequence[Solid], others: Solids, ranges: PerturbationRange, rng: np.random.Generator
 ) -> Pose:
     """Of the group as a whole, in the world, about the middle of its bodies; none at all if nothing fits."""
     middle = np.mean([body.pose.position for body in group], axis=0) * np.array([1.0, 1.0, 0.0])
     before = _gaps(felt, others)
     for halvings in range(_HALVINGS):
         for _ in range(_TRIES):
-            x, y, yaw = rng.uniform(-1, 1, 3) * (spread.position, spread.position, spread.yaw) * 0.5**halvings
+            x, y, yaw = rng.uniform(-1, 1, 3) * (ranges.position, ranges.position, ranges.yaw) * 0.5**halvings
             move = Pose.xyz_rpy(middle + np.array([x, y, 0.0]), (0.0, 0.0, yaw)) @ Pose(-middle)
             if _fits(before, _gaps([replace(s, pose=move @ s.pose) for s in felt], others)):
                 return move

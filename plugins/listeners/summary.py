@@ -125,7 +125,7 @@ def _one_of_many() -> bool:
 def _next(run: Run, result: Result) -> Iterable[str]:
     """Lines to type."""
     folder = shlex.quote(_short(run.folder))
-    if "rerun" in run.config.get("logger", {}):
+    if "rerun" in run.config.get("listener", {}):
         yield f"python -m core.view {folder}"
     if result.best is None:
         return

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from core.cli import arguments, command
-from core.simulation.fitness import engines
+from core.simulation.robustness import engines
 from tests.benchmarks import measuring
 from tests.benchmarks.measuring import kept_share, mean, number, share
 

@@ -152,7 +152,7 @@ def rollouts_to_design(count: int) -> int:
 
 
 def _designed(task: str, count: int, by: str, seed: int, workers: int) -> dict[str, Any]:
-    words = [f"task={task}", f"sim={by}", f"seed={seed}", "film=false", "logger=[]", "vlm=offline", "tool=urdf"]
+    words = [f"task={task}", f"sim={by}", f"seed={seed}", "film=false", "listener=[]", "vlm=offline", "tool=urdf"]
     words += [f"budget.{key}={value}" for key, value in population(count).items()]
     words += [f"budget.n_iteration={N_ITERATION}", "budget.reward_save=0", f"executor.workers={workers}"]
     plugins = installed()

@@ -44,7 +44,7 @@ def write_run(
     cfg.seed = next((int(word[5:]) for word in overrides if word.startswith("seed=")), 0)
     config = OmegaConf.to_container(cfg, resolve=True)
     task, representation = (
-        part("task", cfg.task, without=("tool_kinds", "paper")).create(),
+        part("task", cfg.task).create(),
         part("tool", cfg.tool).create(),
     )
     budget = Budget(**{key: value for key, value in config["budget"].items() if key != "name"})
@@ -93,7 +93,7 @@ write_run.open = []
 @lru_cache(maxsize=64)
 def _composed(*overrides: str):
     """Hydra takes its time."""
-    return load("config", ["logger=[]", *overrides])
+    return load("config", ["listener=[]", *overrides])
 
 
 def result(folder: Path) -> dict:

@@ -17,7 +17,7 @@ def parts(monkeypatch, tmp_path):
     for key, offer in toys.offered().items():
         monkeypatch.setitem(installed().offers, key, offer)
     notes = [f"vlm.notes={tmp_path / 'notes'}", f"executor.notes={tmp_path / 'notes'}"]
-    return {"sim": "toy", "vlm": "toy", "executor": "here", "logger": []}, [*SIZES, *notes]
+    return {"sim": "toy", "vlm": "toy", "executor": "here", "listener": []}, [*SIZES, *notes]
 
 
 def test_it_does_what_the_command_does(parts, tmp_path, monkeypatch):

@@ -180,7 +180,7 @@ def test_an_output_that_can_not_be_written(monkeypatch, tmp_path):
 
 def test_a_run_shows_its_elites_as_pictures_and_keeps_them(tmp_path):
     small = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1"]
-    told = ["prompt.feedback=full", "budget.reward_save=-1", "film=false", "logger={}", "executor.workers=1"]
+    told = ["prompt.feedback=full", "budget.reward_save=-1", "film=false", "listener={}", "executor.workers=1"]
     run(load("config", ["task=BringCube", *small, *told]), tmp_path)
     text = (tmp_path / "requests" / "g1-a0.md").read_text()
     (name, *_) = names = re.findall(r"!\[(elite_g0-a0-s\d-p0)\]", text)

@@ -35,7 +35,7 @@ def call(folder, *words):
 def ran(tmp_path_factory):
     """The folder of a run, and its result."""
     folder = tmp_path_factory.mktemp("transfer") / "run"
-    words = ["task=OneBook", "seed=3", "rollout.hold_s=0.5", "film=false", "logger=[]"]
+    words = ["task=OneBook", "seed=3", "rollout.hold_s=0.5", "film=false", "listener=[]"]
     words += ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=1"]
     return folder, run(load("config", words), folder)
 
@@ -47,14 +47,14 @@ def test_every_design_in_every_engine_with_every_change(tmp_path):
     good = json.loads(SOLUTION.read_text())["strategies"][0]
     plans = [*good["action_sets"], [[0.5, 0, 0.5, 0, 0, 0]], [[9, 0, 0, 0, 0, 0]]]
     (tmp_path / "designs.json").write_text(json.dumps({"strategies": [good | {"action_sets": plans}]}))
-    words = ["designs=designs.json", SIMS, "seeds=[0,4]", "spread.position=0.01", "executor.workers=2"]
+    words = ["designs=designs.json", SIMS, "seeds=[0,4]", "perturbation.position=0.01", "executor.workers=2"]
     done = call(tmp_path, *words, "output=out/transfer.json")
     assert done.returncode == 0, done.stderr
     assert not done.stderr
     result = json.loads((tmp_path / "out" / "transfer.json").read_text())
-    assert list(result) == ["task", "seed", "seeds", "spread", "engines", "designs"]
+    assert list(result) == ["task", "seed", "seeds", "perturbation", "engines", "designs"]
     assert (result["task"], result["seed"], result["seeds"]) == ("BringCube", 0, [0, 4])
-    assert result["spread"] == {"position": 0.01, "yaw": 0.05, "mass": 0.1, "friction": 0.2}
+    assert result["perturbation"] == {"position": 0.01, "yaw": 0.05, "mass": 0.1, "friction": 0.2}
     assert [engine["time_step"] for engine in result["engines"].values()] == [0.002, 0.004]
     assert [design["design"] for design in result["designs"]] == ["g0-a0-s0-p0", "g0-a0-s0-p1", "g0-a0-s0-p2"]
     solved, idle, far = result["designs"]
@@ -99,7 +99,7 @@ def test_two_engines_that_were_written_independently():
 def test_no_spread_no_difference():
     words = [f"designs={SOLUTION}", "sims=[pybullet]", "seeds=[1]", "executor.workers=1"]
     (design,) = transfer(
-        load("transfer", [*words, *(f"spread.{k}=0" for k in ("position", "yaw", "mass", "friction"))])
+        load("transfer", [*words, *(f"perturbation.{k}=0" for k in ("position", "yaw", "mass", "friction"))])
     )["designs"]
     figures = design["engines"]["pybullet"]
     assert figures["rewards"] == [figures["nominal"]]
@@ -143,7 +143,7 @@ def test_all_that_was_tried_can_be_read_back(ran):
 
 
 def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
-    words = ["task=BringCube", "tool=none", "film=false", "logger=[]", "executor.workers=1"]
+    words = ["task=BringCube", "tool=none", "film=false", "listener=[]", "executor.workers=1"]
     words += ["budget.n_agent=1", "budget.n_action=2", "budget.n_iteration=0"]
     result = run(load("config", words), tmp_path / "run")
     again = transfer(as_the_run([f"designs={tmp_path / 'run'}", "sims=[pybullet]", "seeds=[0]", "executor.workers=1"]))
@@ -161,8 +161,8 @@ def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
         ([f"designs={ROOT / 'docs'}"], "holds no run: there is no run.sqlite in it"),
         ([f"designs={SOLUTION}", "sims=[pybullet,bullet]"], r"no sim 'bullet' \(did you mean 'pybullet'\?\)"),
         ([f"designs={SOLUTION}", "seeds=[]"], "seeds must be"),
-        ([f"designs={SOLUTION}", "spread.mass=1.5"], "spread.mass must be"),
-        ([f"designs={SOLUTION}", "spread.weight=1"], "no key 'weight' in spread"),
+        ([f"designs={SOLUTION}", "perturbation.mass=1.5"], "perturbation.mass must be"),
+        ([f"designs={SOLUTION}", "perturbation.weight=1"], "no key 'weight' in perturbation"),
         ([f"designs={SOLUTION}", "seed=-1"], "seed must be 0 or greater"),
     ],
 )

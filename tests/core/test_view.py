@@ -89,7 +89,7 @@ def test_without_a_screen_it_says_what_to_do(folder):
     [
         ([], "0 run folders given, where one is needed; usage: python -m core.view RUN_DIR"),
         (["nowhere"], "no run folder nowhere"),
-        (["."], ". holds no recording.rrd; a run to which the logger rerun listens leaves one"),
+        (["."], ". holds no recording.rrd; a run to which the listener rerun listens leaves one"),
         ([".", "wbe=true"], "no setting 'wbe' in core.view (did you mean 'web'?); possible: port, web"),
         ([".", "port=high"], "setting 'port' can't be 'high'"),
     ],

@@ -42,7 +42,7 @@ class RerunListener:
         elites: Literal["best", "all"] = "best",
         hz: float = 25.0,
     ) -> None:
-        check_positive("logger.rerun.", hz=hz)
+        check_positive("listener.rerun.", hz=hz)
         self._spawn = spawn
         self._connect = None if connect is None else address(connect)
         self._elites = elites

@@ -45,7 +45,7 @@ def address(where: int | str) -> Address:
         host, port = None, None
     if not host or not port or parts.scheme not in ("rerun", "rerun+http", "rerun+https"):
         raise UsageError(
-            f"logger.rerun.connect can't be {text!r}; it is HOST:PORT, a port of this machine, or "
+            f"listener.rerun.connect can't be {text!r}; it is HOST:PORT, a port of this machine, or "
             "rerun+http://HOST:PORT/proxy"
         )
     return Address(host, port, url)

@@ -50,7 +50,7 @@ def test_its_tests_are_its_own_affair_inside_another_project(written, tmp_path):
 
 
 def test_what_is_written_runs(written, tmp_path):
-    words = ["core.run", *RUNS, *SMALL, "logger=[rows]", "hydra.run.dir=run"]
+    words = ["core.run", *RUNS, *SMALL, "listener=[rows]", "hydra.run.dir=run"]
     done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "run/best/design.json").exists()

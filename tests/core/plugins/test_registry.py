@@ -2,6 +2,7 @@ import importlib.metadata
 import inspect
 import sys
 import tomllib
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.hooks import PROJECT, hookimpl
 from core.interfaces import VLM, Simulator, Task
-from core.plugins import GIVEN, INTERFACES, KINDS, Plugins, describe_part, installed
+from core.plugins import INTERFACES, KINDS, PROVIDED, Plugins, describe_part, installed
 from core.plugins import __main__ as command
 
 ROOT = Path(__file__).parents[3]
@@ -77,7 +78,7 @@ def test_the_projects_own_parts_come_by_entry_points():
         ("evolution", "vlmgineer"),
         ("evolution", "sampling"),
         ("executor", "local"),
-        ("logger", "progress"),
+        ("listener", "progress"),
     }
     assert expected <= set(offers)
 
@@ -94,23 +95,23 @@ def test_each_part_is_what_its_kind_says(kind, name):
 @pytest.mark.parametrize(("kind", "name"), BUILT_IN)
 def test_the_configs_are_the_factories_own_defaults(kind, name):
     parameters = inspect.signature(installed().factory(kind, name)).parameters
-    defaults = {key: p.default for key, p in parameters.items() if key not in GIVEN.get(kind, ())}
+    defaults = {key: p.default for key, p in parameters.items() if key not in PROVIDED.get(kind, ())}
     document = yaml.safe_load((ROOT / "conf" / kind / f"{name}.yaml").read_text())
-    if kind == "logger":  # several at once: the name is the key
+    if kind == "listener":  # several at once: the name is the key
         assert document == {name: defaults}
         return
     assert document.pop("name") == name
     if kind == "task":
         assert document.keys() >= {"tool_kinds", "paper"}
         document = {key: value for key, value in document.items() if key not in ("tool_kinds", "paper")}
-    assert document == defaults
+    assert document == {key: asdict(value) if is_dataclass(value) else value for key, value in defaults.items()}
 
 
 def test_every_config_names_a_part_that_there_is():
     for kind in KINDS:
         for file in (ROOT / "conf" / kind).glob("*.yaml"):
             names = yaml.safe_load(file.read_text())
-            for name in names if kind == "logger" else [names["name"]]:
+            for name in names if kind == "listener" else [names["name"]]:
                 assert (kind, name) in installed().offers, file
 
 
@@ -298,10 +299,10 @@ def test_a_listener_is_what_hears_an_event(found):
             pass
 
     found.register(Offering(listeners={"deaf": Deaf, "wrong": Wrong}), "mine", "my-package")
-    with pytest.raises(UserError, match=r"logger 'deaf' of my-package .* hears nothing: .*Deaf implements none of r"):
-        found.create("logger", "deaf")
-    with pytest.raises(UserError, match=r"logger 'wrong' of my-package .*number") as error:
-        found.create("logger", "wrong")
+    with pytest.raises(UserError, match=r"listener 'deaf' of my-package .* hears nothing: .*Deaf implements none of r"):
+        found.create("listener", "deaf")
+    with pytest.raises(UserError, match=r"listener 'wrong' of my-package .*number") as error:
+        found.create("listener", "wrong")
     assert "\n" not in str(error.value)
 
 
@@ -357,9 +358,11 @@ def test_a_part_without_a_config_file_has_its_signature(found, monkeypatch):
     found.register(Offering(simulators={"grid": Engine}, listeners={"shout": listener}), "mine", "my-package")
     found.register(Offering(executors={"gone": "no_such_module:Executor"}), "other", "other-package")
     monkeypatch.setattr(sources, "installed", lambda: found)
-    cfg = load("config", ["sim=grid", "sim.walls=[a]", "logger=[shout]", "logger.shout.color=blue", "executor=gone"])
+    cfg = load(
+        "config", ["sim=grid", "sim.walls=[a]", "listener=[shout]", "listener.shout.color=blue", "executor=gone"]
+    )
     assert dict(OmegaConf.to_container(cfg.sim)) == {"name": "grid", "grid": "???", "time_step": 0.01, "walls": ["a"]}
-    assert cfg.logger == {"shout": {"color": "blue"}}  # what YAML can't say is left out
+    assert cfg.listener == {"shout": {"color": "blue"}}  # what YAML can't say is left out
     assert cfg.executor == {"name": "gone"}
     assert load("config", ["sim=grid", "sim.grid=4"]).sim.grid == 4
     with pytest.raises(UsageError, match=r"no sim 'gird' \(did you mean 'grid'\?\); possible: grid, .*pybullet"):
@@ -466,3 +469,10 @@ def test_what_there_is_not_is_not_checked(monkeypatch, capsys):
     assert "mine of my-package: hook 'simulators' failed: RuntimeError: oh no" in capsys.readouterr().out
     with pytest.raises(UsageError, match=r"can't read '--chek none'; usage"):
         check(monkeypatch, found, "--chek", "none")
+
+
+def test_the_old_name_of_the_listeners_group_is_an_alias_that_warns(capsys):
+    assert load("config", ["logger=[progress]", "~logger.progress"]).listener == {}
+    assert "'logger' is called 'listener' now" in capsys.readouterr().err
+    load("config", ["listener=[progress]", "task=BringCube"])
+    assert capsys.readouterr().err == ""

@@ -221,7 +221,7 @@ def config(**choices):
         "prompt": {"name": "vlmgineer"},
         "budget": {"name": "quick", "n_agent": 4, "k_top": 5},
         "executor": {"name": "local", "workers": None},
-        "logger": {"progress": {}},
+        "listener": {"progress": {}},
         "seed": 0,
         "film": True,
     }
@@ -250,7 +250,7 @@ def test_methods_are_named_by_the_least_that_tells_them_apart():
 
 
 def test_seed_workers_listeners_and_films_make_no_method():
-    assert len(set(labels(config(), config(seed=3, film=False, executor="ray", logger={"rerun": {}})))) == 1
+    assert len(set(labels(config(), config(seed=3, film=False, executor="ray", listener={"rerun": {}})))) == 1
 
 
 def test_runs_that_are_all_alike_are_named_too():

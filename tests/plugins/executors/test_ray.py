@@ -198,7 +198,7 @@ def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
 
 def test_ctrl_c_leaves_nothing_behind(tmp_path):
     words = ["executor=ray", "executor.workers=1", "evolution=sampling", "budget.n_agent=1", "budget.n_tool=1"]
-    words += ["budget.n_action=1", "budget.n_iteration=1000", "film=false", "~logger.rerun"]
+    words += ["budget.n_action=1", "budget.n_iteration=1000", "film=false", "~listener.rerun"]
     command = [sys.executable, "-m", "core.run", *words, f"hydra.run.dir={tmp_path / 'run'}"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     for line in process.stderr:

@@ -78,7 +78,7 @@ def run_in(folder, simulator) -> Run:
 def play(run, generations, replies=(), between=lambda: None, **settings):
     """What the loop tells a listener."""
     hub = event_hub()
-    hub.register(installed().create("logger", "rerun", settings))
+    hub.register(installed().create("listener", "rerun", settings))
     hub.hook.run_started(run=run)
     for generation in generations:
         for reply in replies:
@@ -135,8 +135,8 @@ def recorded(tmp_path_factory, simulator, generations):
 
 def test_on_by_default():
     cfg = load("config", [])
-    assert dict(cfg.logger.rerun) == {"spawn": False, "connect": None, "elites": "best", "hz": 25.0}
-    assert "progress" in cfg.logger
+    assert dict(cfg.listener.rerun) == {"spawn": False, "connect": None, "elites": "best", "hz": 25.0}
+    assert "progress" in cfg.listener
 
 
 def test_the_arm_the_tool_and_the_scene_move(recorded, generations):
@@ -340,7 +340,7 @@ from plugins.listeners.rerun import streams
 streams._FLUSH_S = 2.0  # Rerun may or may not notice by itself
 streams._END_S = 0.5
 task, urdf = installed().create("task", "BringCube"), installed().create("tool", "urdf")
-listener = installed().create("logger", "rerun")
+listener = installed().create("listener", "rerun")
 resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
 listener.run_started(Run(Path(sys.argv[1]), {}, {}, "canned", task, urdf, Budget(1, 2, 1, 1, 3, 0.6), 0))
 listener.run_ended()
@@ -442,7 +442,7 @@ def test_addresses():
     assert address("9876").host == "127.0.0.1"
     assert address("[::1]:9876").host == "::1"
     for wrong in ("", "somewhere", "somewhere:port", "http://somewhere:9876/proxy", "a:b:c", "1:99999999", "0"):
-        with pytest.raises(UsageError, match=r"logger\.rerun\.connect can't be"):
+        with pytest.raises(UsageError, match=r"listener\.rerun\.connect can't be"):
             address(wrong)
 
 
@@ -450,4 +450,4 @@ def test_wrong_settings():
     create = installed().create
     for settings in ({"hz": 0.0}, {"connect": "nowhere"}, {"elites": "some"}, {"spwan": True}):
         with pytest.raises(UsageError, match=next(iter(settings))):
-            create("logger", "rerun", settings)
+            create("listener", "rerun", settings)

@@ -24,7 +24,7 @@ TINY = [
     "budget.n_action=1",
     "budget.n_iteration=1",
     "film=false",
-    "logger=[progress,summary]",
+    "listener=[progress,summary]",
     "executor.workers=1",
 ]
 
@@ -43,7 +43,7 @@ def call(folder, *words):
 def tell(capsys, *rewards, replies=(), name="hook", **settings):
     """What is printed of a run with these rewards by generation."""
     events = event_hub()
-    events.register(installed().create("logger", "summary", settings))
+    events.register(installed().create("listener", "summary", settings))
     for reply in replies:
         events.hook.reply_received(request=None, reply=reply)
     generations = []
@@ -55,7 +55,7 @@ def tell(capsys, *rewards, replies=(), name="hook", **settings):
             evaluations.append(good if reward is not None else Evaluation(candidate, "rejected", reason="heavy"))
         generations.append(Generation(index, tuple(evaluations)))
     parts = {"task": "BringCube", "sim": "pybullet", "tool": "urdf"}
-    run = Run(Path("runs/it's here/x=1"), {"logger": {"rerun": {}}}, parts, "m", None, None, None, 3, None, None)
+    run = Run(Path("runs/it's here/x=1"), {"listener": {"rerun": {}}}, parts, "m", None, None, None, 3, None, None)
     events.hook.run_finished(run=run, result=Result(tuple(generations), 1.0))
     return capsys.readouterr().err
 

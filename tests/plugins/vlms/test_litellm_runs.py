@@ -18,7 +18,7 @@ from tests.plugins.vlms.servers import Reset, Say, Send, Stall, serving
 
 ROOT = Path(__file__).parents[3]
 SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())["strategies"][0]
-COMMON = ["executor.workers=1", "film=false", "logger={}"]
+COMMON = ["executor.workers=1", "film=false", "listener={}"]
 
 pytestmark = pytest.mark.usefixtures("planted", "warm")
 
@@ -125,7 +125,10 @@ def test_what_goes_wrong_costs_what_it_must_and_tells_no_key(tmp_path):
         *("no JSON object", "the strategy is cut off or malformed"),
     ):
         assert any(reason in told for told in reasons), (reason, reasons)
-    run(load("config", ["vlm=replay", f"vlm.run={tmp_path / 'run'}", *words[3:-1], "logger={}"]), tmp_path / "replayed")
+    run(
+        load("config", ["vlm=replay", f"vlm.run={tmp_path / 'run'}", *words[3:-1], "listener={}"]),
+        tmp_path / "replayed",
+    )
     assert result(tmp_path / "replayed") == result(tmp_path / "run")
 
 

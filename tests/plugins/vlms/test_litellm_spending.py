@@ -144,7 +144,7 @@ def test_a_reply_that_can_not_be_kept_is_had_all_the_same(folder, caplog):
 
 KILLED = [
     *("task=BringCube", "vlm=litellm", "vlm.model=openai/gpt-4.1", "vlm.cache=true", "executor.workers=1"),
-    *("budget.n_agent=4", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "film=false", "logger={}"),
+    *("budget.n_agent=4", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "film=false", "listener={}"),
 ]
 
 

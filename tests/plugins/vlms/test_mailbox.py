@@ -260,7 +260,7 @@ def test_a_run_answered_by_hand(tmp_path):
         (exists(box / "g0-a0" / "prompt.md"), writes(box / "g0-a0" / "reply.json", GOOD)),
         (exists(box / "g0-a1" / "prompt.md"), writes(box / "g0-a1" / "skip", "")),
     )
-    result = run(load("config", [*RUN, "logger={}"]), folder)
+    result = run(load("config", [*RUN, "listener={}"]), folder)
     person.done()
     assert result.best.reward > 0.95
     assert [e.reason for e in result.generations[0].evaluations] == ["", "the model gave no answer: skipped by hand"]
@@ -272,7 +272,7 @@ def test_a_run_answered_by_hand(tmp_path):
 
 
 def test_an_interrupt_leaves_everything_for_another_run(tmp_path):
-    words = [*RUN, f"vlm.folder={tmp_path / 'box'}", "logger={}"]
+    words = [*RUN, f"vlm.folder={tmp_path / 'box'}", "listener={}"]
 
     def start(name):
         return subprocess.Popen(

@@ -10,7 +10,14 @@ from core.errors import UsageError, UserError
 from core.plugins import installed
 from core.search.orchestration import run
 
-SMALL = ["budget.n_agent=2", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1", "film=false", "logger={}"]
+SMALL = [
+    "budget.n_agent=2",
+    "budget.n_tool=1",
+    "budget.n_action=2",
+    "budget.n_iteration=1",
+    "film=false",
+    "listener={}",
+]
 
 
 def result(folder, *overrides):

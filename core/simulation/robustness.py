@@ -1,10 +1,8 @@
-"""What a candidate earns on its own merits: the reward of one rollout (``nominal``), or what the worst of several
-engines gives it on average when the scene changes a little (``robust``).
-"""
+"""Try candidates in several engines and in perturbed scenes, and combine what they earned."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -16,34 +14,27 @@ from core.config.compose import load, part
 from core.config.settings import PerturbationRange
 from core.design import Candidate, DesignError, Evaluation
 from core.designs.rules import SpawnRules
-from core.errors import UsageError, choices
+from core.errors import UsageError
 from core.interfaces import Task
-from core.plugins import Part, check_settings
+from core.plugins import Part
 from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import Evaluator
-
-Fitness = Callable[[Sequence[Candidate]], list[Evaluation]]
-"""Picklable: called in workers, with candidates of one tool; or with any, as many as its ``batch`` if it has one and it
-is greater than 1.
-"""
 
 
 @dataclass(frozen=True)
 class PerturbedPart(Part):
     """A task whose scene is changed a little."""
 
-    spread: PerturbationRange = field(default_factory=PerturbationRange)
+    perturbation: PerturbationRange = field(default_factory=PerturbationRange)
     draw: int = 0
 
     def create(self, **given: Any) -> Task:
-        return Perturbed(super().create(**given), self.spread, self.draw)
+        return Perturbed(super().create(**given), self.perturbation, self.draw)
 
 
 @dataclass(frozen=True)
 class PerturbedEvaluator(Evaluator):
-    """A bench with a changed scene. A tool that starts clear of the scene as the task has it, but not of this one, is
-    rejected.
-    """
+    """Evaluate in a perturbed scene. A tool that starts clear of the task's scene but not of this one is rejected."""
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         rules = _spawn_rules(self.task, self.seed)
@@ -65,10 +56,10 @@ def _checked(candidate: Candidate, rules: SpawnRules) -> Candidate:
     return candidate
 
 
-def perturbed(bench: Evaluator, spread: PerturbationRange, draw: int) -> Evaluator:
-    """The bench with its scene changed by lot ``draw``."""
-    task = PerturbedPart(bench.task.kind, bench.task.name, bench.task.settings, spread, draw)
-    return PerturbedEvaluator(task, bench.sim, bench.seed, bench.settings)
+def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) -> Evaluator:
+    """The evaluator with its scene perturbed by draw number ``draw``."""
+    task = PerturbedPart(evaluator.task.kind, evaluator.task.name, evaluator.task.settings, perturbation, draw)
+    return PerturbedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
 
 
 def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None) -> dict[str, Part]:
@@ -108,76 +99,6 @@ def check_draws(seeds: Sequence[int]) -> None:
     """
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise UsageError(f"seeds must be one or more different numbers, 0 or greater; got {list(seeds)}")
-
-
-# --- the choices ------------------------------------------------------------------------------------------------
-
-
-def nominal(bench: Evaluator) -> Fitness:
-    """The reward in the engine that ``sim`` names, with the scene as the task has it."""
-    return bench
-
-
-def robust(
-    bench: Evaluator,
-    sims: list[str | dict[str, Any]] = ["pybullet", "sapien"],  # noqa: B006 - read as a configuration's default
-    seeds: list[int] = [0, 1, 2],  # noqa: B006
-    spread: PerturbationRange = PerturbationRange(),  # noqa: B008
-) -> Fitness:
-    """The mean reward over small changes of the scene in that engine of ``sims`` where it is the lowest.
-
-    Args:
-        bench: the task, its layout and how plans are executed; its engine's settings hold where ``sims`` names it.
-        sims: see `engines`.
-        seeds: of the changes, a rollout for each in each engine.
-        spread: how far they go at most.
-    """
-    check_draws(seeds)
-    return Robust(
-        tuple(
-            (shown, tuple(perturbed(replace(bench, sim=sim), spread, draw) for draw in seeds))
-            for shown, sim in engines(sims, bench.sim).items()
-        )
-    )
-
-
-FITNESS: dict[str, Callable[..., Fitness]] = {"nominal": nominal, "robust": robust}
-
-
-def fitness(config: Mapping[str, Any], bench: Evaluator) -> Fitness:
-    """The fitness that a configuration node names; whatever else it holds are its settings.
-
-    Raises:
-        UserError: there is none of that name, or a setting is wrong.
-    """
-    settings = {str(key): value for key, value in config.items()}
-    name = str(settings.pop("name", None))
-    if name not in FITNESS:
-        raise choices("fitness", name, FITNESS)
-    given = {"bench": bench}
-    return FITNESS[name](**check_settings(FITNESS[name], settings, f"fitness={name}", given), **given)
-
-
-# --- robust -----------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Robust:
-    """Tries candidates on several benches per engine; an evaluation's reward is the worst engine's mean."""
-
-    benches: tuple[tuple[str, tuple[Evaluator, ...]], ...]
-
-    @property
-    def batch(self) -> int:
-        """Candidates that all of its engines like at once."""
-        return min(bench.batch for _, benches in self.benches for bench in benches)
-
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        tried = {engine: [bench(candidates) for bench in benches] for engine, benches in self.benches}
-        return [
-            worst(candidate, {engine: [each[i] for each in evaluations] for engine, evaluations in tried.items()})
-            for i, candidate in enumerate(candidates)
-        ]
 
 
 def worst(candidate: Candidate, tried: Mapping[str, Sequence[Evaluation]]) -> Evaluation:

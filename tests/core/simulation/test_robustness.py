@@ -1,16 +1,16 @@
-"""What candidates earn in several engines under small changes; engines are PyBullet, set differently."""
+"""Rewards in several engines and in perturbed scenes; the engines are PyBullet with different settings."""
 
-import inspect
 import json
 import pickle
 import sqlite3
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from hydra import initialize_config_module
+from omegaconf import OmegaConf
 
 from core.config.compose import load, part
 from core.config.settings import PerturbationRange
@@ -22,7 +22,7 @@ from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.search.orchestration import run
-from core.simulation.fitness import FITNESS, Robust, engines, fitness, perturbed, worst
+from core.simulation.robustness import engines, perturbed, worst
 from core.simulation.rollout import Evaluator, Part
 
 ROOT = Path(__file__).parents[3]
@@ -40,26 +40,20 @@ def solution():
 # --- the choices and their settings -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", sorted(FITNESS))
-def test_the_configs_are_the_choices_own_defaults(name):
-    document = yaml.safe_load((ROOT / "conf" / "fitness" / f"{name}.yaml").read_text())
-    assert document.pop("name") == name
-    parameters = inspect.signature(FITNESS[name]).parameters
-    defaults = {key: p.default for key, p in parameters.items() if key != "bench"}
-    if "spread" in defaults:
-        defaults["spread"] = asdict(defaults["spread"])
-    assert document == defaults
-
-
 def test_transfer_and_robust_begin_alike():
     transfer = yaml.safe_load((ROOT / "conf" / "transfer.yaml").read_text())
     robust = yaml.safe_load((ROOT / "conf" / "fitness" / "robust.yaml").read_text())
-    assert all(transfer[key] == robust[key] for key in ("sims", "seeds", "spread"))
+    assert all(transfer[key] == robust[key] for key in ("sims", "seeds", "perturbation"))
 
 
-def test_nominal_is_the_bench_as_it_is():
-    assert fitness({"name": "nominal"}, BENCH) is BENCH
+def fitness(config, evaluator):
+    return part("fitness", OmegaConf.create(config)).create(evaluator=evaluator)
+
+
+def test_nominal_is_the_default_and_passes_on_what_the_evaluator_says():
     assert load("config", []).fitness == {"name": "nominal"}
+    nominal = fitness({"name": "nominal"}, lambda candidates: [f"evaluation of {c}" for c in candidates])
+    assert nominal(["a", "b"]) == ["evaluation of a", "evaluation of b"]
 
 
 @pytest.mark.parametrize(
@@ -71,7 +65,7 @@ def test_nominal_is_the_bench_as_it_is():
         ({"name": "robust", "seeds": []}, "seeds must be one or more different numbers"),
         ({"name": "robust", "seeds": [1, 1]}, "seeds must be one or more different numbers"),
         ({"name": "robust", "seeds": [-1]}, "seeds must be one or more different numbers"),
-        ({"name": "robust", "spread": {"mass": 2}}, "spread.mass must be 0 or greater and less than 1, got 2"),
+        ({"name": "robust", "perturbation": {"mass": 2}}, "perturbation.mass must be 0 or greater and less than 1"),
         ({"name": "robust", "sims": []}, "sims: name at least one engine"),
         ({"name": "robust", "sims": ["pybulet"]}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\); possible: "),
         ({"name": "robust", "sims": ["pybullet", "pybullet"]}, "sims: 'pybullet' stands there twice"),
@@ -87,8 +81,10 @@ def test_a_wrong_setting_is_told(config, said):
 
 
 def test_a_wrong_key_is_told():
-    with pytest.raises(UserError, match=r"no key 'weight' in fitness.spread; possible: friction, mass, position, yaw"):
-        load("config", ["fitness=robust", "fitness.spread.weight=1"])
+    with pytest.raises(
+        UserError, match=r"no key 'weight' in fitness.perturbation; possible: friction, mass, position, yaw"
+    ):
+        load("config", ["fitness=robust", "fitness.perturbation.weight=1"])
 
 
 def test_engines_are_set_as_the_configuration_says_but_for_what_an_entry_says():
@@ -152,9 +148,8 @@ def test_what_is_refused_everywhere_is_refused():
 
 
 def test_robust_tries_every_change_in_every_engine():
-    config = {"name": "robust", "sims": ["pybullet", COARSE], "seeds": [3, 5], "spread": {"position": 0.02}}
+    config = {"name": "robust", "sims": ["pybullet", COARSE], "seeds": [3, 5], "perturbation": {"position": 0.02}}
     earns = fitness(config, BENCH)
-    assert isinstance(earns, Robust)
     there = pickle.loads(pickle.dumps(earns))
     candidate = solution()
     slower = replace(candidate, action=1, plan=np.concatenate([candidate.plan, candidate.plan[-1:]]))
@@ -183,10 +178,10 @@ def test_a_tool_that_starts_in_a_body_that_was_moved_is_refused_there():
     tool = Tool((post, bar))
     SpawnRules(TASK.create(), 0).check(tool)  # clear of the scene as it is
     still = Candidate(tool, np.array([[*home.position, *home.rpy]]))
-    spread = PerturbationRange(position=0.005, yaw=0.0)
-    tried = {draw: perturbed(BENCH, spread, draw)([still])[0] for draw in range(8)}
+    ranges = PerturbationRange(position=0.005, yaw=0.0)
+    tried = {draw: perturbed(BENCH, ranges, draw)([still])[0] for draw in range(8)}
     refused = {draw for draw, evaluation in tried.items() if evaluation.status == "rejected"}
-    cubes = {draw: perturbed(BENCH, spread, draw).task.create().scene(0)["cube"].pose.position for draw in tried}
+    cubes = {draw: perturbed(BENCH, ranges, draw).task.create().scene(0)["cube"].pose.position for draw in tried}
     near = {draw for draw, (x, _, _) in cubes.items() if x < 1.0 - 0.001}
     assert refused == near
     assert 0 < len(refused) < 8
@@ -196,7 +191,7 @@ def test_a_tool_that_starts_in_a_body_that_was_moved_is_refused_there():
 
 
 def test_a_run_selects_by_it_and_keeps_what_each_engine_gave(tmp_path):
-    words = ["task=BringCube", "film=false", "logger=[]", "executor.workers=1", "sim.solver_iterations=30"]
+    words = ["task=BringCube", "film=false", "listener=[]", "executor.workers=1", "sim.solver_iterations=30"]
     words += ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0"]
     words += ["fitness=robust", "fitness.sims=[pybullet]", "fitness.seeds=[4]"]
     result = run(load("config", words), tmp_path / "run")

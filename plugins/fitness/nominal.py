@@ -1,0 +1,28 @@
+"""``fitness=nominal``: the reward of one rollout."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from core.design import Candidate, Evaluation
+from core.hooks import Factory, hookimpl
+from core.interfaces import Evaluate, Fitness
+
+
+class Nominal(Fitness):
+    """The reward in the engine that ``sim`` names, with the scene as the task has it."""
+
+    def __init__(self, evaluator: Evaluate) -> None:
+        self._evaluator = evaluator
+
+    @property
+    def batch(self) -> int:
+        return self._evaluator.batch
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        return self._evaluator(candidates)
+
+
+@hookimpl
+def fitness_functions() -> Mapping[str, Factory]:
+    return {"nominal": Nominal}

@@ -1,0 +1,58 @@
+"""``fitness=robust``: the mean reward over perturbed scenes, in that engine where it is the lowest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from core.config.settings import PerturbationRange
+from core.design import Candidate, Evaluation
+from core.hooks import Factory, hookimpl
+from core.interfaces import Fitness
+from core.simulation.robustness import check_draws, engines, perturbed, worst
+from core.simulation.rollout import Evaluator
+
+
+class Robust(Fitness):
+    """The mean reward over perturbed scenes in that engine of ``sims`` where it is the lowest.
+
+    Args:
+        evaluator: the task, its layout and how plans are executed; its engine's settings hold where ``sims`` names it.
+        sims: see `core.simulation.robustness.engines`.
+        seeds: of the perturbations; each costs a rollout in each engine.
+        perturbation: how far they go at most.
+
+    Raises:
+        UserError: an engine or a seed that can't be used.
+    """
+
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        sims: list[str | dict[str, Any]] = ["pybullet", "sapien"],  # noqa: B006 - read as a configuration's default
+        seeds: list[int] = [0, 1, 2],  # noqa: B006
+        perturbation: PerturbationRange = PerturbationRange(),  # noqa: B008
+    ) -> None:
+        check_draws(seeds)
+        self.evaluators = {
+            name: [perturbed(replace(evaluator, sim=sim), perturbation, seed) for seed in seeds]
+            for name, sim in engines(sims, evaluator.sim).items()
+        }
+
+    @property
+    def batch(self) -> int:
+        """The smallest batch among its engines."""
+        return min(evaluator.batch for evaluators in self.evaluators.values() for evaluator in evaluators)
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        tried = {engine: [evaluate(candidates) for evaluate in each] for engine, each in self.evaluators.items()}
+        return [
+            worst(candidate, {engine: [each[i] for each in evaluations] for engine, evaluations in tried.items()})
+            for i, candidate in enumerate(candidates)
+        ]
+
+
+@hookimpl
+def fitness_functions() -> Mapping[str, Factory]:
+    return {"robust": Robust}
