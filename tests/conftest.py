@@ -1,7 +1,7 @@
-"""Examples may take their time: what is slow on a busy machine is not wrong.
+"""Settings of Hypothesis, and what is skipped where PyBullet is missing.
 
-``HYPOTHESIS_PROFILE`` says how much of what is random is tried: ``patient`` (the default), ``ci`` (where ``CI`` is set)
-or ``nightly``.
+``HYPOTHESIS_PROFILE`` chooses how many random cases are tried: ``patient`` (the default), ``ci`` (where ``CI`` is set)
+or ``nightly``. None has a deadline: what is slow on a busy machine is not wrong.
 """
 
 import importlib.util
@@ -10,6 +10,8 @@ import signal
 
 import pytest
 from hypothesis import settings
+
+from core.errors import UserError
 
 # In the background of a shell Ctrl-C is ignored, and every process started from here would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -24,12 +26,19 @@ FUZZ_CASES = {"ci": 1_000, "nightly": 10_000}.get(PROFILE, 150)  # of tools, and
 POPULATION = 60 if PROFILE == "patient" else 200  # one in ten of which breaks
 
 
+def lacks_pybullet(error: BaseException) -> bool:
+    """Report whether a failure is the missing engine's own error, or that of a command that printed it and ended."""
+    refusal = "sim=pybullet needs PyBullet: "
+    if isinstance(error, UserError):
+        return str(error).startswith(refusal)
+    message, asserted, _ = str(error).partition("\nassert ")  # what stands after `assert done.returncode == 0,`
+    return bool(asserted) and any(line.strip().startswith(f"error: {refusal}") for line in message.splitlines())
+
+
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item):
-    """PyBullet is the default engine, and has no wheels for Python 3.12 and newer: there, tests are skipped that run
-    into its absence.
-    """
+def pytest_runtest_makereport(item, call):
+    """Skip tests that need PyBullet where it is not installed: there are no wheels for Python 3.12 and newer."""
     report = yield
-    if report.failed and "sim=pybullet needs PyBullet" in report.longreprtext and not PYBULLET:
+    if report.failed and not PYBULLET and lacks_pybullet(call.excinfo.value):
         report.outcome, report.longrepr = "skipped", (str(item.path), item.location[1] or 0, "needs PyBullet")
     return report
