@@ -1,4 +1,4 @@
-"""The two drawings of the page on concepts, as SVG that stands alone: ``python docs/build.py diagrams``."""
+"""Draw the two figures of the page "Concepts" as stand-alone SVG: ``python docs/build.py diagrams``."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from html import escape
 
 INK, SOFT, GROUND = "#1b1f24", "#57606a", "#ffffff"
-CORE, PART, QUIET = "#dcebf7", "#fdeed0", "#eef0f2"  # fills: of the core, of what is swapped, of the rest
+CORE, PART, QUIET = "#dcebf7", "#fdeed0", "#eef0f2"  # fills: core, plugin parts, the rest
 FONT = "system-ui, 'DejaVu Sans', sans-serif"
 
-# From the ground up, and within a floor from left to right: a room imports from those before it, never from one that
-# comes after. `tests/test_architecture.py` holds every module to it.
+# From the ground up, and within a floor from left to right: a room imports only from rooms before it.
+# `tests/test_architecture.py` checks every module.
 FLOORS = {
     "values": ("errors", "text", "geometry", "scene", "design", "jobs"),
-    "what a part must do": ("interfaces", "events", "hooks"),
-    "parts found, configured": ("cli", "plugins", "config"),
-    "one motion, one design": ("robot", "designs"),
-    "one candidate": ("simulation",),
+    "interfaces and events": ("interfaces", "events", "hooks"),
+    "plugins and config": ("cli", "plugins", "config"),
+    "robot and designs": ("robot", "designs"),
+    "one rollout": ("simulation",),
     "one run": ("store", "search"),
-    "from runs and parts": ("report", "conformance", "gym", "new"),
+    "reports, checks, environments": ("report", "conformance", "gym", "new"),
     "commands": ("experiment", "__init__", "run", "evaluate", "render", "prompt", "transfer", "gallery", "view"),
 }
 PARTS = {
@@ -71,81 +71,72 @@ def arrow(*corners: tuple[float, float], dashed: bool = False) -> str:
 
 
 def house() -> str:
-    """The floors of ``core/``, and the parts beside it."""
-    left, width, storey, gap, base = 20, 500, 52, 8, 536
+    """Draw the floors of ``core/`` and the eight kinds of parts."""
+    left, width, storey, gap = 20, 560, 52, 8
+    top = 50
+    base = top + len(FLOORS) * (storey + gap)
     pieces = [text(left, 34, "core/", size=16, anchor="start", bold=True)]
     middle = {}
-    for number, (what, modules) in enumerate(FLOORS.items()):
-        y = base - (number + 1) * (storey + gap)
+    for number, (what, modules) in enumerate(reversed(FLOORS.items())):
+        y = top + number * (storey + gap)
         middle[what] = y + storey / 2
         pieces.append(box(left, y, width, storey, what, [" · ".join(modules)]))
-    pieces.append(
-        text(
-            left,
-            base + 18,
-            "imports go down, and within a floor to the left, never the other way",
-            size=12,
-            color=SOFT,
-            anchor="start",
-        )
-    )
-    right, wide = 640, 240
+    note = "Imports go down, and within a floor to the left, never the other way."
+    pieces.append(text(left, base + 18, note, size=12, color=SOFT, anchor="start"))
+    right, wide = left + width + 120, 240
     pieces.append(text(right, 34, "plugins/, tasks/, yours", size=16, anchor="start", bold=True))
-    first = base - len(PARTS) * (storey + gap)
     for number, (kind, names) in enumerate(PARTS.items()):
-        pieces.append(box(right, first + number * (storey + gap), wide, storey, kind, [names], PART))
+        pieces.append(box(right, top + number * (storey + gap), wide, storey, kind, [names], PART))
     rail = right - 20
-    ends = (first + storey / 2, base - gap - storey / 2)
+    ends = (top + storey / 2, top + (len(PARTS) - 1) * (storey + gap) + storey / 2)
     pieces.append(
         f'<path d="M{right} {ends[0]:g}H{rail}V{ends[1]:g}H{right}" fill="none" stroke="{INK}" stroke-width="1.5"/>'
     )
-    for what, said in (("what a part must do", "implement"), ("parts found, configured", "are found by")):
+    for what, label in (("interfaces and events", "implement"), ("plugins and config", "are found by")):
         pieces.append(arrow((rail, middle[what]), (left + width + 2, middle[what])))
-        pieces.append(text((rail + left + width) / 2, middle[what] - 7, said, size=12, color=SOFT))
-    return drawing(900, 570, "The floors of core, and the eight kinds of parts beside it", pieces)
+        pieces.append(text((rail + left + width) / 2, middle[what] - 7, label, size=12, color=SOFT))
+    return drawing(right + wide + 20, base + 34, "The floors of core, and the eight kinds of parts beside it", pieces)
 
 
 def loop() -> str:
-    """One generation."""
-    w, h, top, bottom = 170, 64, 30, 210
+    """Draw one generation."""
+    w, h, top, middle, bottom = 170, 64, 30, 150, 270
     xs = [20, 252, 484, 716]
-    upper = [
-        box(xs[0], top, w, h, "strategy", ["asks, is told, asks again"], PART),
+    boxes = [
+        box(xs[0], top, w, h, "strategy", ["ask, tell"], PART),
         box(xs[1], top, w, h, "designer", ["a brief for each agent"]),
         box(xs[2], top, w, h, "model", ["vision and language"], PART),
         box(xs[3], top, w, h, "tool representation", ["reads; rules are checked"], PART),
-    ]
-    lower = [
         box(xs[3], bottom, w, h, "executor", ["chunks to its workers"], PART),
         box(xs[2], bottom, w, h, "motion", ["waypoints to joints"]),
         box(xs[1], bottom, w, h, "simulator", ["plays it: start, end"], PART),
         box(xs[0], bottom, w, h, "task", ["reward, 0 to 1"], PART),
+        box(xs[0], middle, w, h, "fitness", ["combines the rollouts"], PART),
     ]
-    y, z = top + h / 2, bottom + h / 2
-    across = [arrow((xs[i] + w, y), (xs[i + 1] - 2, y)) for i in range(3)]
-    back = [arrow((xs[i], z), (xs[i - 1] + w + 2, z)) for i in (3, 2, 1)]
-    turns = [
+    y, z, left = top + h / 2, bottom + h / 2, xs[0] + w / 2
+    arrows = [
+        *(arrow((xs[i] + w, y), (xs[i + 1] - 2, y)) for i in range(3)),
+        *(arrow((xs[i], z), (xs[i - 1] + w + 2, z)) for i in (3, 2, 1)),
         arrow((xs[3] + w / 2, top + h), (xs[3] + w / 2, bottom - 2)),
-        arrow((xs[0] + w / 2, bottom), (xs[0] + w / 2, top + h + 2)),
-        arrow((xs[3] + 30, top + h), (xs[3] + 30, 152), (xs[0] + w / 2 + 6, 152), dashed=True),
+        arrow((left, bottom), (left, middle + h + 2)),
+        arrow((left, middle), (left, top + h + 2)),
+        arrow(
+            (xs[3] + 30, top + h), (xs[3] + 30, 122), (xs[0] + w - 20, 122), (xs[0] + w - 20, top + h + 2), dashed=True
+        ),
     ]
-    said = [
+    labels = [
         text((xs[0] + w + xs[1]) / 2, y - 10, "elites", size=12, color=SOFT),
         text((xs[1] + w + xs[2]) / 2, y - 10, "prompts", size=12, color=SOFT),
         text((xs[2] + w + xs[3]) / 2, y - 10, "replies", size=12, color=SOFT),
-        text(xs[3] + w / 2 + 8, 180, "candidates", size=12, color=SOFT, anchor="start"),
-        text(xs[0] + w / 2 - 8, 180, "rewards", size=12, color=SOFT, anchor="end"),
-        text((xs[1] + xs[2] + w) / 2, 145, "rejected, with a reason", size=12, color=SOFT),
+        text(xs[3] + w / 2 + 8, middle + h / 2 + 4, "candidates", size=12, color=SOFT, anchor="start"),
+        text(left - 8, (middle + h + bottom) / 2 + 4, "rewards", size=12, color=SOFT, anchor="end"),
+        text(left - 8, (top + h + middle) / 2 + 4, "fitness", size=12, color=SOFT, anchor="end"),
+        text((xs[1] + xs[2] + w) / 2, 115, "rejected, with a reason", size=12, color=SOFT),
     ]
-    events = box(
-        20, 316, 866, 44, "each step is an event: store · progress · recording · listeners of yours", fill=QUIET
-    )
-    return drawing(
-        906,
-        380,
-        "One generation: from the strategy through model and simulator back to it",
-        [*upper, *lower, *across, *back, *turns, *said, events],
-    )
+    events = "each step is an event for the listeners: store · progress · recording · your own"
+    strip = box(xs[0], bottom + h + 42, xs[3] + w - xs[0], 44, events, fill=QUIET)
+    title = "One generation: from the strategy through model and simulator back to it"
+    return drawing(xs[3] + w + 20, bottom + h + 106, title, [*boxes, *arrows, *labels, strip])
 
 
 DRAWINGS = {"house": house, "loop": loop}
