@@ -164,9 +164,8 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
     assert last == "there"
 
 
-def test_without_litellm_tokens_are_reckoned_by_the_thumb(monkeypatch, tmp_path, capsys):
-    monkeypatch.setitem(sys.modules, "litellm", None)
-    monkeypatch.setattr(sys, "argv", ["prompt", "task=OneBook", f"output={tmp_path}"])
+def test_without_a_language_model_tokens_are_estimated_from_the_length(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(sys, "argv", ["prompt", "task=OneBook", "vlm=offline", f"output={tmp_path}"])
     main()
     assert "rule of thumb: 3 characters to a token, 800 tokens to a picture" in capsys.readouterr().out
 

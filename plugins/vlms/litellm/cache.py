@@ -15,6 +15,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import platformdirs
+
 from core.errors import UserError
 from core.interfaces import Reply, Request
 from plugins.vlms.litellm.client import render
@@ -87,9 +89,7 @@ class Cache:
 
 
 def _users_folder() -> Path:
-    import platformdirs  # comes with the same extra as LiteLLM, hence not before that was found
-
-    return Path(platformdirs.user_cache_path("vlmgineer")) / "replies"
+    return platformdirs.user_cache_path("vlmgineer") / "replies"
 
 
 def _write(file: Path, text: str) -> None:

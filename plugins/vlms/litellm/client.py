@@ -44,18 +44,9 @@ class Answer:
 
 
 def load() -> ModuleType:
-    """LiteLLM, kept from writing to the terminal and from fetching anything but answers.
-
-    Raises:
-        UserError: it is not installed.
-    """
+    """Import LiteLLM, which takes seconds, and keep it from printing and from fetching anything but answers."""
     os.environ.update(_AT_IMPORT)
-    try:
-        litellm = importlib.import_module("litellm")
-    except ModuleNotFoundError as error:
-        if error.name != "litellm":
-            raise
-        raise UserError("language models need LiteLLM; install it with: pip install 'vlmgineer[models]'") from error
+    litellm = importlib.import_module("litellm")
     for name, value in {"suppress_debug_info": True, "telemetry": False, "disable_hf_tokenizer_download": True}.items():
         setattr(litellm, name, value)
     for logger in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
@@ -64,11 +55,7 @@ def load() -> ModuleType:
 
 
 def estimate(request: Request, model: str) -> Estimate:
-    """Of LiteLLM's own counter, which takes pictures for small ones, and its price list.
-
-    Raises:
-        UserError: LiteLLM is not installed.
-    """
+    """Count tokens with LiteLLM's counter, which takes every picture for a small one; prices are from its list."""
     litellm = load()
     tokens = litellm.token_counter(model=model, messages=render(request.messages))
     price = _price(litellm, model)
@@ -92,7 +79,7 @@ class Client:
     """Calls ``model``; see `LanguageModel` for the settings.
 
     Raises:
-        UserError: LiteLLM is not installed, does not know the provider, or finds no API key.
+        UserError: LiteLLM does not know the provider, or finds no API key.
     """
 
     def __init__(self, model: str, api_base: str | None, timeout_s: float, max_output_tokens: int | None) -> None:

@@ -38,8 +38,8 @@ class LanguageModel(VLM):
         cache_dir: where; None: ``vlmgineer/replies`` in the user's cache folder.
 
     Raises:
-        UserError: LiteLLM is not installed, does not know the provider, or finds no API key; a limit of cost without
-            a price; a cache folder that can't be made.
+        UserError: LiteLLM does not know the provider, or finds no API key; a limit of cost without a price; a cache
+            folder that can't be made.
     """
 
     model: str = ""
@@ -77,10 +77,7 @@ class LanguageModel(VLM):
 
     @classmethod
     def estimate(cls, request: Request, model: str) -> Estimate:
-        try:
-            return estimate(request, model)
-        except UserError:  # no LiteLLM
-            return super().estimate(request, model)
+        return estimate(request, model)
 
     @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
