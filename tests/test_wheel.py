@@ -1,5 +1,6 @@
 """What people install is whole: everything that the program reads is in the wheel, and works from there."""
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -8,6 +9,7 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from tests.strangers import PYTHON
 
@@ -51,6 +53,24 @@ def test_its_entry_points_lead_into_it(wheel):
     for name, value in named.items():
         module = EntryPoint(name, value, "vlmgineer").module.replace(".", "/")
         assert {f"{module}.py", f"{module}/__init__.py"} & held, value
+
+
+def test_hints_name_packages_that_pip_finds():
+    """This project is on no package index: a hint names another package, in a version that pyproject.toml takes too."""
+    lists = [PROJECT["project"]["dependencies"], *PROJECT["project"]["optional-dependencies"].values()]
+    taken = {needed.name: needed.specifier for listed in lists for needed in map(Requirement, listed)}
+    hints = [
+        Requirement(word.strip("'"))
+        for file in (file for folder in ("core", "plugins", "tasks") for file in (ROOT / folder).rglob("*.py"))
+        for words in re.findall(r"pip install ((?:'[^']+'|[a-z][\w-]*)(?: '[^']+')*)", file.read_text())
+        for word in words.split()
+    ]
+    assert len(hints) > 5
+    for hint in hints:
+        assert hint.name != "vlmgineer"
+        assert hint.specifier in ("", taken[hint.name]), hint
+    texts = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    assert not [file for file in texts if re.search(r"pip install .?vlmgineer", file.read_text())]
 
 
 def test_it_works_from_an_empty_folder(wheel, tmp_path):

@@ -76,7 +76,7 @@ class RayExecutor(Executor):
         try:
             import ray
         except ModuleNotFoundError as error:
-            raise UserError("executor=ray needs Ray: pip install 'vlmgineer[ray]'") from error
+            raise UserError("executor=ray needs Ray: pip install 'ray>=2.40'") from error
         if address is not None:
             _reach(address)
         self._ray = ray

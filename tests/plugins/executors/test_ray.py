@@ -17,7 +17,7 @@ from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator, Part
 from tests.benchmarks.throughput import designs
 
-pytest.importorskip("ray", reason="executor=ray is an extra: pip install 'vlmgineer[ray]'")
+pytest.importorskip("ray", reason="executor=ray is an extra: pip install 'ray>=2.40'")
 
 
 def executor(**settings):

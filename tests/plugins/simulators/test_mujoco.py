@@ -477,7 +477,10 @@ def test_render_says_who_drew(tmp_path, own_renderer):
 def test_without_mujoco_warp_the_rest_runs(tmp_path):
     missing = call(["core.run", "sim=mujoco_warp", *SMALL], tmp_path, "warp", "mujoco_warp")
     assert missing.returncode == 1
-    assert missing.stderr == "error: sim=mujoco_warp needs MuJoCo Warp: pip install 'vlmgineer[warp]'\n"
+    assert (
+        missing.stderr
+        == "error: sim=mujoco_warp needs MuJoCo Warp: pip install 'mujoco-warp>=4,<5' 'warp-lang>=1.19'\n"
+    )
     done = call(["core.plugins"], tmp_path, "warp", "mujoco_warp")
     assert "mujoco_warp" in done.stdout
     assert "failed" not in done.stdout

@@ -15,7 +15,7 @@ try:
     import warp
     from mujoco_warp._src import solver
 except ModuleNotFoundError as error:
-    raise UserError("sim=mujoco_warp needs MuJoCo Warp: pip install 'vlmgineer[warp]'") from error
+    raise UserError("sim=mujoco_warp needs MuJoCo Warp: pip install 'mujoco-warp>=4,<5' 'warp-lang>=1.19'") from error
 
 warp.config.log_level = warp.LOG_ERROR  # it would tell of each kernel that it compiles, and of a driver that is missing
 
