@@ -1,0 +1,128 @@
+"""Are rewards bit for bit what they were? ``python -m tests.benchmarks.golden record folder=before`` with the old code,
+``record folder=after like=before`` with the new, then ``compare before after``.
+
+Each engine tries the tasks' reference solutions and ``designs`` designs a task. ``compare`` prints how many rewards
+differ by task and engine; if one differs or is missing, it ends with an error.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from core.cli import command
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UsageError, UserError
+from core.evaluate import record as entry
+from core.interfaces import Executor
+from core.plugins import Part, installed
+from core.search.evolution import evaluate_all
+from core.simulation.robustness import engines
+from core.simulation.rollout import Evaluator
+from tests.benchmarks import measuring
+
+USAGE = (
+    "usage: python -m tests.benchmarks.golden record folder=DIR [like=DIR] [sims=NAME,NAME,...] [tasks=NAME,...] "
+    "[designs=N] [seed=N] [workers=N], or: python -m tests.benchmarks.golden compare BEFORE AFTER"
+)
+
+
+@dataclass
+class Settings:
+    """``like``: the folder whose designs are used; the default is new ones, evolved in the first of ``sims``."""
+
+    folder: str = "golden"
+    like: str | None = None
+    sims: list[str] = field(default_factory=lambda: ["pybullet", "sapien", "mujoco"])
+    tasks: list[str] = field(default_factory=list)
+    designs: int = 20
+    seed: int = 0
+    workers: int | None = None
+
+
+def main() -> None:
+    match sys.argv[1:]:
+        case ["--help" | "-h"]:
+            sys.stdout.write(f"{USAGE}\n")
+        case ["record", *words]:
+            record(measuring.settings(words, Settings))
+        case ["compare", before, after]:
+            compare(Path(before), Path(after))
+        case _:
+            raise UsageError(USAGE)
+
+
+def record(given: Settings) -> None:
+    """Keep the rewards in ``designs/TASK.json``, ``rewards/TASK.json`` and ``solutions/TASK.SIM.json``."""
+    names, sims, folder = measuring.tasks(given.tasks), engines(given.sims), Path(given.folder)
+    designer, workers = next(iter(sims.values())).name, measuring.workers(given.workers)
+    if given.like is not None:
+        if not (source := Path(given.like) / "designs").is_dir():
+            raise UserError(f"like={given.like}: there is no folder {source}")
+        shutil.copytree(source, folder / "designs", dirs_exist_ok=True)
+    with measuring.executor(workers) as executor:
+        for name in names:
+            designs = measuring.designs(name, given.designs, designer, given.seed, workers, folder)
+            for shown, sim in sims.items():
+                measuring.rewards(designs, sim, shown, executor, folder)
+                solve(name, sim, executor, folder / "solutions" / f"{name}.{shown}.json")
+
+
+def solve(task: str, sim: Part, executor: Executor, file: Path) -> None:
+    """Try the task's reference solution, if it has one and the file is not there yet."""
+    solution = measuring.SOLUTIONS / f"{task}.json"
+    if file.exists() or not solution.exists():
+        return
+    spawn = SpawnRules(installed().create("task", task), 0)
+    candidates = read_designs(load_designs(solution), installed().create("tool", "urdf"), spawn)
+    evaluations = evaluate_all(candidates, Evaluator(Part("task", task), sim), executor)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    measuring.save(file, [entry(evaluation) for evaluation in sorted(evaluations, key=lambda e: e.candidate.key)])
+
+
+def compare(before: Path, after: Path) -> None:
+    """Print a row for each task and engine.
+
+    Raises:
+        UserError: a reward differs or is missing, the designs differ, or there is nothing to compare.
+    """
+    for file in before.glob("designs/*.json"):
+        other = after / "designs" / file.name
+        if other.exists() and load_designs(other)["strategies"] != load_designs(file)["strategies"]:
+            raise UserError(f"{other} has other designs than {file}; record again with like={before}")
+    old, new = read(before), read(after)
+    lines = ["| task | engine | rewards | differ | missing | largest difference |", "|---|---|---|---|---|---|"]
+    total: Counter[str] = Counter()
+    for task, engine in sorted({key[:2] for key in old}):
+        keys = [key for key in old if key[:2] == (task, engine)]
+        pairs = [(old[key], new[key]) for key in keys if key in new]
+        differing = [abs(one - other) for one, other in pairs if one.hex() != other.hex()]
+        row = {"rewards": len(keys), "differ": len(differing), "missing": len(keys) - len(pairs)}
+        lines.append(f"| {task} | {engine} | {' | '.join(map(str, row.values()))} | {max(differing, default=0):.3g} |")
+        total.update(row)
+    sys.stdout.write("\n".join(lines) + "\n")
+    if not total["rewards"] or total["differ"] or total["missing"]:
+        raise UserError(f"{after}: of {total['rewards']} rewards {total['differ']} differ, {total['missing']} missing")
+
+
+def read(folder: Path) -> dict[tuple[str, str, str], float]:
+    """Load every reward of a folder, by task, engine, and solution or design."""
+    found = {}
+    for file in folder.glob("solutions/*.json"):
+        task, engine = file.stem.split(".", 1)
+        for number, item in enumerate(json.loads(file.read_text())):
+            found[task, engine, f"solution {number}"] = float(item["reward"])
+    for file in folder.glob("rewards/*.json"):
+        for item in json.loads(file.read_text()):
+            for number, reward in enumerate(item["rewards"]):
+                found[file.stem, item["engine"]["name"], f"design {number}"] = float(reward)
+    return found
+
+
+if __name__ == "__main__":
+    command(main)
