@@ -1,4 +1,4 @@
-"""No tool: the bare gripper, which a model can only move."""
+"""The bare gripper: there is no tool to design, only plans."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def tool_representations() -> Mapping[str, Callable[..., ToolRepresentation]]:
 
 
 class BareGripper(GivenTools):
-    """The arm as it comes, with its two fingers."""
+    """The arm with its own hand and two fingers."""
 
     def given(self, task: Task) -> Tool:
         return Tool(gripper=True, name="bare gripper", description="the Panda's own hand with its two fingers")

@@ -1,6 +1,7 @@
-"""The four tools that people designed for RLBench's tasks, as boxes; sizes and places are about the paper's ablation's.
+"""Four tools that were designed by hand for RLBench's tasks, as boxes.
 
-Handles go on to the mount's origin, so that they touch the flange.
+Sizes and positions approximate those of the paper's ablation. Handles extend to the mount's origin, so that they touch
+the flange.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ def tool_representations() -> Mapping[str, Callable[..., ToolRepresentation]]:
 
 def _bar(name: str, far: tuple[float, float, float], thickness: tuple[float, float]) -> Component:
     """A bar from the mount's origin to ``far``, so that it touches the flange; its long axis is x."""
-    from scipy.spatial.transform import Rotation  # slow to import, and most runs have no use for these tools
+    from scipy.spatial.transform import Rotation  # slow to import, and most runs do not need these tools
 
     end = np.array(far)
     slope = Rotation.from_euler("y", -np.arctan2(end[2], end[0]))
@@ -37,7 +38,7 @@ def _bar(name: str, far: tuple[float, float, float], thickness: tuple[float, flo
 
 
 def _on(bar: Component, name: str, center: tuple[float, float, float], size: tuple[float, float, float]) -> Component:
-    """A box at a place in the mount's frame, along its axes, that hangs from ``bar``."""
+    """A child of ``bar``: a box at ``center`` in the mount's frame, along its axes."""
     pose = bar.pose.inverse() @ Pose(np.array(center))
     return Component(name, bar.name, pose, Box(size), color=HEAD)
 
@@ -49,14 +50,14 @@ def stick() -> Tool:
 
 
 def broom() -> Tool:
-    """A handle with a head across."""
+    """A handle with a head across its end."""
     handle = _bar("handle", (0.2, 0.0, -0.38), (0.011, 0.011))
     head = _on(handle, "head", (0.2, 0.0, -0.38), (0.0375, 0.2625, 0.0375))
     return Tool((handle, head), name="broom", description="a handle down to a head 0.26 m wide")
 
 
 def hockey_stick() -> Tool:
-    """A handle down to the heel of a blade; a tenth smaller than the others' scale, to start clear of the floor."""
+    """A handle down to the heel of a blade; scaled by 0.9, so that it starts clear of the floor."""
     scale = 0.9
     heel, center = (0.238 * scale, 0.0, -0.51 * scale), (0.313 * scale, 0.0, -0.51 * scale)
     handle = _bar("handle", heel, (0.021 * scale, 0.011 * scale))

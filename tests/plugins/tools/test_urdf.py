@@ -12,7 +12,7 @@ from core.geometry import Box, Pose
 from core.plugins import Plugins
 from core.robot import description as robot
 from plugins.tools import urdf
-from plugins.tools.urdf import representation
+from plugins.tools.urdf.building import DEFAULT_COLOR
 from plugins.tools.urdf.representation import UrdfTools
 
 BOX = '<geometry><box size="0.02 0.02 0.1"/></geometry>'
@@ -38,8 +38,8 @@ def shape(tag, geometry=BOX, origin="", material=""):
 A = link("a") + joint("panda_virtual", "a")
 
 
-class _Asked:
-    """What `UrdfTools.instructions` looks at of a brief."""
+class _Brief:
+    """The fields of a brief that `UrdfTools.instructions` reads."""
 
     def __init__(self, gripper):
         self.gripper = gripper
@@ -99,9 +99,9 @@ def test_mass_is_shared_by_volume():
     [
         ('<material name="m"><color rgba="1 0 0.5 0.5"/></material>', (1, 0, 0.5, 0.5)),
         ('<material name="green"/>', (0, 1, 0, 1)),
-        ('<material name="nowhere"/>', representation._NO_COLOR),
-        ('<material name="m"><color rgba="255 0 0 0"/></material>', (1, 0, 0, 0.2)),  # seen, whatever was written
-        ("", representation._NO_COLOR),
+        ('<material name="nowhere"/>', DEFAULT_COLOR),
+        ('<material name="m"><color rgba="255 0 0 0"/></material>', (1, 0, 0, 0.2)),  # always visible
+        ("", DEFAULT_COLOR),
     ],
 )
 def test_color(material, color):
@@ -158,7 +158,7 @@ def test_a_link_without_boxes_is_composed_away():
 
 @pytest.mark.parametrize("gripper", [False, True])
 def test_the_example_in_the_instructions_keeps_the_rules(gripper):
-    text = UrdfTools().instructions(_Asked(gripper))
+    text = UrdfTools().instructions(_Brief(gripper))
     tool = parse(text[text.index("<link name=") :], gripper=gripper)
     check_tool(tool)
     assert all(mount in text for mount in tool.mounts)
@@ -188,9 +188,9 @@ HOSTILE = {
     "too many elements": ("<link/>" * 20_000, "more than 10000 elements"),
     "too long": ("x" * 1_000_001, "1000001 characters"),
     "a way out of the root": (f"</robot><robot>{A}", "junk after document element"),
-    "null character": ("\0", "no well-formed XML"),
+    "null character": ("\0", "not well-formed XML"),
     "lone surrogate": ("\ud800", "surrogates"),
-    "not closed": (f"{A}\n<link name='b'>", "no well-formed XML: mismatched tag in line 3"),
+    "not closed": (f"{A}\n<link name='b'>", "not well-formed XML: mismatched tag in line 3"),
     "mesh": (
         link("a", shape("collision", '<geometry><mesh filename="/etc/passwd"/></geometry>')),
         "boxes only.*<mesh>",
@@ -207,11 +207,11 @@ HOSTILE = {
     "cycle": (link("a") + link("b") + joint("a", "b") + joint("b", "a"), "circle"),
     "its own parent": (link("a") + joint("a", "a"), "circle"),
     "unreachable": (A + link("b") + link("c") + joint("b", "c"), "no joint holds link 'b'"),
-    "unknown child": (A + joint("a", "ghost"), "'ghost', which is no link"),
+    "unknown child": (A + joint("a", "ghost"), "'ghost', which is not a link"),
     "unknown parent": (link("a") + joint("ghost", "a"), "'ghost', which is neither"),
     "hand as mount": (link("a") + joint("panda_hand", "a"), "its mount"),
     "finger as mount of a rigid tool": (link("a") + joint("panda_leftfinger", "a"), r"its mount \(panda_virtual\)"),
-    "moves the robot": (A + joint("a", "panda_link7"), "no link of the tool"),
+    "moves the robot": (A + joint("a", "panda_link7"), "not a link of the tool"),
     "two parents": (A + link("b") + joint("panda_virtual", "b") + joint("a", "b"), "child of two joints"),
     "robot's link": (link("panda_link7"), "robot's own"),
     "the mount itself": (link("panda_virtual"), "robot's own"),
@@ -225,7 +225,7 @@ HOSTILE = {
     "no parent": (A.replace('<parent link="panda_virtual"/>', ""), 'needs <parent link="..."'),
     "no child": (A.replace('<child link="a"/>', "<child/>"), 'needs <child link="..."'),
     "two origins": (A.replace('<origin xyz="0 0 -0.05"/>', "<origin/><origin/>"), "2 <origin> elements"),
-    "foreign element": (A + "<gazebo/>", "<gazebo> has no place"),
+    "foreign element": (A + "<gazebo/>", "<gazebo> is not allowed"),
     "massless inertial": (link("a", "<inertial/>"), 'needs <mass value="..."'),
     "colour of three numbers": (
         link("a", shape("visual", material='<material><color rgba="1 0 0"/></material>')),
@@ -295,7 +295,7 @@ def test_masses_beyond_the_rules_are_caught_by_them(mass):
         (shape("visual") * 2, False),
     ],
 )
-def test_what_is_seen_is_what_collides(visual, same):
+def test_visual_and_collision_boxes_are_the_same(visual, same):
     text = link("a", visual + shape("collision")) + joint("panda_virtual", "a")
     if same:
         assert len(parse(text).components) == 1
@@ -310,7 +310,7 @@ def test_visuals_are_matched_in_any_order():
     shapes = shape("visual", origin=high, material=red) + shape("visual", origin=low)
     shapes += shape("collision", origin=low) + shape("collision", origin=high)
     tool = parse(link("a", shapes) + joint("panda_virtual", "a"))
-    assert [c.color for c in tool.components] == [representation._NO_COLOR, (1, 0, 0, 1)]
+    assert [c.color for c in tool.components] == [DEFAULT_COLOR, (1, 0, 0, 1)]
 
 
 def grid(low, high):

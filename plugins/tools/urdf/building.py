@@ -1,0 +1,279 @@
+"""Build a tool from URDF elements: read links and joints, then hang each box from the component that it touches."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from lxml import etree
+
+from core.design import Component, DesignError, Tool
+from core.geometry import Box, Pose
+from core.robot.description import assemble
+from core.robot.solids import box_gap
+from core.scene import Color
+from core.text import shorten
+from plugins.tools.urdf.parsing import attribute, only_child, read_numbers, read_origin
+
+MAX_NAME = {"link": 64, "joint": 70}  # `core.robot` names a joint after its link, with "_joint" added
+DEFAULT_COLOR: Color = (0.2, 0.45, 0.8, 1.0)
+
+_NAME = re.compile(r"[A-Za-z0-9_.-]+")
+_MIN_OPACITY = 0.2  # what collides must be visible
+_LINK_KG = 0.005
+_SAME_M = 0.0005
+_SAME_RAD = 0.01
+
+
+@dataclass(frozen=True)
+class _PlacedBox:
+    """A box in the frame of its link."""
+
+    box: Box
+    pose: Pose
+    color: Color
+
+    def is_at(self, other: _PlacedBox) -> bool:
+        return bool(
+            np.abs(np.subtract(self.box.size, other.box.size)).max() <= _SAME_M
+            and np.linalg.norm(self.pose.position - other.pose.position) <= _SAME_M
+            and (self.pose.rotation.inv() * other.pose.rotation).magnitude() <= _SAME_RAD
+        )
+
+
+@dataclass(frozen=True)
+class _Link:
+    name: str
+    boxes: tuple[_PlacedBox, ...]
+    mass: float
+
+
+@dataclass(frozen=True)
+class _Joint:
+    parent: str
+    child: str
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class _Parents:
+    """The components, or the mount, that a link's children can hang from.
+
+    Each choice has its name, its box (None: a mount), and the pose of the link's frame in its own frame.
+    """
+
+    choices: tuple[tuple[str, Box | None, Pose], ...]
+
+    def nearest(self, box: Box, pose: Pose) -> tuple[str, Pose]:
+        """The component closest to ``box``, the first of equal ones, and the box's pose in that component's frame.
+
+        ``pose`` is the pose of the box in the link's frame.
+        """
+        gaps = [
+            box_gap(box, frame @ pose, own, Pose()) if own is not None and len(self.choices) > 1 else 0.0
+            for _, own, frame in self.choices
+        ]
+        name, _, frame = self.choices[int(np.argmin(gaps))]
+        return name, frame @ pose
+
+
+@lru_cache(maxsize=1)
+def _robot_names() -> frozenset[str]:
+    """The names of the Panda's links and joints, with and without its hand."""
+    names: set[str] = set()
+    for tool in (Tool(), Tool(gripper=True)):
+        robot = etree.fromstring(assemble(tool, visuals=False))
+        names.update(str(element.get("name")) for tag in ("link", "joint") for element in robot.findall(tag))
+    return frozenset(names)
+
+
+def _check_name(name: str | None, what: str, taken: Mapping[str, object] | set[str]) -> str:
+    if name is None:
+        raise DesignError(f"a {what} has no name")
+    if not _NAME.fullmatch(name) or len(name) > MAX_NAME[what]:
+        raise DesignError(
+            f"the {what} name {shorten(name)} is not 1 to {MAX_NAME[what]} letters, digits, '_', '.' or '-'"
+        )
+    if name in _robot_names():
+        raise DesignError(f"{what} {name!r} is the robot's own; the block holds only the tool's links and joints")
+    if name in taken:
+        raise DesignError(f"two {what}s are named {name!r}; each needs a name of its own")
+    return name
+
+
+def build_tool(root: Element, gripper: bool) -> Tool:
+    """The tool whose links and joints are the children of ``root``.
+
+    Raises:
+        DesignError: they are not boxes on fixed joints that lead to a mount.
+    """
+    mounts = Tool(gripper=gripper).mounts
+    materials = _read_materials(root)
+    links: dict[str, _Link] = {}
+    joints: dict[str, _Joint] = {}  # by child
+    joint_names: set[str] = set()
+    for element in root:
+        if element.tag == "link":
+            name = _check_name(element.get("name"), "link", links)
+            links[name] = _read_link(element, name, materials)
+        elif element.tag == "joint":
+            joint_names.add(_check_name(element.get("name"), "joint", joint_names))
+            joint = _read_joint(element, f"joint {element.get('name')!r}")
+            if joint.child in joints:
+                raise DesignError(f"link {joint.child!r} is the child of two joints; a link has one parent")
+            joints[joint.child] = joint
+        elif element.tag != "material":
+            raise DesignError(
+                f"<{shorten(element.tag)[1:-1]}> is not allowed in a tool; use <link>, <joint> and <material>"
+            )
+    _check_joints(joints, links, mounts)
+    components: list[Component] = []
+    parents = {mount: _Parents(((mount, None, Pose()),)) for mount in mounts}
+    taken = {*links, *_robot_names()}
+    for name, parent, pose in _from_mounts(links, joints, mounts):
+        boxes, parents[name] = _hang(links[name], parents[parent], pose, taken)
+        components += boxes
+    return Tool(tuple(components), gripper)
+
+
+def _read_materials(root: Element) -> dict[str, Color]:
+    """Colours by material name; in URDF a colour given anywhere holds for all uses of the name."""
+    colors: dict[str, Color] = {}
+    for material in root.iter("material"):
+        name, color = material.get("name"), material.find("color")
+        if name and color is not None:
+            colors.setdefault(name, _read_color(color, f"material {shorten(name)}"))
+    return colors
+
+
+def _read_color(element: Element, where: str) -> Color:
+    rgba = read_numbers(attribute(element, "color", "rgba", where), 4, f"{where}: color rgba")
+    red, green, blue, opacity = np.clip(rgba, (0.0, 0.0, 0.0, _MIN_OPACITY), 1.0)
+    return float(red), float(green), float(blue), float(opacity)
+
+
+def _read_link(element: Element, name: str, materials: Mapping[str, Color]) -> _Link:
+    where = f"link {name!r}"
+    visuals = [_read_box(shape, f"{where}: visual", materials) for shape in element.findall("visual")]
+    collisions = [_read_box(shape, f"{where}: collision", materials) for shape in element.findall("collision")]
+    boxes = collisions or visuals
+    if visuals and collisions:
+        boxes = _match(visuals, collisions, where)
+    inertial = only_child(element, "inertial", where)
+    mass = _LINK_KG
+    if inertial is not None:
+        value = attribute(only_child(inertial, "mass", where), "mass", "value", f"{where}: inertial")
+        (mass,) = read_numbers(value, 1, f"{where}: mass")
+    return _Link(name, tuple(boxes), mass)
+
+
+def _read_box(element: Element, where: str, materials: Mapping[str, Color]) -> _PlacedBox:
+    geometry = only_child(element, "geometry", where)
+    shapes = [] if geometry is None else list(geometry)
+    if len(shapes) != 1 or shapes[0].tag != "box":
+        found = ", ".join(f"<{shorten(shape.tag)[1:-1]}>" for shape in shapes[:3]) or "nothing"
+        raise DesignError(
+            f'{where}: tools are made of boxes only; expected one <geometry><box size="x y z"/>, found {found}'
+        )
+    text = attribute(shapes[0], "box", "size", where)
+    x, y, z = read_numbers(text, 3, f"{where}: box size")
+    if min(x, y, z) <= 0:
+        raise DesignError(f"{where}: box size is {shorten(text)}; sides must be positive, in metres")
+    color, material = DEFAULT_COLOR, only_child(element, "material", where)
+    if material is not None:
+        inline, named = only_child(material, "color", where), materials.get(material.get("name", ""), DEFAULT_COLOR)
+        color = named if inline is None else _read_color(inline, where)
+    return _PlacedBox(Box((x, y, z)), read_origin(element, where), color)
+
+
+def _match(visuals: list[_PlacedBox], collisions: list[_PlacedBox], where: str) -> list[_PlacedBox]:
+    """The collision boxes, each in the colour of the visual box at the same place."""
+    left, matched = list(visuals), []
+    for collision in collisions:
+        twin = next((visual for visual in left if visual.is_at(collision)), None)
+        if twin is not None:
+            left.remove(twin)
+            matched.append(_PlacedBox(collision.box, collision.pose, twin.color))
+    if left or len(matched) < len(collisions):
+        raise DesignError(f"{where}: its visual and collision boxes differ; give both the same origins and sizes")
+    return matched
+
+
+def _read_joint(element: Element, where: str) -> _Joint:
+    if element.get("type") != "fixed":
+        raise DesignError(
+            f'{where} is of type {shorten(element.get("type", ""))}; tools are rigid, so use type "fixed"'
+        )
+    parent = attribute(only_child(element, "parent", where), "parent", "link", where)
+    child = attribute(only_child(element, "child", where), "child", "link", where)
+    return _Joint(parent, child, read_origin(element, where))
+
+
+def _check_joints(joints: Mapping[str, _Joint], links: Mapping[str, _Link], mounts: tuple[str, ...]) -> None:
+    for joint in joints.values():
+        if joint.child not in links:
+            raise DesignError(f"a joint's child is {shorten(joint.child)}, which is not a link of the tool")
+        if joint.parent not in links and joint.parent not in mounts:
+            raise DesignError(
+                f"link {joint.child!r} hangs from {shorten(joint.parent)}, which is neither a link of the tool "
+                f"nor its mount ({' or '.join(mounts)})"
+            )
+
+
+def _from_mounts(
+    links: Mapping[str, _Link], joints: Mapping[str, _Joint], mounts: tuple[str, ...]
+) -> Iterator[tuple[str, str, Pose]]:
+    """Yield links with their parent and their pose in it, parents first, otherwise in the order of the text."""
+    done = set(mounts)
+    for start in links:
+        chain: dict[str, _Joint] = {}
+        name = start
+        while name not in done:
+            if name in chain:
+                raise DesignError(
+                    f"the joints lead from link {name!r} in a circle; hang the tool from {' or '.join(mounts)}"
+                )
+            if name not in joints:
+                raise DesignError(
+                    f"no joint holds link {name!r}; hang it from {' or '.join(mounts)} or from another link"
+                )
+            chain[name] = joints[name]
+            name = joints[name].parent
+        for name, joint in reversed(chain.items()):
+            done.add(name)
+            yield name, joint.parent, joint.pose
+
+
+def _hang(link: _Link, parents: _Parents, pose: Pose, taken: set[str]) -> tuple[list[Component], _Parents]:
+    """A link's components, and the parents of its children. ``pose`` is the pose of the link in its parent link.
+
+    The first box hangs from the closest box of the parent link, each further box from the closest one before it. A
+    link without boxes is only a frame: its children hang from the boxes of its parent.
+    """
+    if not link.boxes:
+        return [], _Parents(tuple((name, box, frame @ pose) for name, box, frame in parents.choices))
+    volume = math.fsum(placed.box.volume for placed in link.boxes)
+    components: list[Component] = []
+    own: tuple[tuple[str, Box | None, Pose], ...] = ()
+    for placed in link.boxes:
+        name = _free_name(link.name, taken) if own else link.name
+        parent, at = (
+            _Parents(own).nearest(placed.box, placed.pose) if own else parents.nearest(placed.box, pose @ placed.pose)
+        )
+        share = placed.box.volume / volume if volume > 0 else 1 / len(link.boxes)
+        components.append(Component(name, parent, at, placed.box, link.mass * share, placed.color))
+        own = (*own, (name, placed.box, placed.pose.inverse()))
+    return components, _Parents(own)
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    number = 2
+    while (free := f"{name[:58]}_{number}") in taken:
+        number += 1
+    taken.add(free)
+    return free
