@@ -116,7 +116,9 @@ class ConformanceConfig:
     vlm: dict[str, Any] | None = None
     tool: dict[str, Any] | None = None
     evolution: dict[str, Any] | None = None
+    fitness: dict[str, Any] | None = None
     executor: dict[str, Any] | None = None
+    listener: dict[str, Any] | None = None
 
 
 @dataclass

@@ -1,1 +1,1 @@
-"""What any plugin of a kind must satisfy, as plain functions that anybody can run against a plugin of their own."""
+"""Check a plugin's part against what every part of its kind must do; each check is a plain function."""

@@ -1,8 +1,14 @@
-"""``python -m core.conformance KIND=NAME``: does a part do what every part of its kind must?"""
+"""``python -m core.conformance KIND=NAME``: check that a part does what every part of its kind must.
+
+Covered by `tests/core/conformance/test_suites.py`.
+"""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+
+from omegaconf import DictConfig, OmegaConf
 
 from core.cli import arguments, command
 from core.config.compose import load, part
@@ -14,34 +20,47 @@ USAGE = f"usage: python -m core.conformance {{{'|'.join(SUITES)}}}=NAME [KIND.SE
 
 
 def main() -> None:
-    """One line per check.
+    """Check the parts that the command line names.
 
     Raises:
         UsageError: no part is named.
-        UserError: some did not pass; says how many.
+        UserError: checks failed; says how many.
     """
-    config = load("conformance", arguments(USAGE))
-    asked = [part(kind, config[kind]) for kind in SUITES if config.get(kind) is not None]
-    if not asked:
-        raise UsageError(f"what is to be checked? {USAGE}")
-    report(asked)
+    parts = list(named(load("conformance", arguments(USAGE))))
+    if not parts:
+        raise UsageError(f"name a part to check; {USAGE}")
+    report(parts)
 
 
-def report(asked: list[Part]) -> None:
+def named(config: DictConfig) -> Iterator[Part]:
+    """Yield the parts that the configuration names."""
+    for kind in SUITES:
+        if config.get(kind) is None:
+            continue
+        if kind == "listener":  # settings by name, since a run has several
+            for name, settings in config.listener.items():
+                yield part(kind, OmegaConf.create({"name": name, **(settings or {})}))
+        else:
+            yield part(kind, config[kind])
+
+
+def report(parts: list[Part]) -> None:
     """Print a line for each check of each part.
 
     Raises:
-        UserError: some did not pass; says how many.
+        UserError: checks failed; says how many.
     """
     failed = count = 0
-    for one in asked:
-        if len(asked) > 1:
+    for one in parts:
+        if len(parts) > 1:
             sys.stdout.write(f"{one.kind} {one.name}\n")
         for verdict in verdicts(one):
             count += 1
             failed += verdict.problem is not None
-            told = "ok" if verdict.problem is None else f"FAILED: {verdict.problem}"
-            sys.stdout.write(f"{verdict.seconds:6.2f} s  {verdict.check}: {told}\n")
+            remark = f" ({verdict.remark})" if verdict.remark else ""
+            result = f"ok{remark}" if verdict.problem is None else f"FAILED: {verdict.problem}"
+            sys.stdout.write(f"{verdict.seconds:6.2f} s  {verdict.check}: {result}\n")
+            sys.stdout.flush()
     if failed:
         raise UserError(f"{failed} of {count} checks failed")
 

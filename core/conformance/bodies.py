@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from scipy.integrate import solve_ivp
 
+from core.conformance.checking import expect
 from core.conformance.worlds import (
     FAR,
     GRAVITY,
@@ -17,7 +18,6 @@ from core.conformance.worlds import (
     compound,
     cube,
     end,
-    expect,
     film,
     part,
     slope,

@@ -1,26 +1,41 @@
-"""What the checks of every kind share."""
+"""Provide what the checks of every kind share: small tools, requests, the first task and the first engine.
+
+Covered by `tests/core/conformance/test_suites.py`.
+"""
 
 from __future__ import annotations
 
 import json
+import traceback
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 from core.design import Component, Tool
 from core.errors import UserError
 from core.geometry import Box, Pose
-from core.interfaces import Brief, Message, Request, Task, Text, ToolRepresentation
-from core.plugins import installed
+from core.hooks import PROJECT
+from core.interfaces import Brief, Message, Request, Simulator, Task, Text, ToolRepresentation
+from core.plugins import Part, installed
+
+Check = Callable[[Any], str | None]
+"""Raises an AssertionError that says what is wrong; may return a remark."""
 
 
 def expect(condition: object, message: str) -> None:
-    """Like assert, also where asserts are switched off.
+    """Check a condition, with ``python -O`` too.
 
     Raises:
         AssertionError: with the message.
     """
     if not condition:
         raise AssertionError(message)
+
+
+def describe_error(error: Exception) -> str:
+    """Describe an exception in one line, with the place in the code that raised it."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({last.filename}, line {last.lineno})"
 
 
 def rigid() -> Tool:
@@ -39,8 +54,8 @@ def fingers() -> Tool:
     return Tool((left, right), gripper=True, name="tips")
 
 
-class Given(ToolRepresentation):
-    """Writes tools as nothing but a number: the checks' own, so that no plugin is needed to ask a model."""
+class LengthOnly(ToolRepresentation):
+    """Writes any tool as one number, so that a model can be checked without a tool plugin."""
 
     def instructions(self, brief: Brief) -> str:
         return "`length`: of the stick, metres."
@@ -56,41 +71,54 @@ class Given(ToolRepresentation):
 
 
 def brief(task: Task, representation: ToolRepresentation, *, agent: int = 0, gripper: bool = False) -> Brief:
-    """Of a first generation: two tools with two plans each."""
+    """The brief of a first generation: two tools with two plans each."""
     given = representation.given(task)
     n_tool = 2 if given is None else 1
     return Brief(task, 0, representation, gripper if given is None else given.gripper, n_tool, 2, 0, agent, agent)
 
 
 def request(of: Brief) -> Request:
-    """What a model is asked, in few words."""
+    """A short request for a brief."""
     fields = ", ".join([*of.representation.schema(), "gripper", "action_sets"])
     text = f"{of.task.description} Answer with JSON: strategies, a list of {of.n_tool} objects with {fields}."
     return Request(f"g{of.generation}-a{of.agent}", of, (Message("user", (Text(text),)),), {"type": "object"}, 1.0)
 
 
 def some_task() -> Task:
-    """The first that is installed.
+    """The first task that is installed.
 
     Raises:
         UserError: there is none.
     """
     for name in installed().names("task"):
-        made: Task = installed().create("task", name)
-        return made
+        task: Task = installed().create("task", name)
+        return task
     raise UserError("no task is installed; a check needs one")
 
 
-def as_json(value: object, what: str) -> str:
-    """As JSON has it.
+@lru_cache(maxsize=1)
+def some_simulator() -> tuple[str, Simulator]:
+    """The first engine that can be made, and its name; the built-in ones come first.
 
     Raises:
-        AssertionError: it can't be told in JSON.
+        UserError: there is none.
+    """
+    offers = [offer for offer in installed().offers.values() if offer.kind == "sim"]
+    for offer in sorted(offers, key=lambda offer: (offer.distribution != PROJECT, offer.name)):
+        try:
+            return offer.name, Part("sim", offer.name).create()
+        except UserError:  # for example an engine whose library is not installed
+            continue
+    raise UserError("no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed")
+
+
+def as_json(value: object, what: str) -> str:
+    """Write a value as JSON.
+
+    Raises:
+        AssertionError: it can't be written.
     """
     try:
         return json.dumps(value, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise AssertionError(f"{what} can't be written as JSON: {error}") from error
-
-
-Check = Callable[[Any], None]

@@ -6,7 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from core.conformance.worlds import BARE, GREY, Bodies, cube, end, expect, film, start, stick, wait
+from core.conformance.checking import expect
+from core.conformance.worlds import BARE, GREY, Bodies, cube, end, film, start, stick, wait
 from core.geometry import Box
 from core.interfaces import Image, Simulator
 from core.scene import Body, table

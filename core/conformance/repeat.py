@@ -6,6 +6,7 @@ import hashlib
 
 import numpy as np
 
+from core.conformance.checking import expect
 from core.conformance.worlds import (
     BARE,
     GREY,
@@ -13,7 +14,6 @@ from core.conformance.worlds import (
     Bodies,
     cube,
     end,
-    expect,
     motion,
     start,
     stick,

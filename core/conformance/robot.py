@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from core.conformance.checking import expect
 from core.conformance.worlds import (
     BARE,
     GREY,
@@ -11,7 +12,6 @@ from core.conformance.worlds import (
     angle_between,
     cube,
     end,
-    expect,
     film,
     motion,
     move,

@@ -1,15 +1,28 @@
-"""What any task must satisfy: each check takes one and raises an AssertionError that says what is wrong."""
+"""Checks that every task must pass. Each takes a task and raises an AssertionError that says what is wrong.
+
+The last ones step the first engine that is installed, with the arm at home and no tool, and return its name.
+Covered by `tests/core/conformance/test_suites.py`.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from core.conformance.checking import expect
+from core.conformance.checking import expect, some_simulator
 from core.design import Tool
 from core.designs.rules import SpawnRules
-from core.interfaces import Task
+from core.interfaces import JointTrajectory, Outcome, Rollout, Task
+from core.robot.description import FINGER_OPEN
 from core.robot.kinematics import arm
+from core.robot.solids import Solids, body_solids, signed_distance
 from core.scene import Scene, State
+from core.simulation.penetration import SAMPLE_HZ, Explosion, findings
+
+SEEDS = (0, 1, 2)  # layouts that are looked at
+MAX_OVERLAP_M = 0.001
+MAX_DRIFT_M = 0.005  # of a body that nothing touches but what it rests on, in
+REST_S = 2.0
+MAX_IDLE_REWARD = 0.02
 
 
 def check_it_is_described(task: Task) -> None:
@@ -20,46 +33,41 @@ def check_it_is_described(task: Task) -> None:
     expect(0 < task.success_reward <= 1, f"success_reward is {task.success_reward}, not in (0, 1]")
 
 
-def check_the_scene_is_the_seeds(task: Task) -> None:
+def check_one_seed_gives_one_layout(task: Task) -> None:
     scene, again = task.scene(3), task.scene(3)
-    expect(isinstance(scene, Scene), f"scene gave a {type(scene).__name__}, not a Scene")
+    expect(isinstance(scene, Scene), f"scene returned a {type(scene).__name__}, not a Scene")
     names = tuple(body.name for body in scene.bodies)
     expect(names == tuple(body.name for body in again.bodies), "one seed gives different bodies")
     same = all(a.pose == b.pose and a.mass == b.mass for a, b in zip(scene.bodies, again.bodies, strict=True))
-    expect(same, "one seed gives different layouts")
+    expect(same, "one seed gives different layouts; draw from np.random.default_rng(seed)")
     expect(scene.free, "nothing in the scene can move, so nothing can be earned; give a body a mass")
 
 
-def check_goals_speak_of_the_scene(task: Task) -> None:
+def check_goals_name_bodies_of_the_scene(task: Task) -> None:
     names = {body.name for body in task.scene(0).bodies}
     expect(isinstance(task.goals, tuple), f"goals is a {type(task.goals).__name__}, not a tuple")
     for goal in task.goals:
         unknown = ({*goal.bodies, *goal.keep}) - names
-        expect(not unknown, f"a goal speaks of {', '.join(sorted(unknown))}; the scene has {', '.join(sorted(names))}")
+        expect(not unknown, f"a goal names {', '.join(sorted(unknown))}; the scene has {', '.join(sorted(names))}")
 
 
-def check_doing_nothing_is_no_success(task: Task) -> None:
-    state = task.scene(0).state()
-    reward = float(np.asarray(task.reward(state, state)))
-    expect(np.isfinite(reward) and 0 <= reward <= 1, f"the reward of doing nothing is {reward}, not in [0, 1]")
-    expect(reward < task.success_reward, f"doing nothing earns {reward:.2f}, which counts as success")
-
-
-def check_rewards_are_of_one_world_or_many(task: Task) -> None:
-    """Of many at once the same as of each; in [0, 1] wherever bodies end, thrown far away too."""
+def check_rewards_work_for_one_world_or_many(task: Task) -> None:
+    """They are in [0, 1] wherever bodies end, far away too, and the same for each world alone."""
     start = task.scene(0).state()
     rng = np.random.default_rng(0)
     ends = [start, *(shifted(start, rng.normal(0, reach, start.positions.shape)) for reach in (0.05, 0.3, 1.0, 30.0))]
     starts = State.stack([start] * len(ends))
     many = np.asarray(task.reward(starts, State.stack(ends)))
-    expect(many.shape == (len(ends),), f"the reward of {len(ends)} worlds has the shape {many.shape}")
+    expect(
+        many.shape == (len(ends),), f"the reward of {len(ends)} worlds has the shape {many.shape}, not ({len(ends)},)"
+    )
     expect(np.isfinite(many).all() and (many >= 0).all() and (many <= 1).all(), f"rewards {many} are not in [0, 1]")
     each = np.array([float(np.asarray(task.reward(start, end))) for end in ends])
-    expect(np.allclose(each, many, atol=1e-9), f"worlds one by one earn {each}, at once {many}")
+    expect(np.allclose(each, many, atol=1e-9), f"worlds earn {each} one by one and {many} together")
 
 
 def shifted(state: State, by: np.ndarray) -> State:
-    """Each free body moved by (B, 3)."""
+    """The state with each free body moved by ``by`` (B, 3), metres."""
     return State(
         state.names, state.positions + by, state.quaternions, state.linear_velocities, state.angular_velocities
     )
@@ -72,11 +80,70 @@ def check_the_arm_reaches_home_clear_of_the_scene(task: Task) -> None:
     SpawnRules(task, 0).check(Tool())
 
 
+def check_nothing_overlaps_at_spawn(task: Task) -> None:
+    for seed in SEEDS:
+        bodies = task.scene(seed).bodies
+        solids = {body.name: list(body_solids(body)) for body in bodies}
+        for number, body in enumerate(bodies):
+            others = Solids(s for o in bodies[:number] if not (o.fixed and body.fixed) for s in solids[o.name])
+            for solid in solids[body.name]:
+                for other in others.near(solid, 0.0):
+                    depth = -signed_distance(solid, other)
+                    what = f"with seed {seed} {body.name!r} starts {1000 * depth:.1f} mm inside {other.name!r}"
+                    expect(depth < MAX_OVERLAP_M, f"{what}; an engine pushes them apart, so leave a clearance")
+
+
+def idle(task: Task) -> tuple[str, Outcome]:
+    """Hold the arm at home without a tool for `REST_S`; the engine's name and the outcome."""
+    name, simulator = some_simulator()
+    still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.array([FINGER_OPEN]))
+    job = Rollout(Tool(), still, SEEDS[0], hold_s=REST_S, record_hz=SAMPLE_HZ)
+    outcome, again = simulator.rollout(task, [job, job])
+    expect(outcome.error is None, f"in {name} the scene breaks by itself: {outcome.error}")
+    assert outcome.start is not None
+    assert again.start is not None
+    same = np.array_equal(outcome.start.positions, again.start.positions)
+    expect(same, f"in {name} one seed gave two layouts")
+    return name, outcome
+
+
+def check_what_rests_stays_at_rest(task: Task) -> str:
+    name, outcome = idle(task)
+    assert outcome.start is not None
+    assert outcome.end is not None
+    assert outcome.recording is not None
+    try:
+        found = findings(task.scene(SEEDS[0]), Tool(), outcome.recording)
+    except Explosion as error:
+        raise AssertionError(f"in {name} the scene explodes by itself: {error}") from error
+    expect(not found, f"in {name}, while the arm waits: {'; '.join(finding.text for finding in found)}")
+    ways = np.linalg.norm(outcome.end.positions - outcome.start.positions, axis=-1)
+    body, way = outcome.start.names[int(ways.argmax())], float(ways.max())
+    what = f"in {name} {body!r} moves {1000 * way:.0f} mm within {REST_S:g} s while the arm waits at home"
+    expect(way < MAX_DRIFT_M, f"{what}; put it where it can rest, or give it friction")
+    return f"in {name}"
+
+
+def check_doing_nothing_earns_nothing(task: Task) -> str:
+    """At spawn, and after the arm has waited at home: a scene must not solve itself."""
+    state = task.scene(SEEDS[0]).state()
+    name, outcome = idle(task)
+    for what, start, end in (("at spawn", state, state), (f"after {REST_S:g} s in {name}", outcome.start, outcome.end)):
+        assert start is not None
+        assert end is not None
+        reward = float(np.asarray(task.reward(start, end)))
+        expect(np.isfinite(reward) and 0 <= reward <= 1, f"doing nothing earns {reward} {what}, not in [0, 1]")
+        expect(reward < MAX_IDLE_REWARD, f"doing nothing earns {reward:.2f} {what}; it must be under {MAX_IDLE_REWARD}")
+    return f"in {name}"
+
+
 CHECKS = (
     check_it_is_described,
-    check_the_scene_is_the_seeds,
-    check_goals_speak_of_the_scene,
-    check_doing_nothing_is_no_success,
-    check_rewards_are_of_one_world_or_many,
+    check_one_seed_gives_one_layout,
+    check_goals_name_bodies_of_the_scene,
+    check_rewards_work_for_one_world_or_many,
     check_the_arm_reaches_home_clear_of_the_scene,
+    check_nothing_overlaps_at_spawn,
+    check_what_rests_stays_at_rest,
+    check_doing_nothing_earns_nothing,
 )

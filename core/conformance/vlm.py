@@ -6,14 +6,14 @@ among them: an answer may be an error.
 
 from __future__ import annotations
 
-from core.conformance.checking import Given, brief, expect, request, some_task
+from core.conformance.checking import LengthOnly, brief, expect, request, some_task
 from core.interfaces import VLM, Estimate, Reply, Request
 
 
 def questions() -> list[Request]:
     """Two, of two agents."""
     task = some_task()
-    return [request(brief(task, Given(), agent=agent)) for agent in (0, 1)]
+    return [request(brief(task, LengthOnly(), agent=agent)) for agent in (0, 1)]
 
 
 def check_it_has_a_name(vlm: VLM) -> None:

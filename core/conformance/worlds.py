@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from core.conformance.checking import expect
 from core.design import Component, Tool
 from core.geometry import Array, Box, Pose, Shape, Vector
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
@@ -37,16 +38,6 @@ class Bodies(Task):
 
     def reward(self, start: State, end: State) -> Array:
         return np.zeros(start.positions.shape[:-2])
-
-
-def expect(condition: object, message: str) -> None:
-    """Like assert, also where asserts are switched off.
-
-    Raises:
-        AssertionError: with the message.
-    """
-    if not condition:
-        raise AssertionError(message)
 
 
 def cube(name: str = "cube", at: Vector = (0.0, 0.0, 0.0), side: float = 0.1, mass: float = 1.0) -> Body:

@@ -7,7 +7,7 @@ import sys
 
 from core.cli import command
 from core.errors import UsageError, UserError, choices
-from core.plugins.kinds import INTERFACES, KINDS
+from core.plugins.kinds import KINDS
 from core.plugins.registry import installed
 
 USAGE = "usage: python -m core.plugins [--check NAME]"
@@ -40,11 +40,7 @@ def _check(name: str) -> None:
     if not asked and not failures:
         names = {key for o in found.offers.values() for key in (o.name, o.entry_point, o.distribution)}
         raise choices("part, plugin or distribution", name, names)
-    for offer in asked:
-        if offer.kind not in INTERFACES:
-            found.create(offer.kind, offer.name)  # listeners may do what they like; that they hear events is checked
-            sys.stdout.write(f"{offer.kind} {offer.name}: can be made, and hears events\n")
-    words = [f"{offer.kind}={offer.name}" for offer in asked if offer.kind in INTERFACES]
+    words = [f"{offer.kind}={offer.name}" for offer in asked]
     if failures:
         raise UserError(f"{len(failures)} of the plugin's hooks failed")
     failed = 0

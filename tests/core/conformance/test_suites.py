@@ -1,7 +1,8 @@
-"""Every built-in part does what every part of its kind must; and the checks see what is wrong."""
+"""Every built-in part passes the checks of its kind, and the checks find what is wrong."""
 
 import importlib
 import pkgutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,16 +10,24 @@ import pytest
 import core.conformance
 from core.conformance import __main__ as conformance
 from core.conformance.suites import SUITES, subject, verdicts
+from core.conformance.worlds import GREY
+from core.design import Evaluation
 from core.errors import UsageError, UserError
-from core.interfaces import VLM, EvolutionStrategy, Executor, Reply, Task, ToolRepresentation
-from core.plugins import Offer, installed
-from core.scene import Scene, table
-from core.simulation.rollout import Part
+from core.hooks import hookimpl
+from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Reply, Task, ToolRepresentation
+from core.plugins import KINDS, Offer, Part, installed
+from core.scene import Body, Box, Goal, Scene, Sphere, floor, table
 
 PARTS = [("task", name) for name in installed().names("task")]
 PARTS += [("tool", name) for name in installed().names("tool")]
 PARTS += [("evolution", name) for name in installed().names("evolution")]
+PARTS += [("fitness", name) for name in installed().names("fitness")]
+PARTS += [("listener", name) for name in installed().names("listener")]
 PARTS += [("vlm", "offline")]  # the others need a key, a folder or a person
+
+
+def test_every_kind_of_part_has_a_suite():
+    assert set(SUITES) == set(KINDS)
 
 
 @pytest.mark.parametrize(("kind", "name"), PARTS)
@@ -47,6 +56,39 @@ class Idle(Task):
 
     def reward(self, start, end):
         return np.ones(3)
+
+
+class RollsHome(Task):
+    """Solves itself: the ball stands on a slope that leads to the goal."""
+
+    name = "RollsHome"
+    description = "A ball stands on a ramp, and is wanted at its foot, half a metre nearer to the robot."
+    goals = (Goal(bodies=("ball",), place=(0.6, None, None)),)
+
+    def scene(self, seed):
+        ramp = Body.of("ramp", Box((1.0, 0.4, 0.02)), (0.9, 0, 0.16), mass=0, color=GREY, rpy=(0, -0.2, 0))
+        ball = Body.of("ball", Sphere(0.04), ramp.pose.apply([0.2, 0, 0.051]), mass=0.3, color=GREY)
+        return Scene((floor(), table(), ramp, ball))
+
+    def reward(self, start, end):
+        way = start.position("ball")[..., 0] - end.position("ball")[..., 0]
+        return np.clip(way / 0.5, 0.0, 1.0)
+
+
+class Crammed(Task):
+    name = "Crammed"
+    description = "Two cubes are put into one place, from which an engine throws them apart."
+    goals = ()
+
+    def scene(self, seed):
+        cubes = (Body.of(name, Box((0.1, 0.1, 0.1)), (0.6, 0, z), mass=1, color=GREY) for name, z in CRAMMED)
+        return Scene((floor(), table(), *cubes))
+
+    def reward(self, start, end):
+        return np.zeros(end.positions.shape[:-2])
+
+
+CRAMMED = (("low", 0.05), ("high", 0.07))
 
 
 class Mute(VLM):
@@ -87,10 +129,70 @@ class Greedy(Executor):
         pass
 
 
+class Sorter(Fitness):
+    """Loses the order, forgets why, and can't travel."""
+
+    def __init__(self, evaluator):
+        self.evaluator = lambda candidates: evaluator(candidates)
+
+    def __call__(self, candidates):
+        return [replace(e, reason="") for e in reversed(self.evaluator(candidates))]
+
+
+class Picky(Fitness):
+    """Counts a batch that it does not keep, and has another opinion each time."""
+
+    batch = 8
+    calls = 0
+
+    def __init__(self, evaluator):
+        self.evaluator = evaluator
+
+    def __call__(self, candidates):
+        self.calls += 1
+        share = self.calls / 10
+        return [Evaluation(c, "ok", share if c.tool is candidates[0].tool else 0.0) for c in candidates]
+
+
+class Trusting:
+    """A listener that takes what it receives for sound."""
+
+    @hookimpl
+    def run_started(self, run):
+        self.file = (run.folder / "names.txt").open("x")
+
+    @hookimpl
+    def candidate_evaluated(self, evaluation):
+        self.file.write(evaluation.candidate.tool.name)
+
+    @hookimpl
+    def run_ended(self):
+        self.file.close()
+
+
 WRONG = {
+    ("listener", Trusting): {
+        "it receives a whole run": "candidate_evaluated raised AttributeError: 'NoneType' object has no attribute",
+        "a run may break off": "run_started raised FileExistsError",
+        "a run may end before it starts": "run_ended raised AttributeError",
+    },
+    ("fitness", Sorter): {
+        "each candidate has its evaluation": "the evaluation of g0-a0-s0-p0 belongs to g0-a0-s0-p2; keep the order",
+        "it travels to workers": "it can't be pickled, and workers need a copy",
+    },
+    ("fitness", Picky): {
+        "the same again": "the same candidates earned",
+        "a batch gives what each alone gives": "candidates earn [('ok', 0.1), ('ok', 0.0), ('ok', 0.1)] together",
+        "rejected and failed candidates earn nothing": "a rejected candidate has the status 'ok'",
+    },
+    ("task", RollsHome): {
+        "what rests stays at rest": "in mujoco 'ball' moves",
+        "doing nothing earns nothing": "doing nothing earns 1.00 after 2 s in mujoco",
+    },
+    ("task", Crammed): {"nothing overlaps at spawn": "with seed 0 'high' starts 80.0 mm inside 'low'"},
     ("task", Idle): {
-        "the scene is the seeds": "nothing in the scene can move",
-        "rewards are of one world or many": "the reward of 5 worlds has the shape (3,)",
+        "one seed gives one layout": "nothing in the scene can move",
+        "rewards work for one world or many": "the reward of 5 worlds has the shape (3,), not (5,)",
     },
     ("vlm", Mute): {
         "it has a name": "model is ' '",
@@ -113,38 +215,61 @@ WRONG = {
 
 
 @pytest.fixture
-def wrong(monkeypatch):
-    for kind, part in WRONG:
+def offered(monkeypatch):
+    """Offer a part under the name ``wrong``."""
+
+    def offer(kind, part):
         monkeypatch.setitem(installed().offers, (kind, "wrong"), Offer(kind, "wrong", "tests", "tests", part))
+        return Part(kind, "wrong")
+
+    return offer
 
 
 @pytest.mark.parametrize(("kind", "part"), WRONG)
-def test_what_is_wrong_is_told(wrong, kind, part):
-    told = {verdict.check: verdict.problem for verdict in verdicts(Part(kind, "wrong"))}
-    assert len(told) == len(SUITES[kind])
+def test_what_is_wrong_is_reported(offered, kind, part):
+    problems = {verdict.check: verdict.problem for verdict in verdicts(offered(kind, part))}
+    assert len(problems) == len(SUITES[kind])
     for check, problem in WRONG[kind, part].items():
-        assert told[check] is not None, check
-        assert problem in told[check]
+        assert problems[check] is not None, check
+        assert problem in problems[check]
 
 
-def test_the_command_counts_what_failed(wrong, monkeypatch, capsys):
+def test_a_scene_that_solves_itself_fails_the_command(offered, monkeypatch, capsys):
+    offered("task", RollsHome)
+    monkeypatch.setattr("sys.argv", ["core.conformance", "task=wrong"])
+    with pytest.raises(UserError, match=r"^2 of 8 checks failed$"):
+        conformance.main()
+    assert "doing nothing earns nothing: FAILED: doing nothing earns" in capsys.readouterr().out
+
+
+def test_listeners_are_checked_by_name(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["core.conformance", "listener=[summary,progress]", "listener.summary.top=1"])
+    conformance.main()
+    out = capsys.readouterr().out
+    assert out.startswith("listener summary\n")
+    assert "\nlistener progress\n" in out
+    assert out.count(": ok") == 2 * len(SUITES["listener"])
+
+
+def test_the_command_counts_what_failed(offered, monkeypatch, capsys):
+    offered("task", Idle)
     monkeypatch.setattr("sys.argv", ["core.conformance", "tool=none", "task=wrong"])
-    with pytest.raises(UserError, match=r"^\d of 11 checks failed$"):
+    with pytest.raises(UserError, match=r"^\d of 13 checks failed$"):
         conformance.main()
     out = capsys.readouterr().out
     assert "tool none\n" in out
-    assert "the scene is the seeds: FAILED: nothing in the scene can move" in out
+    assert "one seed gives one layout: FAILED: nothing in the scene can move" in out
     assert "(" in next(line for line in out.splitlines() if "TypeError" in line)  # with the place in the code
 
 
 def test_something_must_be_named(monkeypatch):
     monkeypatch.setattr("sys.argv", ["core.conformance"])
-    with pytest.raises(UsageError, match=r"what is to be checked\? usage: python -m core.conformance \{sim\|task\|"):
+    with pytest.raises(UsageError, match=r"name a part to check; usage: python -m core.conformance \{sim\|task\|"):
         conformance.main()
 
 
 def test_no_check_is_forgotten():
-    """One that stands in no list is never run, and nobody notices."""
+    """A check that stands in no list is never run."""
     listed = {check for checks in SUITES.values() for check in checks}
     for info in pkgutil.iter_modules(core.conformance.__path__, "core.conformance."):
         for name, check in vars(importlib.import_module(info.name)).items():
