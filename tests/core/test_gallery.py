@@ -105,8 +105,9 @@ def test_nothing_to_show(tmp_path):
 def test_the_page(made):
     out, _, _ = made
     text = (out / "index.html").read_text()
-    for address in re.findall(r'<a href="([^"#]+)"', text):
-        assert (out / address).exists(), address
+    files = {str(file.relative_to(out)) for folder in out.glob("*/*") for file in folder.iterdir()}
+    assert len(files) == 3 * 4
+    assert set(re.findall(r'<a [^>]*href="([^"#]+)"', text)) == files | {f"../runs/{run}" for run in "abc"}
     for dark, width in ((False, 1200), (True, 390)):
         with opened(out / "index.html", width, dark=dark) as chrome:
             assert complaints(chrome) == []
