@@ -11,10 +11,12 @@ import logging
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from packaging.requirements import Requirement
 
 from core.design import Candidate, Evaluation
 from core.designs.reading import dump_design
@@ -279,14 +281,12 @@ def best_figures(result: Result) -> dict[str, Any] | None:
 
 
 def versions() -> dict[str, str]:
-    """Of Python, of this distribution, and of all that it requires and is installed."""
+    """Return the installed versions of Python, of this distribution, and of each package that it requires."""
     found = {"python": sys.version.split()[0]}
     for requirement in ["vlmgineer", *(importlib.metadata.requires("vlmgineer") or [])]:
-        name = requirement.split(";")[0].split("[")[0].rstrip("<>=!~.,0123456789 ")
-        try:
+        name = Requirement(requirement).name
+        with suppress(importlib.metadata.PackageNotFoundError):  # an extra, or not for this platform
             found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue  # an extra, or not for this platform
     return found
 
 

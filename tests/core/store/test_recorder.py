@@ -1,7 +1,10 @@
 """What a run leaves in its store, and in what order it gets there."""
 
 import json
+import re
 import sqlite3
+from importlib import metadata
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ from core.events import Generation, Result, Run
 from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Picture, Reply, Request, Text
 from core.plugins import event_hub, installed
-from core.store.recorder import RunStore, summary
+from core.store.recorder import RunStore, summary, versions
 from tasks.bring_cube import BringCube
 
 ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
@@ -155,3 +158,14 @@ def test_numbers_come_back_to_the_last_bit(opened):
     assert back.candidate is candidate
     assert again.past.evaluation(Candidate(ROD, PLAN, action=1)).reward == back.reward  # identical
     assert again.past.evaluation(Candidate(ROD, np.nextafter(PLAN, 1.0), action=1)) is None
+
+
+def test_versions_name_every_installed_requirement():
+    found = versions()
+    declared = (Path(__file__).parents[3] / "pyproject.toml").read_text()
+    names = {name for name in re.findall(r'"([A-Za-z][\w.-]*)[^"\n]*[><=]=', declared) if name != "hatchling"}
+    assert {"jinja2", "manifold3d", "numpy"} < names
+    installed = {distribution.name.lower() for distribution in metadata.distributions()}
+    for name in names & installed:
+        assert found[name] == metadata.version(name)
+    assert found.keys() >= {"python", "vlmgineer"}
