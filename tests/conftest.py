@@ -12,6 +12,7 @@ import pytest
 from hypothesis import settings
 
 from core.errors import UserError
+from tests.disks import disk, sealed  # noqa: F401  # fixtures
 
 # In the background of a shell Ctrl-C is ignored, and every process started from here would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)

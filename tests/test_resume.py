@@ -2,12 +2,9 @@
 to what it would have come to.
 """
 
-import contextlib
 import json
 import logging
 import os
-import resource
-import shutil
 import sqlite3
 import subprocess
 import sys
@@ -23,6 +20,7 @@ from core.search.orchestration import resume, run, tell
 from core.store.database import _STEPS, FILE, LOCK, SCHEMA_VERSION
 from core.store.recorder import RunStore
 from tests import toys
+from tests.disks import mount, small_files
 
 ROOT = Path(__file__).parents[1]
 POINTS = int(os.environ.get("VLMGINEER_KILLS", "25"))
@@ -460,34 +458,6 @@ def test_a_store_that_cannot_be_used_is_left_as_it_is(toy, tmp_path, how):
 
 
 # --- disks ------------------------------------------------------------------------------------------------------
-
-
-@contextlib.contextmanager
-def small_files(size):
-    """No file may grow beyond ``size`` bytes."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
-def mount(*words):
-    """Where that isn't allowed, as in most containers, the test is skipped."""
-    done = subprocess.run(["mount", *words], capture_output=True, text=True)
-    if done.returncode != 0:
-        pytest.skip(f"can't mount: {done.stderr.strip()}")
-
-
-@pytest.fixture
-def disk(tmp_path):
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    if not shutil.which("mount"):
-        pytest.skip("no mount here")
-    yield folder
-    subprocess.run(["umount", "-l", folder], capture_output=True)
 
 
 def assert_full(toy, folder, whole, error):

@@ -9,11 +9,7 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
-import sqlite3
-import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +19,7 @@ import pydantic
 from omegaconf import OmegaConf
 
 from core.errors import UserError
+from core.store.database import reading
 from core.text import clean
 
 STORE, RESULT, HYDRA = "run.sqlite", "result.json", ".hydra"
@@ -196,8 +193,8 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
         return LeftOutRun(folder, "failed", "it ended before it began: it has no store", _name(config, "task"), config)
     try:
         config = _config(store) if store.exists() else {}
-    except (sqlite3.Error, ValueError) as error:
-        return LeftOutRun(folder, "unreadable", short(f"{STORE}: {error}"))
+    except (UserError, ValueError) as error:
+        return LeftOutRun(folder, "unreadable", short(str(error)))
     if not result.exists():
         config = config or _hydra_config(folder)
         return LeftOutRun(folder, "unfinished", _progress(store), _name(config, "task"), config)
@@ -242,33 +239,8 @@ def _hydra_config(folder: Path) -> dict[str, Any]:
 # --- the store --------------------------------------------------------------------------------------------------
 
 
-@contextmanager
-def opened(store: Path) -> Iterator[sqlite3.Connection]:
-    """The store, to read. Whoever writes it at this moment is not disturbed, and nothing beside it is left behind.
-
-    A store at rest is read as it lies. One with a write-ahead log is read through SQLite's own locks, or from a copy
-    where its folder can't be written.
-
-    Raises:
-        sqlite3.Error: it is no store, or damaged.
-    """
-    with tempfile.TemporaryDirectory() as scratch:
-        log = store.with_name(store.name + "-wal")
-        if not log.exists():
-            mode = "mode=ro&immutable=1"
-        elif os.access(store.parent, os.W_OK):
-            mode = "mode=ro"
-        else:
-            store = Path(shutil.copy(store, scratch))
-            shutil.copy(log, scratch)
-            mode = "mode=rw"
-        with closing(sqlite3.connect(f"{store.resolve().as_uri()}?{mode}", uri=True, timeout=10)) as database:
-            database.row_factory = sqlite3.Row
-            yield database
-
-
 def _config(store: Path) -> dict[str, Any]:
-    with opened(store) as database:
+    with reading(store.parent) as database:
         row = database.execute("SELECT config FROM run").fetchone()
     if row is None:
         return {}  # it was killed before it noted anything
@@ -281,13 +253,13 @@ def _config(store: Path) -> dict[str, Any]:
 def _progress(store: Path) -> str:
     """How far an unfinished run has come."""
     try:
-        with opened(store) as database:
+        with reading(store.parent) as database:
             generations = database.execute("SELECT count(*) FROM generations").fetchone()[0]
             tried, best = database.execute(
                 "SELECT count(*), max(CASE status WHEN 'ok' THEN reward END) FROM evaluations"
             ).fetchone()
-    except sqlite3.Error as error:
-        return short(f"{STORE}: {error}")
+    except UserError as error:
+        return short(str(error))
     reached = "" if best is None else f", best reward so far {best:.3f}"
     return f"{generations} generations and {tried} candidates done{reached}"
 
@@ -295,9 +267,9 @@ def _progress(store: Path) -> str:
 def _why_nothing(store: Path) -> str:
     """Why a run that ended has no best candidate."""
     try:
-        with opened(store) as database:
+        with reading(store.parent) as database:
             row = database.execute("SELECT reason FROM evaluations WHERE status != 'ok' ORDER BY rowid").fetchone()
-    except sqlite3.Error:
+    except UserError:
         row = None
     return "no candidate could be tried" + (short(f"; the first reason: {row['reason']}") if row else "")
 
@@ -306,7 +278,7 @@ def spending(run: FinishedRun) -> Spending | None:
     """What a run asked of its model; None if its store is gone."""
     if not (run.folder / STORE).exists():
         return None
-    with opened(run.folder / STORE) as database:
+    with reading(run.folder) as database:
         requests = database.execute("SELECT count(*) FROM requests").fetchone()[0]
         row = database.execute(
             "SELECT count(*) AS replies, count(error) AS errors, sum(prompt_tokens) AS prompt_tokens,"

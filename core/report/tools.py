@@ -20,8 +20,9 @@ from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Task, ToolRepresentation
 from core.report.results import Results
-from core.report.runs import STORE, FinishedRun, opened
+from core.report.runs import STORE, FinishedRun
 from core.robot.description import FINGER_OPEN
+from core.store.database import reading
 from core.text import clean
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
         " ORDER BY reward DESC, distance_m IS NULL, distance_m, generation, agent, strategy, plan"
     )
     seen = set()
-    with opened(run.folder / STORE) as database, closing(database.execute(query, {"generation": generation})) as order:
+    with reading(run.folder) as database, closing(database.execute(query, {"generation": generation})) as order:
         for candidate, *key in order:
             if tuple(key) not in seen:
                 seen.add(tuple(key))
@@ -245,5 +246,5 @@ def collect(results: Results) -> Tools:
 
 def evolves(run: FinishedRun) -> bool:
     """Whether any of its designs derives from others."""
-    with opened(run.folder / STORE) as database:
+    with reading(run.folder) as database:
         return database.execute("SELECT 1 FROM strategies WHERE parents != '[]'").fetchone() is not None

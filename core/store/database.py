@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -88,6 +90,33 @@ def _refused(folder: Path, why: str) -> str:
     return f"{folder} can't be written: {why}; what is in it is kept"
 
 
+@contextmanager
+def reading(folder: Path) -> Iterator[sqlite3.Connection]:
+    """Open the store in ``folder`` to read it. A process that writes it goes on, and no file is left beside it.
+
+    Raises:
+        UserError: the folder holds no store, or it can't be read; raised for the statements within as well.
+    """
+    file = folder / FILE
+    if not file.is_file():
+        raise UserError(f"{folder} holds no run: there is no {FILE} in it")
+    log, index = (file.with_name(f"{FILE}-{what}") for what in ("wal", "shm"))
+    try:
+        with tempfile.TemporaryDirectory() as scratch:
+            at, mode = file, "mode=ro"
+            if not log.exists():
+                mode = "mode=ro&immutable=1"  # at rest: SQLite needs no lock, nor a folder that can be written
+            elif not index.exists():  # no process has it open; SQLite would make an index, or fail where it can't
+                at, mode = Path(shutil.copy(file, scratch)), "mode=rw"
+                shutil.copy(log, scratch)
+            uri = f"{at.resolve().as_uri()}?{mode}"
+            with closing(sqlite3.connect(uri, uri=True, timeout=_PATIENCE_S)) as database:
+                database.row_factory = sqlite3.Row
+                yield database
+    except (sqlite3.Error, OSError) as error:
+        raise UserError(f"{file} can't be read: {error}") from error
+
+
 class Database:
     """``run.sqlite``, open to be written by this process and no other until it is closed.
 
@@ -118,14 +147,12 @@ class Database:
         """Look before anything is touched."""
         if not file.exists() or file.stat().st_size == 0:
             return
-        # Without a log it may be read as it lies, and nothing is left beside it.
-        mode = "mode=ro" if file.with_name(f"{FILE}-wal").exists() else "mode=ro&immutable=1"
         try:
-            with closing(sqlite3.connect(f"{file.absolute().as_uri()}?{mode}", uri=True)) as database:
+            with reading(self.folder) as database:
                 (damage,) = database.execute("PRAGMA quick_check(1)").fetchone()
                 version = _version(database)
-        except sqlite3.Error as error:
-            damage, version = str(error), 0
+        except UserError as error:
+            damage, version = str(error.__cause__), 0
         if damage != "ok":
             why = " ".join(damage.split())
             raise UserError(f"{file} is damaged: {why}; it is left as it is, and so are the replies beside it")

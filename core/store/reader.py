@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
+from sqlite3 import Row
 from typing import Any
 
 from core.design import Evaluation
@@ -15,21 +14,12 @@ from core.designs.reading import read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import ToolRepresentation
-from core.store.database import FILE, SCHEMA_VERSION
+from core.store.database import SCHEMA_VERSION, reading
 
 
-def _query(folder: Path, query: str) -> list[sqlite3.Row]:
-    file = folder / FILE
-    if not file.is_file():
-        raise UserError(f"{folder} holds no run: there is no {FILE} in it")
-    # Without a log it may be read as it lies, from a place that can't be written too.
-    mode = "mode=ro" if file.with_name(f"{FILE}-wal").exists() else "mode=ro&immutable=1"
-    try:
-        with closing(sqlite3.connect(f"{file.absolute().as_uri()}?{mode}", uri=True)) as database:
-            database.row_factory = sqlite3.Row
-            return database.execute(query).fetchall()
-    except sqlite3.Error as error:
-        raise UserError(f"{file} can't be read: {error}") from error
+def _query(folder: Path, query: str) -> list[Row]:
+    with reading(folder) as database:
+        return database.execute(query).fetchall()
 
 
 def stored_config(folder: Path) -> dict[str, Any]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 from core.errors import UsageError, UserError
 from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Request
+from core.store.database import reading
 
 
 @hookimpl
@@ -34,14 +33,11 @@ class Replay(VLM):
     def __init__(self, run: str = "") -> None:
         if not run:
             raise UsageError("vlm.run is empty; give the folder of a past run, such as vlm.run=runs/BringCube/...")
-        file = Path(run) / "run.sqlite"
-        if not file.is_file():
-            raise UserError(f"vlm.run={run} is no run folder: there is no run.sqlite in it")
         try:
-            with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as database:
+            with reading(Path(run)) as database:
                 rows = database.execute("SELECT request_id, text, model, error FROM replies").fetchall()
-        except sqlite3.DatabaseError as error:
-            raise UserError(f"vlm.run={run}: the run's store can't be read: {error}") from error
+        except UserError as error:
+            raise UserError(f"vlm.run: {error}") from error
         self._replies = {row[0]: Reply(*row) for row in rows}
         models = sorted({reply.model for reply in self._replies.values()})
         self.model = f"replay of {', '.join(models) or 'nothing'} from {run}"

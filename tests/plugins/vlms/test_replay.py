@@ -47,8 +47,8 @@ def test_what_the_past_run_was_not_asked_is_rejected(tmp_path):
 def test_mistakes_are_told(tmp_path):
     with pytest.raises(UsageError, match=r"vlm\.run is empty"):
         installed().create("vlm", "replay")
-    with pytest.raises(UserError, match=r"no run\.sqlite"):
+    with pytest.raises(UserError, match=r"vlm\.run: .* there is no run\.sqlite"):
         installed().create("vlm", "replay", {"run": str(tmp_path)})
     (tmp_path / "run.sqlite").write_text("this is no database, but it is long enough to be taken for one" * 20)
-    with pytest.raises(UserError, match="can't be read"):
+    with pytest.raises(UserError, match=r"vlm\.run: .*can't be read: file is not a database"):
         installed().create("vlm", "replay", {"run": str(tmp_path)})

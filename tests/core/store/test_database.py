@@ -1,0 +1,90 @@
+"""Reading a store that another process writes, that a killed process left, or that can't be written."""
+
+import shutil
+
+import pytest
+
+from core.errors import UserError
+from core.plugins import installed
+from core.report.runs import read_run
+from core.store.database import FILE, Database, reading
+from core.store.reader import stored_config
+from core.transfer import as_the_run
+from tests.core.run_folders import write_run
+
+NO_INDEX = shutil.ignore_patterns("*-shm", "run.lock")
+
+
+@pytest.fixture
+def unfinished(tmp_path):
+    """A run's folder as it is while a process writes it: part of it is in the write-ahead log."""
+    folder = write_run(tmp_path / "run", rewards=[[0.3]], finish=False)
+    assert (folder / f"{FILE}-wal").stat().st_size > 0
+    return folder
+
+
+def files(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def rewards(folder):
+    with reading(folder) as database:
+        return [row["reward"] for row in database.execute("SELECT reward FROM evaluations")]
+
+
+@pytest.mark.parametrize("index", [True, False])
+def test_a_log_in_a_folder_that_cannot_be_written(unfinished, sealed, index):
+    """Through every door: the report's, transfer's and the replaying model's."""
+    folder = sealed(unfinished, None if index else NO_INDEX)
+    with pytest.raises(OSError, match=r"Read-only|Permission"):
+        (folder / "new").touch()
+    before = files(folder)
+    assert rewards(folder) == [0.3]
+    assert read_run(folder).reason.startswith("1 generations and 1 candidates done")
+    assert as_the_run([f"designs={folder}"]).task.name == stored_config(folder)["task"]["name"] == "BringCube"
+    assert installed().create("vlm", "replay", {"run": str(folder)}).model.startswith("replay of ")
+    assert files(folder) == before
+
+
+def test_no_file_is_left_beside_a_log_without_an_index(unfinished, tmp_path):
+    folder = shutil.copytree(unfinished, tmp_path / "copy", ignore=NO_INDEX)
+    before = files(folder)
+    assert rewards(folder) == [0.3]
+    assert files(folder) == before
+
+
+def test_reading_neither_waits_for_a_writer_nor_stops_it(tmp_path):
+    writer = Database(tmp_path)
+    with writer.transaction():
+        writer.upgrade()
+        writer.insert("generations", number=0, summary="first")
+    query = "SELECT summary FROM generations"
+    with reading(tmp_path) as database:
+        with writer.transaction():
+            writer.insert("generations", number=1, summary="second")
+            assert [row["summary"] for row in database.execute(query)] == ["first"]
+        assert [row["summary"] for row in database.execute(query)] == ["first", "second"]
+    writer.close()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "holds no run: there is no run.sqlite in it"),
+        (b"no database at all, only text " * 50, "run.sqlite can't be read: file is not a database"),
+    ],
+)
+def test_what_cannot_be_read_is_one_line(tmp_path, content, said):
+    if content is not None:
+        (tmp_path / FILE).write_bytes(content)
+    for read in (rewards, stored_config):
+        with pytest.raises(UserError) as error:
+            read(tmp_path)
+        assert said in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+def test_a_statement_that_fails_is_one_line_too(tmp_path):
+    folder = write_run(tmp_path / "run")
+    with pytest.raises(UserError, match=r"run.sqlite can't be read: no such table: songs"), reading(folder) as database:
+        database.execute("SELECT * FROM songs")
