@@ -20,7 +20,7 @@ from core.designs.rules import SpawnRules
 from core.errors import NoPicture, choices
 from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulator, Task, ToolRepresentation
 from core.plugins import describe_part
-from core.simulation.pictures import draw_stages, png
+from core.simulation.pictures import draw_stages, png, report_missing
 from core.text import shorten
 
 ToolKind = Literal["rigid", "gripper"]
@@ -49,7 +49,7 @@ class ModelDesigner:
         tool_kinds: Sequence[ToolKind],
         picture: Picture | None,
         events: pluggy.PluginManager,
-        show: Callable[[Candidate], Picture] | None = None,
+        show: Callable[[Candidate], Picture | None] | None = None,
     ) -> None:
         self.task = task
         self.vlm = vlm
@@ -78,7 +78,8 @@ class ModelDesigner:
         """What each of the ``agents`` is asked."""
         pictures: dict[str, Picture] = {}
         if self.show is not None and self.prompts.settings.feedback == "full":
-            pictures = {elite.candidate.id: self.show(elite.candidate) for elite in elites}
+            drawn = {elite.candidate.id: self.show(elite.candidate) for elite in elites}
+            pictures = {name: picture for name, picture in drawn.items() if picture is not None}
         return [self._request(generation, agent, elites, pictures) for agent in agents]
 
     def _candidates(self, requests: Sequence[Request], *, repair: bool) -> Iterator[Candidate]:
@@ -213,15 +214,22 @@ def make_designer(
     given = representation.given(task)
     mounted = given if given is not None else Tool(gripper=tuple(tool_kinds) == ("gripper",))
 
-    def show(candidate: Candidate) -> Picture:
-        stages = draw_stages(task, simulator, candidate, seed, prompts.rollout)
+    def show(candidate: Candidate) -> Picture | None:
+        try:
+            stages = draw_stages(task, simulator, candidate, seed, prompts.rollout)
+        except Exception as error:  # a picture that fails costs the picture, never the run
+            report_missing(f"picture of elite {candidate.id}", error)
+            return None
         return Picture(png(stages), f"elite_{candidate.id}")
 
+    picture, drawable = None, True
     try:
         picture = Picture(png(simulator.render(task, seed=seed, tool=mounted)))
     except NoPicture as error:
-        picture = None
-        sys.stderr.write(f"no pictures: {error}\n")
+        drawable = False
+        report_missing("pictures", error)
+    except Exception as error:
+        report_missing("picture of the scene", error)
     return ModelDesigner(
         task,
         vlm,
@@ -233,5 +241,5 @@ def make_designer(
         tool_kinds=cast(Sequence[ToolKind], tool_kinds),
         picture=picture,
         events=events,
-        show=show if picture is not None else None,
+        show=show if drawable else None,
     )

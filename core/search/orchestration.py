@@ -19,14 +19,14 @@ from core.config.resume import changed, hydra_config
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
 from core.designs.composer import PromptComposer
-from core.errors import NoPicture, UsageError, UserError
+from core.errors import UsageError, UserError
 from core.events import INTERRUPTED, Result, Run
 from core.interfaces import Budget, Executor, RolloutSettings, Simulator
 from core.plugins import event_hub, installed
 from core.plugins.blame import describe_failure
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
-from core.simulation.pictures import save_film
+from core.simulation.pictures import report_missing, save_film
 from core.simulation.rollout import Evaluator
 from core.store.artifacts import save_design
 from core.store.database import writing
@@ -116,8 +116,8 @@ def save_best(result: Result, this: Run, simulator: Simulator, settings: Rollout
     if film and result.stopped != INTERRUPTED:
         try:
             save_film(this.task, simulator, best.candidate, this.seed, settings, folder / "rollout.gif")
-        except NoPicture as error:
-            sys.stderr.write(f"no film: {error}\n")
+        except Exception as error:  # a film that fails costs the film, never the run
+            report_missing("film", error)
 
 
 def to_go_on(folder: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from PIL import Image as Pillow
 from core.design import Candidate
 from core.interfaces import Image, Recording, RolloutSettings, Simulator, Task
 from core.simulation.rollout import prepare
+from core.text import clean
 
 FILM_HZ = 10
 
@@ -25,6 +27,11 @@ def png(picture: Image) -> bytes:
     buffer = io.BytesIO()
     Pillow.fromarray(picture).save(buffer, "PNG")
     return buffer.getvalue()
+
+
+def report_missing(what: str, error: Exception) -> None:
+    """Say on standard error, in one line, which picture is missing and why."""
+    sys.stderr.write(f"no {what}: {clean(str(error), 300) or type(error).__name__}\n")
 
 
 def save_film(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Protocol, TypedDict, Unpack
 
@@ -15,6 +16,8 @@ from core.plugins import installed
 from core.robot.description import FINGER_OPEN
 from core.robot.kinematics import arm as panda_arm
 from core.scene import Camera, State
+
+_drawing = threading.RLock()  # any thread may draw, but renderers draw one picture at a time
 
 
 class View(TypedDict, total=False):
@@ -64,13 +67,14 @@ def draw(
     height: int = 480,
 ) -> Image:
     """`Simulator.render`, by a renderer."""
-    renderer.load(task, seed, tool)
-    renderer.pose(
-        arm if arm is not None else panda_arm().home_for(task.home),
-        fingers if fingers is not None else np.full(2, FINGER_OPEN),
-        state if state is not None else task.scene(seed).state(),
-    )
-    return renderer.shoot(camera or task.camera, width, height)
+    with _drawing:
+        renderer.load(task, seed, tool)
+        renderer.pose(
+            arm if arm is not None else panda_arm().home_for(task.home),
+            fingers if fingers is not None else np.full(2, FINGER_OPEN),
+            state if state is not None else task.scene(seed).state(),
+        )
+        return renderer.shoot(camera or task.camera, width, height)
 
 
 class Pictures:
@@ -94,8 +98,9 @@ class Pictures:
         Raises:
             NoPicture: there is neither.
         """
-        if self._drawer is None:
-            self._drawer = self._choose()
+        with _drawing:
+            if self._drawer is None:
+                self._drawer = self._choose()
         if isinstance(self._drawer, Simulator):
             return self._drawer.render(task, **view)
         return draw(self._drawer, task, **view)

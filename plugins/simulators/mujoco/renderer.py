@@ -29,20 +29,31 @@ from plugins.simulators.mujoco.shapes import Element, add_geom
 
 _OVERSAMPLING = 2  # edges are hard; halving a picture of twice the size smooths them
 _EXTENT = 1.0  # metres: the unit of MuJoCo's view settings
+_OFF = ("disable", "disabled", "off", "false", "0")  # of MUJOCO_GL, as in MuJoCo's own package
 
 
 class Renderer:
-    """Draws one scene after another; what is loaded stays until another is asked for.
+    """Draw one scene after another; what is loaded stays until another is asked for.
+
+    An OpenGL context serves one thread at a time. It is bound for each call and released after it, so that any thread
+    can draw next.
 
     Raises:
-        NoPicture: there is no OpenGL here that draws without a window; says what was tried.
+        NoPicture: there is no OpenGL here that draws without a window, or it is switched off; says what was tried.
     """
+
+    _opengl: Any = None
+    _context: Any = None
 
     def __init__(self) -> None:
         self._opengl, device = _open_gl()
         self.name = f"MuJoCo's renderer on {device}"
-        self._context: Any = None
         self._loaded: tuple[Task, int, Tool | None] | None = None
+
+    def __del__(self) -> None:
+        if self._context is not None:
+            with self._opengl.as_current():
+                self._context.free()
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
         if self._loaded is not None and self._loaded[0] is task and self._loaded[1:] == (seed, tool):
@@ -62,10 +73,13 @@ class Renderer:
             for part in body.visuals:
                 _show(spec, element, part.shape, part.pose, part.color)
         _light(spec)
+        self._loaded = None
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        self._opengl.make_current()
-        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        with self._opengl.as_current():
+            if self._context is not None:
+                self._context.free()
+            self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 10)
         self._joints = (*ARM_JOINTS, *(FINGER_JOINTS if shown.gripper else ()))
         self._loaded = (task, seed, tool)
@@ -84,27 +98,30 @@ class Renderer:
         """A picture (height, width, 3)."""
         w, h = width * _OVERSAMPLING, height * _OVERSAMPLING
         self._model.vis.global_.fovy = camera.fov_deg
-        self._opengl.make_current()
-        mujoco.mjr_resizeOffscreen(w, h, self._context)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         everything = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(
             self._model, self._data, mujoco.MjvOption(), mujoco.MjvPerturb(), _look(camera), everything, self._scene
         )
         view, picture = mujoco.MjrRect(0, 0, w, h), np.empty((h, w, 3), np.uint8)
-        mujoco.mjr_render(view, self._scene, self._context)
-        mujoco.mjr_readPixels(picture, None, view, self._context)
+        with self._opengl.as_current():
+            mujoco.mjr_resizeOffscreen(w, h, self._context)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+            mujoco.mjr_render(view, self._scene, self._context)
+            mujoco.mjr_readPixels(picture, None, view, self._context)
         drawn = Pillow.fromarray(picture[::-1])
         return np.asarray(drawn.resize((width, height), Pillow.Resampling.LANCZOS))
 
 
 def _open_gl() -> tuple[Any, str]:
-    """A context that draws without a window, and the name of what draws in it.
+    """Create a context that draws without a window; return it and the name of the device.
 
-    The environment's MUJOCO_GL chooses, as everywhere with MuJoCo; otherwise it is whatever library is there.
+    The environment variable MUJOCO_GL chooses the library or switches drawing off, as everywhere with MuJoCo. By
+    default the first library found is taken.
     """
     libraries = {"cgl": "OpenGL"} if platform.system() == "Darwin" else {"egl": "EGL", "osmesa": "OSMesa"}
-    chosen = os.environ.get("MUJOCO_GL", "").lower()
+    chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
+    if chosen in _OFF:
+        raise NoPicture(f"MuJoCo's own renderer is switched off (MUJOCO_GL={chosen})")
     found = [name for name, library in libraries.items() if ctypes.util.find_library(library)]
     name = chosen if chosen in libraries else found[0] if found else ""
     if not name:
@@ -112,9 +129,9 @@ def _open_gl() -> tuple[Any, str]:
     logging.getLogger("OpenGL.acceleratesupport").setLevel(logging.WARNING)  # of a package that need not be there
     try:
         context = importlib.import_module(f"mujoco.{name}").GLContext(640, 480)
-        context.make_current()
         gl = importlib.import_module("OpenGL.GL")
-        return context, f"{gl.glGetString(gl.GL_RENDERER).decode()} ({libraries[name]})"
+        with context.as_current():
+            return context, f"{gl.glGetString(gl.GL_RENDERER).decode()} ({libraries[name]})"
     except Exception as error:  # PyOpenGL's own kinds of errors differ with what is missing
         raise _no_open_gl(f"{libraries[name]}: {' '.join(str(error).split()) or type(error).__name__}") from error
 

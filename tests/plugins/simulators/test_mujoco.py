@@ -453,6 +453,20 @@ def test_without_pybullet_and_opengl_it_runs_without_pictures(tmp_path):
     assert not (tmp_path / "out/scene.png").exists()
 
 
+@pytest.mark.parametrize("word", ["disable", "off", "0", "false"])
+def test_mujoco_gl_switches_its_own_renderer_off(word, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", word)
+    with pytest.raises(NoPicture, match=rf"MuJoCo's own renderer is switched off \(MUJOCO_GL={word}\)"):
+        Renderer()
+
+
+def test_a_wrong_mujoco_gl_is_one_line(tmp_path):
+    done = call(["core.render", "sim=mujoco"], tmp_path, MUJOCO_GL="nonsense")
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "MUJOCO_GL=nonsense does not work here" in done.stderr
+
+
 def test_without_mujoco_others_run(tmp_path):
     pytest.importorskip("pybullet")
     done = call(["core.run", *SMALL, "hydra.run.dir=out", "film=false"], tmp_path, "mujoco")
@@ -472,6 +486,9 @@ def test_render_says_who_drew(tmp_path, own_renderer):
     done = call(arguments, tmp_path, "OpenGL")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer needs OpenGL")
+    done = call(arguments, tmp_path, MUJOCO_GL="disable")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer is switched off")
 
 
 def test_without_mujoco_warp_the_rest_runs(tmp_path):

@@ -1,0 +1,120 @@
+import io
+import threading
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from core.conformance.worlds import Bodies, cube, stick
+from core.design import Candidate, Tool
+from core.experiment import Experiment
+from core.interfaces import RolloutSettings
+from core.plugins import Offer, installed
+from core.scene import table
+from core.search.orchestration import resume, run
+from core.simulation.pictures import FILM_HZ, png, save_film
+from tests import toys
+from tests.engines import every_simulator, simulator
+
+
+def test_a_png_holds_the_picture_as_it_is():
+    picture = np.arange(36, dtype=np.uint8).reshape(3, 4, 3)
+    np.testing.assert_array_equal(Image.open(io.BytesIO(png(picture))), picture)
+
+
+def test_a_film_lasts_as_long_as_the_rollout(tmp_path):
+    task, engine = installed().create("task", "BringCube"), installed().create("sim", "pybullet")
+    short = RolloutSettings(segment_s=0.3, settle_s=0.1, hold_s=0.2)
+    candidate = Candidate(Tool(), np.array([[0.5, 0, 0.45, 0, 0, 0.0]]))
+    save_film(task, engine, candidate, 0, short, tmp_path / "film.gif")
+    film = Image.open(tmp_path / "film.gif")
+    durations = []
+    for frame in range(film.n_frames):
+        film.seek(frame)
+        durations.append(film.info["duration"])
+    assert sum(durations) / 1000 == pytest.approx(0.6 + 0.2, abs=0.2)  # the last frame stays for its own time
+    assert 0 < film.n_frames <= 0.8 * FILM_HZ + 2
+
+
+@every_simulator
+def test_every_thread_draws_the_same(engine):
+    task, pictures = Bodies(table(), cube(at=(0.6, 0.0, 0.05))), []
+
+    def draw():
+        for tool in (None, stick(0.25)):  # each is loaded anew
+            pictures.append(simulator(engine).render(task, tool=tool, width=32, height=24))
+
+    draw()
+    for _ in range(3):
+        thread = threading.Thread(target=draw)
+        thread.start()
+        thread.join()
+    draw()
+    assert len(pictures) == 10
+    assert (pictures[0] != pictures[1]).any()
+    for number, picture in enumerate(pictures):
+        np.testing.assert_array_equal(picture, pictures[number % 2])
+
+
+def open_picture(file):
+    with Image.open(file) as picture:
+        return np.asarray(picture.convert("L")).astype(int)
+
+
+@pytest.mark.slow
+@every_simulator
+def test_a_run_shows_its_elites_and_so_does_one_that_goes_on(engine, tmp_path):
+    """The scene is drawn in the main thread, elites in the one that reads candidates."""
+    simulator(engine)
+    words = [
+        "budget.n_agent=1",
+        "budget.n_tool=1",
+        "budget.n_action=1",
+        "budget.n_iteration=1",
+        "budget.reward_save=-1",
+    ]
+    settings = ["prompt.feedback=full", "executor.workers=1", "listener=[]", "film=false"]
+    Experiment(*words, *settings, task="BringCube", sim=engine).run(tmp_path)
+    resume(tmp_path, ["budget.n_iteration=2"])
+    scene = open_picture(tmp_path / "scene.png")
+    elites = sorted((tmp_path / "requests").glob("elite_*.png"))
+    assert elites[0].name.startswith("elite_g0-")
+    assert scene.shape == (480, 640)
+    for file in elites:
+        stages = open_picture(file)
+        halves = stages[:240, :320], stages[240:, 320:]
+        assert all(half.std() > 10 for half in halves)  # neither blank nor of one colour
+        assert (halves[0] != halves[1]).mean() > 0.001  # something has moved
+    assert "elite_g0" in (tmp_path / "requests" / "g1-a0.md").read_text()
+    assert "elite_g" in (tmp_path / "requests" / "g2-a0.md").read_text()
+
+
+class Shaky(toys.ToyEngine):
+    """Its renderer breaks after ``whole`` pictures."""
+
+    def __init__(self, whole: int) -> None:
+        self.whole = whole
+
+    def render(self, task, **view):
+        self.whole -= 1
+        if self.whole < 0:
+            raise RuntimeError("the driver\nis gone")
+        return super().render(task, **view)
+
+
+@pytest.mark.parametrize("whole", [0, 1])
+def test_a_picture_that_fails_costs_the_picture_and_not_the_run(whole, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(installed(), "offers", dict(installed().offers))
+    toys.offer(installed())
+    installed().offers["sim", "shaky"] = Offer("sim", "shaky", "toys", "tests", Shaky)
+    cfg = toys.config(tmp_path / "notes", "prompt.feedback=full")
+    cfg.sim, cfg.film = {"name": "shaky", "whole": whole}, True
+    result = run(cfg, tmp_path / "run")
+    assert len(result.generations) == 2
+    assert result.best.reward > 0
+    said = capsys.readouterr().err.splitlines()
+    missing = [line for line in said if line.startswith("no ")]
+    assert missing[0].startswith("no picture of elite g0-" if whole else "no picture of the scene: the driver is gone")
+    assert missing[-1].startswith("no film: ")
+    assert (tmp_path / "run" / "scene.png").exists() == bool(whole)
+    assert not (tmp_path / "run" / "best" / "rollout.gif").exists()
