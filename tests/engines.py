@@ -1,4 +1,4 @@
-"""The engines that tests are run in. Another one needs a line here, and nothing else anywhere."""
+"""The engines that tests are run in. A new one needs a line here and nothing else."""
 
 from functools import cache
 
@@ -7,7 +7,7 @@ import pytest
 from core.interfaces import Simulator
 from core.plugins import installed
 
-# By name, and the module that it can't do without. MuJoCo Warp is slow without a graphics card, and has fewer tests, in
+# The module that each engine needs. MuJoCo Warp is slow without a graphics card, and has fewer tests, in
 # tests/plugins/simulators/test_mujoco_warp.py.
 SIMULATORS = {"pybullet": "pybullet", "sapien": "sapien", "mujoco": "mujoco"}
 
@@ -16,7 +16,7 @@ every_simulator = pytest.mark.parametrize("engine", SIMULATORS)
 
 @cache
 def simulator(engine: str) -> Simulator:
-    """With its own defaults; made once per process. Where its module is missing, the test is skipped."""
+    """Return the engine with its defaults, made once per process. Skip the test where its module is missing."""
     pytest.importorskip(SIMULATORS[engine], exc_type=ImportError)
     made: Simulator = installed().create("sim", engine)
     return made

@@ -1,4 +1,4 @@
-"""An engine that breaks in every way an engine can, for tools of certain masses."""
+"""An engine that breaks in a different way for each of some masses of the tool."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Faulty(Simulator):
 
 
 def candidate(number: int, fault: str | None = None) -> Candidate:
-    """Of two plans to a tool."""
+    """Return candidate ``number``; there are two plans to a tool, whose mass chooses the fault."""
     mass = 0.1 + (0 if fault is None else FAULTS.index(fault) + 1) / 1000
     size = Box((0.02, 0.02, 0.1 + (number // 2) / 1000))
     tool = Tool((Component("rod", "panda_virtual", Pose(), size, mass),))
@@ -78,5 +78,5 @@ def candidate(number: int, fault: str | None = None) -> Candidate:
 
 
 def tried(chunk):
-    """What a worker does with a chunk."""
+    """Evaluate a chunk, as a worker does."""
     return evaluate(Slide(), Faulty(), chunk, 0, RolloutSettings(settle_s=0, hold_s=0))

@@ -1,4 +1,4 @@
-"""Replies that nobody honest writes, by what is wrong with them; and what a sound one looks like."""
+"""Hostile replies by what is wrong with them, and a sound one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROD = """\
 
 
 def sound(**changes: Any) -> dict[str, Any]:
-    """A strategy that keeps the rules, but for the ``changes``."""
+    """Return a strategy that keeps the rules, except for the ``changes``."""
     plan = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0], [0.45, 0.1, 0.4, 0.0, 0.0, 0.5]]
     return {"strategy_name": "poke", "gripper": False, "tool_urdf": ROD, "action_sets": [plan], **changes}
 
@@ -36,12 +36,12 @@ def spawn_rules() -> SpawnRules:
 
 
 def tool_reply(name: str) -> str:
-    """A strategy that is sound but for its tool, one of `TOOLS`."""
+    """Return a reply that is sound except for its tool, one of `TOOLS`."""
     return reply_of(sound(tool_urdf=_text(TOOLS[name])))
 
 
 def reply(name: str) -> str:
-    """One of `REPLIES`."""
+    """Return one of `REPLIES`."""
     return _text(REPLIES[name])
 
 
@@ -80,7 +80,7 @@ def quadratic() -> str:
     return f'<!DOCTYPE r [<!ENTITY a "{"x" * 100_000}">]><link name="{"&a;" * 10_000}"/>'
 
 
-# Large ones are made when they are asked for.
+# Large ones are made when they are needed.
 TOOLS: dict[str, str | Callable[[], str]] = {
     "billion laughs": bomb(),
     "quadratic blow-up": quadratic(),

@@ -1,9 +1,9 @@
-"""``python -m tests.kills FOLDER N``: a run with toys, and N more that are killed at moments spread over its life and
-resumed. A process of its own, since it forks, which saves starting Python for each of them.
+"""``python -m tests.kills FOLDER N``: one run with toys, and N more that are killed at different moments and resumed.
 
-A moment is the beginning of whatever touches the disk: a statement of SQL, a file that is written, named or made, a
-request or a rollout that is noted. Leaves in FOLDER ``whole/`` and ``0/``, ``1/`` ..., each with ``run/``, ``notes``,
-and ``killed/``, the store as the kill left it. Every other one is killed a second time, while it is resumed.
+It is a separate process because it forks, which saves starting Python for each run. A moment is the beginning of an
+operation on the disk: an SQL statement, a file that is written, renamed or made, a line in the notes. FOLDER gets
+``whole/`` and ``0/``, ``1/`` ..., each with ``run/``, ``notes``, and ``killed/``, the store as the kill left it. Every
+second run is killed again while it is resumed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tests.toys import Notes, config, offer
 
 
 class Moments:
-    """Counts them, and kills the process when ``last`` begins."""
+    """Count moments, and kill the process when number ``last`` begins."""
 
     def __init__(self, folder: Path, last: int | None) -> None:
         self.folder = str(folder)
@@ -33,14 +33,14 @@ class Moments:
         self.number = 0
         self.connect = sqlite3.connect
         sqlite3.connect = self.connected
-        sys.addaudithook(self.hear)
+        sys.addaudithook(self.audit)
 
     def connected(self, *arguments, **settings):
         connection = self.connect(*arguments, **settings)
         connection.set_trace_callback(lambda _: self.begin())
         return connection
 
-    def hear(self, event, arguments):
+    def audit(self, event, arguments):
         if event in ("open", "os.rename", "os.mkdir", "os.remove") and str(arguments[0]).startswith(self.folder):
             writes = event != "open" or arguments[2] & (os.O_WRONLY | os.O_RDWR)
             if writes:
@@ -53,7 +53,7 @@ class Moments:
 
 
 def session(folder: Path, *, resumed: bool, last: int | None) -> int:
-    """The number of moments in a session that ends well; 0: it was killed."""
+    """Run or resume in a forked process; return the number of moments, or 0 if it was killed."""
     Notes(str(folder / "notes")).add("session")
     count = folder / "moments"
     child = os.fork()
@@ -68,7 +68,7 @@ def session(folder: Path, *, resumed: bool, last: int | None) -> int:
                     run(config(folder / "notes"), folder / "run")
             count.write_text(str(moments.number))
             code = 0
-        except BaseException:  # the child must end here, whatever it is
+        except BaseException:  # the child must end here in any case
             traceback.print_exc()
         os._exit(code)
     _, status = os.waitpid(child, 0)
@@ -98,7 +98,7 @@ def main(folder: Path, points: int) -> None:
 
 
 def note_config(at: Path) -> None:
-    """As Hydra does before a run begins."""
+    """Write the configuration as Hydra does before a run begins."""
     (at / "run" / ".hydra").mkdir(parents=True)
     OmegaConf.save(config(at / "notes"), at / "run" / ".hydra" / "config.yaml")
 

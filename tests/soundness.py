@@ -1,4 +1,4 @@
-"""What must hold of a candidate, whatever it was read from."""
+"""Check what must hold of every candidate, from any source."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MAX_TEXT = 5000
 
 
 def check_candidate(candidate: Candidate) -> None:
-    """Texts can be shown anywhere, a problem can be read, and without one tool and plan keep the rules."""
+    """Check that texts can be shown anywhere and a problem is readable; without one, tool and plan keep the rules."""
     tool = candidate.tool
     texts = [candidate.strategy_name, candidate.strategy_description, candidate.action_description]
     names = [] if tool is None else [component.name for component in tool.components]

@@ -1,4 +1,4 @@
-"""Which failures become skips where PyBullet is not installed, seen in a session of pytest inside this one."""
+"""Failures that become skips where PyBullet is not installed, in a session of pytest inside this one."""
 
 import pytest
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.strangers import PYTHON, install
+from tests.packages import PYTHON, install
 
 HERE = Path(__file__).parent
 SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1", "film=false"]

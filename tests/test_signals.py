@@ -1,4 +1,4 @@
-"""Real runs that are interrupted, ended and killed from outside: what is said, who is left, and how they go on."""
+"""Real runs that are interrupted, terminated and killed: their messages, leftover processes, and how they go on."""
 
 import contextlib
 import json
@@ -35,14 +35,14 @@ PATIENCE_S = 180
 
 
 def start(folder, command, *words, **settings):
-    """``python -m core.COMMAND words...`` in a group of its own."""
+    """Start ``python -m core.COMMAND words...`` in its own process group."""
     words = [sys.executable, "-m", f"core.{command}", *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **settings}
     return subprocess.Popen(words, cwd=folder, text=True, start_new_session=True, **pipes)
 
 
 def stored(folder):
-    """How many candidates are."""
+    """Return the number of stored candidates."""
     try:
         with closing(sqlite3.connect(f"file:{folder / 'run.sqlite'}?mode=ro", uri=True)) as database:
             return database.execute("SELECT count(*) FROM evaluations").fetchone()[0]
@@ -59,14 +59,14 @@ def wait_until(what, process):
 
 
 def living():
-    """The parent of every process; without those that are dead and wait for somebody to take notice."""
+    """Return the parent of every process that is no zombie."""
     done = subprocess.run(["ps", "-A", "-o", "pid=,ppid=,stat="], capture_output=True, text=True, check=True)
     rows = [line.split() for line in done.stdout.splitlines()]
     return {int(own): int(parent) for own, parent, state in rows if state[0] != "Z"}
 
 
 def family(process):
-    """A process and all that descend from it."""
+    """Return a process and its descendants."""
     parents, found = living(), [process.pid]
     for one in found:
         found += [own for own, parent in parents.items() if parent == one]
@@ -74,7 +74,7 @@ def family(process):
 
 
 def all_gone(pids):
-    """Whether they end soon, if they have not."""
+    """Wait for processes to end; report whether they did within 20 s."""
     deadline = time.monotonic() + 20
     while set(pids) & set(living()) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -82,7 +82,7 @@ def all_gone(pids):
 
 
 def finished(process):
-    """Exit code, standard output, standard error."""
+    """Wait for the end; return exit code, standard output and standard error."""
     out, err = process.communicate(timeout=PATIENCE_S)
     assert "Traceback" not in err
     return process.returncode, out, err
@@ -96,7 +96,7 @@ def go_on(folder, *words):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A run that nothing happened to."""
+    """A run without interruption."""
     folder = tmp_path_factory.mktemp("whole") / "run"
     code, _, err = finished(start(folder.parent, "run", *SMALL, f"hydra.run.dir={folder}"))
     assert code == 0, err
@@ -107,7 +107,7 @@ def whole(tmp_path_factory):
 
 
 class Terminal:
-    """A run at a terminal, which is read as it goes."""
+    """A run at a terminal, whose output is read as it comes."""
 
     def __init__(self, folder, *words):
         self.ours, theirs = pty.openpty()
@@ -128,7 +128,7 @@ class Terminal:
         os.write(self.ours, key)
 
     def end(self):
-        """Exit code, and all that was said."""
+        """Wait for the end; return the exit code and all output."""
         code = self.run.wait(PATIENCE_S)
         self.reader.join(PATIENCE_S)
         os.close(self.ours)
@@ -165,7 +165,7 @@ def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(whole, tmp_path):
 
 
 def kill(run, folder, more_than):
-    """When more candidates are stored; nobody is left."""
+    """Kill a run when more candidates are stored; no process is left."""
     wait_until(lambda: stored(folder) > more_than, run)
     processes = family(run)
     run.kill()
@@ -175,8 +175,8 @@ def kill(run, folder, more_than):
 
 @pytest.mark.skipif(POINTS == 0, reason="takes a minute for every two; VLMGINEER_REAL_KILLS says how many")
 @pytest.mark.parametrize("point", range(POINTS or 1))
-def test_a_run_whose_process_is_killed_leaves_nobody_and_goes_on(whole, tmp_path, point):
-    """With real workers, a real engine, and the embedded designer; at so many evaluations."""
+def test_a_run_whose_process_is_killed_leaves_no_process_and_goes_on(whole, tmp_path, point):
+    """With real workers, a real engine and the embedded designer, at different numbers of evaluations."""
     folder = tmp_path / "run"
     kill(start(tmp_path, "run", *SMALL, f"hydra.run.dir={folder}", "executor.workers=2"), folder, point * 12 // POINTS)
     go_on(folder, "executor.workers=2")
@@ -186,8 +186,8 @@ def test_a_run_whose_process_is_killed_leaves_nobody_and_goes_on(whole, tmp_path
 # --- SIGTERM ----------------------------------------------------------------------------------------------------
 
 
-def test_a_sweep_that_is_ended(tmp_path):
-    """By a scheduler, say, which signals every process of the group."""
+def test_a_sweep_that_is_terminated(tmp_path):
+    """As a scheduler does, which signals every process of the group."""
     folder = tmp_path / "sweep"
     words = [word for word in SMALL if not word.startswith("seed=")]
     run = start(tmp_path, "run", "-m", *words, "seed=5,6", f"hydra.sweep.dir={folder}", "hydra.sweep.subdir=${seed}")
@@ -202,7 +202,7 @@ def test_a_sweep_that_is_ended(tmp_path):
     assert not (folder / "6").exists()
 
 
-def test_an_evaluation_that_is_ended(tmp_path):
+def test_an_evaluation_that_is_terminated(tmp_path):
     document = json.loads((ROOT / "tests" / "tasks" / "solutions" / "BringCube.json").read_text())
     (plan,) = document["strategies"][0]["action_sets"]
     plans = [[[x + 1e-4 * i, *others] for x, *others in plan] for i in range(400)]

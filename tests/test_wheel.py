@@ -1,4 +1,4 @@
-"""What people install is whole: everything that the program reads is in the wheel, and works from there."""
+"""The wheel is complete: it holds everything that the program reads, and works from there."""
 
 import re
 import subprocess
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from tests.strangers import PYTHON
+from tests.packages import PYTHON
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())

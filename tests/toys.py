@@ -1,6 +1,6 @@
-"""Parts that cost nothing, so that whole runs take a second: a model, an engine and an executor that pretend.
+"""Cheap stand-ins for a model, an engine and an executor, so that a whole run takes a second.
 
-What is asked and what is tried is noted in `Notes`, one line each, which outlives a process that is killed.
+Requests and rollouts are noted in `Notes`, one line each, which outlive a process that is killed.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ class Notes:
         os.close(descriptor)
 
     def lines(self, kind: str) -> list[str]:
-        """What follows ``kind`` in the lines that begin with it."""
+        """Return the lines that begin with ``kind``, without it."""
         lines = self.file.read_text().splitlines() if self.file.exists() else []
         return [line.removeprefix(f"{kind} ") for line in lines if line.startswith(f"{kind} ")]
 
 
 class ToyModel(VLM):
-    """Designs rods by lot. Agent 1 says nothing that can be read, agent 2 gets an error; agent 3 says what agent 0
-    says. With ``limit`` it answers so many requests, those that it was told were answered before among them.
+    """Design rods at random. Agent 1 gives no JSON, agent 2 gets an error, agent 3 repeats agent 0. With ``limit`` it
+    answers that many requests, including those that were answered before the run was resumed.
     """
 
     model = "a toy"
@@ -93,7 +93,7 @@ def answer(brief) -> str:
 
 
 class ToyEngine(Simulator):
-    """The cube moves by what the tool's length and the arm's last joints say; a long rod now and then breaks."""
+    """Move the cube by a number from the tool's length and the arm's last joints; some rods break."""
 
     def rollout(self, task, jobs):
         return [self._outcome(task, job) for job in jobs]
@@ -116,7 +116,7 @@ def vars_of(state: State) -> tuple[Any, ...]:
 
 
 class Here(Executor):
-    """In this process. Somebody interrupts when the chunk number ``fails_at`` comes, counted from 1."""
+    """Evaluate in this process. An interrupt comes with chunk number ``fails_at``, counted from 1."""
 
     def __init__(self, notes: str, fails_at: int | None = None) -> None:
         self.notes = Notes(notes)
@@ -140,18 +140,18 @@ OFFERED = {("vlm", "toy"): ToyModel, ("sim", "toy"): ToyEngine, ("executor", "he
 
 
 def offered() -> dict[tuple[str, str], Offer]:
-    """The toys as a plugin would offer them."""
+    """Return the toys as a plugin offers them."""
     return {(kind, name): Offer(kind, name, "toys", "tests", factory) for (kind, name), factory in OFFERED.items()}
 
 
 def offer(plugins: Plugins) -> None:
-    """Take the toys in."""
+    """Register the toys."""
     plugins.offers.update(offered())
 
 
 def config(notes: Path, *overrides: str) -> DictConfig:
-    """Of a run with toys: two generations of 14 candidates, of which 2 stand for replies that are none, 2 break a rule,
-    and 5 are identical to 5 others.
+    """Return the configuration of a run with toys: two generations of 14 candidates. Of each, 2 stand for unusable
+    replies, 2 break a rule, and 5 are identical to 5 others.
     """
     cfg = composed(overrides).copy()
     OmegaConf.update(cfg, "vlm", {"name": "toy", "notes": str(notes)}, merge=False)

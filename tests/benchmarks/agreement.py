@@ -1,7 +1,7 @@
 """Do engines agree? ``python -m tests.benchmarks.agreement sims=pybullet,sapien designs=100 tasks=BringCube,OneBook``.
 
 For every task the same designs in every engine: the rank correlation of their rewards, and how many of the good ones
-stay good. What is done is kept in ``folder`` and not done again; ``page=docs/transfer.md`` writes the table there.
+stay good. Results are kept in ``folder`` and not measured again; ``page=docs/transfer.md`` writes the table there.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ CORRELATIONS = ("rank_correlation", "of_first_sampling", "of_offspring")
 
 @dataclass
 class Settings:
-    """``by``: the engine that the designs are evolved in, the first of ``sims`` if none is named. ``estimate``: only
-    say how long it will take.
+    """``by``: the engine that the designs are evolved in, by default the first of ``sims``. ``estimate``: only print
+    how long it will take.
     """
 
     sims: list[Any] = field(default_factory=lambda: ["pybullet", "sapien"])
@@ -70,7 +70,7 @@ def main() -> None:
 
 
 def markdown(one: str, other: str, rows: Sequence[dict[str, Any]]) -> str:
-    """Two engines' table."""
+    """Format the table of two engines."""
     lines = [
         f"| task | designs | rank correlation | first | offspring | tied | mean difference | {one} → {other} | "
         f"{other} → {one} | mean {one} | mean {other} |",

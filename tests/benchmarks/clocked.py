@@ -1,5 +1,6 @@
-"""A bench with a clock in each of its parts, and the reference it is held against. What is measured runs as it is: the
-clocks are put around its functions from outside, in the process that runs them.
+"""Time the parts of an evaluator, and run the reference that it is compared with.
+
+The code that is measured is unchanged: clocks are put around its functions, in the process that runs them.
 """
 
 from __future__ import annotations
@@ -38,14 +39,14 @@ PLAYED = ("pybullet", "sapien")  # by `core.simulation.playback.play`, step by s
 
 
 class Clock:
-    """Seconds on the wall inside functions, by name. What runs inside another is counted in both."""
+    """Wall-clock seconds inside functions, by name. A function inside another is counted in both."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
         self.calls: dict[str, int] = {}
 
     def around(self, holder: Any, name: str, label: str) -> None:
-        """Replace a function by one that is timed."""
+        """Replace a function by a timed one."""
         inner: Callable[..., Any] = getattr(holder, name)
         self.seconds[label], self.calls[label] = 0.0, 0
         seconds, calls, now = self.seconds, self.calls, time.perf_counter
@@ -64,16 +65,17 @@ class Clock:
 _clock: Clock | None = None
 
 
-def _started(bench: Evaluator) -> Clock:
-    """The process's clock, around the parts of this bench."""
+def _started(evaluator: Evaluator) -> Clock:
+    """Return the process's clock, around the parts of this evaluator."""
     global _clock
     if _clock is None:
-        bench([])  # its parts are made before the clock runs
+        evaluator([])  # its parts are made before the clock runs
         clock = Clock()
-        clock.around(*step_of(bench.sim.name), "step")
+        clock.around(*step_of(evaluator.sim.name), "step")
         clock.around(core.simulation.rollout, "prepare", "ik")
         clock.around(core.simulation.rollout, "findings", "checks")
-        task, simulator = core.simulation.rollout._task(bench.task), core.simulation.rollout._simulator(bench.sim)
+        task = core.simulation.rollout._task(evaluator.task)
+        simulator = core.simulation.rollout._simulator(evaluator.sim)
         clock.around(type(task), "reward", "reward")
         clock.around(type(simulator), "rollout", "simulator")
         module = sys.modules[type(simulator).__module__]
@@ -86,10 +88,10 @@ def _started(bench: Evaluator) -> Clock:
 
 
 def step_of(sim: str) -> tuple[Any, str]:
-    """Where the engine's step function is, and its name.
+    """Return what holds the engine's step function, and the function's name.
 
     Raises:
-        UsageError: it isn't known of this engine.
+        UsageError: the step function of this engine isn't known.
     """
     if sim not in STEPS:
         raise choices("sim", sim, list(STEPS), "engines whose step function is known")
@@ -103,14 +105,14 @@ def step_of(sim: str) -> tuple[Any, str]:
 
 @dataclass(frozen=True)
 class Clocked:
-    """A bench whose first evaluation of each chunk tells what the chunk took, in ``details["clock"]``."""
+    """Evaluate as ``evaluator`` does, with the chunk's times in ``details["clock"]`` of its first evaluation."""
 
-    bench: Evaluator
+    evaluator: Evaluator
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        clock = _started(self.bench)
+        clock = _started(self.evaluator)
         before, calls, began, cpu = dict(clock.seconds), dict(clock.calls), time.perf_counter(), time.process_time()
-        evaluations = self.bench(candidates)
+        evaluations = self.evaluator(candidates)
         took: dict[str, Any] = {label: total - before[label] for label, total in clock.seconds.items()}
         took["chunk"], took["cpu"] = time.perf_counter() - began, time.process_time() - cpu
         took["steps"] = clock.calls["step"] - calls["step"]
@@ -121,7 +123,7 @@ class Clocked:
 
 @dataclass(frozen=True)
 class Still:
-    """Candidates that earn nothing without being tried."""
+    """Give every candidate a reward of 0 without simulating it."""
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         return [Evaluation(candidate, "ok", moved_m={"cube": 0.0}) for candidate in candidates]
@@ -129,15 +131,15 @@ class Still:
 
 @dataclass(frozen=True)
 class Roll:
-    """Keeps a worker until as many have come as there are, so that each has started and has its parts."""
+    """Hold each worker until all of them have started and have made their parts."""
 
     folder: str
     workers: int
-    bench: Clocked
+    clocked: Clocked
 
     def __call__(self, chunk: Sequence[Any]) -> list[Any]:
-        _started(self.bench.bench)
-        self.bench.bench(chunk)
+        _started(self.clocked.evaluator)
+        self.clocked.evaluator(chunk)
         (Path(self.folder) / str(os.getpid())).touch()
         while len(list(Path(self.folder).iterdir())) < self.workers:
             time.sleep(0.01)
@@ -145,14 +147,15 @@ class Roll:
 
 
 def peak_mb() -> float:
-    """The most that this process had in memory so far; nan where there is no /proc. Not by getrusage: its figure begins
-    with that of the process that started this one.
+    """Return the most memory that this process had so far; nan where there is no /proc.
+
+    getrusage won't do: its figure begins with that of the parent process.
     """
     return _memory_mb("VmHWM")
 
 
 def resident_mb() -> float:
-    """What this process has in memory now; nan where there is no /proc."""
+    """Return the memory that this process has now; nan where there is no /proc."""
     return _memory_mb("VmRSS")
 
 
@@ -169,7 +172,7 @@ def _memory_mb(field: str) -> float:
 
 
 class _Solving:
-    """A world that is told poses, and computes the joints at each step."""
+    """A world that is given poses, and computes the joints at each step."""
 
     def __init__(self, world: World, job: Rollout) -> None:
         self._world = world
@@ -196,8 +199,8 @@ class _Solving:
 
 
 def reference(task_name: str, sim: str, designs: str, number: int, seed: int) -> float:
-    """One rollout as a script of its own would do it: everything is loaded for it, inverse kinematics is computed at
-    each step of 1 ms. Its reward.
+    """Return the reward of one rollout as a plain script does it: everything is loaded for it, and inverse kinematics
+    is computed at each step of 1 ms.
     """
     plugins = installed()
     task, simulator = plugins.create("task", task_name), plugins.create("sim", sim, {"time_step": 0.001})
@@ -214,5 +217,4 @@ def reference(task_name: str, sim: str, designs: str, number: int, seed: int) ->
 
 
 if __name__ == "__main__":
-    asked = json.loads(sys.argv[1])
-    sys.stdout.write(f"{reference(**asked)}\n")
+    sys.stdout.write(f"{reference(**json.loads(sys.argv[1]))}\n")

@@ -1,8 +1,8 @@
 """Thousands of worlds at once: ``python -m tests.benchmarks.gpu``, where there is a graphics card.
 
-For each task the same designs of the embedded designer fill more and more worlds. What is told: rollouts per second,
-how long a batch of that size takes to make before its first step, memory, and whether `sim=mujoco` gives the same
-designs the same rewards. It goes to ``output`` as JSON, and with ``page=docs/performance.md`` into the table there.
+For each task the same designs of the embedded designer fill more and more worlds. Reported are rollouts per second, the
+time to make a batch before its first step, memory, and whether `sim=mujoco` gives the same rewards. The result goes
+to ``output`` as JSON, and with ``page=docs/performance.md`` into the table there.
 ``device=cpu`` tries it out where there is no card.
 """
 
@@ -36,8 +36,8 @@ CLOSE = 0.05  # two engines' rewards, no further apart
 
 @dataclass
 class Settings:
-    """``tools`` times ``plans`` different designs go round where there are more worlds. ``agreement``: how many of them
-    are tried in `sim=mujoco` too; 0: none. ``penetration``: with ``ignore`` nothing is recorded.
+    """``tools`` times ``plans`` different designs are repeated to fill the worlds. ``agreement``: how many of them are
+    tried in `sim=mujoco` too; 0: none. ``penetration``: with ``ignore`` nothing is recorded.
     """
 
     tasks: list[str] = field(default_factory=lambda: ["BringCube", "GatherSpheres", "OneBook"])
@@ -85,11 +85,11 @@ def measured(
     seed: int,
     settings: RolloutSettings,
 ) -> dict[str, Any]:
-    """Of a batch: seconds that plans and tools take to be made ready, that the batch takes besides its steps (kernels
-    and the graph), and that it takes once it is made; and memory.
+    """Measure a batch: seconds to prepare plans and tools (``planning_s``), to make kernels and graph (``making_s``)
+    and to run the batch once it is made (``wall_s``); and memory.
 
     Raises:
-        UserError: a rollout broke for want of memory or room.
+        UserError: every rollout broke, for lack of memory or room.
     """
     task = installed().create("task", task_name)
     began = time.perf_counter()
@@ -108,7 +108,7 @@ def measured(
     wall = time.perf_counter() - began
     broken = [outcome.error for outcome in outcomes if outcome.error is not None]
     if len(broken) == len(outcomes):
-        raise UserError(f"{task_name}: no rollout came to an end: {broken[0]}")
+        raise UserError(f"{task_name}: no rollout was completed: {broken[0]}")
     return {
         "worlds": worlds,
         "rollouts_per_s": worlds / wall,
@@ -122,13 +122,13 @@ def measured(
 
 
 def memory_mb(simulator: Simulator) -> float:
-    """In use: of the card, or without one the most that this process ever used."""
+    """Return the card's memory in use; without a card, the most that this process ever used."""
     device = simulator._device  # type: ignore[attr-defined]
     return (device.total_memory - device.free_memory) / 2**20 if device.is_cuda else clocked.peak_mb()
 
 
 def agreement(simulator: Simulator, task_name: str, candidates: Sequence[Candidate], seed: int) -> dict[str, Any]:
-    """Of the rewards with those in `sim=mujoco`."""
+    """Compare the rewards with those in `sim=mujoco`."""
     task, settings = installed().create("task", task_name), RolloutSettings()
     ours, theirs = (
         [e.reward for e in evaluate(task, engine, candidates, seed, settings)]
@@ -140,7 +140,7 @@ def agreement(simulator: Simulator, task_name: str, candidates: Sequence[Candida
 
 
 def described(device: str) -> str:
-    """The device as people know it."""
+    """Return the device's common name."""
     made = installed().create("sim", "mujoco_warp", {"device": device})
     return str(made._device.name) if made._device.is_cuda else "the processor"
 

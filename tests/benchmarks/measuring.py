@@ -1,7 +1,7 @@
-"""What the measurements share: the same designs for all, their rewards in an engine, and a page's table.
+"""Shared by the measurements: the designs, their rewards in an engine, and a page's table.
 
-Everything goes to a folder and is read from there again, so that a measurement that was cut short goes on where it was:
-``designs/TASK.json`` is a designs file, ``rewards/TASK.json`` has a record per engine.
+All results are kept in a folder, so that an interrupted measurement can go on: ``designs/TASK.json`` is a designs file,
+``rewards/TASK.json`` has a record per engine.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ console = Console(stderr=True)
 
 
 def settings(words: Sequence[str], of: type[T]) -> T:
-    """``KEY=VALUE`` words as a dataclass; a list may be written without brackets.
+    """Parse ``KEY=VALUE`` words into a dataclass; a list may be written without brackets.
 
     Raises:
-        UsageError: a key that there isn't, or a value of the wrong type.
+        UsageError: an unknown key, or a value of the wrong type.
     """
     known = OmegaConf.structured(of)
     lists = {f.name for f in fields(of) if str(f.type).startswith("list")}  # type: ignore[arg-type]
@@ -73,10 +73,10 @@ def settings(words: Sequence[str], of: type[T]) -> T:
 
 
 def tasks(names: Sequence[str]) -> list[str]:
-    """Those named, all if none is.
+    """Return the named tasks; all if ``names`` is empty.
 
     Raises:
-        UsageError: there is none of a name.
+        UsageError: no task has such a name.
     """
     there = installed().names("task")
     for name in names:
@@ -85,19 +85,19 @@ def tasks(names: Sequence[str]) -> list[str]:
     return list(names) or there
 
 
-def workers(asked: int | None) -> int:
-    """As many as there are cores, unless another number is asked for.
+def workers(number: int | None) -> int:
+    """Return the number of workers, by default the number of cores.
 
     Raises:
         UsageError: fewer than one.
     """
-    if asked is not None and asked < 1:
-        raise UsageError(f"workers must be at least 1, got {asked}")
-    return asked if asked is not None else len(os.sched_getaffinity(0))
+    if number is not None and number < 1:
+        raise UsageError(f"workers must be at least 1, got {number}")
+    return number if number is not None else len(os.sched_getaffinity(0))
 
 
 def executor(workers: int) -> Executor:
-    """Worker processes for all measurements."""
+    """Make the worker processes for all measurements."""
     made: Executor = part("executor", load("evaluate", [f"executor.workers={workers}"]).executor).create()
     return made
 
@@ -107,9 +107,7 @@ def executor(workers: int) -> Executor:
 
 @dataclass(frozen=True)
 class Designs:
-    """Of a task: candidates of the embedded designer, half of them from its first sampling (``first``), half their
-    offspring.
-    """
+    """A task's candidates of the embedded designer: half are its first samples (``first``), half are offspring."""
 
     task: str
     seed: int
@@ -118,22 +116,23 @@ class Designs:
 
 
 def designs(task: str, count: int, by: str, seed: int, workers: int, folder: Path) -> Designs:
-    """About ``count`` designs, of a short run in the engine ``by`` whose elites are its best, however little they earn;
-    taken evenly from all that was tried, without a look at the rewards. If the folder has designs of that run already,
-    those, be they more or fewer.
+    """Return about ``count`` designs of a short run in the engine ``by``, taken evenly from all that it tried.
+
+    The run's elites are its best, however little they earn; the choice does not depend on rewards. Designs of such a
+    run that the folder already has are used as they are.
 
     Raises:
-        UserError: the folder has another run's.
+        UserError: the folder has another run's designs.
     """
     file = folder / "designs" / f"{task}.json"
-    asked = {"task": task, "by": by, "seed": seed}
+    origin = {"task": task, "by": by, "seed": seed}
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
-        save(file, asked | {"count": count} | _designed(task, count, by, seed, workers))
+        save(file, origin | {"count": count} | _designed(task, count, by, seed, workers))
     document = typing.cast(dict[str, Any], load_designs(file))
-    there = {key: document[key] for key in asked}
-    if there != asked:
-        raise UserError(f"{file} has other designs, {there}; choose another folder=...")
+    stored = {key: document[key] for key in origin}
+    if stored != origin:
+        raise UserError(f"{file} has other designs, {stored}; choose another folder=...")
     plugins = installed()
     spawn = SpawnRules(plugins.create("task", task), seed)
     candidates = read_designs(document, plugins.create("tool", "urdf"), spawn)
@@ -141,7 +140,7 @@ def designs(task: str, count: int, by: str, seed: int, workers: int, folder: Pat
 
 
 def population(count: int) -> dict[str, int]:
-    """The run's budget, for ``count`` designs."""
+    """Return the run's budget for ``count`` designs."""
     half = math.ceil(count / 2)
     n_tool, n_action = min(N_TOOL, half), min(N_ACTION, half)
     return {"n_agent": math.ceil(SPARE * half / (n_tool * n_action)), "n_tool": n_tool, "n_action": n_action}
@@ -173,7 +172,7 @@ def _designed(task: str, count: int, by: str, seed: int, workers: int) -> dict[s
 
 
 def evenly(items: Sequence[T], count: int) -> list[T]:
-    """``count`` of them, all if there are fewer, in their order and spread over the whole."""
+    """Pick ``count`` items at equal distances, in their order; all if there are fewer."""
     indices = np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int)
     return [items[i] for i in indices]
 
@@ -183,23 +182,23 @@ def evenly(items: Sequence[T], count: int) -> list[T]:
 
 @dataclass(frozen=True)
 class Timed:
-    """A bench that also says how much processor time each candidate took, from its waypoints to its reward."""
+    """Evaluate as ``evaluator`` does, and record each candidate's processor time, from its waypoints to its reward."""
 
-    bench: Evaluator
+    evaluator: Evaluator
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        self.bench([])  # its parts are made before the clock runs
+        self.evaluator([])  # its parts are made before the clock runs
         evaluations = []
         for candidate in candidates:
             began = time.process_time()
-            (evaluation,) = self.bench([candidate])
+            (evaluation,) = self.evaluator([candidate])
             evaluations.append(replace(evaluation, details={"cpu_s": time.process_time() - began}))
         return evaluations
 
 
 def rewards(of: Designs, sim: Part, shown: str, executor: Executor, folder: Path) -> dict[str, Any]:
-    """A record of what each design earns in an engine: ``rewards``, ``cpu_s``, ``reasons`` of those that broke (they
-    earn 0), and the engine's settings.
+    """Return a record of each design in an engine: ``rewards``, ``cpu_s``, ``reasons`` of those that broke (their
+    reward is 0), and the engine's settings.
 
     Raises:
         UserError: the folder has a record of other designs.
@@ -213,10 +212,10 @@ def rewards(of: Designs, sim: Part, shown: str, executor: Executor, folder: Path
             if len(record["rewards"]) != len(plans):
                 raise UserError(f"{file} has rewards of {len(record['rewards'])} designs; choose another folder=...")
             return record
-    bench = Timed(Evaluator(Part("task", of.task), sim, of.seed, RolloutSettings()))
+    evaluator = Timed(Evaluator(Part("task", of.task), sim, of.seed, RolloutSettings()))
     evaluations = list(
         track(
-            evaluate_all(of.candidates, bench, executor),
+            evaluate_all(of.candidates, evaluator, executor),
             f"{of.task} in {shown}",
             total=len(of.candidates),
             console=console,
@@ -236,15 +235,15 @@ def rewards(of: Designs, sim: Part, shown: str, executor: Executor, folder: Path
 
 
 def measured(task: str, sim: Part, folder: Path) -> bool:
-    """Whether the rewards of this engine are there already."""
+    """Report whether the folder has the rewards of this engine."""
     file = folder / "rewards" / f"{task}.json"
     engine = {"name": sim.name, **dict(sim.settings)}
     return file.exists() and any(record["engine"] == engine for record in json.loads(file.read_text()))
 
 
 def estimate(names: Sequence[str], sims: Mapping[str, Part], by: Part, count: int, workers: int, folder: Path) -> None:
-    """Say how long the rollouts that are not there yet will take, by what each task's reference solution takes;
-    inventing the designs comes on top.
+    """Print how long the missing rollouts will take, estimated from each task's reference solution. The time to invent
+    designs is not included.
     """
     total = 0.0
     plugins = installed()
@@ -272,12 +271,12 @@ def estimate(names: Sequence[str], sims: Mapping[str, Part], by: Part, count: in
 
 
 def compare(one: Sequence[float], other: Sequence[float], first: Sequence[bool]) -> dict[str, Any]:
-    """How well two engines agree on designs.
+    """Compare the rewards of designs in two engines.
 
-    ``rank_correlation`` is Spearman's, ties sharing their mean rank, of rewards rounded to `DIGITS`; also of the first
-    sampling and of the offspring alone; None where an engine gives all the same. ``tied`` is the share of designs with
-    the commonest reward, in the engine where it is larger. ``kept`` and ``kept_back``: how many of those above `GOOD`
-    in one stay above `STILL_GOOD` in the other, as (kept, all).
+    ``rank_correlation`` is Spearman's, of rewards rounded to `DIGITS`; ties share their mean rank. It is also given for
+    the first samples and for the offspring alone, and is None where an engine gives all the same reward. ``tied`` is
+    the share of designs with the commonest reward, in the engine where it is larger. ``kept`` and ``kept_back`` count
+    the designs above `GOOD` in one engine that stay above `STILL_GOOD` in the other, as [kept, all].
     """
     a, b, begun = np.asarray(one), np.asarray(other), np.asarray(first, dtype=bool)
     ranked = [np.round(x, DIGITS) for x in (a, b)]
@@ -295,20 +294,20 @@ def compare(one: Sequence[float], other: Sequence[float], first: Sequence[bool])
 
 
 def correlation(a: Any, b: Any) -> float | None:
-    """Spearman's; None where there is nothing to rank."""
+    """Return Spearman's rank correlation; None where there is nothing to rank."""
     if len(a) < 2 or np.ptp(a) == 0 or np.ptp(b) == 0:
         return None
     return float(spearmanr(a, b).statistic)
 
 
 def mean(values: Sequence[float | None]) -> float | None:
-    """Of those that are there."""
+    """Return the mean of the values that are not None."""
     there = [value for value in values if value is not None]
     return float(np.mean(there)) if there else None
 
 
 def number(value: float | None, marked: bool = False) -> str:
-    """For a table; `MANY_TIES` are marked."""
+    """Format a number for a table, with a mark where there are `MANY_TIES`."""
     return "–" if value is None else f"{value:.2f}{'†' if marked else ''}"
 
 
@@ -317,7 +316,7 @@ def share(kept: Sequence[int]) -> str:
 
 
 def kept_share(counts: Sequence[Sequence[int]]) -> str:
-    """Of all tasks together; never rounded up."""
+    """Format the share of all tasks together, never rounded up."""
     kept, whole = (sum(column) for column in zip(*counts, strict=True))
     return f"{kept}/{whole} ({100 * kept // whole}%)" if whole else "0/0"
 
@@ -326,7 +325,7 @@ def kept_share(counts: Sequence[Sequence[int]]) -> str:
 
 
 def save(file: Path, content: Any) -> None:
-    """Whole or not at all."""
+    """Write JSON, so that the file is whole or absent."""
     new = file.with_suffix(".new")
     new.write_text(json.dumps(content, indent=1) + "\n")
     new.replace(file)
@@ -336,7 +335,7 @@ def write_page(page: Path, name: str, table: str) -> None:
     """Put a table between ``<!-- NAME -->`` and ``<!-- end of NAME -->``.
 
     Raises:
-        UserError: the page has no such place.
+        UserError: the page can't be read, or has no such place.
     """
     begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
     try:

@@ -79,7 +79,7 @@ def test_evenly():
 
 
 @dataclass
-class Asked:
+class Example:
     names: list[str] = field(default_factory=list)
     steps: list[float] = field(default_factory=lambda: [0.1])
     count: int = 3
@@ -87,13 +87,15 @@ class Asked:
 
 
 def test_settings():
-    assert measuring.settings([], Asked) == Asked()
-    assert measuring.settings(["names=a,b", "steps=0.001,2", "count=5"], Asked) == Asked(["a", "b"], [0.001, 2.0], 5)
-    assert measuring.settings(["names=[a,b]", "page=x.md"], Asked) == Asked(["a", "b"], page="x.md")
+    assert measuring.settings([], Example) == Example()
+    assert measuring.settings(["names=a,b", "steps=0.001,2", "count=5"], Example) == Example(
+        ["a", "b"], [0.001, 2.0], 5
+    )
+    assert measuring.settings(["names=[a,b]", "page=x.md"], Example) == Example(["a", "b"], page="x.md")
     with pytest.raises(UsageError, match=r"no key 'nams' \(did you mean 'names'\?\)"):
-        measuring.settings(["nams=a"], Asked)
+        measuring.settings(["nams=a"], Example)
     with pytest.raises(UsageError, match="many"):
-        measuring.settings(["count=many"], Asked)
+        measuring.settings(["count=many"], Example)
     with pytest.raises(UsageError, match=r"no task 'OneBok' \(did you mean 'OneBook'\?\)"):
         measuring.tasks(["OneBok"])
 

@@ -42,12 +42,12 @@ def test_the_reference_tries_what_the_population_tries(tmp_path):
     file = tmp_path / "designs.json"
     representation = throughput.installed().create("tool", "urdf")
     file.write_text(json.dumps({"strategies": [throughput.dump_design(candidate, representation)]}))
-    asked = {"task_name": "BringCube", "sim": "pybullet", "designs": str(file), "number": 0, "seed": 0}
-    words = [sys.executable, "-m", "tests.benchmarks.clocked", json.dumps(asked)]
+    arguments = {"task_name": "BringCube", "sim": "pybullet", "designs": str(file), "number": 0, "seed": 0}
+    words = [sys.executable, "-m", "tests.benchmarks.clocked", json.dumps(arguments)]
     root = Path(__file__).parents[2]
     done = subprocess.run(words, cwd=root, capture_output=True, text=True, check=True)
-    bench = throughput.Evaluator(throughput.Part("task", "BringCube"), throughput.Part("sim", "pybullet"))
-    (evaluation,) = bench([candidate])
+    evaluator = throughput.Evaluator(throughput.Part("task", "BringCube"), throughput.Part("sim", "pybullet"))
+    (evaluation,) = evaluator([candidate])
     assert float(done.stdout.splitlines()[-1]) == pytest.approx(evaluation.reward, abs=0.05)
 
 

@@ -1,9 +1,9 @@
-"""What does a population cost beside the engine's own steps? ``python -m tests.benchmarks.throughput task=BringCube
+"""How much does a population cost beyond the engine's own steps? ``python -m tests.benchmarks.throughput task=BringCube
 sim=pybullet workers=2 tools=20 plans=10``.
 
 Designs of the embedded designer are tried as a run tries them, with a clock in each part, after all workers have
-started. In the same run, ``reference`` rollouts are tried the plain way: a process each, inverse kinematics at each
-step of 1 ms; as many side by side as there are workers. What was found goes to ``output`` as JSON.
+started. Then ``reference`` rollouts are tried the plain way: a process each, inverse kinematics at each step of 1 ms,
+as many side by side as there are workers. The result goes to ``output`` as JSON.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ AFTER = 200  # rollouts after which memory is to stay as it is
 
 @dataclass
 class Settings:
-    """``time_step``: the engine's own default if none is said. ``reference``: how many rollouts the plain way, 0: none;
-    in ``reference_sim``, the same engine unless that plays whole trajectories by itself, then PyBullet. ``ceiling``:
-    candidates that nobody tries, to see what the parent does in a second; 0: none.
+    """``time_step``: the default is the engine's own. ``reference``: the number of plain rollouts; 0: none.
+    ``reference_sim``: their engine; the default is ``sim``, or PyBullet if ``sim`` plays whole trajectories by itself.
+    ``ceiling``: the number of candidates without simulation that measure the parent process; 0: none.
     """
 
     task: str = "BringCube"
@@ -84,11 +84,11 @@ def main() -> None:
     cfg = load("evaluate", [*words, "designs=none", f"executor={given.executor}", f"executor.workers={workers}"])
     sim = part("sim", cfg.sim)
     clocked.step_of(sim.name)
-    bench = Evaluator(Part("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
+    evaluator = Evaluator(Part("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
     candidates = designs(task, given.tools, given.plans, given.seed)
 
     with part("executor", cfg.executor).create() as executor:
-        found = population(candidates, bench, executor, workers)
+        found = population(candidates, evaluator, executor, workers)
     found = {"task": task, "sim": {"name": sim.name, **dict(sim.settings)}, "executor": given.executor} | found
     if given.reference:
         other = given.reference_sim or (sim.name if sim.name in clocked.PLAYED else "pybullet")
@@ -98,37 +98,39 @@ def main() -> None:
         found["parent"] = ceiling(candidates, workers, given.ceiling)
     found["machine"] = machine()
     measuring.save(Path(given.output), found)
-    sys.stdout.write(told(found) + f"{given.output}\n")
+    sys.stdout.write(summary(found) + f"{given.output}\n")
 
 
 def designs(task: str, tools: int, plans: int, seed: int) -> list[Candidate]:
-    """Of the embedded designer's first answer: ``plans`` motions for each of ``tools`` tools.
+    """Return ``plans`` motions for each of ``tools`` tools, from the embedded designer's first answer.
 
     Raises:
         UserError: too few of them keep the rules.
     """
-    asked = math.ceil(SPARE * tools)
+    n_tool = math.ceil(SPARE * tools)
     words = [f"task={task}", "vlm=offline", "tool=urdf", f"seed={seed}"]
-    budget = {"n_agent": 1, "n_tool": asked, "n_action": plans, "n_iteration": 0}
+    budget = {"n_agent": 1, "n_tool": n_tool, "n_action": plans, "n_iteration": 0}
     cfg = load("prompt", [*words, *(f"budget.{key}={value}" for key, value in budget.items())])
     request = compose(cfg)
     (reply,) = part("vlm", cfg.vlm).create().complete([request])
     spawn = SpawnRules(installed().create("task", task), seed)
     representation = part("tool", cfg.tool).create()
-    read = read_designs(parse_reply(reply.text), representation, spawn, n_tool=asked, n_action=plans)
+    read = read_designs(parse_reply(reply.text), representation, spawn, n_tool=n_tool, n_action=plans)
     groups = itertools.groupby((c for c in read if c.problem is None), key=lambda c: c.strategy)
     whole = [group for group in (list(group) for _, group in groups) if len(group) == plans]
     if len(whole) < tools:
-        raise UserError(f"{task}: {len(whole)} tools of {asked} keep the rules; ask for fewer than tools={tools}")
+        raise UserError(f"{task}: {len(whole)} tools of {n_tool} keep the rules; ask for fewer than tools={tools}")
     return [candidate for group in whole[:tools] for candidate in group]
 
 
 # --- the population ---------------------------------------------------------------------------------------------
 
 
-def population(candidates: Sequence[Candidate], bench: Evaluator, executor: Executor, workers: int) -> dict[str, Any]:
-    """Rollouts per second, where the time goes, and memory."""
-    clock = Clocked(bench)
+def population(
+    candidates: Sequence[Candidate], evaluator: Evaluator, executor: Executor, workers: int
+) -> dict[str, Any]:
+    """Measure rollouts per second, the time of each part, and memory."""
+    clock = Clocked(evaluator)
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         warm = Roll(folder, workers, clock)
@@ -138,15 +140,15 @@ def population(candidates: Sequence[Candidate], bench: Evaluator, executor: Exec
     started = time.perf_counter() - began
 
     memory: list[float] = []
-    came: list[float] = []
+    arrived: list[float] = []
     evaluations: list[Evaluation] = []
     began = time.perf_counter()
     tried = Trials(clock, executor)(candidates)
     for evaluation in track(tried, total=len(candidates), console=measuring.console, disable=_quiet()):
         evaluations.append(evaluation)
-        came.append(time.perf_counter() - began)
+        arrived.append(time.perf_counter() - began)
         memory.append(clocked.resident_mb())
-    wall = came[-1]
+    wall = arrived[-1]
     chunks = [e.details["clock"] for e in evaluations if "clock" in e.details]
     total = {label: sum(chunk.get(label, 0.0) for chunk in chunks) for label in {key for c in chunks for key in c}}
     all_time = workers * wall
@@ -166,7 +168,7 @@ def population(candidates: Sequence[Candidate], bench: Evaluator, executor: Exec
         "rollouts": len(candidates),
         "tried": tries,
         "started_s": started,
-        "first_s": came[0],
+        "first_s": arrived[0],
         "wall_s": wall,
         "rollouts_per_s": len(candidates) / wall,
         "steps": total["steps"],
@@ -175,7 +177,7 @@ def population(candidates: Sequence[Candidate], bench: Evaluator, executor: Exec
         "overhead": all_time / total["step"],
         "overhead_in_worker": total["chunk"] / total["step"],
         "shares": {name: seconds / all_time for name, seconds in parts.items()},
-        "longest_wait_s": float(np.diff(came, prepend=0.0).max()),
+        "longest_wait_s": float(np.diff(arrived, prepend=0.0).max()),
         "memory": {
             "parent_peak_mb": clocked.peak_mb(),
             "parent_growth_kb_per_rollout": growth(np.arange(len(memory)), memory),
@@ -185,22 +187,22 @@ def population(candidates: Sequence[Candidate], bench: Evaluator, executor: Exec
 
 
 def _workers_memory(chunks: Sequence[dict[str, Any]], rollouts: int) -> list[dict[str, float]]:
-    """Of each worker; rollouts are counted over all of them."""
+    """Return each worker's memory. Rollouts are counted over all workers."""
     at = np.arange(1, len(chunks) + 1) * rollouts / len(chunks)
-    told = []
+    found = []
     for pid in sorted({chunk["pid"] for chunk in chunks}):
         own = [i for i, chunk in enumerate(chunks) if chunk["pid"] == pid]
-        told.append(
+        found.append(
             {
                 "peak_mb": max(chunks[i]["peak_mb"] for i in own),
                 "growth_kb_per_rollout": growth(at[own], [chunks[i]["mb"] for i in own]),
             }
         )
-    return told
+    return found
 
 
 def growth(rollouts: Any, megabytes: Sequence[float]) -> float | None:
-    """Kilobytes per rollout after the first `AFTER`, the slope of a straight line; None where there are too few."""
+    """Fit a line to memory after the first `AFTER` rollouts; return kilobytes per rollout, None if there are few."""
     late = np.asarray(rollouts) >= AFTER
     if late.sum() < 10:
         return None
@@ -213,7 +215,7 @@ def growth(rollouts: Any, megabytes: Sequence[float]) -> float | None:
 def reference(
     candidates: Sequence[Candidate], task: str, sim: str, seed: int, count: int, workers: int
 ) -> dict[str, Any]:
-    """Rollouts per second with a process per rollout (`clocked.reference`), of ``count`` candidates spread over all."""
+    """Measure rollouts per second with a process per rollout (`clocked.reference`), for ``count`` of the candidates."""
     chosen = measuring.evenly(list(candidates), count)
     representation = installed().create("tool", "urdf")
     with tempfile.TemporaryDirectory() as folder:
@@ -221,8 +223,8 @@ def reference(
         file.write_text(json.dumps({"strategies": [dump_design(c, representation) for c in chosen]}))
 
         def one(number: int) -> None:
-            asked = {"task_name": task, "sim": sim, "designs": str(file), "number": number, "seed": seed}
-            words = [sys.executable, "-m", "tests.benchmarks.clocked", json.dumps(asked)]
+            arguments = {"task_name": task, "sim": sim, "designs": str(file), "number": number, "seed": seed}
+            words = [sys.executable, "-m", "tests.benchmarks.clocked", json.dumps(arguments)]
             done = subprocess.run(words, capture_output=True, text=True)
             if done.returncode != 0:
                 raise UserError(f"the reference broke: {done.stderr.strip().splitlines()[-1]}")
@@ -235,7 +237,7 @@ def reference(
 
 
 def ceiling(candidates: Sequence[Candidate], workers: int, count: int) -> dict[str, float]:
-    """Candidates per second that the parent deals out, takes back and stores when nobody has to simulate them."""
+    """Measure how many candidates per second the parent dispatches, receives and stores, without simulation."""
     many = [
         Candidate(c.tool, c.plan + 1e-9 * n, 0, n, c.strategy, c.action)  # none is the same as another
         for n, c in itertools.islice(((n, c) for n in itertools.count() for c in candidates), count)
@@ -246,7 +248,7 @@ def ceiling(candidates: Sequence[Candidate], workers: int, count: int) -> dict[s
         began = time.perf_counter()
         for _ in Trials(Still(), executor)(many):
             pass
-        dealt = time.perf_counter() - began
+        dispatched = time.perf_counter() - began
         store = RunStore.create(Path(folder) / "run", {"tool": {"name": "urdf"}})
         events.register(store, "store")
         try:
@@ -258,17 +260,17 @@ def ceiling(candidates: Sequence[Candidate], workers: int, count: int) -> dict[s
             store.run_ended()
     return {
         "candidates": len(many),
-        "dealt_per_s": len(many) / dealt,
+        "dispatched_per_s": len(many) / dispatched,
         "stored_per_s": len(many) / stored,
         "stored_per_cpu_s": len(many) / used,
     }
 
 
-# --- what is told -----------------------------------------------------------------------------------------------
+# --- the report -------------------------------------------------------------------------------------------------
 
 
 def machine() -> dict[str, Any]:
-    """What it was measured on, and how busy that was besides."""
+    """Describe the machine and its load."""
     return {
         "system": platform.platform(),
         "python": platform.python_version(),
@@ -277,7 +279,8 @@ def machine() -> dict[str, Any]:
     }
 
 
-def told(found: dict[str, Any]) -> str:
+def summary(found: dict[str, Any]) -> str:
+    """Return what is printed."""
     shares = ", ".join(f"{name} {share:.1%}" for name, share in found["shares"].items())
     lines = [
         f"{found['task']} in {found['sim']['name']}: {found['rollouts']} rollouts with {found['workers']} workers, "

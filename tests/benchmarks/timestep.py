@@ -1,7 +1,8 @@
 """How long may a time step be? ``python -m tests.benchmarks.timestep sim=pybullet steps=0.001,0.002,0.004167``.
 
-For every task the same designs at every time step: how well their rewards rank as at the shortest, and what a rollout
-costs. What is done is kept in ``folder`` and not done again; ``page=docs/transfer.md`` writes the table there.
+For every task the same designs at every time step: the rank correlation of their rewards with those at the shortest,
+and the cost of a rollout. Results are kept in ``folder`` and not measured again;
+``page=docs/transfer.md`` writes the table there.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ USAGE = (
 
 @dataclass
 class Settings:
-    """``by``: the engine that the designs are evolved in, ``sim`` if none is named. ``estimate``: only say how long it
-    will take.
+    """``by``: the engine that the designs are evolved in, by default ``sim``. ``estimate``: only print how long it will
+    take.
     """
 
     sim: str = "pybullet"
@@ -71,7 +72,7 @@ def main() -> None:
 
 
 def markdown(steps: Sequence[float], rows: Sequence[dict[str, Any]]) -> str:
-    """A row per task, four columns per time step but the shortest."""
+    """Format a row per task, with four columns per time step but the shortest."""
     shortest, *longer = steps
     columns = [f"| task | designs | {shortest:g} s: CPU s | tied |"]
     columns += [f" {step:g} s: rank correlation | mean difference | kept | CPU s |" for step in longer]

@@ -1,8 +1,8 @@
 """A coverage-guided fuzzer for what reads replies: ``python -m tests.fuzz.reply CORPUS_FOLDER -max_total_time=600``.
 
-It needs Atheris (``pip install atheris``); flags are libFuzzer's. Whatever a reply says, it gives candidates or a
-`DesignError`, in time, and a candidate without a problem keeps the rules. What breaks this is written to a file
-``crash-...``, which the same command takes as an argument to show it again.
+It needs Atheris (``pip install atheris``); flags are libFuzzer's. Every reply must give candidates or a `DesignError`
+in time, and a candidate without a problem keeps the rules. An input that breaks this is written to ``crash-...``; the
+same command with that file repeats it.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ with atheris.instrument_imports(
 from tests.hostile import REPLIES, TOOLS, reply_of, sound, spawn_rules
 from tests.soundness import check_candidate
 
-json.scanner.make_scanner = json.scanner.py_make_scanner  # in Python, so that it is seen which way it takes
+json.scanner.make_scanner = json.scanner.py_make_scanner  # in Python, so that its branches are traced
 PLAN = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]]
 
 
 def one(data: bytes) -> None:
-    """A reply, or where the first byte is even a tool's text."""
+    """Read a reply, or a tool's text where the first byte is even."""
     try:
         text = data[1:].decode("utf-8", "surrogatepass")
     except UnicodeDecodeError:

@@ -9,7 +9,7 @@ from core.conformance.suites import SUITES
 from core.errors import UsageError, UserError
 from core.new import __main__ as command
 from core.new import packages as new
-from tests.strangers import PYTHON, install
+from tests.packages import PYTHON, install
 
 PARTS = {"task": "PullBlock", "sim": "my_engine", "vlm": "parrot", "tool": "crates", "strategy": "greedy"}
 PARTS |= {"executor": "in_turn", "listener": "rows"}

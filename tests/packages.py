@@ -1,4 +1,4 @@
-"""Packages of somebody else's, installed for a test."""
+"""Third-party packages that are installed for a test."""
 
 import os
 import shutil
@@ -10,8 +10,8 @@ PYTHON = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"
 
 
 def install(package: Path, into: Path) -> Path:
-    """Build the distribution in folder ``package`` and install it into a folder, which goes into PYTHONPATH. What
-    builds it is in this environment, so that no network is needed.
+    """Build the distribution in folder ``package`` and install it into a folder for PYTHONPATH. It is built with this
+    environment, so that no network is needed.
     """
     copy = into / "source"
     shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
