@@ -19,7 +19,18 @@ FLOORS = {
     "one rollout": ("simulation",),
     "one run": ("store", "search"),
     "reports, checks, environments": ("report", "conformance", "gym", "new"),
-    "commands": ("experiment", "__init__", "run", "evaluate", "render", "prompt", "transfer", "gallery", "view"),
+    "commands": (
+        "experiment",
+        "__init__",
+        "run",
+        "evaluate",
+        "render",
+        "prompt",
+        "transfer",
+        "gallery",
+        "view",
+        "__main__",
+    ),
 }
 PARTS = {
     "task": "RoboToolBench's twelve",
@@ -80,7 +91,7 @@ def house() -> str:
     for number, (what, modules) in enumerate(reversed(FLOORS.items())):
         y = top + number * (storey + gap)
         middle[what] = y + storey / 2
-        pieces.append(box(left, y, width, storey, what, [" · ".join(modules)]))
+        pieces.append(box(left, y, width, storey, what, [" · ".join(name for name in modules if name[0] != "_")]))
     note = "Imports go down, and within a floor to the left, never the other way."
     pieces.append(text(left, base + 18, note, size=12, color=SOFT, anchor="start"))
     right, wide = left + width + 120, 240

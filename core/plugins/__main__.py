@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -44,10 +45,12 @@ def _check(name: str) -> None:
     if failures:
         raise UserError(f"{len(failures)} of the plugin's hooks failed")
     failed = 0
+    child = [sys.executable, "-P", "-m", "core.conformance"]
+    paths = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}  # it imports from where this one does
     for word in words:
         sys.stdout.write(f"{word}\n")
         sys.stdout.flush()
-        failed += subprocess.run([sys.executable, "-m", "core.conformance", word]).returncode != 0  # noqa: S603
+        failed += subprocess.run([*child, word], env=paths).returncode != 0  # noqa: S603
     if failed:
         raise UserError(f"{failed} of {len(words)} parts don't do what they must")
 

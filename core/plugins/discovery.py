@@ -9,17 +9,22 @@ import importlib.metadata
 import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pluggy
 
+from core.errors import UserError
 from core.hooks import PROJECT, Configs, Factory, Parts
 from core.plugins.kinds import KINDS
+
+HOOKS = (*KINDS.values(), *(name for name in vars(Configs) if not name.startswith("_")))
+PACKAGES = ("core", "plugins", "tasks", "conf", "prompts")
 
 
 @dataclass(frozen=True)
 class Offer:
-    """One part that can be made: its kind (config group) and name, who offers it, and how it is made."""
+    """One part that can be made: its kind (config group) and name, the plugin that offers it, and its factory."""
 
     kind: str
     name: str
@@ -33,7 +38,7 @@ class Offer:
 
 @dataclass(frozen=True)
 class Failure:
-    """A plugin, or one hook of it, that could not be used, and why."""
+    """A plugin, or one of its hooks, that could not be used, and why."""
 
     entry_point: str
     distribution: str
@@ -53,7 +58,7 @@ class Discovery:
             distribution = entry.dist.name if entry.dist else "?"
             try:
                 module = entry.load()
-            except Exception as error:  # whatever a stranger's import raises
+            except Exception as error:  # a third-party import may raise anything
                 self.failures.append(
                     Failure(entry.name, distribution, f"import failed: {type(error).__name__}: {error}")
                 )
@@ -72,12 +77,17 @@ class Discovery:
         except pluggy.PluginValidationError as error:
             self.failures.append(Failure(name, distribution, " ".join(str(error).split())))
             return
+        if not {caller.name for caller in manager.get_hookcallers(plugin) or ()} & set(HOOKS):
+            where = getattr(plugin, "__file__", None) or f"{type(plugin).__module__}.{type(plugin).__qualname__}"
+            reason = f"{where} implements no hook; possible: {', '.join(HOOKS)}"
+            self.failures.append(Failure(name, distribution, reason))
+            return
         for kind, hook in KINDS.items():
             try:
                 offered = [factories for factories in getattr(manager.hook, hook)() if factories is not None]
                 for part, factory in (item for factories in offered for item in dict(factories).items()):
                     self._offer(Offer(kind, part, name, distribution, factory))
-            except Exception as error:  # whatever a stranger's hook raises
+            except Exception as error:  # a third-party hook may raise anything
                 reason = f"hook {hook!r} failed: {type(error).__name__}: {error}"
                 self.failures.append(Failure(name, distribution, reason))
 
@@ -85,7 +95,7 @@ class Discovery:
             for path in manager.hook.config_path():
                 _check_config_path(path)
                 self.configs.setdefault(distribution, []).append(path)
-        except Exception as error:  # whatever a stranger's hook raises
+        except Exception as error:  # a third-party hook may raise anything
             reason = f"hook 'config_path' failed: {type(error).__name__}: {error}"
             self.failures.append(Failure(name, distribution, reason))
 
@@ -104,8 +114,25 @@ class Discovery:
         self.offers[offer.kind, offer.name] = offer
 
 
+def check_own_packages() -> None:
+    """Refuse a module in the working directory or on the path that hides one of this project's packages.
+
+    Raises:
+        UserError: says which, and what to do.
+    """
+    home = Path(__file__).resolve().parents[2]
+    for name in PACKAGES:
+        spec = importlib.util.find_spec(name)
+        origin = Path(spec.origin).resolve() if spec is not None and spec.origin else None
+        if origin is not None and origin != home / name / "__init__.py":
+            raise UserError(
+                f"{origin} hides VLMgineer's own package {name!r}, which is in {home}; rename it, or run the command "
+                "'vlmgineer NAME ...', which does not import from the working directory"
+            )
+
+
 def _check_config_path(path: object) -> None:
-    """Refuse what is no package that is there.
+    """Refuse anything but the name of an installed package.
 
     Raises:
         ValueError: says what is expected.

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any
 
 from core.errors import UserError, choices
-from core.plugins.discovery import Discovery, Offer
+from core.plugins.discovery import Discovery, Offer, check_own_packages
 from core.plugins.kinds import check_part
 from core.plugins.settings import check_settings
 
@@ -82,7 +82,12 @@ def describe_part(part: object) -> str:
 
 @lru_cache(maxsize=1)
 def installed() -> Plugins:
-    """The plugins of this environment, found once per process."""
+    """The plugins of this environment, found once per process.
+
+    Raises:
+        UserError: a module hides one of this project's packages.
+    """
+    check_own_packages()
     return Plugins()
 
 

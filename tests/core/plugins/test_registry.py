@@ -215,8 +215,17 @@ def test_a_hook_may_offer_nothing(found):
     assert not found.offers
 
 
-def test_a_plugin_without_hooks_offers_nothing(found):
-    found.register(object(), "mine", "my-package")
+def test_a_plugin_without_hooks_is_a_failure_that_names_its_file(monkeypatch, tmp_path):
+    (tmp_path / "unhooked.py").write_text("def simulators(): return {}")
+    monkeypatch.syspath_prepend(tmp_path)
+    entry = importlib.metadata.EntryPoint("mine", "unhooked", PROJECT)
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **_: [entry])
+    found = Plugins()
+    found.register(object(), "yours", "your-package")
+    one, other = found.failures
+    assert (one.entry_point, other.entry_point) == ("mine", "yours")
+    assert one.reason.startswith(f"{tmp_path / 'unhooked.py'} implements no hook; possible: tasks, simulators, vlms, ")
+    assert other.reason.startswith("builtins.object implements no hook")
     assert not found.offers
 
 

@@ -1,0 +1,95 @@
+"""The command ``vlmgineer``: it lists the commands, runs them, and does not import from the working directory."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from core.__main__ import COMMANDS
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = [str(Path(sys.executable).with_name("vlmgineer"))]
+TINY = [
+    *("run", "task=LiftBox", "budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"),
+    *("executor.workers=1", "film=false", "listener=[]"),
+]
+
+
+def call(folder, *words, start=SCRIPT):
+    return subprocess.run([*start, *words], cwd=folder, capture_output=True, text=True, timeout=240)
+
+
+def test_every_command_is_listed_with_a_line(tmp_path):
+    done = call(tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert call(tmp_path, "--help").stdout == done.stdout
+    listed = [line.split()[0] for line in done.stdout.splitlines() if line.startswith("  ")]
+    assert listed == list(COMMANDS)
+    files = [file for file in (ROOT / "core").rglob("*.py") if "    command(main)\n" in file.read_text()]
+    assert set(listed) == {file.stem if file.stem != "__main__" else file.parent.name for file in files}
+
+
+@pytest.mark.parametrize("name", ["run", "evaluate", "new"])
+def test_a_command_is_the_one_of_that_module(tmp_path, name):
+    done = call(tmp_path, name, "--help")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("usage: ")
+    assert f"core.{name}" in done.stdout.splitlines()[0]
+
+
+def test_an_unknown_command_is_one_line(tmp_path):
+    done = call(tmp_path, "rnu")
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: no command 'rnu' (did you mean 'run'?); possible: conformance, evaluate, ")
+
+
+def test_mistakes_have_the_same_line_and_exit_status(tmp_path):
+    words = ["run", "task=OneBok"]
+    done, other = call(tmp_path, *words), call(tmp_path, *words[1:], start=[sys.executable, "-m", "core.run"])
+    assert (done.returncode, done.stderr) == (other.returncode, other.stderr) == (2, other.stderr)
+
+
+@pytest.mark.parametrize("name", ["tasks.py", "prompts.py", "plugins.py", "conf.py", "core.py"])
+def test_modules_in_the_working_directory_hide_nothing(tmp_path, name):
+    (tmp_path / name).write_text("raise SystemExit('the wrong module')")
+    assert "BringCube" in call(tmp_path, "plugins").stdout
+    if name == "core.py":
+        return  # nothing of ours is imported
+    done = call(tmp_path, "task=OneBook", start=[sys.executable, "-m", "core.run"])
+    assert (done.returncode, done.stdout) == (1, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: {tmp_path / name} hides VLMgineer's own package {name[:-3]!r}, which is in {ROOT}")
+    assert "'vlmgineer NAME ...'" in line
+
+
+def test_a_run_beside_such_modules(tmp_path):
+    """The worker processes import ours as well, and so do the conformance suites."""
+    for name in ("tasks", "core", "plugins", "conf", "prompts"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('the wrong module')")
+    done = call(tmp_path, *TINY, "hydra.run.dir=run")
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "run" / "result.json").read_text())["task"] == "LiftBox"
+    done = call(tmp_path, "plugins", "--check", "none")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_multirun(tmp_path):
+    done = call(tmp_path, TINY[0], "-m", *TINY[1:], "seed=1,2", "hydra.sweep.dir=sweep")
+    assert done.returncode == 0, done.stderr
+    assert len(list((tmp_path / "sweep").glob("*/result.json"))) == 2
+
+
+def test_an_interrupt(tmp_path):
+    words = [*TINY, "vlm=mailbox", "hydra.run.dir=run"]
+    process = subprocess.Popen([*SCRIPT, *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("run/mailbox/*")) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    process.terminate()
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert err.splitlines()[-1] == f"interrupted; to go on: python -m core.run resume={tmp_path / 'run'}"
