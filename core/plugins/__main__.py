@@ -8,6 +8,7 @@ import sys
 
 from core.cli import command
 from core.errors import UsageError, UserError, choices
+from core.plugins.discovery import SWITCH
 from core.plugins.kinds import KINDS
 from core.plugins.registry import installed
 
@@ -67,6 +68,8 @@ def _list() -> None:
             table.add_row(kind, name, offer.entry_point, offer.distribution)
     console = rich.console.Console()
     console.print(table)
+    if SWITCH in os.environ:
+        console.print(f"{SWITCH}={os.environ[SWITCH]}: other plugins are not loaded", markup=False, highlight=False)
     for failure in plugins.failures:
         console.print(
             f"[red]failed[/] {failure.entry_point} ({failure.distribution}): {failure.reason}", highlight=False

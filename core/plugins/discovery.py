@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +15,12 @@ from typing import Any
 
 import pluggy
 
-from core.errors import UserError
+from core.errors import UserError, choices
 from core.hooks import PROJECT, Configs, Factory, Parts
 from core.plugins.kinds import KINDS
+
+SWITCH = "VLMGINEER_PLUGINS"
+"""The environment variable that names the plugins to load, by entry point or distribution, separated by commas."""
 
 HOOKS = (*KINDS.values(), *(name for name in vars(Configs) if not name.startswith("_")))
 PACKAGES = ("core", "plugins", "tasks", "conf", "prompts")
@@ -48,14 +52,16 @@ class Failure:
 class Discovery:
     """What is installed: ``offers`` by (kind, name), the packages of Hydra ``configs`` by distribution, and
     ``failures``.
+
+    Raises:
+        UsageError: the environment variable `SWITCH` names a plugin that is not installed.
     """
 
     def __init__(self, entry_points: Mapping[str, Any] | None = None) -> None:
         self.offers: dict[tuple[str, str], Offer] = {}
         self.configs: dict[str, list[str]] = {}
         self.failures: list[Failure] = []
-        for entry in importlib.metadata.entry_points(group=PROJECT):
-            distribution = entry.dist.name if entry.dist else "?"
+        for entry, distribution in _switched_on():
             try:
                 module = entry.load()
             except Exception as error:  # a third-party import may raise anything
@@ -112,6 +118,20 @@ class Discovery:
             self.failures.append(Failure(offer.entry_point, offer.distribution, reason))
             return
         self.offers[offer.kind, offer.name] = offer
+
+
+def _switched_on() -> list[tuple[importlib.metadata.EntryPoint, str]]:
+    """The entry points to load, each with its distribution: all of them, or those that `SWITCH` names."""
+    entries = importlib.metadata.entry_points(group=PROJECT)
+    found = [(entry, entry.dist.name if entry.dist else "?") for entry in entries]
+    chosen = os.environ.get(SWITCH)
+    if chosen is None:
+        return found
+    names = {name.strip() for name in chosen.split(",")} - {""}
+    known = {name for entry, distribution in found for name in (entry.name, distribution)}
+    for name in sorted(names - known):
+        raise choices("plugin or distribution", name, known, f"{SWITCH}={chosen}")
+    return [(entry, distribution) for entry, distribution in found if names & {entry.name, distribution}]
 
 
 def check_own_packages() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import os
 import typing
 import weakref
 from collections.abc import Callable, Mapping
@@ -12,7 +13,7 @@ from functools import lru_cache
 from typing import Any
 
 from core.errors import UserError, choices
-from core.plugins.discovery import Discovery, Offer, check_own_packages
+from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import check_part
 from core.plugins.settings import check_settings
 
@@ -33,7 +34,8 @@ class Plugins(Discovery):
         offer = self.offers.get((kind, name))
         if offer is None:
             failed = "".join(f"; plugin {f.entry_point!r} failed to load: {f.reason}" for f in self.failures)
-            raise UserError(f"{choices(kind, name, self.names(kind))}{failed}")
+            switched = f"; {SWITCH}={os.environ[SWITCH]} leaves out other plugins" if SWITCH in os.environ else ""
+            raise UserError(f"{choices(kind, name, self.names(kind))}{failed}{switched}")
         if not isinstance(offer.factory, str):
             return offer.factory
         module, _, attribute = offer.factory.partition(":")
@@ -85,7 +87,7 @@ def installed() -> Plugins:
     """The plugins of this environment, found once per process.
 
     Raises:
-        UserError: a module hides one of this project's packages.
+        UserError: a module hides one of this project's packages, or `SWITCH` names a plugin that is not installed.
     """
     check_own_packages()
     return Plugins()

@@ -1,5 +1,7 @@
 import importlib.metadata
 import inspect
+import os
+import subprocess
 import sys
 import tomllib
 from dataclasses import asdict, is_dataclass
@@ -227,6 +229,35 @@ def test_a_plugin_without_hooks_is_a_failure_that_names_its_file(monkeypatch, tm
     assert one.reason.startswith(f"{tmp_path / 'unhooked.py'} implements no hook; possible: tasks, simulators, vlms, ")
     assert other.reason.startswith("builtins.object implements no hook")
     assert not found.offers
+
+
+def test_plugins_can_be_switched_off(monkeypatch):
+    monkeypatch.setenv("VLMGINEER_PLUGINS", "")
+    assert not Plugins().offers
+    monkeypatch.setenv("VLMGINEER_PLUGINS", "urdf, robotoolbench")
+    found = Plugins()
+    assert {offer.entry_point for offer in found.offers.values()} == {"urdf", "robotoolbench"}
+    left_out = "no sim 'pybullet'; possible: none; VLMGINEER_PLUGINS=urdf, robotoolbench leaves out other plugins"
+    with pytest.raises(UserError, match=left_out):
+        found.create("sim", "pybullet")
+    monkeypatch.setenv("VLMGINEER_PLUGINS", "vlmgineer")  # the distribution
+    assert {key for key, offer in installed().offers.items() if offer.distribution == "vlmgineer"} <= set(
+        Plugins().offers
+    )
+    monkeypatch.setenv("VLMGINEER_PLUGINS", "urfd")
+    with pytest.raises(
+        UsageError, match=r"no plugin or distribution 'urfd' in VLMGINEER_PLUGINS=urfd \(did you mean 'u"
+    ):
+        Plugins()
+
+
+def test_what_is_switched_off_is_not_imported_and_is_reported(tmp_path):
+    words = [sys.executable, "-c", "import core.plugins.__main__ as c, sys; c.main(); sys.exit('tasks' in sys.modules)"]
+    env = os.environ | {"VLMGINEER_PLUGINS": "urdf"}
+    done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[:2] for line in done.stdout.splitlines()[1:-1]] == [["tool", "urdf"]]
+    assert done.stdout.splitlines()[-1] == "VLMGINEER_PLUGINS=urdf: other plugins are not loaded"
 
 
 def test_a_hook_with_the_wrong_signature_is_a_failure(found):
