@@ -1,25 +1,39 @@
-"""Tasks as Gymnasium environments. Importing this registers every task that is installed, whosever it is::
+"""Tasks as Gymnasium environments. Importing this registers every task that is installed::
 
     import core.gym
     import gymnasium
 
     env = gymnasium.make("RoboToolBench/BringCube-v0")
 
+RoboToolBench's tasks have its name as their namespace, a plugin package's tasks the name of their distribution.
 Gymnasium has had no entry points of its own since its version 1.0; ``make("core.gym:RoboToolBench/BringCube-v0")``
-imports this by itself.
+imports this by itself. Covered by `tests/core/gym/test_environment.py`.
 """
+
+import re
 
 from gymnasium.envs.registration import register
 
-from core.plugins import installed
+from core.hooks import PROJECT
+from core.plugins import Offer, installed
 
 NAMESPACE = "RoboToolBench"
 MAX_STEPS = 500  # of 0.05 s; then an episode is truncated
 
-for _name in installed().names("task"):
-    register(
-        id=f"{NAMESPACE}/{_name}-v0",
-        entry_point="core.gym.environment:ToolEnv",
-        kwargs={"task": _name},
-        max_episode_steps=MAX_STEPS,
-    )
+
+def environment_id(offer: Offer) -> str:
+    """Gymnasium's name for a task: namespace, name, version. Characters that Gymnasium refuses become hyphens."""
+    built_in = (offer.distribution, offer.entry_point) == (PROJECT, NAMESPACE.lower())
+    namespace = NAMESPACE if built_in else offer.distribution.replace(".", "-")
+    return "/".join(re.sub(r"[^\w:.-]+", "-", name) for name in (namespace, offer.name)) + "-v0"
+
+
+def register_tasks() -> None:
+    """Register every installed task."""
+    for offer in installed().offers.values():
+        if offer.kind == "task":
+            where = "core.gym.environment:ToolEnv"
+            register(environment_id(offer), where, kwargs={"task": offer.name}, max_episode_steps=MAX_STEPS)
+
+
+register_tasks()

@@ -1,4 +1,4 @@
-"""A task, step by step: an agent drives the arm with a tool that a designs file gives."""
+"""Step a task as a Gymnasium environment: an agent drives the arm, with a tool from a designs file."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from core.design import Tool
+from core.design import DesignError, Tool
 from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
+from core.designs.rules import SpawnRules, check_tool
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
 from core.interfaces import Image, Simulator, Task, ToolRepresentation, World
@@ -33,34 +33,34 @@ FINGER_SPEED = 0.1  # m/s
 
 
 class ToolEnv(gymnasium.Env[Numbers, Numbers]):
-    """One episode is one layout of the task's scene.
+    """A task with one tool. An episode is one layout of the task's scene.
 
-    Actions (7,) are in [-1, 1]. With ``control_mode="joints"`` they are speeds of the joints' targets, as shares of the
-    arm's limits; with ``"end_effector"`` (6,) speeds of the end-effector's target pose, along and about the world's
-    axes, as shares of 0.5 m/s and 2 rad/s. A tool for the gripper adds one number: the fingers, -1 open to 1 closed.
+    Actions are in [-1, 1]. With ``control_mode="joints"`` (7,) they are speeds of the joint targets, as shares of the
+    arm's limits. With ``"end_effector"`` (6,) they are speeds of the end-effector's target pose along and about the
+    world's axes, as shares of 0.5 m/s and 2 rad/s. A tool for the gripper adds one: the fingers, -1 open to 1 closed.
 
-    Observations (9 + 13 B,): seven joints (rad), two fingers (m from the middle), and of each of the B free bodies
+    Observations (9 + 13 B,): seven joints (rad), two fingers (m from the middle), and for each of B free bodies the
     position (m), quaternion (w, x, y, z), linear (m/s) and angular (rad/s) velocity, in the world frame.
 
-    The reward of a step is by how much the task's reward has grown with it, so that the sum over an episode is the
-    task's reward in the end; ``info["reward"]`` is that of now. An episode terminates at success.
+    The reward of a step is the growth of the task's reward in it, so their sum over an episode is the task's reward at
+    its end. ``info["reward"]`` is the task's reward now. An episode terminates at success.
 
     Args:
-        task: its name.
+        task: the task's name.
         designs: a designs file, whose ``strategy`` (from 0) has the tool; None: the bare arm, or with ``gripper`` the
             bare hand.
         strategy: see ``designs``.
         gripper: see ``designs``.
-        sim: a simulator that can be stepped, by name, made with the settings ``sim_settings``.
-        sim_settings: see ``sim``.
-        tool: the representation in which the file tells tools.
-        control_mode: what actions are.
+        sim: the name of a simulator that can be stepped.
+        sim_settings: its settings; those left out have their defaults.
+        tool: the representation in which the file describes tools.
+        control_mode: what actions mean.
         render_mode: None or ``rgb_array``.
         width: of pictures, pixels.
         height: of pictures, pixels.
 
     Raises:
-        UserError: one of these can't be had; says what is possible.
+        UserError: an argument can't be used; says what is possible.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": round(1 / STEP_S)}  # noqa: RUF012  # Gymnasium's name
@@ -91,15 +91,15 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self.render_mode = render_mode
         self._size = width, height
         moves = (7 if control_mode == "joints" else 6) + self.tool.gripper
-        seen = 9 + 13 * len(self.task.scene(0).free)
+        observed = 9 + 13 * len(self.task.scene(0).free)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (seen,), np.float64)
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float64)
         self._world: World | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Numbers, dict[str, Any]]:
-        """A fresh world of a layout drawn by ``seed``, settled."""
+        """Start an episode in a layout that ``seed`` draws, and let it settle."""
         super().reset(seed=seed)
         self._layout = int(self.np_random.integers(2**31))
         self._world = world = self.simulator.world(self.task, self.tool, self._layout)
@@ -111,7 +111,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         return self._observation(world), {"reward": self._earned}
 
     def step(self, action: Numbers) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
-        """Drive for 0.05 s.
+        """Drive the arm for 0.05 s.
 
         Raises:
             ResetNeeded: there is no world yet.
@@ -130,7 +130,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         return self._observation(self._world), self._earned - before, done, False, info
 
     def _target(self, action: Numbers) -> Array:
-        """Joints (7,) at the end of the step, within the limits of angle and speed."""
+        """Joint targets (7,) at the end of the step, within the limits of angle and speed."""
         arm = panda_arm()
         fastest = arm.velocity_limits * STEP_S
         if self.control_mode == "joints":
@@ -144,7 +144,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         return np.clip(joints, arm.lower, arm.upper)
 
     def _drive(self, world: World, joints: Array, fingers: float, seconds: float) -> None:
-        """To these targets, which are reached evenly."""
+        """Move the targets evenly to these within ``seconds``."""
         steps = max(1, round(seconds / world.time_step))
         span = steps * world.time_step
         speeds, finger_speed = (joints - self._joints) / span, (fingers - self._fingers) / span
@@ -163,7 +163,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         return np.concatenate([*world.joints(), np.concatenate(parts, axis=-1).ravel()])
 
     def render(self) -> Image | None:
-        """(height, width, 3), or None without a ``render_mode``."""
+        """Draw a picture (height, width, 3); None without a ``render_mode``."""
         if self.render_mode is None or self._world is None:
             return None
         arm, fingers = self._world.joints()
@@ -184,13 +184,21 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._world = None
 
 
-def _tool(designs: Path, strategy: int, representation: str, task: Task) -> Tool:
-    made: ToolRepresentation = installed().create("tool", representation)
-    candidates = read_designs(load_designs(designs), made, SpawnRules(task, 0))
+def _tool(designs: Path, strategy: int, name: str, task: Task) -> Tool:
+    representation: ToolRepresentation = installed().create("tool", name)
+    rules = SpawnRules(task, 0)
+    candidates = read_designs(load_designs(designs), representation, rules)
     chosen = [candidate for candidate in candidates if candidate.strategy == strategy]
     if not chosen:
         count = len({candidate.strategy for candidate in candidates})
         raise UserError(f"{designs} has {count} strategies; there is no strategy={strategy}")
-    if chosen[0].tool is None:
-        raise UserError(f"{designs}: the tool of strategy {strategy} can't be mounted: {chosen[0].problem}")
-    return chosen[0].tool
+    tool, problem = chosen[0].tool, chosen[0].problem
+    try:
+        if tool is not None:
+            if tool.components:
+                check_tool(tool)
+            rules.check(tool)
+            return tool
+    except DesignError as error:
+        problem = str(error)
+    raise UserError(f"{designs}: the tool of strategy {strategy} can't be mounted: {problem}")

@@ -1,30 +1,47 @@
+import json
+
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
 import core.gym  # registers them
+from core.design import Component, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError
+from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
-from core.plugins import installed
+from core.plugins import Offer, installed
 from core.robot.description import FINGER_OPEN
 from core.robot.kinematics import arm
 from core.simulation.rollout import prepare
+from tasks.move_ball import MoveBall
 from tests.test_docs import ROOT
 
 DESIGNS = ROOT / "tests/tasks/solutions"
 
 
-def test_every_task_is_an_environment():
-    names = {spec.name for spec in gymnasium.registry.values() if spec.namespace == core.gym.NAMESPACE}
-    assert names == set(installed().names("task"))
+def test_the_twelve_are_environments():
+    names = {spec.name for spec in gymnasium.registry.values() if spec.namespace == "RoboToolBench"}
+    assert names == {file.stem for file in DESIGNS.glob("*.json")}
+
+
+def test_tasks_of_other_distributions_have_a_namespace_of_their_own(monkeypatch):
+    """Names are fitted to what Gymnasium's grammar allows."""
+    offers = {
+        ("task", "MoveBall2"): Offer("task", "MoveBall2", "mine", "my.tasks", MoveBall),
+        ("task", "odd name"): Offer("task", "odd name", "harder", "vlmgineer", MoveBall),
+    }
+    monkeypatch.setattr(installed(), "offers", offers)
+    monkeypatch.setattr(gymnasium.envs.registration, "registry", {})
+    core.gym.register_tasks()
+    assert set(gymnasium.envs.registration.registry) == {"my-tasks/MoveBall2-v0", "vlmgineer/odd-name-v0"}
 
 
 @pytest.mark.filterwarnings("ignore:.*observation space m..imum value")  # bodies may be flung anywhere
 @pytest.mark.parametrize("task", installed().names("task"))
-def test_gymnasiums_checker_is_content(task):
+def test_gymnasiums_checker_passes(task):
     mode = "end_effector" if task in ("BringCube", "LiftBox") else "joints"
     env = gymnasium.make(
         f"RoboToolBench/{task}-v0",
@@ -39,7 +56,7 @@ def test_gymnasiums_checker_is_content(task):
     env.close()
 
 
-def test_observations_are_what_they_say():
+def test_observations_have_what_the_docstring_says():
     env = gymnasium.make("RoboToolBench/BringCube-v0", render_mode="rgb_array", width=80, height=60)
     seen, info = env.reset(seed=1)
     assert seen.shape == (9 + 13,)
@@ -95,6 +112,16 @@ def test_fingers_open_and_close():
     np.testing.assert_allclose(seen[7:9], 0, atol=2e-3)
 
 
+def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
+    file = tmp_path / "floating.json"
+    document = load_designs(DESIGNS / "BringCube.json")
+    tool = Tool((Component("rod", "panda_virtual", Pose.xyz_rpy((0, 0, -0.4)), Box((0.02, 0.02, 0.2))),))
+    document["strategies"][0] |= installed().create("tool", "urdf").dump(tool)
+    file.write_text(json.dumps(document))
+    with pytest.raises(UserError, match=r"floating.json: the tool of strategy 0 can't be mounted: .* 295.0 mm away"):
+        gymnasium.make("RoboToolBench/BringCube-v0", designs=file)
+
+
 @pytest.mark.parametrize(
     ("settings", "reason"),
     [
@@ -106,6 +133,6 @@ def test_fingers_open_and_close():
         ({"sim": "pybulet"}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\)"),
     ],
 )
-def test_what_cannot_be_is_told(settings, reason):
+def test_wrong_arguments_are_refused(settings, reason):
     with pytest.raises(UserError, match=reason):
         gymnasium.make("RoboToolBench/BringCube-v0", **settings)
