@@ -1,7 +1,7 @@
-"""What any tool representation must satisfy: each check takes one and raises an AssertionError that says what is wrong.
+"""Checks that every tool representation must pass. Each takes one and raises an AssertionError that says what is wrong.
 
-Representations that give tools (`ToolRepresentation.given`) are held to what they give; the others have to write and
-read tools.
+A representation that gives tools (`ToolRepresentation.given`) is checked by what it gives; the others have to write and
+read tools. Covered by `tests/core/conformance/test_suites.py`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from core.conformance.checking import as_json, brief, expect, fingers, rigid, some_task
 from core.design import Component, DesignError, Tool
-from core.designs.rules import check_tool
+from core.designs.rules import check_tool, given_tool
 from core.errors import UserError
 from core.geometry import Pose
 from core.interfaces import Task, ToolRepresentation
@@ -20,13 +20,17 @@ from core.plugins import installed
 
 
 def gives(representation: ToolRepresentation) -> Iterator[tuple[Task, Tool]]:
-    """The tasks for which there is a tool, and it."""
+    """Yield the tasks for which it has a tool, and the tool."""
     for name in installed().names("task"):
         task = installed().create("task", name)
         try:
-            tool = representation.given(task)
-        except UserError:  # for this task there is none
+            representation.given(task)
+        except UserError:  # there is none for this task
             continue
+        try:
+            tool = given_tool(representation, task)
+        except UserError as error:
+            raise AssertionError(str(error)) from error
         if tool is not None:
             yield task, tool
 
@@ -39,55 +43,54 @@ def designs(representation: ToolRepresentation) -> bool:
         return False
 
 
-def check_what_it_gives_are_tools(representation: ToolRepresentation) -> None:
-    given = list(gives(representation))
-    expect(given or designs(representation), "it gives no tool for any task, and writes none")
-    for task, tool in given:
-        expect(isinstance(tool, Tool), f"given gave a {type(tool).__name__} for {task.name}, not a Tool")
-        if tool.components:
-            check_tool(tool)
+def check_given_tools_keep_the_rules(representation: ToolRepresentation) -> None:
+    """Sizes, masses and contacts as for designs, and at spawn clear of the arm and the scene."""
+    expect(list(gives(representation)) or designs(representation), "it gives no tool for any task, and writes none")
 
 
 def check_the_schema_is_of_json(representation: ToolRepresentation) -> None:
     fields = representation.schema()
-    expect(isinstance(fields, dict), f"schema gave a {type(fields).__name__}, not the properties of an object")
+    expect(isinstance(fields, dict), f"schema returned a {type(fields).__name__}, not the properties of an object")
     as_json(fields, "the schema")
     if designs(representation):
-        expect(fields, "the schema has no fields, so that a model can't say what the tool is")
+        expect(fields, "the schema has no fields, so a model can't describe a tool")
     for name, field in fields.items():
         expect(isinstance(field, dict) and field, f"the schema of {name!r} is {field!r}, not an object")
 
 
-def check_a_model_is_told_how_to_write_it(representation: ToolRepresentation) -> None:
+def check_the_instructions_name_every_field(representation: ToolRepresentation) -> None:
     if not designs(representation):
         return
     for gripper in (False, True):
         text = representation.instructions(brief(some_task(), representation, gripper=gripper))
         for name in representation.schema():
-            expect(name in text, f"the instructions don't speak of {name!r}, which the schema asks for")
+            expect(name in text, f"the instructions don't name {name!r}, which the schema asks for")
 
 
-def check_tools_come_back_as_they_were(representation: ToolRepresentation) -> None:
-    """Boxes where they were to within 0.1 mm, in shape and weight, on the same mount; names may be others."""
+def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> None:
+    """Each box keeps its place to 0.1 mm, its size, its mass and its mount. Names may differ."""
     if not designs(representation):
         return
     for tool in (rigid(), fingers()):
         data = representation.dump(tool)
-        as_json(data, "what dump gave")
-        expect(set(data) == set(representation.schema()), f"dump gave {sorted(data)}, the schema has other fields")
+        as_json(data, "what dump returned")
+        expect(set(data) == set(representation.schema()), f"dump returned {sorted(data)}; the schema has other fields")
         back = representation.parse(data, gripper=tool.gripper)
-        expect(isinstance(back, Tool), f"parse gave a {type(back).__name__}, not a Tool")
+        expect(isinstance(back, Tool), f"parse returned a {type(back).__name__}, not a Tool")
         expect(back.gripper == tool.gripper, f"a tool with gripper={tool.gripper} came back as one without it")
         check_tool(back)
-        expect(len(back.components) == len(tool.components), f"{len(back.components)} boxes came back")
+        expect(
+            len(back.components) == len(tool.components),
+            f"of {len(tool.components)} boxes {len(back.components)} came back",
+        )
         for (a, one), (b, other) in zip(placed(tool), placed(back), strict=True):
             expect(one[0] == other[0], f"a box on {one[0]} came back on {other[0]}")
             shift = np.abs(one[1].matrix - other[1].matrix).max()
-            expect(shift < 1e-4, f"a box came back moved or turned by {shift:.2g}")
+            expect(shift < 1e-4, f"a box came back displaced by {shift:.2g} (metres, or elements of the rotation)")
             expect(np.allclose(a.shape.size, b.shape.size, atol=1e-4), f"{a.shape.size} came back as {b.shape.size}")
             expect(abs(a.mass - b.mass) < 1e-6, f"a box of {a.mass} kg came back with {b.mass} kg")
         again = representation.parse(representation.dump(back), gripper=tool.gripper)
-        expect(again.content == back.content, "what was read once and is written and read again is another tool")
+        expect(again.content == back.content, "a tool that is written and read a second time is another tool")
 
 
 def placed(tool: Tool) -> Iterator[tuple[Component, tuple[str, Pose]]]:
@@ -96,7 +99,7 @@ def placed(tool: Tool) -> Iterator[tuple[Component, tuple[str, Pose]]]:
 
 
 def check_nonsense_is_refused_with_a_reason(representation: ToolRepresentation) -> None:
-    """By a DesignError whatever a model writes; nothing else, and no tool."""
+    """Anything that a model may write is read, or refused with a DesignError."""
     if not designs(representation):
         return
     fields = representation.schema()
@@ -104,19 +107,19 @@ def check_nonsense_is_refused_with_a_reason(representation: ToolRepresentation) 
     wild: tuple[object, ...] = (None, True, 1, -1e400, "", "x" * 1000, "<a>", [], [[]], [None], {}, {"a": {}}, [1] * 50)
     for data in ({}, *({**sound, name: value} for name in fields for value in wild)):
         try:
-            read = representation.parse(data, gripper=False)
+            tool = representation.parse(data, gripper=False)
         except DesignError as error:
             expect(str(error).strip(), f"{data!r} was refused without a reason")
         except Exception as error:
             raise AssertionError(f"parse raised {type(error).__name__} on {data!r}, not a DesignError") from error
         else:
-            expect(isinstance(read, Tool), f"parse gave a {type(read).__name__} for {data!r}")
+            expect(isinstance(tool, Tool), f"parse returned a {type(tool).__name__} for {data!r}")
 
 
 CHECKS = (
-    check_what_it_gives_are_tools,
+    check_given_tools_keep_the_rules,
     check_the_schema_is_of_json,
-    check_a_model_is_told_how_to_write_it,
-    check_tools_come_back_as_they_were,
+    check_the_instructions_name_every_field,
+    check_tools_survive_dump_and_parse,
     check_nonsense_is_refused_with_a_reason,
 )

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from core.design import Candidate, DesignError, Tool
-from core.designs.rules import WAYPOINT, SpawnRules, check_plan, check_tool
+from core.designs.rules import WAYPOINT, SpawnRules, check_plan, check_tool, given_tool
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
@@ -96,7 +96,7 @@ def _read_strategy(
             raise DesignError(strategy.reason)  # noqa: TRY301
         if not isinstance(strategy, dict):
             raise DesignError(f"the strategy is {kind(strategy)}, not an object")  # noqa: TRY301
-        given = representation.given(spawn.task)
+        given = given_tool(representation, spawn.task, spawn=spawn)
         gripper = _read_gripper(strategy, given)
         base = replace(
             base,

@@ -9,12 +9,14 @@ import numpy as np
 import pinocchio as pin
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
+from core.errors import UserError
 from core.geometry import Array, Pose
-from core.interfaces import Task
+from core.interfaces import Task, ToolRepresentation
+from core.plugins import describe_part
 from core.robot.description import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, FLANGE, assemble
 from core.robot.kinematics import arm
 from core.robot.solids import Solid, Solids, body_solids, robot_solids, signed_distance, solid_geometry
-from core.text import kind
+from core.text import kind, shorten
 
 MAX_COMPONENTS = 100
 MIN_SIDE_M = 0.0005
@@ -195,6 +197,30 @@ class SpawnRules:
             solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(gripper))
             self._robots[gripper] = Solids(solids), frames
         return self._robots[gripper]
+
+
+def given_tool(
+    representation: ToolRepresentation, task: Task, seed: int = 0, spawn: SpawnRules | None = None
+) -> Tool | None:
+    """The tool that a representation gives for a task; None: it gives none.
+
+    Raises:
+        UserError: it gives something else, or a tool that breaks a rule; names the plugin.
+    """
+    try:
+        tool = representation.given(task)
+        if isinstance(tool, Tool):
+            if tool.components:
+                check_tool(tool)
+            (spawn or SpawnRules(task, seed)).check(tool)
+    except DesignError as error:
+        what = f"the tool that it gives for {task.name} breaks a rule"
+        raise UserError(f"{describe_part(representation)}: {what}: {error}") from error
+    if tool is not None and not isinstance(tool, Tool):
+        raise UserError(
+            f"{describe_part(representation)}: given returned {shorten(repr(tool))}; expected a Tool or None"
+        )
+    return tool
 
 
 def _check_two_halves(solids: dict[str, Solid], placed: dict[str, tuple[str, Pose]]) -> None:

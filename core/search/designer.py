@@ -16,7 +16,7 @@ from core.config.settings import Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.reading import parse_reply, read_designs
-from core.designs.rules import SpawnRules
+from core.designs.rules import SpawnRules, given_tool
 from core.errors import NoPicture, choices
 from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulator, Task, ToolRepresentation
 from core.plugins import describe_part
@@ -206,12 +206,12 @@ def make_designer(
     draw any, standard error says why, and the model has the words.
 
     Raises:
-        UserError: a tool kind that there is not, or no given tool for the task.
+        UserError: a tool kind that there is not, no given tool for the task, or one that breaks a rule.
     """
     for name in tool_kinds:
         if name not in TOOL_KINDS:
             raise choices("tool kind", str(name), TOOL_KINDS, "task.tool_kinds")
-    given = representation.given(task)
+    given = given_tool(representation, task, seed)
     mounted = given if given is not None else Tool(gripper=tuple(tool_kinds) == ("gripper",))
 
     def show(candidate: Candidate) -> Picture | None:

@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import pluggy
 
-from core.design import Candidate, Evaluation
+from core.design import Candidate, DesignError, Evaluation, Tool
+from core.designs.rules import check_tool
 from core.errors import LimitReached, UserError
 from core.events import INTERRUPTED, Generation, Result
 from core.interfaces import Budget, EvolutionStrategy, Executor
@@ -80,6 +81,7 @@ class _UntilLimit:
     def __init__(self, strategy: EvolutionStrategy) -> None:
         self._strategy = strategy
         self.limit: str | None = None
+        self._sound: Tool | None = None  # the last that was checked; candidates in a row share one
 
     def __iter__(self) -> Iterator[Candidate]:
         """Raises UserError where the strategy gives no candidates; says whose it is."""
@@ -93,9 +95,20 @@ class _UntilLimit:
                 if not isinstance(candidate, Candidate):
                     told = f"ask gave {shorten(repr(candidate))} among its candidates"
                     raise UserError(f"{describe_part(self._strategy)}: {told}; expected a Candidate")
-                yield candidate
+                yield self._checked(candidate)
         except LimitReached as limit:
             self.limit = str(limit)
+
+    def _checked(self, candidate: Candidate) -> Candidate:
+        """The candidate, with a problem if the strategy built a tool that breaks a rule; a designer's keep them."""
+        tool = candidate.tool
+        if candidate.problem is None and tool is not None and tool.components and tool is not self._sound:
+            try:
+                check_tool(tool)
+            except DesignError as error:
+                return replace(candidate, problem=f"{describe_part(self._strategy)} built a wrong tool: {error}")
+            self._sound = tool
+        return candidate
 
 
 def evaluate_all(candidates: Iterable[Candidate], evaluate: Evaluate, executor: Executor) -> Iterator[Evaluation]:

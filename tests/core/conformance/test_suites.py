@@ -11,10 +11,11 @@ import core.conformance
 from core.conformance import __main__ as conformance
 from core.conformance.suites import SUITES, subject, verdicts
 from core.conformance.worlds import GREY
-from core.design import Evaluation
+from core.design import Component, Evaluation, Tool
 from core.errors import UsageError, UserError
+from core.geometry import Pose
 from core.hooks import hookimpl
-from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Reply, Task, ToolRepresentation
+from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, GivenTools, Reply, Task, ToolRepresentation
 from core.plugins import KINDS, Offer, Part, installed
 from core.scene import Body, Box, Goal, Scene, Sphere, floor, table
 
@@ -96,6 +97,13 @@ class Mute(VLM):
 
     def complete(self, requests):
         return iter([Reply("another", "", "")] if requests else [])
+
+
+class Floating(GivenTools):
+    """Gives a box in the air, far from the flange."""
+
+    def given(self, task):
+        return Tool((Component("box", "panda_virtual", Pose.xyz_rpy((0.0, 0.0, -0.2)), Box((0.1, 0.1, 0.1))),))
 
 
 class Forgetful(ToolRepresentation):
@@ -198,9 +206,12 @@ WRONG = {
         "it has a name": "model is ' '",
         "each request has its reply": "the requests g0-a0, g0-a1 had replies to another",
     },
+    ("tool", Floating): {
+        "given tools keep the rules": "tool 'wrong' of tests (hook 'tool_representations'): the tool that it gives for "
+    },
     ("tool", Forgetful): {
-        "a model is told how to write it": "the instructions don't speak of 'tool'",
-        "tools come back as they were": "what dump gave can't be written as JSON",
+        "the instructions name every field": "the instructions don't name 'tool'",
+        "tools survive dump and parse": "what dump returned can't be written as JSON",
         "nonsense is refused with a reason": "parse raised KeyError on {}, not a DesignError",
     },
     ("evolution", Moody): {
