@@ -9,11 +9,12 @@ import select
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
-from typing import ClassVar, NoReturn
+from typing import ClassVar, NoReturn, TextIO
 
 from core.errors import UsageError, UserError
+from core.text import clean
 
 
 def command(function: Callable[[], None]) -> NoReturn:
@@ -45,19 +46,28 @@ def arguments(usage: str) -> list[str]:
 
 
 def folders_and_overrides(usage: str) -> tuple[list[Path], list[str]]:
-    """The folders that the command line names, and its overrides. What exists is a folder, be there a ``=`` in it, as
-    in the name of a multirun's job.
+    """The folders that the command line names, as they are or as ``runs=FOLDER``, and its overrides. What exists is a
+    folder, even with a ``=`` in its name, as a multirun's jobs may have.
     """
     folders: list[Path] = []
     overrides: list[str] = []
     for word in _help_or_words(usage):
         if word.startswith("-"):
             raise UsageError(f"can't read {word!r}; {usage}")
-        if Path(word).exists() or "=" not in word:
+        key, equals, value = word.partition("=")
+        if not equals or Path(word).exists():
             folders.append(Path(word))
+        elif key in ("run", "runs"):
+            folders += [Path(name.strip("'\" ")) for name in _listed(value)]
         else:
             overrides.append(word)
     return folders, overrides
+
+
+def _listed(value: str) -> list[str]:
+    """The items of ``[A,B]``, as Hydra writes lists; anything else is one item."""
+    listed = value.startswith("[") and value.endswith("]") and not Path(value).exists()
+    return value[1:-1].split(",") if listed else [value]
 
 
 def _help_or_words(usage: str) -> list[str]:
@@ -80,6 +90,39 @@ def write_bytes(file: Path, data: bytes) -> None:
         file.write_bytes(data)
     except OSError as error:
         raise UserError(f"can't write {file}: {error.strerror}") from error
+
+
+def print_table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    numbers: Collection[str] = (),
+    file: TextIO | None = None,
+) -> None:
+    """Print a table: folded to the width of a terminal, elsewhere one line per row. No cell is cut.
+
+    Args:
+        columns: their names.
+        rows: cells; control characters are left out.
+        numbers: the columns that are aligned to the right, and never folded.
+        file: standard output by default.
+    """
+    import rich.console
+    import rich.table
+    import rich.text
+
+    file = sys.stdout if file is None else file
+    grid = [[clean(cell, 2000) for cell in row] for row in rows]
+    table = rich.table.Table(box=None, header_style="bold", pad_edge=False)
+    for k, name in enumerate(columns):
+        number = name in numbers
+        width = max((len(row[k]) for row in grid), default=0) if number else None
+        table.add_column(name, justify="right" if number else "left", overflow="fold", min_width=width)
+    for row in grid:
+        table.add_row(*map(rich.text.Text, row))
+    console = rich.console.Console(file=file, width=None if file.isatty() else 100_000)
+    with console.capture() as printed:
+        console.print(table, crop=False)
+    file.write("".join(f"{line.rstrip()}\n" for line in printed.get().splitlines()))
 
 
 class _Interrupt:

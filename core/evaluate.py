@@ -1,5 +1,5 @@
-"""``python -m core.evaluate task=NAME designs=FILE [output=FILE.json]``: rewards of designs in a file; no model
-involved.
+"""``python -m core.evaluate task=NAME designs=FILE [output=FILE.json]``: rewards of the designs in a file, without a
+model.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.cli import arguments, command, write_bytes
+from core.cli import arguments, command, print_table, write_bytes
 from core.config.compose import check_seed, load, node, part
 from core.design import Candidate, Evaluation
 from core.designs.reading import load_designs, read_designs
@@ -23,6 +23,7 @@ from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator
 from core.text import clean
 
+STOPPED_RAD = 0.02  # lag of a joint above which something held it back; reference solutions stay below 0.012
 USAGE = "usage: python -m core.evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
 
 
@@ -30,17 +31,17 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     """Try every action plan in ``cfg.designs``, in the file's order.
 
     Raises:
-        UserError: the file can't be used, or a part or setting can't be had.
+        UserError: the file can't be used, or a part or setting is wrong.
     """
     check_seed(cfg.seed)
     document = load_designs(Path(cfg.designs))
     task_part, sim_part = part("task", cfg.task), part("sim", cfg.sim)
-    sim_part.create()  # a wrong setting is said here, once, rather than by each worker
+    sim_part.create()  # a wrong setting is reported here, once, rather than by each worker
     representation = part("tool", cfg.tool).create()
     candidates = read_designs(document, representation, SpawnRules(task_part.create(), cfg.seed))
-    bench = Evaluator(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
+    evaluator = Evaluator(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
     with part("executor", cfg.executor).create() as executor:
-        evaluations = list(evaluate_all(candidates, bench, executor))
+        evaluations = list(evaluate_all(candidates, evaluator, executor))
     return sorted(evaluations, key=lambda e: e.candidate.key)
 
 
@@ -56,8 +57,15 @@ def record(evaluation: Evaluation) -> dict[str, Any]:
         "reason": evaluation.reason,
         "ik_error_m": _or_none(evaluation.ik_error_m),
         "ik_error_rad": _or_none(evaluation.ik_error_rad),
-        "warnings": list(evaluation.warnings),
+        "tracking_error_rad": _or_none(evaluation.tracking_error_rad),
+        "warnings": [*evaluation.warnings, *_stopped(evaluation.tracking_error_rad)],
     }
+
+
+def _stopped(lag_rad: float) -> list[str]:
+    if not lag_rad > STOPPED_RAD:
+        return []
+    return [f"stopped or held back on its way: a joint of the arm fell {lag_rad:.2f} rad behind its target"]
 
 
 def _or_none(value: float) -> float | None:
@@ -75,30 +83,23 @@ def main() -> None:
 
 
 def show(records: list[dict[str, Any]]) -> None:
-    """Print a table."""
-    import rich.console
-    import rich.table
-    from rich.markup import escape
-
-    table = rich.table.Table(box=None, header_style="bold")
-    for name in ("strategy", "plan", "reward", "distance m", "IK miss mm"):
-        table.add_column(name, justify="right")
-    for name in ("status", "reason"):
-        table.add_column(name)
-    for r in records:
-        distance = "" if r["distance_m"] is None else f"{r['distance_m']:.2f}"
-        miss = "" if r["ik_error_m"] is None else f"{1000 * r['ik_error_m']:.0f}"
-        row = (
-            str(r["strategy"]),
-            str(r["plan"]),
-            f"{r['reward']:.3f}",
-            distance,
-            miss,
-            r["status"],
-            escape(clean(r["reason"], 2000)),
+    """Print a table, and below it what is to be said of single plans."""
+    numbers = ("strategy", "plan", "reward", "distance m", "IK miss mm", "lag rad")
+    rows = [
+        (
+            *(str(r["strategy"]), str(r["plan"]), f"{r['reward']:.3f}", _number(r["distance_m"], 2)),
+            *(_number(r["ik_error_m"], 0, 1000), _number(r["tracking_error_rad"], 3), r["status"]),
         )
-        table.add_row(*row)
-    rich.console.Console(file=sys.stdout).print(table)
+        for r in records
+    ]
+    print_table((*numbers, "status"), rows, numbers)
+    for r in records:
+        for remark in filter(None, (r["reason"], *r["warnings"])):
+            sys.stdout.write(f"strategy {r['strategy']} plan {r['plan']}: {clean(remark, 2000)}\n")
+
+
+def _number(value: float | None, digits: int, scale: float = 1) -> str:
+    return "" if value is None else f"{scale * value:.{digits}f}"
 
 
 if __name__ == "__main__":

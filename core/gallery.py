@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from core.cli import command, folders_and_overrides, write_bytes
+from core.cli import command, folders_and_overrides, print_table, write_bytes
 from core.config.compose import load
 from core.errors import UsageError, UserError
 from core.report.drawing import draw, painted
@@ -19,12 +19,13 @@ from core.report.methods import label
 from core.report.page import in_viewer, picture_address, render
 from core.report.printing import Piece, Printer, grams, pieces, to_3mf
 from core.report.runs import FinishedRun, LeftOutRun, find_runs
+from core.report.tables import number
 from core.report.tools import Shape, Winner, another, size, winners
 from core.simulation.pictures import png
 
 USAGE = (
     "usage: python -m core.gallery FOLDER [FOLDER ...] [output=DIR] [top=3] [apart_mm=10] [plate_mm=[250,210,220]] "
-    "[min_wall_mm=0.8]; a folder is a run's, or holds runs, as a multirun's does"
+    "[min_wall_mm=0.8]; FOLDER, or runs=FOLDER, is a run's or holds runs, as a multirun's does"
 )
 PICTURE = (640, 480)
 
@@ -173,18 +174,16 @@ def _page(
 
 
 def show(entries: Sequence[Entry]) -> None:
-    """Print a table."""
-    import rich.console
-
-    from core.report.tables import Column, Table
-    from core.report.terminal import rich_table
-
-    columns = (Column("task"), Column("place", 0), Column("tool"), Column("reward", 3), Column("to print"))
+    """Print a table, and below it what speaks against printing a tool."""
+    numbers = ("place", "reward")
     rows = [
-        (e.winner.run.task, e.place, e.winner.name, e.winner.reward, "ready" if e.ready else "; ".join(e.faults))
+        (e.winner.run.task, str(e.place), e.winner.name, number(e.winner.reward, 3), "yes" if e.ready else "no")
         for e in entries
     ]
-    rich.console.Console(file=sys.stdout).print(rich_table(Table("gallery", "", columns, tuple(rows))))
+    print_table(("task", "place", "tool", "reward", "ready to print"), rows, numbers)
+    for e in entries:
+        for fault in e.faults:
+            sys.stdout.write(f"{e.winner.run.task} {e.place}: {fault}\n")
 
 
 def main() -> None:

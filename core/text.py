@@ -1,12 +1,15 @@
-"""Words of strangers, made fit for a line that a person reads."""
+"""Untrusted text, made safe to print."""
 
 from __future__ import annotations
 
 
-def clean(text: str, longest: int) -> str:
-    """``text`` on one line, without control characters, at most ``longest`` characters."""
-    printable = "".join(character for character in " ".join(text.split()) if character.isprintable())
-    return printable if len(printable) <= longest else printable[: longest - 3] + "..."
+def clean(text: str, longest: int, *, lines: bool = False) -> str:
+    """``text`` without control characters and superfluous space, at most ``longest`` characters; on one line, or with
+    its own ``lines``.
+    """
+    rows = [" ".join(row.split()) for row in (text.splitlines() if lines else [text])]
+    kept = "\n".join(filter(None, ("".join(filter(str.isprintable, row)) for row in rows)))
+    return kept if len(kept) <= longest else kept[: longest - 3] + "..."
 
 
 def kind(value: object) -> str:

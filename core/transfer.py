@@ -1,5 +1,5 @@
-"""``python -m core.transfer designs=FILE|RUN_DIR task=NAME sims=[NAME,...] seeds=[N,...]``: designs in several engines,
-with the scene as it is and with small changes.
+"""``python -m core.transfer designs=FILE|RUN_DIR task=NAME sims=[NAME,...] seeds=[N,...]``: try designs in several
+engines, in the scene as it is and with small perturbations.
 """
 
 from __future__ import annotations
@@ -15,11 +15,9 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import track
-from rich.table import Table
 
-from core.cli import arguments, command, write_bytes
+from core.cli import arguments, command, print_table, write_bytes
 from core.config.compose import check_seed, load, node, part
 from core.config.settings import PerturbationRange
 from core.design import Candidate, Evaluation, best_first
@@ -31,6 +29,7 @@ from core.search.evolution import evaluate_all
 from core.simulation.robustness import check_draws, engines, perturbed, worst
 from core.simulation.rollout import Evaluator
 from core.store.reader import stored_config, stored_evaluations
+from core.text import clean
 
 USAGE = (
     "usage: python -m core.transfer designs=FILE|RUN_DIR [task=NAME] [sims=[NAME,...]] [seeds=[N,...]] "
@@ -40,37 +39,39 @@ USAGE = (
 
 @dataclass(frozen=True, eq=False)
 class Trial(Candidate):
-    """A candidate that is tried in one engine; ``change`` is the seed of a change of the scene, None: as it is."""
+    """A candidate that is tried in one engine; ``change`` is the seed of a perturbation, None: the scene as it is."""
 
     engine: str = ""
     change: int | None = None
-    bench: Evaluator = field(kw_only=True)
+    evaluator: Evaluator = field(kw_only=True)
 
     @cached_property
     def content(self) -> str:
-        """Names what is tried, as of every candidate; here that is a design on a bench."""
+        """A name of the trial: the design, the engine and the perturbation."""
         return f"{self.id} {self.engine} {self.change}"
 
 
 def attempt(trials: Sequence[Candidate]) -> list[Evaluation]:
-    """Each trial on its own bench; those in a row that share one together."""
+    """Try each trial with its own evaluator; neighbours that share one go together."""
     evaluations: list[Evaluation] = []
-    for bench, group in itertools.groupby(trials, key=_bench):
-        evaluations += bench(list(group))
+    for evaluator, group in itertools.groupby(trials, key=_evaluator):
+        evaluations += evaluator(list(group))
     return evaluations
 
 
-def _bench(trial: Candidate) -> Evaluator:
+def _evaluator(trial: Candidate) -> Evaluator:
     assert isinstance(trial, Trial)
-    return trial.bench
+    return trial.evaluator
 
 
 def transfer(cfg: DictConfig) -> dict[str, Any]:
-    """Try every design in every engine, with the scene as it is and with each change; what comes out is the content of
-    the output file.
+    """Try every design in every engine, in the scene as it is and with each perturbation.
+
+    Returns:
+        The content of the output file.
 
     Raises:
-        UserError: the designs can't be used, or a part or setting can't be had.
+        UserError: the designs can't be used, or a part or setting is wrong.
     """
     check_seed(cfg.seed)
     check_draws(cfg.seeds)
@@ -78,17 +79,17 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     candidates = designs(cfg, part("tool", cfg.tool).create(), SpawnRules(task.create(), cfg.seed))
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
     settings, ranges = node(cfg.rollout, RolloutSettings), node(cfg.perturbation, PerturbationRange)
-    benches: dict[tuple[str, int | None], Evaluator] = {}
+    evaluators: dict[tuple[str, int | None], Evaluator] = {}
     for engine, sim in sims.items():
-        bench = Evaluator(task, sim, cfg.seed, settings)
-        benches[engine, None] = bench
-        benches |= {(engine, change): perturbed(bench, ranges, change) for change in cfg.seeds}
+        evaluator = Evaluator(task, sim, cfg.seed, settings)
+        evaluators[engine, None] = evaluator
+        evaluators |= {(engine, change): perturbed(evaluator, ranges, change) for change in cfg.seeds}
     tried: dict[tuple[str, str, int | None], Evaluation] = {}
     with part("executor", cfg.executor).create() as executor:
         for evaluation in track(
-            evaluate_all(spread_out(candidates, benches), attempt, executor),
+            evaluate_all(trials(candidates, evaluators), attempt, executor),
             "trials",
-            total=len(candidates) * len(benches),
+            total=len(candidates) * len(evaluators),
             console=(console := Console(stderr=True)),
             transient=True,
             disable=not console.is_terminal,
@@ -113,18 +114,18 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     }
 
 
-def spread_out(candidates: Sequence[Candidate], benches: Mapping[tuple[str, int | None], Evaluator]) -> Iterator[Trial]:
-    """Every candidate on every bench; candidates that share a tool stay together."""
+def trials(candidates: Sequence[Candidate], evaluators: Mapping[tuple[str, int | None], Evaluator]) -> Iterator[Trial]:
+    """Yield every candidate with every evaluator; candidates that share a tool stay together."""
     for _, group in itertools.groupby(candidates, key=lambda candidate: id(candidate.tool)):
         alike = list(group)
-        for (engine, change), bench in benches.items():
+        for (engine, change), evaluator in evaluators.items():
             for candidate in alike:
                 named = {field.name: getattr(candidate, field.name) for field in fields(Candidate)}
-                yield Trial(**named, engine=engine, change=change, bench=bench)
+                yield Trial(**named, engine=engine, change=change, evaluator=evaluator)
 
 
 def designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRules) -> list[Candidate]:
-    """All in the file, or the best of the run, that ``cfg.designs`` names."""
+    """Read all designs of the file, or the best of the run, that ``cfg.designs`` names."""
     path = Path(cfg.designs)
     if not path.is_dir():
         return read_designs(load_designs(path), representation, spawn)
@@ -134,8 +135,8 @@ def designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRul
 
 
 def as_the_run(words: Sequence[str]) -> DictConfig:
-    """The configuration that the command line asks for. Where designs are a run's, so are the task, the tool, the
-    layout and how plans are executed, as far as the command line doesn't say otherwise.
+    """The configuration of the command line. Where designs are a run's, the task, the tool, the layout and the rollout
+    settings are the run's too, unless the command line sets them.
     """
     cfg = load("transfer", words)
     if OmegaConf.is_missing(cfg, "designs"):
@@ -153,7 +154,7 @@ def as_the_run(words: Sequence[str]) -> DictConfig:
 def record(
     candidate: Candidate, nominal: Mapping[str, Evaluation], changed: Mapping[str, Sequence[Evaluation]]
 ) -> dict[str, Any]:
-    """One design's entry in the output file."""
+    """The entry of one design in the output file."""
     robust = worst(candidate, changed)
     return {
         "design": candidate.id,
@@ -178,27 +179,25 @@ def main() -> None:
 
 
 def show(result: Mapping[str, Any]) -> None:
-    """Print a table: each design in each engine, nominal and changed, and the robust score."""
-    table = Table(box=None, header_style="bold")
-    table.add_column("design", no_wrap=True)
-    for engine in result["engines"]:
-        name = escape(engine.replace(" ", "\n"))
-        table.add_column(f"{name}\nnominal", justify="right", no_wrap=True)
-        table.add_column(f"{name}\nchanged", justify="right", no_wrap=True)
-    table.add_column("robust", justify="right", no_wrap=True)
+    """Print a table of each design in each engine, as it is and perturbed, and the robust score."""
+    numbers = ("nominal", "perturbed", "robust")
+    rows = []
     for design in result["designs"]:
-        row = [design["design"]]
-        for figures in design["engines"].values():
-            row += [f"{figures['nominal']:.3f}", f"{figures['mean']:.3f} ± {figures['std']:.3f}"]
-        table.add_row(*row, f"{design['robust']:.3f}")
-    console = Console(file=sys.stdout, highlight=False)
-    console.print(table)
-    changes = len(result["seeds"])
-    console.print(f"changed: mean ± standard deviation over {changes} small changes of the scene")
-    console.print("robust: the lowest of the engines' means")
+        robust = f"{design['robust']:.3f}"
+        for engine, found in design["engines"].items():
+            perturbed = f"{found['mean']:.3f} ± {found['std']:.3f}"
+            rows.append((design["design"], engine, f"{found['nominal']:.3f}", perturbed, robust))
+            robust = ""  # once per design
+    print_table(("design", "engine", *numbers), rows, numbers)
+    count = len(result["seeds"])
+    lines = [
+        f"perturbed: mean ± standard deviation over {count} small perturbations of the scene",
+        "robust: the lowest of the engines' means",
+    ]
     for design in result["designs"]:
-        for remark in [design["reason"]] if design["reason"] else design["warnings"]:
-            console.print(f"{design['design']}: {remark}", markup=False)
+        remarks = [design["reason"]] if design["reason"] else design["warnings"]
+        lines += [f"{design['design']}: {clean(remark, 2000)}" for remark in remarks]
+    sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
 if __name__ == "__main__":

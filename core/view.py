@@ -23,7 +23,7 @@ from core.errors import UsageError, UserError
 from core.plugins import check_settings
 
 HERE = "127.0.0.1"
-USAGE = "usage: python -m core.view RUN_DIR [web=true] [port=N]"
+USAGE = "usage: python -m core.view FOLDER [web=true] [port=N]; FOLDER, or runs=FOLDER, is a run's or a multirun's"
 _RERUN = "import sys, rerun_cli.__main__ as rerun; sys.exit(rerun.main())"  # as its console script does
 _START_S = 30.0  # a viewer that doesn't listen by then won't
 _END_S = 5.0

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-from core.cli import command
+from core.cli import command, print_table
 from core.errors import UsageError, UserError, choices
 from core.plugins.discovery import SWITCH
 from core.plugins.kinds import KINDS
@@ -57,23 +57,14 @@ def _check(name: str) -> None:
 
 
 def _list() -> None:
-    import rich.console
-    import rich.table
-
     plugins = installed()
-    table = rich.table.Table("kind", "name", "entry point", "distribution", box=None, header_style="bold")
-    for kind in KINDS:
-        for name in plugins.names(kind):
-            offer = plugins.offers[kind, name]
-            table.add_row(kind, name, offer.entry_point, offer.distribution)
-    console = rich.console.Console()
-    console.print(table)
+    offers = [plugins.offers[kind, name] for kind in KINDS for name in plugins.names(kind)]
+    rows = [(offer.kind, offer.name, offer.entry_point, offer.distribution) for offer in offers]
+    print_table(("kind", "name", "entry point", "distribution"), rows)
     if SWITCH in os.environ:
-        console.print(f"{SWITCH}={os.environ[SWITCH]}: other plugins are not loaded", markup=False, highlight=False)
+        sys.stdout.write(f"{SWITCH}={os.environ[SWITCH]}: other plugins are not loaded\n")
     for failure in plugins.failures:
-        console.print(
-            f"[red]failed[/] {failure.entry_point} ({failure.distribution}): {failure.reason}", highlight=False
-        )
+        sys.stdout.write(f"failed {failure.entry_point} ({failure.distribution}): {failure.reason}\n")
 
 
 if __name__ == "__main__":

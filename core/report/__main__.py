@@ -15,12 +15,12 @@ from core.report.results import Results
 from core.report.runs import find_runs
 from core.report.statistics import Resampling
 from core.report.tables import Table, tables, to_csv, to_markdown
-from core.report.terminal import rich_table, short_left_out, short_rewards
+from core.report.terminal import show
 from core.report.tools import Tools, collect
 
 USAGE = (
     "usage: python -m core.report FOLDER [FOLDER ...] [output=DIR] [formats=[png,svg]] [confidence=0.95] "
-    "[resamples=10000]; a folder is a run's, or holds runs, as a multirun's does"
+    "[resamples=10000]; FOLDER, or runs=FOLDER, is a run's or holds runs, as a multirun's does"
 )
 DATA = "data"  # the folder of tables and figures, beside the page
 
@@ -104,16 +104,6 @@ def page(
 
 def _several(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
-
-
-def show(results: Results) -> None:
-    """Print the rewards as a table."""
-    import rich.console
-
-    console = rich.console.Console(file=sys.stdout)
-    for table in (short_rewards(results), short_left_out(results)):
-        if table.rows:
-            console.print(rich_table(table))
 
 
 def main() -> None:

@@ -1,8 +1,9 @@
-"""What a multirun came to, told when its last job has ended: a callback of Hydra's, whatever launched the jobs."""
+"""The summary of a multirun, printed when its last job has ended: a callback of Hydra's, for every launcher."""
 
 from __future__ import annotations
 
 import shlex
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,29 +14,24 @@ from core.errors import UserError
 
 
 class SweepSummary(Callback):  # type: ignore[misc]
-    """Writes to standard error: rewards by task and method, the runs that don't count, and how to look further."""
+    """Prints rewards by task and method, the runs that don't count, and the commands to look further, to standard
+    error.
+    """
 
     def on_multirun_end(self, config: DictConfig, **_: Any) -> None:
-        # Every start of the program makes one of these; what it takes to read runs is loaded when there are some.
-        import rich.console
-
+        # Hydra makes this object at every start; the modules that read runs are imported only after a multirun.
         from core.report.results import Results
         from core.report.runs import find_runs
-        from core.report.terminal import rich_table, short_left_out, short_rewards
+        from core.report.terminal import show
 
         folder = Path(config.hydra.sweep.dir)
         try:
             finished, left_out = find_runs([folder])
         except UserError:
-            return  # not one job came as far as a folder; each said why
-        console = rich.console.Console(stderr=True)
-        results = Results(tuple(finished), tuple(left_out))
-        for table in (short_rewards(results), short_left_out(results)):
-            if table.rows:
-                console.print(rich_table(table))
+            return  # no job made a folder; each has said why
+        show(Results(tuple(finished), tuple(left_out)), sys.stderr)
         names = ["core.report", "core.gallery"] if finished else []
         if any("recording" in run.recordings() for run in finished):
             names.append("core.view")
         for name in names:
-            line = f"python -m {name} {shlex.quote(str(folder))}"
-            console.print(line, highlight=False, markup=False, soft_wrap=True)
+            sys.stderr.write(f"python -m {name} {shlex.quote(str(folder))}\n")

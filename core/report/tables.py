@@ -378,9 +378,9 @@ def printed(cell: Cell, column: Column) -> str:
             return number(cell, column.digits or 0)
 
 
-def number(value: float, digits: int) -> str:
-    """With ``digits`` after the point; a value just below 1 stays below it."""
-    if not math.isfinite(value):
+def number(value: float | None, digits: int) -> str:
+    """``value`` with ``digits`` after the point; a value just below 1 stays below it."""
+    if value is None or not math.isfinite(value):
         return "–"
     text = f"{value:.{digits}f}"
     if digits and value < 1 and float(text) >= 1:

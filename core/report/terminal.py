@@ -1,49 +1,29 @@
-"""Tables for the terminal: few columns, nothing cut off."""
+"""Results as lines for the terminal."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import sys
+from typing import TextIO
 
+from core.cli import print_table
 from core.report.results import Results
+from core.report.runs import short
 from core.report.statistics import deviation, mean
-from core.report.tables import Column, Table, printed
-
-if TYPE_CHECKING:
-    import rich.table
+from core.report.tables import number
 
 
-def short_rewards(results: Results) -> Table:
-    """Best, average and spread, by task and method."""
-    columns = (
-        *(Column("task"), Column("method"), Column("runs", 0), Column("best", 3), Column("average", 3)),
-        *(Column("s.d.", 3), Column("distance m", 2)),
-    )
+def show(results: Results, file: TextIO | None = None) -> None:
+    """Print best, average and standard deviation by task and method, and a line for each run that is not counted."""
+    file = sys.stdout if file is None else file
+    numbers = ("runs", "best", "average", "s.d.", "distance m")
     rows = [
         (
-            *(g.task, g.method, len(g.runs), g.best.best.reward, mean(g.rewards), deviation(g.rewards)),
-            g.best.best.distance_m,
+            *(g.task, g.method, str(len(g.runs)), number(g.best.best.reward, 3), number(mean(g.rewards), 3)),
+            *(number(deviation(g.rewards), 3), number(g.best.best.distance_m, 2)),
         )
         for g in results.groups
     ]
-    return Table("rewards", "Rewards", columns, tuple(rows))
-
-
-def short_left_out(results: Results) -> Table:
-    """Runs that are not counted."""
-    columns = (Column("not counted"), Column("reason"), Column("folder"))
-    rows = [(run.status, run.reason, str(run.folder)) for run in results.left_out]
-    return Table("left_out", "", columns, tuple(rows))
-
-
-def rich_table(table: Table) -> rich.table.Table:
-    """A table for a rich console; texts are printed as they are, markup and all, without control characters."""
-    import rich.table
-    import rich.text
-
-    made = rich.table.Table(box=None, header_style="bold")
-    for column in table.columns:
-        made.add_column(column.name, justify="left" if column.digits is None else "right", overflow="fold")
-    for row in table.rows:
-        cells = (printed(cell, column) for cell, column in zip(row, table.columns, strict=True))
-        made.add_row(*(rich.text.Text(cell) for cell in cells))
-    return made
+    if rows:
+        print_table(("task", "method", *numbers), rows, numbers, file)
+    for run in results.left_out:
+        file.write(f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}\n")

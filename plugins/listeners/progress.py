@@ -1,4 +1,4 @@
-"""Tells a person at the terminal how a run goes: a bar that moves, and a line per generation."""
+"""The ``progress`` listener: prints a progress bar and a line per generation."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ class ProgressListener:
         self._population = run.budget.population
         generations = run.budget.n_iteration + 1
         names = " ".join(f"{kind}={name}" for kind, name in run.parts.items())
-        self._console.print(f"[bold]{names}[/] seed={run.seed}", highlight=False)
-        self._console.print(f"model: {run.model}", highlight=False, markup=False)
-        self._console.print(f"{generations} generations of {self._population} candidates", highlight=False)
-        self._console.print(f"folder: {run.folder}", highlight=False, markup=False)
+        self._print(f"{names} seed={run.seed}", style="bold")
+        self._print(f"model: {run.model}")
+        self._print(f"{generations} generations of {self._population} candidates")
+        self._print(f"folder: {run.folder}")
 
     @hookimpl
     def generation_started(self, index: int) -> None:
@@ -73,18 +73,21 @@ class ProgressListener:
         for status in ("rejected", "failed"):
             if generation.count(status):
                 counts += f", {generation.count(status)} {status}"
-        self._console.print(f"generation {generation.index}  {rewards}  ({counts})", highlight=False)
+        self._print(f"generation {generation.index}  {rewards}  ({counts})")
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
         self._stop()
         rate = result.n_evaluations / result.wall_time_s
         took = f"{result.n_evaluations} rollouts in {result.wall_time_s:.0f} s, {rate:.1f} per second"
-        self._console.print(took, highlight=False)
+        self._print(took)
 
     @hookimpl
     def run_ended(self) -> None:
         self._stop()
+
+    def _print(self, line: str, style: str | None = None) -> None:
+        self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
 
     def _stop(self) -> None:
         if self._progress is not None:

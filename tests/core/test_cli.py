@@ -2,9 +2,11 @@
 
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -81,3 +83,47 @@ runpy.run_module({words[0]!r}, run_name="__main__", alter_sys=True)
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert "BringCube" in done.stdout
     assert (done.returncode, done.stderr) == (0, "")
+
+
+ROWS = [["OneBook", "tool=none and a long name of a method " * 3, "0.029 ± 0.012"], ["[b]x[/]\x1b[31m", "", "1"]]
+
+
+def test_a_table_in_a_pipe_has_a_line_per_row(capsys):
+    cli.print_table(["task", "method", "reward"], ROWS, ["reward"])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["task", "OneBook", "[b]x[/][31m"]
+    assert lines[1].endswith(f"{ROWS[0][1].strip()}  0.029 ± 0.012")
+    assert len(lines[2]) == len(lines[1])  # numbers end where the others do
+
+
+def test_a_table_on_a_terminal_folds_text_but_no_number(monkeypatch):
+    ours, terminal = os.openpty()
+    with os.fdopen(ours) as output, os.fdopen(terminal, "w") as file:
+        monkeypatch.setenv("COLUMNS", "40")
+        cli.print_table(["task", "method", "reward"], ROWS, ["reward"], file)
+        file.flush()
+        lines = [output.readline() for _ in range(8)]
+    text = "".join(lines)
+    assert "0.029 ± 0.012" in text
+    assert max(len(re.sub(r"\x1b\[[\d;]*m", "", line).rstrip()) for line in lines) <= 40
+
+
+@pytest.mark.parametrize(
+    ("words", "folders"),
+    [
+        (["here", "runs=a/b", "top=3"], ["here", "a/b"]),
+        (["run=a=b"], ["a=b"]),
+        (["runs=[a, 'b c']", "top=3"], ["a", "b c"]),
+    ],
+)
+def test_folders_are_given_as_they_are_or_as_runs(monkeypatch, words, folders):
+    monkeypatch.setattr(sys, "argv", ["report", *words])
+    assert cli.folders_and_overrides("usage: ") == ([Path(f) for f in folders], [w for w in words if w == "top=3"])
+
+
+def test_a_folder_that_is_there_is_one_with_any_name(tmp_path, monkeypatch):
+    (tmp_path / "seed=1").mkdir()
+    (tmp_path / "[x]").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["report", "seed=1", "runs=[x]"])
+    assert cli.folders_and_overrides("usage: ") == ([Path("seed=1"), Path("[x]")], [])

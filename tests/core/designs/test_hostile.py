@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from core.design import DesignError
 from core.designs.reading import parse_reply, read_designs
-from core.evaluate import show
 from core.plugins import installed
 from plugins.tools.urdf.representation import UrdfTools
 from tests.conftest import FUZZ_CASES
@@ -243,17 +242,3 @@ def test_any_reply_gives_sound_candidates_or_a_reason():
 
     check()
     assert sound_ones >= FUZZ_CASES // 10  # one in two has some
-
-
-def test_a_terminal_is_shown_no_control_sequences(capsys):
-    """A plugin's error may hold what a model wrote."""
-    reason = "\x1b]0;owned\x07\x1b[2J[bold]no[/bold] \u202egnp\x00\nnext"
-    show(
-        [
-            {**dict.fromkeys(("strategy", "plan", "reward"), 0), "distance_m": None, "ik_error_m": None}
-            | {"status": "failed", "reason": reason}
-        ]
-    )
-    shown = capsys.readouterr().out
-    assert "[bold]no" in shown  # as it stands, not as markup
-    assert all(character.isprintable() or character == "\n" for character in shown)

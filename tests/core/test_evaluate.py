@@ -1,0 +1,61 @@
+"""The table of rewards: no reason is folded or cut where standard output is no terminal, and a blocked arm is named."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from core.evaluate import STOPPED_RAD, show
+
+SOLUTION = Path(__file__).parents[1] / "tasks" / "solutions" / "BringCube.json"
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory):
+    """Records and lines of a plan that works, one that presses the tool into the table, and one out of reach."""
+    folder = tmp_path_factory.mktemp("evaluated")
+    good = json.loads(SOLUTION.read_text())["strategies"][0]
+    pressed = [*good["action_sets"][0], [0.255, 0.0, 0.2, 0.0, 0.0, 0.0]]
+    plans = [*good["action_sets"], pressed, [[9, 0, 0, 0, 0, 0]]]
+    (folder / "designs.json").write_text(json.dumps({"strategies": [good | {"action_sets": plans}]}))
+    words = ["task=BringCube", "sim=mujoco", "designs=designs.json", "output=rewards.json", "executor.workers=1"]
+    done = subprocess.run(
+        [sys.executable, "-m", "core.evaluate", *words], cwd=folder, capture_output=True, text=True, timeout=240
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads((folder / "rewards.json").read_text()), done.stdout.splitlines()
+
+
+def test_the_lag_is_shown_and_a_blocked_arm_is_named(evaluated):
+    records, lines = evaluated
+    free, pressed, far = records
+    assert 0 < free["tracking_error_rad"] < STOPPED_RAD < pressed["tracking_error_rad"]
+    assert far["tracking_error_rad"] is None
+    assert free["warnings"] == []
+    assert pressed["warnings"][-1].startswith("stopped or held back on its way: a joint of the arm fell ")
+    assert "lag rad" in lines[0]
+    assert lines[2].split() == ["0", "1", f"{pressed['reward']:.3f}", *lines[2].split()[3:5], *lag(pressed), "ok"]
+    assert f"strategy 0 plan 1: {pressed['warnings'][-1]}" in lines
+
+
+def lag(record):
+    return [f"{record['tracking_error_rad']:.3f}"]
+
+
+def test_a_reason_is_one_line(evaluated):
+    records, lines = evaluated
+    assert len(records[2]["reason"]) > 40
+    assert f"strategy 0 plan 2: {records[2]['reason']}" in lines
+
+
+def test_a_terminal_is_shown_no_control_sequences(capsys):
+    """A plugin's error may hold what a model wrote."""
+    reason = "\x1b]0;owned\x07\x1b[2J[bold]no[/bold] \u202egnp\x00\nnext"
+    figures = dict.fromkeys(("strategy", "plan", "reward"), 0)
+    unknown = dict.fromkeys(("distance_m", "ik_error_m", "tracking_error_rad"))
+    show([figures | unknown | {"status": "failed", "reason": reason, "warnings": []}])
+    shown = capsys.readouterr().out
+    assert "[bold]no" in shown  # as it stands, not as markup
+    assert all(character.isprintable() or character == "\n" for character in shown)
