@@ -99,7 +99,7 @@ def test_each_kind_of_block_is_looked_at():
         "paper.md": {"bibtex": 2},
         "plugins.md": {"python": 2, "toml": 1},
         "python.md": {"python": 2},
-        "running.md": {"python": 1},
+        "store.md": {"python": 1},
     }
 
 
@@ -168,7 +168,7 @@ def test_python_as_the_page_has_it(number, tmp_path):
 def test_a_store_is_read_as_the_page_has_it(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_run(Path("runs/BringCube/2026-01-31_12-00-00"), rewards=((0.2, None), (0.5, 0.7)))
-    exec(blocks(ROOT / "docs/running.md", "python")[0], {})
+    exec(blocks(ROOT / "docs/store.md", "python")[0], {})
     assert [line.split("  ")[1] for line in capsys.readouterr().out.splitlines()] == ["0.700", "0.500", "0.200"]
 
 

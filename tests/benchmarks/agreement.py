@@ -1,7 +1,7 @@
 """Do engines agree? ``python -m tests.benchmarks.agreement sims=pybullet,sapien designs=100 tasks=BringCube,OneBook``.
 
 For every task the same designs in every engine: the rank correlation of their rewards, and how many of the good ones
-stay good. Results are kept in ``folder`` and not measured again; ``page=docs/transfer.md`` writes the table there.
+stay good. Results are kept in ``folder`` and not measured again; ``page=docs/agreement.md`` writes the table there.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 For each task the same designs of the embedded designer fill more and more worlds. Reported are rollouts per second, the
 time to make a batch before its first step, memory, and whether `sim=mujoco` gives the same rewards. The result goes
-to ``output`` as JSON, and with ``page=docs/performance.md`` into the table there.
+to ``output`` as JSON, and with ``page=docs/performance_explained.md`` into the table there.
 ``device=cpu`` tries it out where there is no card.
 """
 

@@ -111,8 +111,8 @@ def test_a_table_goes_between_its_marks(tmp_path):
 
 
 def test_the_page_has_a_place_for_each_table():
-    text = (ROOT / "docs" / "transfer.md").read_text()
-    for name in ("agreement", "timestep pybullet"):
+    text = (ROOT / "docs" / "agreement.md").read_text()
+    for name in ("agreement", "timestep pybullet", "timestep mujoco"):
         assert text.index(f"<!-- {name} -->") < text.index(f"<!-- end of {name} -->")
 
 

@@ -2,7 +2,7 @@
 
 For every task the same designs at every time step: the rank correlation of their rewards with those at the shortest,
 and the cost of a rollout. Results are kept in ``folder`` and not measured again;
-``page=docs/transfer.md`` writes the table there.
+``page=docs/agreement.md`` writes the table there.
 """
 
 from __future__ import annotations

@@ -220,38 +220,29 @@ json_values = st.recursive(
     max_leaves=20,
 )
 strategies = st.fixed_dictionaries({}, optional={name: json_values | st.just(v) for name, v in STRATEGY.items()})
-changed = st.fixed_dictionaries({}, optional=dict.fromkeys(STRATEGY, json_values)).map(lambda some: STRATEGY | some)
 
 
-def test_any_document_gives_candidates_or_a_design_error():
-    found = {"candidates": 0, "problems": 0, "errors": 0}
-
-    @settings(max_examples=200, deadline=None)
-    @given(
-        json_values
-        | st.fixed_dictionaries({"strategies": json_values | st.lists(changed | strategies | json_values, max_size=4)})
-    )
-    def check(document):
-        try:
-            candidates = read_designs(document, Rod(), SPAWN)
-        except DesignError:
-            strategies = document.get("strategies") if isinstance(document, dict) else None
-            assert not isinstance(strategies, list) or not strategies
-            found["errors"] += 1
-            return
-        assert {c.strategy for c in candidates} == set(range(len(document["strategies"])))
-        assert len({c.key for c in candidates}) == len(candidates)
-        for candidate in candidates:
-            if candidate.problem is not None:
-                found["problems"] += 1
-                continue
-            found["candidates"] += 1
+@settings(max_examples=200, deadline=None)
+@given(
+    json_values | st.fixed_dictionaries({"strategies": json_values | st.lists(strategies | json_values, max_size=4)})
+)
+def test_any_document_gives_candidates_or_a_design_error(document):
+    try:
+        candidates = read_designs(document, Rod(), SPAWN)
+    except DesignError:
+        assert (
+            not isinstance(document, dict)
+            or not isinstance(document.get("strategies"), list)
+            or not document["strategies"]
+        )
+        return
+    assert {c.strategy for c in candidates} == set(range(len(document["strategies"])))
+    assert len({c.key for c in candidates}) == len(candidates)
+    for candidate in candidates:
+        if candidate.problem is None:
             assert candidate.tool is not None
             assert np.isfinite(candidate.plan).all()
             assert len(candidate.plan) > 0
-
-    check()
-    assert min(found.values()) > 0, found
 
 
 # --- replies ----------------------------------------------------------------------------------------------------

