@@ -87,6 +87,7 @@ def assert_same_run(one, other):
 # --- killed at any moment ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(tmp_path):
     command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(POINTS)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=1200)
@@ -126,6 +127,7 @@ def begin(toy, folder, **settings):
     return run(cfg, folder)
 
 
+@pytest.mark.slow
 def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(toy, whole, tmp_path, capsys):
     folder = tmp_path / "run"
     result = begin(toy, folder, vlm_limit=6)

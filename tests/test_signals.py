@@ -19,6 +19,8 @@ import pytest
 
 from tests.test_resume import assert_same_run
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 SMALL = [
     "task=BringCube",

@@ -9,6 +9,8 @@ import pytest
 from core.errors import UsageError, UserError
 from tests.benchmarks import golden
 
+pytestmark = pytest.mark.slow
+
 
 def call(monkeypatch, *words):
     monkeypatch.setattr(sys, "argv", ["", *words])

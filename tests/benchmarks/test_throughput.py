@@ -9,6 +9,8 @@ import pytest
 from core.errors import UsageError
 from tests.benchmarks import clocked, throughput
 
+pytestmark = pytest.mark.slow
+
 
 def measure(monkeypatch, *words):
     monkeypatch.setattr(sys, "argv", ["", *words])

@@ -46,6 +46,7 @@ def test_whoever_asks_again_need_not_wait(signals):
     assert signals["left"] == 130
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["core.plugins"], ["core.run", "--help"], ["core.evaluate", "--help"]], ids=" ".join)
 @pytest.mark.parametrize("buffering", [[], ["-u"]], ids=["buffered", "unbuffered"])
 def test_nobody_reads_the_output_any_more(words, buffering):

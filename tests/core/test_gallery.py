@@ -64,6 +64,7 @@ def test_files_for_the_printer(made):
     assert 0.01 < (picture[..., 3] > 0).mean() < 0.9
 
 
+@pytest.mark.slow
 def test_a_tools_design_can_be_tried_again(made, tmp_path):
     design = made[0] / "OneBook" / "1_short" / "design.json"
     words = ["task=OneBook", f"designs={design}", "output=again.json", "executor.workers=1"]
@@ -102,6 +103,7 @@ def test_nothing_to_show(tmp_path):
         gallery([tmp_path / "runs"], tmp_path / "out", 3, Printer())
 
 
+@pytest.mark.slow
 def test_the_page(made):
     out, _, _ = made
     text = (out / "index.html").read_text()
@@ -122,6 +124,7 @@ def test_the_page(made):
             assert (np.abs(pixels - pixels[5, 5]).sum(axis=-1) > 30).mean() > 0.01
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path):
     write_run(tmp_path / "run", rewards=[[0.25]], tools=[hook(0.1, "[bold]rod[/]")])
     done = subprocess.run(

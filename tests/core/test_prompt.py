@@ -74,6 +74,7 @@ def test_every_use(use, idea):
     assert plan["items"]["minItems"] == numbers
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kinds", ["rigid", "gripper"])
 def test_evolution_shows_what_the_designs_earned(designs, kinds):
     request = composed("prompt=evolve", f"designs={designs}", f"task.tool_kinds=[{kinds}]")
@@ -86,6 +87,7 @@ def test_evolution_shows_what_the_designs_earned(designs, kinds):
     assert ("of the other kind" in text_of(request)) == (kinds == "gripper")
 
 
+@pytest.mark.slow
 def test_elites_are_at_most_k_top_and_may_be_drawn(designs):
     request = composed(f"designs={designs}", "budget.k_top=1", "prompt.feedback=full")
     assert [elite.candidate.id for elite in request.brief.elites] == ["g0-a0-s1-p1"]
@@ -94,6 +96,7 @@ def test_elites_are_at_most_k_top_and_may_be_drawn(designs):
     assert '"lag_rad"' in text_of(request)
 
 
+@pytest.mark.slow
 def test_the_stages_of_a_rollout_differ(designs, tmp_path):
     request = composed(f"designs={designs}", "budget.k_top=1", "prompt.feedback=full")
     (tmp_path / "elite.png").write_bytes(request.messages[-1].parts[-1].png)
@@ -121,6 +124,7 @@ def test_mistakes(overrides, reason):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -138,6 +142,7 @@ def test_designs_that_make_no_elites(change, reason, tmp_path):
         composed(f"designs={file}")
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_would_be_sent(tmp_path):
     words = ["task=OneBook", "vlm=litellm", "vlm.model=openai/gpt-4.1", "output=there", "budget.n_tool=2", "agent=3"]
     done = subprocess.run(
@@ -170,6 +175,7 @@ def test_without_a_language_model_tokens_are_estimated_from_the_length(monkeypat
     assert "rule of thumb: 3 characters to a token, 800 tokens to a picture" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_an_output_that_can_not_be_written(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(sys, "argv", ["prompt", "task=OneBook", f"output={tmp_path / 'file'}"])
@@ -177,6 +183,7 @@ def test_an_output_that_can_not_be_written(monkeypatch, tmp_path):
         main()
 
 
+@pytest.mark.slow
 def test_a_run_shows_its_elites_as_pictures_and_keeps_them(tmp_path):
     small = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1"]
     told = ["prompt.feedback=full", "budget.reward_save=-1", "film=false", "listener={}", "executor.workers=1"]

@@ -169,6 +169,7 @@ def outward(net):
     return np.where(size == size.min(), np.sign(net.pose.position - (0.0, 0.0, HEIGHT / 2)), 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("net", NETS, ids=["behind", "above", "right", "left"])
 def test_no_shot_gets_through_the_net_with_the_flat_side_ahead(net):
     """The puck is thinnest that way. At each speed another of its steps meets the net."""
@@ -182,6 +183,7 @@ def test_no_shot_gets_through_the_net_with_the_flat_side_ahead(net):
 SHARES, SPEEDS, TURNS = st.floats(-0.85, 0.85), st.floats(2.0, 8.0), st.floats(-np.pi, np.pi)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(
     net=st.sampled_from(NETS),
@@ -200,6 +202,7 @@ def test_no_shot_gets_through_the_net(net, at, mouth, aside, speed, rpy):
     assert not through_nets(flight(aim, direction, speed, rpy))
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(
     bar=st.sampled_from(BARS), at=SHARES, aside=st.tuples(*[st.floats(-1.0, 1.0)] * 3), speed=SPEEDS, lies=st.booleans()

@@ -85,6 +85,7 @@ def test_the_layout_follows_the_seed() -> None:
     assert not np.array_equal(layouts[0], layouts[2])
 
 
+@pytest.mark.slow
 def test_the_columns_stand_still() -> None:
     """Stacks on stacks are what a contact solver is worst at."""
     still = JointTrajectory(np.zeros(1), arm().home_for(TASK.home)[None], np.array([FINGER_OPEN]))

@@ -16,6 +16,8 @@ from core.robot.trajectory import plan_motion
 from core.scene import Scene, floor, table
 from tests.engines import every_simulator, simulator
 
+pytestmark = pytest.mark.slow
+
 THICK, LONG = 0.012, 0.3
 ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -LONG / 2])), Box((THICK, THICK, LONG))),))
 STAND = np.array([0.55, 0.0])  # where the hollow thing is put, within reach

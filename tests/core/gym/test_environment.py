@@ -39,6 +39,7 @@ def test_tasks_of_other_distributions_have_a_namespace_of_their_own(monkeypatch)
     assert set(gymnasium.envs.registration.registry) == {"my-tasks/MoveBall2-v0", "vlmgineer/odd-name-v0"}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*observation space m..imum value")  # bodies may be flung anywhere
 @pytest.mark.parametrize("task", installed().names("task"))
 def test_gymnasiums_checker_passes(task):

@@ -11,6 +11,8 @@ from core.report.statistics import Resampling
 from tests.core.browser import complaints, opened, requests, screenshot
 from tests.core.run_folders import hook, write_run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):

@@ -94,6 +94,7 @@ def test_no_chunks_start_no_process():
         assert time.monotonic() - began < 0.1
 
 
+@pytest.mark.slow
 def test_what_befalls_a_chunk_befalls_no_other():
     chunks = [["a"], ["raise"], ["b"], ["exit"], ["c"], ["kill"], ["d"], ["hang"], ["e"]]
     with executor(workers=2, timeout_s=3.0) as pool:
@@ -192,6 +193,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_workers_do_not_outlive_a_process_that_was_killed(tmp_path):
     (tmp_path / "parent.py").write_text(PARENT)
     parent = subprocess.Popen([sys.executable, tmp_path / "parent.py"], stdout=subprocess.PIPE, text=True)
@@ -286,6 +288,7 @@ def test_what_others_left_in_a_worker_is_no_chunks_fault():
     assert max(results) < 600
 
 
+@pytest.mark.slow
 def test_the_candidates_of_a_chunk_have_as_long_as_one():
     with executor(workers=1, timeout_s=2.0) as pool:
         hangs, more = [5.0] + [0.0] * (CHUNK - 1), [0.25] * (CHUNK + 1)

@@ -17,6 +17,8 @@ from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator, Part
 from tests.benchmarks.throughput import designs
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("ray", reason="executor=ray is an extra: pip install 'ray>=2.40'")
 
 

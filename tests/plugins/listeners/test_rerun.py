@@ -348,6 +348,7 @@ print("the run goes on")
 """
 
 
+@pytest.mark.slow
 def test_a_full_disk(tmp_path):
     words = [sys.executable, "-c", FULL_DISK, str(tmp_path)]
     quiet = os.environ | {"RUST_LOG": "off"}

@@ -124,6 +124,7 @@ def swept(tmp_path_factory):
     return folder, done
 
 
+@pytest.mark.slow
 def test_a_multirun_says_at_its_end_what_it_came_to(swept):
     folder, done = swept
     told = [json.loads((path / "result.json").read_text()) for path in (folder / "multirun" / "of it").glob("*/")]
@@ -135,6 +136,7 @@ def test_a_multirun_says_at_its_end_what_it_came_to(swept):
     assert commands == ["python -m core.report 'multirun/of it'", "python -m core.gallery 'multirun/of it'"]
 
 
+@pytest.mark.slow
 def test_the_commands_it_names_work(swept):
     folder, _ = swept
     done = call(folder, "core.run", *TINY, "seed=0", 'hydra.run.dir="runs/a=b, c"')
@@ -149,6 +151,7 @@ def test_the_commands_it_names_work(swept):
     assert (folder / "gallery" / "index.html").exists()
 
 
+@pytest.mark.slow
 def test_a_multirun_whose_jobs_all_fail_says_why_and_nothing_else(tmp_path):
     done = call(tmp_path, "core.run", "-m", *TINY, "seed=-1,-2")
     assert done.returncode == 2

@@ -19,6 +19,7 @@ def test_simulator(engine, check):
     check(simulator(engine))
 
 
+@pytest.mark.slow
 @every_simulator
 def test_same_bits_in_every_process_and_simulator(engine):
     first = digest(simulator(engine))

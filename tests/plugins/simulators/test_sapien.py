@@ -235,6 +235,7 @@ def call(arguments, folder, missing):
 SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0", "executor.workers=2"]
 
 
+@pytest.mark.slow
 def test_without_pybullet_it_runs_headless(tmp_path):
     done = call(["core.run", "sim=sapien", *SMALL, "hydra.run.dir=out"], tmp_path, "pybullet")
     assert done.returncode == 0, done.stderr
@@ -248,6 +249,7 @@ def test_without_pybullet_it_runs_headless(tmp_path):
     assert "sim=pybullet needs PyBullet: pip install pybullet" in missing.stderr
 
 
+@pytest.mark.slow
 def test_without_sapien_pybullet_runs(tmp_path):
     pytest.importorskip("pybullet")
     done = call(["core.run", *SMALL, "hydra.run.dir=out", "film=false"], tmp_path, "sapien")
@@ -258,6 +260,7 @@ def test_without_sapien_pybullet_runs(tmp_path):
     assert "sim=sapien needs SAPIEN: pip install 'sapien" in missing.stderr
 
 
+@pytest.mark.slow
 def test_render_says_who_drew(tmp_path):
     pytest.importorskip("pybullet")
     done = call(["core.render", "sim=sapien", "width=32", "height=24"], tmp_path, "none_of_it")
