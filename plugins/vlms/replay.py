@@ -1,4 +1,4 @@
-"""A past run's replies once more: other simulators or settings on the same designs, at no cost."""
+"""Replay a past run's replies, to try the same designs in another simulator or with other settings, at no cost."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def vlms() -> Mapping[str, Callable[..., VLM]]:
 
 
 class Replay(VLM):
-    """Answers each request as the request of the same generation and agent was answered in a past run.
+    """Answers each request with the past run's reply to the request of the same generation and agent.
 
-    With other elites, as another simulator may choose them, later generations' replies don't know of them; the designs
-    are tried all the same.
+    Another simulator may choose other elites. The replies of later generations still refer to the past run's elites,
+    and their designs are tried all the same.
 
     Args:
         run: the past run's folder.

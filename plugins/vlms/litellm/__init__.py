@@ -1,4 +1,4 @@
-"""Language models, reached through LiteLLM, which is imported when one is made, since that takes seconds."""
+"""Language models through LiteLLM, which is imported only when a model is created, because that takes seconds."""
 
 from collections.abc import Mapping
 
@@ -15,4 +15,4 @@ _NAMES = {
 
 @hookimpl
 def vlms() -> Mapping[str, str]:
-    return {name: f"plugins.vlms.litellm.model:{of}" for name, of in _NAMES.items()}
+    return {name: f"plugins.vlms.litellm.model:{cls}" for name, cls in _NAMES.items()}

@@ -1,7 +1,7 @@
-"""Replies that were paid for once, on disk, by the whole request: the same request is not sent again.
+"""Cache replies on disk, so that the same request is not sent and paid for twice.
 
-An entry is a JSON file that appears whole or not at all, so that any number of processes may share a folder and be
-killed at any time. One that can't be read counts as not there.
+An entry is a JSON file that is written atomically: any number of processes may share a folder and be killed at any
+time. An entry that can't be read counts as missing.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from core.errors import UserError
 from core.interfaces import Reply, Request
 from plugins.vlms.litellm.client import render
 
-_VERSION = 1  # of what a key is made of, and of an entry
+_VERSION = 1  # of keys and entries
 
 _log = logging.getLogger(__name__)
 
@@ -29,15 +29,15 @@ _log = logging.getLogger(__name__)
 class Cache:
     """Replies under ``folder``; None: ``vlmgineer/replies`` in the user's cache folder.
 
-    ``asked`` is what a reply depends on besides the request, such as the model and the server's address.
+    ``settings`` are what a reply depends on apart from the request, such as the model and the server's address.
 
     Raises:
         UserError: the folder can't be made.
     """
 
-    def __init__(self, folder: str | None, asked: dict[str, Any]) -> None:
+    def __init__(self, folder: str | None, settings: dict[str, Any]) -> None:
         self.folder = Path(folder) if folder else _users_folder()
-        self._asked = asked
+        self._settings = settings
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -46,24 +46,24 @@ class Cache:
             ) from error
 
     def file(self, request: Request) -> Path:
-        """Where the reply to a request is, or would be."""
-        whole = {
+        """The path of the entry for a request, whether it exists or not."""
+        content = {
             "version": _VERSION,
-            **self._asked,
+            **self._settings,
             "messages": render(request.messages),
             "schema": request.schema,
             "temperature": request.temperature,
             "seed": request.brief.seed,
         }
-        key = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
+        key = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
         return self.folder / key[:2] / f"{key}.json"
 
     def get(self, request: Request) -> Reply | None:
-        """The reply that was kept, at no cost now; None: there is none."""
+        """The cached reply, at no cost; None: there is none."""
         try:
-            kept = json.loads(self.file(request).read_text(encoding="utf-8"))
-            text, model = kept["text"], kept["model"]
-            tokens = kept["prompt_tokens"], kept["completion_tokens"]
+            entry = json.loads(self.file(request).read_text(encoding="utf-8"))
+            text, model = entry["text"], entry["model"]
+            tokens = entry["prompt_tokens"], entry["completion_tokens"]
         except (OSError, ValueError, TypeError, KeyError, RecursionError):
             return None
         if not (isinstance(text, str) and isinstance(model, str)):
@@ -73,7 +73,7 @@ class Cache:
         return Reply(request.id, text, model, None, *tokens, cost_usd=0.0)
 
     def put(self, request: Request, reply: Reply) -> None:
-        """Keep a reply that is no error."""
+        """Write a reply that is not an error."""
         file = self.file(request)
         entry = {
             "text": reply.text,
@@ -85,7 +85,7 @@ class Cache:
         try:
             _write(file, json.dumps(entry))
         except OSError as error:  # the run has the reply all the same
-            _log.warning("the reply to %s can't be kept in %s: %s", request.id, file.parent, error.strerror)
+            _log.warning("the reply to %s can't be cached in %s: %s", request.id, file.parent, error.strerror)
 
 
 def _users_folder() -> Path:

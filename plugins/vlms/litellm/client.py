@@ -1,4 +1,4 @@
-"""One call through LiteLLM: what it takes, what it sends, what comes back. Retries and limits are not its business."""
+"""Make one call through LiteLLM: settings, request, answer. Retries and limits are in `plugins.vlms.litellm.model`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from core.interfaces import Estimate, Message, Picture, Request
 
 _log = logging.getLogger(__name__)
 
-# Servers of one's own, which hold any model to a schema, and whose answers have no price.
+# Servers on the user's machines: they enforce a schema with any model, and their answers have no price.
 _LOCAL = ("ollama", "ollama_chat", "hosted_vllm", "lm_studio", "llamafile")
 
 # Read by LiteLLM when it is imported: its tables come from the package, not from the network, and no .env file is read.
@@ -31,9 +31,7 @@ _AT_IMPORT = {
 
 @dataclass(frozen=True)
 class Answer:
-    """What a model said and why it stopped ("stop", "length", "content_filter"...). Numbers that nobody knows are
-    None.
-    """
+    """A model's text, and why it stopped ("stop", "length", "content_filter"...). Unknown numbers are None."""
 
     text: str
     model: str
@@ -66,10 +64,10 @@ def estimate(request: Request, model: str) -> Estimate:
 
 
 def _price(litellm: ModuleType, model: str) -> tuple[float, float] | None:
-    """US dollars per token in and out; None: nobody knows."""
+    """US dollars per token in and out; None: unknown."""
     try:
         info = litellm.get_model_info(model)
-    except Exception:  # a model that the list does not have; the class of the error varies
+    except Exception:  # a model that is not in the list; the class of the error varies
         return None
     prices = info.get("input_cost_per_token"), info.get("output_cost_per_token")
     return (float(prices[0]), float(prices[1])) if prices[0] and prices[1] else None
@@ -101,43 +99,43 @@ class Client:
         if missing and api_base is None:
             raise UserError(f"vlm.model={model} needs an API key; set the environment variable {' or '.join(missing)}")
         if missing:
-            self._settings["api_key"] = "none"  # clients refuse to call without one, servers of one's own don't care
+            self._settings["api_key"] = "none"  # clients refuse to call without a key, local servers ignore it
         self._price = None if self._provider in _LOCAL else _price(self._litellm, model)
         self._schema_lock = threading.Lock()
-        self._takes = {"temperature": self._accepts(temperature=0.7), "seed": self._accepts(seed=1)}
-        self._takes["response_format"] = self._provider in _LOCAL or bool(
+        self._accepted = {"temperature": self._accepts(temperature=0.7), "seed": self._accepts(seed=1)}
+        self._accepted["response_format"] = self._provider in _LOCAL or bool(
             self._litellm.supports_response_schema(model=model)
         )
-        left_out = [name for name, taken in self._takes.items() if not taken]
+        left_out = [name for name, accepted in self._accepted.items() if not accepted]
         if left_out:
             _log.warning(
-                "%s takes no %s: left out of its requests",
+                "%s accepts no %s: left out of its requests",
                 model,
                 ", no ".join(left_out).replace("response_format", "JSON schema"),
             )
 
     @property
     def priced(self) -> bool:
-        """Whether anybody knows what a call costs."""
+        """Whether the price of a call is known."""
         return self._price is not None
 
     def spent(self, request: Request, answer: Answer) -> tuple[int, float]:
-        """Tokens and US dollars that an answer took: what it says itself, else counted; 0 dollars without a price."""
-        asked, said = answer.prompt_tokens, answer.completion_tokens
-        if asked is None:
-            asked = int(self._litellm.token_counter(model=self.model, messages=render(request.messages)))
-        if said is None:
-            said = int(self._litellm.token_counter(model=self.model, text=answer.text))
+        """Tokens and US dollars of a call: as the answer reports them, otherwise counted; 0 dollars without a price."""
+        prompt, completion = answer.prompt_tokens, answer.completion_tokens
+        if prompt is None:
+            prompt = int(self._litellm.token_counter(model=self.model, messages=render(request.messages)))
+        if completion is None:
+            completion = int(self._litellm.token_counter(model=self.model, text=answer.text))
         if answer.cost_usd is not None:
-            return asked + said, answer.cost_usd
+            return prompt + completion, answer.cost_usd
         per_prompt_token, per_completion_token = self._price or (0.0, 0.0)
-        return asked + said, asked * per_prompt_token + said * per_completion_token
+        return prompt + completion, prompt * per_prompt_token + completion * per_completion_token
 
     def _missing_keys(self) -> list[str]:
-        """The environment variables of which one must hold the key, if none does."""
+        """The environment variables of which one must hold the key; empty: one does, or no key is needed."""
         if self._provider in _LOCAL:
             return []
-        # Other credentials (AWS, Google Cloud) may be in files that only the provider's own library knows.
+        # Other credentials (AWS, Google Cloud) may be in files that only the provider's own library reads.
         missing = self._litellm.validate_environment(self.model)["missing_keys"]
         return sorted(name for name in missing if name.endswith("_API_KEY"))
 
@@ -151,28 +149,28 @@ class Client:
         return True
 
     def ask(self, request: Request) -> Answer:
-        """One call, one answer. A schema that the provider refuses is left out from then on: the prompt tells it too.
+        """Make one call. A schema that the provider refuses is left out from then on: the prompt holds it too.
 
         Raises:
-            Exception: whatever LiteLLM raises.
+            Exception: any error of LiteLLM's.
         """
-        with_schema = self._takes["response_format"]
+        with_schema = self._accepted["response_format"]
         try:
             return self._call(request, with_schema)
         except self._litellm.BadRequestError as error:
             if not (with_schema and _is_about_schema(str(error))):
                 raise
         with self._schema_lock:
-            if self._takes["response_format"]:
-                self._takes["response_format"] = False
+            if self._accepted["response_format"]:
+                self._accepted["response_format"] = False
                 _log.warning("%s refused the JSON schema of the answer: left out of its requests", self.model)
         return self._call(request, False)
 
     def _call(self, request: Request, with_schema: bool) -> Answer:
         settings = dict(self._settings)
-        if self._takes["temperature"]:
-            settings["temperature"] = min(request.temperature, self._hottest())
-        if self._takes["seed"]:
+        if self._accepted["temperature"]:
+            settings["temperature"] = min(request.temperature, self._max_temperature())
+        if self._accepted["seed"]:
             settings["seed"] = request.brief.seed
         if with_schema:
             settings["response_format"] = {
@@ -193,22 +191,22 @@ class Client:
             cost_usd=self._cost(response),
         )
 
-    def _hottest(self) -> float:
-        """The highest temperature that the provider takes."""
+    def _max_temperature(self) -> float:
+        """The highest temperature that the provider accepts."""
         return 1.0 if self._provider == "anthropic" or "claude" in self._bare else 2.0
 
     def _cost(self, response: Any) -> float | None:
-        """In US dollars, from the price list that comes with LiteLLM, which has 0 where it knows no price."""
+        """US dollars, by LiteLLM's price list, which has 0 for an unknown price; None: unknown."""
         if self._provider in _LOCAL:
             return None
         try:
             return float(self._litellm.completion_cost(completion_response=response, model=self.model)) or None
-        except Exception:  # a model that the list does not have; the class of the error varies
+        except Exception:  # a model that is not in the list; the class of the error varies
             return None
 
 
 def render(messages: Sequence[Message]) -> list[dict[str, Any]]:
-    """Messages as LiteLLM takes them: one text where there is no picture, else parts; pictures are data URLs."""
+    """Messages in LiteLLM's form: one text if there is no picture, otherwise parts; pictures are data URLs."""
     return [{"role": message.role, "content": _content(message)} for message in messages]
 
 
@@ -226,10 +224,10 @@ def _content(message: Message) -> str | list[dict[str, Any]]:
 
 
 def writable(text: str) -> str:
-    """``text`` with question marks for halves of surrogate pairs, which JSON can carry and files can't."""
+    """``text`` with a question mark for each lone surrogate, which JSON can hold but a UTF-8 file can't."""
     return text.encode("utf-8", "replace").decode("utf-8")
 
 
 def _is_about_schema(message: str) -> bool:
-    told = message.lower()
-    return any(word in told for word in ("schema", "response_format", "output_format", "too many states"))
+    text = message.lower()
+    return any(word in text for word in ("schema", "response_format", "output_format", "too many states"))

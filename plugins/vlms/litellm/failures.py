@@ -1,4 +1,4 @@
-"""What to do when a call fails: how long to wait before another try, what to say, and how to keep keys out of it."""
+"""Handle a failed call: the wait before the next try, and a message without keys."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from urllib.parse import quote
 T = TypeVar("T")
 
 FIRST_WAIT_S = 1.0
-LONGEST_WAIT_S = 60.0
-PATIENCE_S = 300.0  # a server that wants a longer wait than this means a quota for the day
-LONGEST_MESSAGE = 400
+MAX_WAIT_S = 60.0
+MAX_REQUESTED_WAIT_S = 300.0  # a server that requests a longer wait means a daily quota
+MAX_MESSAGE = 400
 
 _SECRET = ("_API_KEY", "_ACCESS_KEY", "_ACCESS_KEY_ID", "_TOKEN", "_SECRET", "_PASSWORD")
 
 
 class TimedOut(Exception):
-    """A call took longer than it may."""
+    """A call exceeded its time limit."""
 
 
 def within(seconds: float, call: Callable[[], T]) -> T:
-    """The result of ``call``, in a thread that is abandoned when it takes longer.
+    """Run ``call`` in a thread, and abandon the thread when it takes longer.
 
-    A client's own time-out starts anew with each byte that a server drips; this one does not.
+    A client's own time-out restarts with each byte that a server sends; this one does not.
 
     Raises:
         TimedOut: it took longer.
-        Exception: what ``call`` raised.
+        Exception: an error of ``call``.
     """
     results: queue.SimpleQueue[tuple[T, None] | tuple[None, Exception]] = queue.SimpleQueue()
 
@@ -55,36 +55,36 @@ def within(seconds: float, call: Callable[[], T]) -> T:
 
 
 def pause(error: Exception, tries: int) -> float | None:
-    """Seconds to wait before the next try after ``tries``; None: another try would fare no better."""
+    """Seconds to wait before the next try after ``tries``; None: another try would fail too."""
     status = _status(error)
     if not isinstance(error, TimedOut) and status not in (408, 429) and status < 500:
         return None
     if "insufficient_quota" in str(error):
         return None
-    asked = _retry_after(error)
-    if asked is not None:
-        return asked if asked <= PATIENCE_S else None
-    # PerturbationRange out, so that agents that were refused together do not come back together.
-    return min(LONGEST_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries - 1, 10)) * random.uniform(0.75, 1.25)  # noqa: S311
+    requested = _retry_after(error)
+    if requested is not None:
+        return requested if requested <= MAX_REQUESTED_WAIT_S else None
+    # At random, so that agents that were refused together do not retry together.
+    return min(MAX_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries - 1, 10)) * random.uniform(0.75, 1.25)  # noqa: S311
 
 
 def _status(error: Exception) -> int:
-    """The HTTP status, or what LiteLLM puts in its place (500 for a broken connection); 0: none."""
+    """The HTTP status, or LiteLLM's substitute (500 for a broken connection); 0: none."""
     status = getattr(error, "status_code", 0)
     return int(status) if isinstance(status, int | str) and str(status).isdigit() else 0
 
 
 def _retry_after(error: Exception) -> float | None:
-    """Seconds that the server asks to wait: in a header, as seconds or a date, or in the body, as Google does."""
+    """The wait that the server requests, in seconds: from a header (seconds or a date), or from the body (Google)."""
     headers = getattr(error, "litellm_response_headers", None)
     if headers is None:
         headers = getattr(getattr(error, "response", None), "headers", None)
-    told = str((headers or {}).get("retry-after", "")).strip()
-    if re.fullmatch(r"\d+(\.\d+)?", told):
-        return float(told)
-    if told:
+    header = str((headers or {}).get("retry-after", "")).strip()
+    if re.fullmatch(r"\d+(\.\d+)?", header):
+        return float(header)
+    if header:
         try:
-            return max(0.0, (parsedate_to_datetime(told) - datetime.now(UTC)).total_seconds())
+            return max(0.0, (parsedate_to_datetime(header) - datetime.now(UTC)).total_seconds())
         except (ValueError, TypeError):
             return None
     body = re.search(r'"retryDelay":\s*"(\d+(?:\.\d+)?)s"', str(error))
@@ -98,7 +98,7 @@ def explain(error: Exception) -> str:
         name = f"{type(error).__name__}: "
         text = name + text.replace("litellm.", "").replace(name, "")
     text = "".join(character for character in " ".join(text.split()) if character.isprintable())
-    return text if len(text) <= LONGEST_MESSAGE else text[: LONGEST_MESSAGE - 3] + "..."
+    return text if len(text) <= MAX_MESSAGE else text[: MAX_MESSAGE - 3] + "..."
 
 
 def scrub(text: str) -> str:

@@ -1,4 +1,4 @@
-"""A language model behind an API: all requests at once, within limits; a call that fails is tried again, then told."""
+"""A language model behind an API: sends requests in parallel, within limits, and retries failed calls."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ class LanguageModel(VLM):
     """Asks a model through LiteLLM.
 
     Args:
-        model: as LiteLLM writes it, ``provider/model``.
+        model: in LiteLLM's notation, ``provider/model``.
         api_base: address of the server; None: the provider's own.
         concurrency: calls that may wait for an answer at the same time.
         requests_per_minute: calls that may begin in a minute, evenly spaced; None: no limit.
-        timeout_s: a call that takes longer is given up, whatever the server does.
-        retries: how often a call is tried again after a rate limit, a fault of the server or of the network.
-        max_output_tokens: of an answer, thinking included; None: what the provider allows.
-        max_cost_usd: when calls have cost as much, no further one is made; None: no limit.
-        max_tokens_total: the same for tokens, of prompts and answers together.
-        cache: keep replies, and don't send a request again whose reply is kept.
-        cache_dir: where; None: ``vlmgineer/replies`` in the user's cache folder.
+        timeout_s: a call that takes longer is abandoned.
+        retries: how often a call is repeated after a rate limit, a server error, a network error or a time-out.
+        max_output_tokens: of an answer, thinking included; None: the provider's maximum.
+        max_cost_usd: no further call is made once calls have cost this much; None: no limit.
+        max_tokens_total: no further call is made once prompts and answers together have this many tokens; None: no
+            limit.
+        cache: keep replies on disk, and reuse them for equal requests.
+        cache_dir: folder of the cache; None: ``vlmgineer/replies`` in the user's cache folder.
 
     Raises:
-        UserError: LiteLLM does not know the provider, or finds no API key; a limit of cost without a price; a cache
+        UserError: LiteLLM does not know the provider, or finds no API key; a cost limit without a known price; a cache
             folder that can't be made.
     """
 
@@ -56,7 +57,7 @@ class LanguageModel(VLM):
 
     def __post_init__(self) -> None:
         if not self.model:
-            raise UsageError("vlm.model is empty; give a model as LiteLLM writes it, such as gemini/gemini-2.5-pro")
+            raise UsageError("vlm.model is empty; give provider/model, such as vlm.model=gemini/gemini-2.5-pro")
         check_positive("vlm.", concurrency=self.concurrency, timeout_s=self.timeout_s)
         for name in ("requests_per_minute", "max_output_tokens", "max_cost_usd", "max_tokens_total"):
             if getattr(self, name) is not None:
@@ -66,14 +67,14 @@ class LanguageModel(VLM):
         self._client = Client(self.model, self.api_base, self.timeout_s, self.max_output_tokens)
         if self.max_cost_usd is not None and not self._client.priced:
             raise UserError(
-                f"vlm.max_cost_usd can't be kept: LiteLLM's price list has no price for {self.model}; "
+                f"vlm.max_cost_usd can't be applied: LiteLLM's price list has no price for {self.model}; "
                 "use vlm.max_tokens_total"
             )
         self._pace = Pace(self.requests_per_minute)
         self._spending = Spending(self.max_cost_usd, self.max_tokens_total)
         self._answered: set[str] = set()  # ids of requests, in this process
-        asked = {"model": self.model, "api_base": self.api_base, "max_output_tokens": self.max_output_tokens}
-        self._cache = Cache(self.cache_dir, asked) if self.cache else None
+        settings = {"model": self.model, "api_base": self.api_base, "max_output_tokens": self.max_output_tokens}
+        self._cache = Cache(self.cache_dir, settings) if self.cache else None
 
     @classmethod
     def estimate(cls, request: Request, model: str) -> Estimate:
@@ -81,16 +82,16 @@ class LanguageModel(VLM):
 
     @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
-        """What a run had spent before it was resumed counts against its limits."""
+        """Count what a resumed run had already spent towards its limits."""
         if self._spending.limited and request.id not in self._answered and _was_paid(reply):
             tokens = reply.prompt_tokens, reply.completion_tokens
             answer = Answer(reply.text, reply.model, "", *tokens, reply.cost_usd)
             self._spending.add(*self._client.spent(request, answer))
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
-        """See `VLM.complete`. When the caller stops listening, calls that have not begun are dropped.
+        """See `VLM.complete`. When the caller closes the iterator, calls that have not begun are dropped.
 
-        Calls that are under way when a limit is reached are waited for.
+        When a limit is reached, calls that are under way are completed.
         """
         waiting: queue.SimpleQueue[Request] = queue.SimpleQueue()
         for request in requests:
@@ -106,10 +107,10 @@ class LanguageModel(VLM):
                     return
                 result: Reply | LimitReached
                 try:
-                    result = self._kept(request) or self._answer(request, stop)
+                    result = self._cached(request) or self._answer(request, stop)
                 except LimitReached as limit:
                     result = limit
-                except Exception as error:  # or the caller would wait for ever
+                except Exception as error:  # otherwise the caller would wait for ever
                     result = Reply(request.id, "", self.model, error=explain(error))
                 results.put(result)
 
@@ -130,14 +131,14 @@ class LanguageModel(VLM):
         if limits:
             raise LimitReached(f"{limits[0]}; {len(limits)} of {len(requests)} requests are left without a reply")
 
-    def _kept(self, request: Request) -> Reply | None:
+    def _cached(self, request: Request) -> Reply | None:
         return self._cache.get(request) if self._cache is not None else None
 
     def _answer(self, request: Request, stop: threading.Event) -> Reply:
-        """The reply, after as many tries as it takes and is allowed.
+        """Call the model until a call succeeds or the retries are used up.
 
         Raises:
-            LimitReached: nothing may be spent any more.
+            LimitReached: a limit of cost or tokens is reached.
         """
         tries = 0
         while True:
@@ -150,7 +151,7 @@ class LanguageModel(VLM):
             tries += 1
             try:
                 answer = within(self.timeout_s, lambda: self._client.ask(request))
-            except Exception as error:  # whatever a server or LiteLLM comes up with costs this reply only
+            except Exception as error:  # any error of a server or of LiteLLM costs this reply only
                 wait_s = pause(error, tries)
                 if tries > self.retries or wait_s is None:
                     after = f" (after {tries} tries)" if tries > 1 else ""
@@ -165,7 +166,7 @@ class LanguageModel(VLM):
                 return reply
 
     def _reply(self, request: Request, answer: Answer) -> Reply:
-        """What came, judged by why the model stopped. A text that was cut off is passed on as far as it goes."""
+        """The answer as a reply, or the reason why it has no text. A text that was cut off is passed on."""
         error = None
         if answer.finish == "content_filter":
             error = "the provider's safety filter blocked the reply"
@@ -189,7 +190,7 @@ class LanguageModel(VLM):
 
 
 def _was_paid(reply: Reply) -> bool:
-    """No cache had it, and the call came through."""
+    """Whether the reply is from a successful call, not from the cache."""
     return reply.cost_usd != 0.0 and (reply.error is None or reply.prompt_tokens is not None)
 
 
@@ -210,7 +211,7 @@ class Anthropic(LanguageModel):
 
 @dataclass(eq=False)
 class Ollama(LanguageModel):
-    """On this machine, hence few at once and slow."""
+    """A model on the user's own machine, which is slow and answers few requests in parallel."""
 
     model: str = "ollama_chat/qwen3-vl:8b"
     concurrency: int = 2
@@ -218,15 +219,15 @@ class Ollama(LanguageModel):
 
 
 class Pace:
-    """Spaces calls evenly, ``per_minute`` of them (None: no spacing), whichever thread makes them."""
+    """Space the calls of all threads evenly, ``per_minute`` of them; None: no spacing."""
 
     def __init__(self, per_minute: float | None) -> None:
         self._gap_s = 60.0 / per_minute if per_minute is not None else 0.0
-        self._free_at = 0.0  # when the next call may begin, on the monotonic clock
+        self._free_at = 0.0  # earliest start of the next call, on the monotonic clock
         self._lock = threading.Lock()
 
     def wait(self, stop: threading.Event) -> None:
-        """Until it is the caller's turn, or ``stop`` is set."""
+        """Wait for the caller's turn, or until ``stop`` is set."""
         with self._lock:
             begin = max(time.monotonic(), self._free_at)
             self._free_at = begin + self._gap_s

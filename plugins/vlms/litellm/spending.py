@@ -1,4 +1,4 @@
-"""What calls have cost, against what they may cost."""
+"""Count the cost of calls and compare it with limits."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import threading
 
 
 class Spending:
-    """Counts for all threads together.
+    """Cost and tokens of all threads together.
 
     Args:
         max_cost_usd: None: no limit.
-        max_tokens: of prompts and answers together; None: no limit.
+        max_tokens: prompts and answers together; None: no limit.
     """
 
     def __init__(self, max_cost_usd: float | None, max_tokens: int | None) -> None:
@@ -28,7 +28,7 @@ class Spending:
             self._cost_usd += cost_usd
 
     def reached(self) -> str | None:
-        """The limit that is reached, for a person; None: none is."""
+        """A message that names the limit that is reached; None: none is."""
         with self._lock:
             if self._max_cost_usd is not None and self._cost_usd >= self._max_cost_usd:
                 return f"vlm.max_cost_usd={self._max_cost_usd:g} is reached: {self._cost_usd:.4g} US dollars are spent"

@@ -1,4 +1,4 @@
-"""Requests that a person answers, or a model behind a chat window."""
+"""A mailbox folder: a person, or a model behind a chat window, answers the requests."""
 
 from core.hooks import Factories, hookimpl
 

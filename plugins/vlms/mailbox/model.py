@@ -1,4 +1,4 @@
-"""A person in the model's place, or a model behind a chat window: requests become folders, replies are put there."""
+"""The mailbox: writes requests to folders, and reads the replies that a person puts there."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from core.interfaces import VLM, Picture, Reply, Request
 
 REPLIES = ("reply.json", "reply.md")
 SKIP = "skip"
-LARGEST = 20_000_000  # bytes of a reply
+MAX_BYTES = 20_000_000  # of a reply
 
 _HELP = (
-    f"Mend the file or put another one in its place: it is read again when it changes. To leave this request without "
-    f"an answer, put a file named {SKIP} here.\n"
+    f"Mend the file or replace it: it is read again when it changes. To skip this request, put a file named {SKIP} "
+    "here.\n"
 )
 
 
 class Mailbox(VLM):
-    """Writes each request into a folder of its own, and waits until a reply is put there.
+    """Writes each request into a folder of its own, and waits for a reply in that folder.
 
     A folder holds ``prompt.md``, the pictures that it names, and ``schema.json``. The reply is ``reply.json``, or
-    ``reply.md`` with the JSON somewhere in it. One in which nothing can be tried is asked for again, for the reasons in
-    ``problem.md``; of others ``problem.md`` lists what will be rejected. Replies that are there already, from a run
-    that was interrupted, are taken at once.
+    ``reply.md`` with the JSON somewhere in it. A reply without a usable design is refused, and ``problem.md`` gives the
+    reasons. For other replies ``problem.md`` lists the designs that will be rejected. Replies that are already there,
+    from an interrupted run, are used at once.
 
     Args:
-        folder: where the requests go; empty: ``mailbox`` in the run's folder.
-        poll_s: seconds between two looks.
-        quiet_s: a reply that is incomplete is judged when its file has not changed for so long.
+        folder: folder of the requests; empty: ``mailbox`` in the run's folder.
+        poll_s: seconds between two checks for replies.
+        quiet_s: an incomplete reply is checked when its file has not changed for this many seconds.
     """
 
     model = "mailbox (answered by hand)"
@@ -63,7 +63,7 @@ class Mailbox(VLM):
         waiting = [Letter(request, self._folder / request.id, self._quiet_s) for request in requests]
         for letter in waiting:
             letter.post()
-        told = False
+        announced = False
         while waiting:
             for letter in list(waiting):
                 text = letter.look()
@@ -72,29 +72,29 @@ class Mailbox(VLM):
                 waiting.remove(letter)
                 error = "skipped by hand" if text == "" else None
                 yield Reply(letter.request.id, text, self.model, error)
-                if told:
+                if announced:
                     _say(f"{letter.request.id} is answered; {len(waiting)} left")
-            if waiting and not told:
+            if waiting and not announced:
                 count = "1 request waits" if len(waiting) == 1 else f"{len(waiting)} requests wait"
                 names = " or ".join(REPLIES)
                 _say(f"{count} for an answer in {self._folder}; put {names} beside each prompt.md")
-                told = True
+                announced = True
             if waiting:
                 time.sleep(self._poll_s)
 
 
 class Letter:
-    """A request in its folder."""
+    """One request and its folder."""
 
     def __init__(self, request: Request, folder: Path, quiet_s: float) -> None:
         self.request = request
         self.folder = folder
         self._quiet_s = quiet_s
-        self._seen: dict[str, tuple[int, int]] = {}  # by file: its size and time when it was looked at last
+        self._last: dict[str, tuple[int, int]] = {}  # by file: size and time of change at the last check
         self._refused: dict[str, tuple[int, int]] = {}
 
     def post(self) -> None:
-        """Write the request, unless it is there.
+        """Write the request, if it is not there yet.
 
         Raises:
             UserError: the folder can't be written, or has a reply to another request.
@@ -106,8 +106,7 @@ class Letter:
                 return
             if prompt.exists() and any((self.folder / name).exists() for name in (*REPLIES, SKIP)):
                 raise UserError(
-                    f"{self.folder} has a reply to another request than this run's; move it away, or choose another "
-                    "vlm.folder"
+                    f"{self.folder} has a reply to a different request; move it away, or choose another vlm.folder"
                 )
             self.folder.mkdir(parents=True, exist_ok=True)
             for message in self.request.messages:
@@ -116,12 +115,12 @@ class Letter:
                         (self.folder / f"{part.name}.png").write_bytes(part.png)
             schema = json.dumps(self.request.schema, indent=1, ensure_ascii=False) + "\n"
             (self.folder / "schema.json").write_text(schema, encoding="utf-8")
-            _write(prompt, text)  # last: where it is, the rest is
+            _write(prompt, text)  # last, so that the other files are there when it is
         except (OSError, UnicodeDecodeError) as error:
             raise UserError(f"the mailbox {self.folder} can't be used: {error}") from error
 
     def look(self) -> str | None:
-        """A reply in which something can be tried; empty: the person wants none; None: not yet."""
+        """A usable reply; empty: the person skipped the request; None: there is no reply yet."""
         if (self.folder / SKIP).exists():
             return ""
         for name in REPLIES:
@@ -131,26 +130,26 @@ class Letter:
         return None
 
     def _read(self, name: str) -> str | None:
-        """The text of one file, if it is new, whole and of use."""
+        """The text of one file, if it is new, complete and usable."""
         file = self.folder / name
         mark = _mark(file)
         if mark is None or mark == self._refused.get(name):
             return None
-        known, self._seen[name] = self._seen.get(name), mark
+        known, self._last[name] = self._last.get(name), mark
         quiet = time.time() - mark[1] / 1e9 >= self._quiet_s
         if known != mark and not quiet:  # perhaps still being written
             return None
-        text, whole, usable = "", False, False
+        text, complete, usable = "", False, False
         problems: list[str] = []
         try:
             text = _load(file)
-            whole, usable, problems = judge(self.request, text)
+            complete, usable, problems = judge(self.request, text)
         except DesignError as error:
             problems = [str(error)]
-        if not whole and not quiet:
+        if not complete and not quiet:
             return None
         if usable:
-            self._write_problems(f"{name} was taken; of it these will be rejected:", problems)
+            self._write_problems(f"{name} is accepted; these of its designs will be rejected:", problems)
             return text
         self._refused[name] = mark
         self._write_problems(f"{name} can't be used:", problems, _HELP)
@@ -167,7 +166,7 @@ class Letter:
 
 
 def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
-    """Whether a reply is whole, whether something in it can be tried, and what is wrong with it.
+    """Check a reply: is it complete, is any design usable, and what is wrong with it?
 
     Raises:
         DesignError: it can't be read at all.
@@ -182,20 +181,20 @@ def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
         n_action=brief.n_action,
     )
     strategies = document["strategies"] if isinstance(document, dict) else []
-    whole = not any(isinstance(strategy, Unread) for strategy in strategies)
+    complete = not any(isinstance(strategy, Unread) for strategy in strategies)
     problems = dict.fromkeys(f"strategy {c.strategy + 1}: {c.problem}" for c in candidates if c.problem is not None)
-    return whole, any(c.problem is None for c in candidates), list(problems)
+    return complete, any(c.problem is None for c in candidates), list(problems)
 
 
 def _write(file: Path, text: str) -> None:
-    """At once: nobody sees half of it."""
+    """Write atomically, so that no reader gets half of it."""
     partial = file.with_suffix(".partial")
     partial.write_text(text, encoding="utf-8")
     partial.replace(file)
 
 
 def _mark(file: Path) -> tuple[int, int] | None:
-    """Size and time of change (nanoseconds) of a file; None: there is none, or nothing in it."""
+    """Size and time of change (nanoseconds) of a file; None: it is missing or empty."""
     try:
         status = file.stat()
     except OSError:
@@ -204,15 +203,15 @@ def _mark(file: Path) -> tuple[int, int] | None:
 
 
 def _load(file: Path) -> str:
-    """A file's text.
+    """Read a file's text.
 
     Raises:
         DesignError: it can't be read.
     """
     try:
         size = file.stat().st_size
-        if size > LARGEST:
-            raise DesignError(f"it has {size} bytes; at most {LARGEST} are read")
+        if size > MAX_BYTES:
+            raise DesignError(f"it has {size} bytes; at most {MAX_BYTES} are allowed")
         return file.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise DesignError(f"it can't be read: {error.strerror}") from error
@@ -220,5 +219,5 @@ def _load(file: Path) -> str:
         raise DesignError(f"it is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
 
 
-def _say(what: str) -> None:
-    sys.stderr.write(f"mailbox: {what}\n")
+def _say(text: str) -> None:
+    sys.stderr.write(f"mailbox: {text}\n")

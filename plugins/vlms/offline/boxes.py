@@ -1,4 +1,4 @@
-"""Many oriented boxes as arrays, and which of them overlap."""
+"""Oriented boxes as arrays, and overlaps and gaps between them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Boxes:
 
     @property
     def reaches(self) -> Array:
-        """Half sides (N, 3) of the boxes along the frame's axes that hold them."""
+        """Half sides (N, 3) of the axis-aligned bounding boxes."""
         reaches: Array = np.einsum("nij,nj->ni", np.abs(self.axes), self.halves)
         return reaches
 
@@ -59,7 +59,7 @@ class Boxes:
         return self.centers + self.reaches
 
     def carried(self, positions: Array, rotations: Array) -> Boxes:
-        """The boxes at each of K poses, positions (K, 3) and rotation matrices (K, 3, 3): K * N boxes."""
+        """The boxes moved to each of K poses, with positions (K, 3) and rotation matrices (K, 3, 3): K * N boxes."""
         centers = np.einsum("kij,nj->kni", rotations, self.centers) + positions[:, None]
         axes = np.einsum("kij,njl->knil", rotations, self.axes)
         halves = np.broadcast_to(self.halves, centers.shape)
@@ -67,7 +67,7 @@ class Boxes:
 
 
 def overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:
-    """How many pairs, one box of each, are closer than ``margin`` metres (negative: overlap by more)."""
+    """The number of pairs, one box from each, closer than ``margin`` metres (negative: that overlap by more)."""
     near = (a.lower[:, None] - margin < b.upper) & (b.lower - margin < a.upper[:, None])
     first, second = np.nonzero(near.all(axis=-1))
     depth, _ = separations(a[first], b[second])
@@ -75,8 +75,9 @@ def overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:
 
 
 def separations(a: Boxes, b: Boxes) -> tuple[Array, Array]:
-    """Pair by pair, (N,): the gap along the axis that separates the two best (negative: by how much they overlap), and
-    that axis (N, 3), from a to b. The candidates are the face normals and the edge products, as ever for boxes."""
+    """For N pairs, the largest gap (N,) along a separating axis, negative for an overlap, and that axis (N, 3), from a
+    to b. The axes that are compared are the face normals and the cross products of edges.
+    """
     crosses = np.cross(a.axes.transpose(0, 2, 1)[:, :, None], b.axes.transpose(0, 2, 1)[:, None]).reshape(-1, 9, 3)
     axes = np.concatenate([a.axes.transpose(0, 2, 1), b.axes.transpose(0, 2, 1), crosses], axis=1)
     lengths = np.linalg.norm(axes, axis=-1, keepdims=True)

@@ -13,14 +13,14 @@ from plugins.vlms.offline.tools import Assembly
 
 
 def sample_clamp(errand: Errand, rng: np.random.Generator) -> Head:
-    """Two pads that stand apart by a little more than the bodies are wide, and close by twice the fingers' travel."""
+    """Two pads, a little farther apart than the bodies are wide, that close by twice the fingers' travel."""
     right, left = errand.span(np.pi / 2)
     rear, front = errand.span(0.0)
     tall = float(errand.upper[2] - errand.lower[2])
     gap = left - right + rng.uniform(0.01, min(0.06, 2 * FINGER_OPEN - 0.01))
     thick = rng.uniform(0.006, 0.014)
     long = (front - rear) * rng.uniform(0.3, 1.2)
-    if errand.deep:  # there is little room beside them
+    if errand.deep:  # there is little clearance beside them
         gap, thick, long = left - right + rng.uniform(0.006, 0.025), thick / 2, (front - rear) * rng.uniform(0.15, 0.4)
     size = (max(0.012, long), thick, float(np.clip(tall * rng.uniform(0.5, 1.3), 0.02, 0.12)))
     pieces = tuple(
@@ -31,7 +31,7 @@ def sample_clamp(errand: Errand, rng: np.random.Generator) -> Head:
 
 
 def build_clamp(head: Head, at: Pose, thickness: float) -> Tool:
-    """A pair of extensions, mirrored, that hold the pads at the pose ``at`` in the frame of panda_virtual."""
+    """A mirrored pair of finger extensions, with the head at the pose ``at`` in the frame of panda_virtual."""
     assembly = Assembly(True, thickness)
     for piece, is_left in zip(head.pieces, (True, False), strict=True):
         pad = at @ piece.pose

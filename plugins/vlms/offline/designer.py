@@ -1,4 +1,4 @@
-"""The embedded designer's door: requests in, JSON replies out."""
+"""The embedded designer: requests in, JSON replies out."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _DIGITS = 5  # hundredths of a millimetre
 class OfflineDesigner(VLM):
     """Designs tools and plans by classical means, from the scene's geometry and the task's goals.
 
-    No language model is asked: it reads a request's brief, not its messages, and answers with the document that a model
-    is asked for. The same brief gets the same answer.
+    It uses no language model: it reads a request's brief, not its messages, and returns the document that a model is
+    asked for. The same brief gets the same answer.
     """
 
     model = "offline (embedded designer, no language model)"
@@ -57,16 +57,17 @@ def answer(brief: Brief) -> dict[str, Any]:
         else:
             strategies.append(_fresh(brief, workshop))
     moving = sum(len(goal.bodies) for goal in sight.goals)
-    analysis = f"{len(sight.things)} bodies can be felt; to be moved: {moving}."
+    analysis = f"{len(sight.things)} bodies have collision shapes; to be moved: {moving}."
     return {"scene_analysis": analysis, "strategies": strategies}
 
 
 def _fresh(brief: Brief, workshop: Workshop) -> dict[str, Any]:
-    made = workshop.invent()
-    more = [workshop.use(made.tool, lambda _: (made.head, made.at)) for _ in range(brief.n_action - 1)]
-    name, description = f"{made.head.use} with {made.tool.name}", f"The {made.head.kind} {made.use.text}."
-    strategy = _strategy(brief, name, description, made.tool, [made.use, *more])
-    if brief.elites:  # none of this kind of tool
+    invention = workshop.invent()
+    more = [workshop.use(invention.tool, lambda _: (invention.head, invention.at)) for _ in range(brief.n_action - 1)]
+    name = f"{invention.head.use} with {invention.tool.name}"
+    description = f"The {invention.head.kind} {invention.use.text}."
+    strategy = _strategy(brief, name, description, invention.tool, [invention.use, *more])
+    if brief.elites:  # but none with this kind of tool
         strategy["strategy_description"] += " A fresh design: no elite has this kind of tool."
         strategy["parents"] = [brief.elites[0].candidate.id]
     return strategy
@@ -78,7 +79,7 @@ def _offspring(brief: Brief, elites: Sequence[Elite], workshop: Workshop) -> dic
 
 
 def _given(brief: Brief, tool: Tool, elites: Sequence[Elite], workshop: Workshop) -> dict[str, Any]:
-    """Plans for a tool that is there already."""
+    """Plans for a given tool."""
     rng = workshop.rng
     if elites:
         elite = elites[int(rng.integers(len(elites)))]

@@ -1,4 +1,4 @@
-"""Offspring of elites: tools mutated and crossed, and the elites' plans carried over to them."""
+"""Breed offspring of elites: mutate and cross tools, and carry the elites' plans over to them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TRIES = 12
 
 @dataclass(frozen=True, eq=False)
 class Elite:
-    """An evaluation with its tool and plan at hand."""
+    """The parts of an evaluation that breeding needs."""
 
     id: str
     tool: Tool
@@ -30,13 +30,13 @@ class Elite:
 
     @property
     def scale(self) -> float:
-        """How bold changes are, 0.05 to 1: the better the elite, the finer."""
+        """The scale of changes, 0.05 to 1: the better the elite, the smaller."""
         return float(np.clip(1.5 * (1.0 - self.reward), 0.05, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
 class Child:
-    """An offspring: what was done to make it, its plans, and its parents' ids."""
+    """An offspring: its changes in words, its plans, and its parents' ids."""
 
     name: str
     description: str
@@ -46,7 +46,7 @@ class Child:
 
 
 def elites_with(evaluations: Sequence[Evaluation], gripper: bool) -> list[Elite]:
-    """The evaluations whose tool is of this kind."""
+    """The elites with a gripper tool, or those with a rigid one."""
     return [
         Elite(e.candidate.id, e.candidate.tool, e.candidate.plan, e.reward, e.moved_m)
         for e in evaluations
@@ -55,7 +55,7 @@ def elites_with(evaluations: Sequence[Evaluation], gripper: bool) -> list[Elite]
 
 
 def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> Child:
-    """One offspring with ``count`` plans: better elites have more of them."""
+    """One offspring with ``count`` plans; better elites become parents more often."""
     rng = workshop.rng
     weights = np.array([max(elite.reward, 0.01) ** 2 for elite in elites])
     weights /= weights.sum()
@@ -68,7 +68,7 @@ def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> Child:
             tool, done = mutate(first.tool, first.scale / (1 + attempt / 3), rng)
         if tool.components != first.tool.components and workshop.accepts(tool):
             break
-    else:  # no change of the tool's outline keeps the rules
+    else:  # no change keeps the rules
         crossing = False
         tool, done = slimmed(first.tool)
     parents = (first.id, second.id) if crossing else (first.id,)
@@ -80,7 +80,7 @@ def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> Child:
 
 
 def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) -> list[Use]:
-    """Plans for a tool that came of the elite's: the elite's plan as it fits, varied, and now and then a fresh one."""
+    """Plans for a tool derived from the elite's: its plan fitted to the tool, variations of it, or fresh ones."""
     rng = workshop.rng
     base = carried_over(elite.plan, elite.tool, tool)
     uses: list[Use] = []
@@ -97,14 +97,14 @@ def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) ->
 
 
 def carried_over(plan: Array, before: Tool, after: Tool) -> Array:
-    """The plan with which the foot of ``after`` goes where that of ``before`` went."""
+    """The plan with which the foot of tool ``after`` moves as that of tool ``before`` did."""
     moved = plan.copy()
     moved[:, :3] += Rotation.from_euler("xyz", plan[:, 3:6]).apply(middle(before) - middle(after))
     return moved
 
 
 def last_stroke(plan: Array) -> tuple[int, int]:
-    """The rows between which the last straight way lies that is long and about level, both included."""
+    """First and last row of the last straight stroke that is long and nearly level."""
     ways = np.diff(plan[:, :3], axis=0)
     lengths = np.linalg.norm(ways, axis=1)
     level = [i for i, (way, length) in enumerate(zip(ways, lengths, strict=True)) if length > 2 * abs(way[2]) + 0.01]
@@ -118,7 +118,7 @@ def last_stroke(plan: Array) -> tuple[int, int]:
 
 
 def vary(plan: Array, elite: Elite, sight: Sight, rng: np.random.Generator) -> tuple[Array, str]:
-    """One change to a plan, as bold as the elite allows."""
+    """Change a plan at random, by the elite's scale."""
     start, end = last_stroke(plan)
     way = plan[end, :3] - plan[start, :3]
     length = float(np.linalg.norm(way))
@@ -158,7 +158,7 @@ def vary(plan: Array, elite: Elite, sight: Sight, rng: np.random.Generator) -> t
 
 
 def _missing(elite: Elite, sight: Sight) -> float:
-    """Metres by which the elite moved its bodies too little (negative: too far), in the mean; 0 if nobody can say."""
+    """Mean distance in metres by which the elite's bodies fell short (negative: went too far); 0 if unknown."""
     options = []
     for goal in sight.goals:
         missing = []

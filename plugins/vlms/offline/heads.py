@@ -1,7 +1,7 @@
 """Heads: the working ends of tools, as families of boxes.
 
-A head's frame: x the way it works along, y to its left, z up; the origin is at the foot of the face that meets the
-bodies. What is ahead of the face (x > 0) goes around, under or beside them.
+A head's frame: x along its stroke, y to its left, z up. The origin is at the foot of the face that touches the bodies.
+Pieces ahead of the face (x > 0) go around, under or beside the bodies.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Use = Literal["push", "surround", "scoop", "hook", "clamp", "pour"]
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A box of a head: its pose in the head's frame, its full sides, and the number of the piece it is joined to."""
+    """A box of a head: its pose in the head's frame, its full sides, and the number of its parent piece."""
 
     name: str
     pose: Pose
@@ -28,11 +28,11 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Head:
-    """A working end of a tool.
+    """The working end of a tool.
 
-    ``hold`` (3,) is where the shaft's axis meets the first piece; ``depth`` and ``width`` are how far it reaches ahead
-    and across. ``level`` is how high over the bodies' foot it works. ``aside`` (3,), of a hook, is the way by which it
-    passes beside the bodies before it is behind them.
+    ``hold`` (3,) is the point where the shaft's axis meets the first piece. ``depth`` is the length ahead of the face,
+    ``width`` the length across. ``level`` is the height above the bodies' foot. ``aside`` (3,), for a hook, is the
+    offset at which it passes the bodies before it is behind them.
     """
 
     kind: str
@@ -73,7 +73,7 @@ def cage(width: float, depth: float, height: float, thick: float, splay: float =
 
 
 def wedge(length: float, half_angle: float, height: float, thick: float) -> Head:
-    """Two wings that meet in a V, open ahead."""
+    """Two wings that meet in a V that is open in front."""
     pieces = [_box("keel", -thick / 2, 0.0, height / 2, (thick, 2 * thick, height))]
     for name, side in (("left_wing", 1.0), ("right_wing", -1.0)):
         turn = Pose.xyz_rpy((0.0, 0.0, height / 2), (0.0, 0.0, side * half_angle))
@@ -83,7 +83,7 @@ def wedge(length: float, half_angle: float, height: float, thick: float) -> Head
 
 
 def rake(width: float, height: float, thick: float, gap: float) -> Head:
-    """A bar with tines hanging from it, less than ``gap`` apart."""
+    """A bar with tines below it, less than ``gap`` apart."""
     beam = min(0.4 * height, 0.02)
     pieces = [_box("beam", -thick / 2, 0.0, height - beam / 2, (thick, width, beam))]
     count = int(np.clip(np.ceil((width - thick) / (gap + thick)) + 1, 2, 12))
@@ -94,7 +94,7 @@ def rake(width: float, height: float, thick: float, gap: float) -> Head:
 
 
 def pen(width: float, depth: float, height: float, thick: float) -> Head:
-    """Four walls around, open below; ``width`` and ``depth`` are inside."""
+    """Four walls without a floor; ``width`` and ``depth`` are inside."""
     around = cage(width, depth + thick, height, thick)
     front = _box("front_wall", depth + thick / 2, 0.0, height / 2, (thick, width + 2 * thick, height), parent=1)
     return _head("pen", "surround", [*around.pieces, front], height, depth, width)
@@ -126,10 +126,10 @@ def fork(
 
 
 def hook(length: float, toe: float, breadth: float, thick: float, gap: float, outward: Array) -> Head:
-    """An arm that passes beside the bodies, or over them, and a toe at its end that gets behind them.
+    """An arm that passes beside the bodies, or over them, with a toe at its end that goes behind them.
 
     Its origin is at the bodies' rear edge; ``outward`` (3,) points from the bodies to the arm, ``gap`` away.
-    The toe reaches ``toe`` in over the edge and is ``breadth`` wide.
+    The toe reaches ``toe`` past the edge and is ``breadth`` wide.
     """
     upright = abs(float(outward[2])) > 0.5
     arm_size = (length + thick, thick, thick)

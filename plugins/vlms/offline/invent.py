@@ -1,4 +1,4 @@
-"""From the scene to a fresh tool and plans for it: try a few, keep one that nothing speaks against."""
+"""Invent a fresh tool and plans for a scene: sample several, and keep the one with the fewest faults."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from plugins.vlms.offline.ways import head_path
 _TOOL_TRIES = 12
 _PLAN_TRIES = 5
 _MOST_TRIES = 60
-_MOUNTS = 40  # places for the end-effector that are compared
-_MISS_M = 0.005  # of inverse kinematics, that is no fault
-_UNLAWFUL = 1000.0
+_MOUNTS = 40  # end-effector positions that are compared
+_MISS_M = 0.005  # error of inverse kinematics that is not a fault
+_BREAKS_RULES = 1000.0
 _HAND_M = 0.068  # the hand's height
 
 A = TypeVar("A")
@@ -34,7 +34,7 @@ A = TypeVar("A")
 
 @dataclass(frozen=True, eq=False)
 class Use:
-    """A plan, and what is said of it."""
+    """A plan and its description."""
 
     plan: Array
     text: str
@@ -42,7 +42,7 @@ class Use:
 
 @dataclass(frozen=True, eq=False)
 class Invention:
-    """A fresh tool, the head that it was built around, where that is in the frame of panda_virtual, and a first use."""
+    """A fresh tool, its head, the head's pose in the frame of panda_virtual, and a first use."""
 
     tool: Tool
     head: Head
@@ -51,7 +51,7 @@ class Invention:
 
 
 class Workshop:
-    """What is needed to invent for one scene."""
+    """Invents tools and plans for one scene."""
 
     def __init__(self, sight: Sight, spawn: SpawnRules, gripper: bool, rng: np.random.Generator) -> None:
         self.sight = sight
@@ -69,12 +69,12 @@ class Workshop:
         return True
 
     def invent(self) -> Invention:
-        """A fresh tool; with more care or with less, since the doubtful ones are not always the worst."""
+        """A fresh tool, the best of a random number of samples: doubtful ones are not always the worst."""
         return _least_faulty(self._invent_once, int(self.rng.integers(2, _TOOL_TRIES + 1)))
 
-    def use(self, tool: Tool, see: Callable[[Errand], tuple[Head, Pose]]) -> Use:
-        """A plan for a tool; ``see`` says which head it has, and where, for an errand."""
-        return _least_faulty(lambda: self._use_once(tool, see), _PLAN_TRIES)
+    def use(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> Use:
+        """A plan for a tool; ``find_head`` returns its head and the head's pose for an errand."""
+        return _least_faulty(lambda: self._use_once(tool, find_head), _PLAN_TRIES)
 
     def _invent_once(self) -> tuple[Invention, float]:
         errands = self.sight.errands(self.rng)
@@ -84,7 +84,7 @@ class Workshop:
         at = AT if head.use == "pour" else self._mount(path, head, largest)
         tool = self._build(head, at, path, largest)
         use, fault = self._planned(tool, at, path, text, errands)
-        return Invention(tool, head, at, use), fault + (0.0 if self.accepts(tool) else _UNLAWFUL)
+        return Invention(tool, head, at, use), fault + (0.0 if self.accepts(tool) else _BREAKS_RULES)
 
     def _head(self, errand: Errand) -> Head:
         grips = handles(errand.holder) if errand.holder is not None and not self.gripper else None
@@ -107,15 +107,15 @@ class Workshop:
         bend = float(self.rng.uniform(0.25, 0.6))
         return build(head, at, "riser", thickness, self.gripper, bend=bend, top=top)
 
-    def _use_once(self, tool: Tool, see: Callable[[Errand], tuple[Head, Pose]]) -> tuple[Use, float]:
+    def _use_once(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> tuple[Use, float]:
         errands = self.sight.errands(self.rng)
-        head, at = see(errands[0])
+        head, at = find_head(errands[0])
         path, text = head_path(errands, head, self.rng)
         return self._planned(tool, at, path, text, errands)
 
     def _planned(self, tool: Tool, at: Pose, path: Path, text: str, errands: Sequence[Errand]) -> tuple[Use, float]:
-        """The plan by which the head at the pose ``at`` goes along the path, and its fault; what is high is reached
-        upward first, from a distance if need be.
+        """The plan that moves the head at the pose ``at`` along the path, and its fault. For a high path it may first
+        rise at a distance.
         """
         plan, touching, home = path.plan(at, tool.gripper), list(path.touching), self.sight.home.position
         fault = self._fault(tool, plan, touching, errands)
@@ -136,7 +136,7 @@ class Workshop:
         return bool(min(pose.position[2] for pose in path.poses) > self.sight.home.position[2])
 
     def _fault(self, tool: Tool, plan: Array, touching: Sequence[bool], errands: Sequence[Errand]) -> float:
-        """0 if the arm gets to all waypoints and the tool hits nothing that it should not; else how bad it is."""
+        """A measure of unwanted collisions and missed waypoints; 0: there are none."""
         moved = {id(thing): thing for errand in errands for thing in errand.things}
         moved |= {id(errand.holder): errand.holder for errand in errands if errand.holder is not None}
         others = Boxes.join(thing.boxes for thing in self.sight.things if id(thing) not in moved)
@@ -147,14 +147,14 @@ class Workshop:
         return hits + (100.0 * miss if miss > _MISS_M else 0.0)
 
     def _mount(self, path: Path, head: Head, errand: Errand) -> Pose:
-        """Where the head should sit in the frame of panda_virtual for the arm to be comfortable all along the path."""
+        """The head's pose in the frame of panda_virtual that keeps the arm in its comfortable workspace."""
         rng, home = self.rng, self.sight.home.position
         start = path.poses[1]
         turn = float(rng.choice([0.0, np.pi / 4, -np.pi / 4, np.pi / 2, -np.pi / 2], p=[0.6, 0.1, 0.1, 0.1, 0.1]))
         yaw = turn + rng.normal(0.0, 0.15) * (rng.random() < 0.5)
         if head.use == "clamp":
             yaw = float(start.rpy[2])
-        # The head hangs low enough for what carries it, and no lower than the home pose allows above what is there.
+        # Low enough for the shaft above the head, and high enough that the head at home is clear of the scene.
         least = float(head.hold[2]) + (0.18 if self.gripper else 0.03)
         tops = self.sight.boxes.upper[:, 2]
         beneath = float(tops[tops < home[2]].max(initial=min(pose.position[2] for pose in path.poses)))
@@ -162,7 +162,7 @@ class Workshop:
         if self._is_high(path):
             least, most = -0.45, 0.0
         straight = head.use == "clamp" and errand.deep
-        if straight:  # the hand stays above what the fingers reach into
+        if straight:  # the hand stays above the container that the fingers reach into
             lowest = min(pose.position[2] for pose in path.poses)
             most = max(least, home[2] - beneath - 0.003)
             least = min(most, errand.clear_z - lowest + (_HAND_M if self.gripper else 0.005))
@@ -181,10 +181,10 @@ class Workshop:
 
 
 def _least_faulty(make: Callable[[], tuple[A, float]], tries: int) -> A:
-    """The first that is made without fault, or of some tries the least faulty; of many, while none keeps the rules."""
+    """The first result without fault, or the least faulty of ``tries``; more tries while none keeps the rules."""
     best, least = make()
     for count in range(1, _MOST_TRIES):
-        if least == 0.0 or (count >= tries and least < _UNLAWFUL):
+        if least == 0.0 or (count >= tries and least < _BREAKS_RULES):
             break
         other, fault = make()
         if fault < least:
@@ -193,7 +193,7 @@ def _least_faulty(make: Callable[[], tuple[A, float]], tries: int) -> A:
 
 
 def _strain(points: Array) -> float:
-    """How far points (N, 3) of the end-effector are out of the arm's comfortable workspace, in metres."""
+    """The largest distance in metres of end-effector points (N, 3) from the arm's comfortable workspace."""
     ground = np.hypot(points[:, 0], points[:, 1])
     stretch = np.linalg.norm(points - np.array([0.0, 0.0, 0.33]), axis=1)  # from the shoulder
     strain = np.maximum(0.0, ground - 0.68) + np.maximum(0.0, 0.3 - ground)

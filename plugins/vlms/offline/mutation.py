@@ -1,4 +1,4 @@
-"""Changes to tools: mutations of one, and crossovers of two. Nothing here knows who made the tool."""
+"""Change tools of any origin: mutate one, or cross two."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from core.design import Component, Tool
 from core.geometry import Box, Pose
 from plugins.vlms.offline.boxes import Boxes, separations
 
-_COLOR = (0.56, 0.35, 0.68, 1.0)  # of what was added
+_COLOR = (0.56, 0.35, 0.68, 1.0)  # of added components
 _THINNEST_M = 0.001
 _OVERLAP_M = 0.0005  # of components that were moved until they touch
 
@@ -20,7 +20,7 @@ Change = Callable[[Tool, float, np.random.Generator], tuple[Tool, str]]
 
 
 def mutate(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    """One change: a component's size, place or orientation; or one added, removed or replaced."""
+    """Make one change: to a component's size, position or orientation; or add, remove or replace one."""
     if not tool.components:
         return _added(tool, scale, rng)
     changes: dict[Change, float] = {
@@ -33,8 +33,8 @@ def mutate(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, st
     }
     weights = np.array(list(changes.values()))
     change = list(changes)[int(rng.choice(len(weights), p=weights / weights.sum()))]
-    mutant, done = change(tool, scale, rng)
-    return joined(mutant), done
+    mutant, text = change(tool, scale, rng)
+    return joined(mutant), text
 
 
 def _pick(tool: Tool, rng: np.random.Generator) -> int:
@@ -48,7 +48,7 @@ def _with(tool: Tool, number: int, component: Component) -> Tool:
 
 
 def _resized(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    """A side longer or shorter; what hangs from the component moves along with its faces."""
+    """Lengthen or shorten one side; children of the component move with its faces."""
     number, axis = _pick(tool, rng), int(rng.integers(3))
     factor = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6) * max(scale, 0.2)))
     old = tool.components[number]
@@ -82,7 +82,7 @@ def _shifted(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, 
 
 
 def _turned(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    """A component, with all that hangs from it, turned about one of its axes."""
+    """Turn a component and its descendants about one of its axes."""
     number, axis = _pick(tool, rng), int(rng.integers(3))
     angle = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.5) * max(scale, 0.3))
     old = tool.components[number]
@@ -93,7 +93,7 @@ def _turned(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, s
 
 
 def _added(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    """A plate that stands on a face of some component."""
+    """Add a plate on a face of a component."""
     parent = tool.components[int(rng.integers(len(tool.components) // 2, len(tool.components)))]
     axis, side = int(rng.integers(3)), float(rng.choice([-1.0, 1.0]))
     sides = np.array(parent.shape.size) * rng.uniform(0.3, 1.0, 3)
@@ -121,7 +121,7 @@ def _removed(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, 
 
 
 def _replaced(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    """A leaf gives way to a box of other proportions in the same place."""
+    """Replace a leaf by a box of other proportions in the same place."""
     number = int(rng.choice(_leaves(tool)))
     old = tool.components[number]
     sides = np.clip(np.array(old.shape.size) * np.exp(rng.normal(0.0, 0.5, 3)), _THINNEST_M, 0.6)
@@ -133,7 +133,7 @@ def _replaced(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool,
 
 
 def slimmed(tool: Tool) -> tuple[Tool, str]:
-    """The last component's thinnest side made a little thinner: a change that hardly can break a rule."""
+    """Make the last component's thinnest side a little thinner, which hardly ever breaks a rule."""
     last = tool.components[-1]
     sides = list(last.shape.size)
     axis = int(np.argmin(sides))
@@ -143,7 +143,7 @@ def slimmed(tool: Tool) -> tuple[Tool, str]:
 
 
 def cross(first: Tool, second: Tool, rng: np.random.Generator) -> tuple[Tool, str]:
-    """Components of both: measures between theirs if they are built alike, else the first with a part of the second."""
+    """Cross two tools: interpolate between tools of equal structure, or put a part of the second on the first."""
     alike = [(c.name, c.parent) for c in first.components] == [(c.name, c.parent) for c in second.components]
     if alike and rng.random() < 0.7:
         return _blended(first, second, float(rng.uniform(0.2, 0.8)))
@@ -175,7 +175,7 @@ def _blended(first: Tool, second: Tool, share: float) -> tuple[Tool, str]:
 
 
 def joined(tool: Tool) -> Tool:
-    """The tool with every component moved, with what hangs from it, until it touches its parent."""
+    """The tool with every component, and its descendants, moved until it touches its parent."""
     components: list[Component] = []
     sizes: dict[str, tuple[float, float, float]] = {}
     for component in tool.components:
@@ -193,6 +193,6 @@ def joined(tool: Tool) -> Tool:
     return replace(tool, components=tuple(components))
 
 
-def free_name(wish: str, taken: set[str]) -> str:
-    """``wish``, with a number if it is taken."""
-    return next(name for name in (wish, *(f"{wish}_{i}" for i in range(2, 200))) if name not in taken)
+def free_name(name: str, taken: set[str]) -> str:
+    """``name``, with a number if it is taken."""
+    return next(free for free in (name, *(f"{name}_{i}" for i in range(2, 200))) if free not in taken)

@@ -1,4 +1,4 @@
-"""Plans: where the head goes, from that where the end-effector goes, and whether the arm and the scene allow it."""
+"""Turn a head's path into end-effector waypoints, and check reach and collisions."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from core.geometry import Array, Pose
 from core.robot.kinematics import arm
 from plugins.vlms.offline.boxes import Boxes, overlaps
 
-_SEGMENT_S = 0.5  # the least that a segment lasts
+_SEGMENT_S = 0.5  # minimum duration of a segment
 _MOST_SEGMENTS = 10  # of a stroke
-_STEP_M = 0.04  # between the places where collisions are looked for
-_CONTACT_M = 0.001  # boxes that overlap by less only touch
+_STEP_M = 0.04  # between collision checks
+_CONTACT_M = 0.001  # a smaller overlap is only a contact
 
 
 @dataclass
 class Path:
-    """Poses of a head in the world, one per waypoint, with the gripper's value; ``touching`` says on the way to which
-    of them the head is meant to touch the bodies of its errand."""
+    """Poses of a head in the world, one per waypoint, with the gripper's value.
+
+    ``touching`` marks the waypoints on the way to which the head may touch the bodies of its errand.
+    """
 
     poses: list[Pose] = field(default_factory=list)
     grips: list[float] = field(default_factory=list)
@@ -42,14 +44,14 @@ class Path:
         self.touching.append(touch)
 
     def stroke(self, end: Array, heading: float, speed: float, *, grip: float = 0.0) -> None:
-        """To ``end`` in so many segments that the head moves at about ``speed`` metres a second."""
+        """Add segments to ``end``, as many as give the head a speed of about ``speed`` metres per second."""
         start = self.poses[-1].position
         count = int(np.clip(np.ceil(np.linalg.norm(end - start) / (speed * _SEGMENT_S)), 1, _MOST_SEGMENTS))
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
             self.go(start + share * (end - start), heading, grip=grip, touch=True)
 
     def plan(self, head: Pose, gripper: bool) -> Array:
-        """Waypoints (N, 6), or with the gripper (N, 7), of the end-effector with the head at the pose ``head``."""
+        """Waypoints (N, 6), or (N, 7) with the gripper, of an end-effector that has the head at the pose ``head``."""
         back = head.inverse()
         mounts = [pose @ back for pose in self.poses]
         rows = np.array([np.concatenate([mount.position, mount.rpy]) for mount in mounts])
@@ -57,7 +59,7 @@ class Path:
 
 
 def reach_error(plan: Array) -> float:
-    """The worst miss of the waypoints, metres and (weighed) radians, by inverse kinematics from one to the next."""
+    """The worst error of inverse kinematics over the waypoints, in metres plus 0.2 times radians."""
     joints, worst = arm().home, 0.0
     for row in plan:
         solution = arm().inverse(Pose.xyz_rpy(row[:3], row[3:6]), joints)
@@ -69,8 +71,9 @@ def reach_error(plan: Array) -> float:
 
 
 def collisions(plan: Array, touching: Sequence[bool], tool: Boxes, home: Pose, moved: Boxes, others: Boxes) -> int:
-    """How often boxes of the tool meet what they should not on the straight ways between waypoints: ``others`` always,
-    and ``moved`` until the head is meant to touch them."""
+    """Count overlaps of the tool's boxes on the straight ways between waypoints: with ``others``, and with ``moved``
+    on ways where the head must not touch them.
+    """
     rows = np.vstack([np.concatenate([home.position, home.rpy]), plan[:, :6]])
     turns = Rotation.from_euler("xyz", rows[:, 3:6])
     count = 0

@@ -1,7 +1,7 @@
-"""Bodies that lie in something loose with handles: take it by these, carry it, turn it over.
+"""Empty a loose container with handles: take it by the handles, carry it, turn it over.
 
-The fork is used with the flange pointing ahead, so that the arm's last joint turns it over. Its head's frame is the
-flange's: x ahead, along the axis of that joint, y left, z up; the prongs are ``level`` below that axis.
+The fork is used with the flange pointing ahead, so that the arm's last joint turns it over. The head's frame is that of
+the flange: x ahead, along the axis of that joint, y left, z up. The prongs are ``level`` below the axis.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ AT = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
 
 _BACK_M = 0.018  # plate and crossbar, from the flange ahead
 _LIP_M = 0.004
-_LEAST_M = 0.006  # that a handle stands out
+_LEAST_M = 0.006  # by which a handle stands out
 
 
 @dataclass(frozen=True, eq=False)
 class Handles:
-    """What stands out of a thing on both sides of a heading.
+    """Parts that stand out of a thing on both sides of a heading.
 
-    Half widths of the thing without (``base``) and with the handles (``outer``); their lowest and highest z, and how
-    far they reach ahead; ``rear`` is the thing's, both along the heading. All in metres.
+    ``base`` and ``outer`` are half widths of the thing without and with its handles; ``low`` and ``high`` the handles'
+    lowest and highest z. Along the heading, ``reach`` is the handles' front and ``rear`` the thing's rear. In metres.
     """
 
     heading: float
@@ -48,7 +48,7 @@ class Handles:
 
 
 def handles(thing: Thing) -> Handles | None:
-    """The handles that the arm gets at best, by coming from its own side; None if there are none."""
+    """The handles that are easiest to reach from the arm's side; None if there are none."""
     away = float(np.arctan2(thing.position[1], thing.position[0]))
     turns = sorted(np.arange(4) * np.pi / 2, key=lambda turn: -np.cos(turn - away))
     found = (_handles(thing, float(heading)) for heading in turns[:2])
@@ -118,23 +118,23 @@ def build_fork(head: Head) -> Tool:
 
 
 def pour(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
-    """Slide over the handles of what holds the bodies, lift it, carry it to their place, and turn it over there."""
+    """Slide over the handles of the bodies' container, lift it, carry it to the goal, and turn it over there."""
     grips = handles(errand.holder) if errand.holder is not None else None
     if errand.holder is None or grips is None:
-        raise ValueError("a fork for handles is of no use where there are none")
+        raise ValueError("a fork for handles needs a container with handles")
     gap = float(head.hold[2])
     level = (grips.low + grips.high) / 2 + head.level
-    taken = grips.middle + (grips.rear - gap - _BACK_M) * grips.ahead
-    taken[2] = level
-    before = taken - (head.depth + rng.uniform(0.01, 0.03)) * grips.ahead
+    grasp = grips.middle + (grips.rear - gap - _BACK_M) * grips.ahead
+    grasp[2] = level
+    before = grasp - (head.depth + rng.uniform(0.01, 0.03)) * grips.ahead
     path.go(before + rng.uniform(0.06, 0.15) * UP, grips.heading)
     path.go(before, grips.heading)
-    path.stroke(taken, grips.heading, rng.uniform(0.1, 0.3))
-    # High enough for what is carried to pass over everything near, upright and on its side.
+    path.stroke(grasp, grips.heading, rng.uniform(0.1, 0.3))
+    # High enough for the container to pass over everything near, upright and on its side.
     foot = float(errand.holder.points[:, 2].min())
     high = errand.clear_z + max(level - foot, float(np.ptp(errand.holder.points[:, :2], axis=0).min()) / 2)
     high += rng.uniform(0.01, 0.06)
-    path.stroke(np.array([*taken[:2], high]), grips.heading, rng.uniform(0.1, 0.3))
+    path.stroke(np.array([*grasp[:2], high]), grips.heading, rng.uniform(0.1, 0.3))
     place = np.mean([thing.position for thing in errand.things], axis=0) + errand.shift
     heading = float(np.arctan2(place[1], place[0])) + rng.uniform(-0.5, 0.8)
     sign, turn = float(rng.choice([-1.0, 1.0])), rng.uniform(2.2, 3.0)

@@ -1,4 +1,4 @@
-"""What to do with a tool that somebody else made: see a head in it."""
+"""Find a head in a tool of any origin."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from plugins.vlms.offline.heads import Head, Use
 from plugins.vlms.offline.sight import Errand
 from plugins.vlms.offline.tools import tool_boxes
 
-_LOW_M = 0.015  # what is this close to the tool's lowest point is its foot
+_LOW_M = 0.015  # boxes this close to the tool's lowest point form its foot
 _FINGERTIP = np.array([0.0, 0.0, -0.11])  # of the hand, in the frame of panda_virtual
 
 
 def foot(tool: Tool) -> Array:
-    """Corners (V, 3) of what hangs lowest, in the frame of panda_virtual: where the tool works."""
+    """Corners (V, 3) of the tool's lowest boxes, which do its work, in the frame of panda_virtual."""
     if not tool.components:
         return _FINGERTIP[None]
     boxes = tool_boxes(tool)
@@ -27,16 +27,16 @@ def foot(tool: Tool) -> Array:
 
 
 def middle(tool: Tool) -> Array:
-    """The middle (3,) of the foot, at its lowest."""
+    """The middle (3,) of the foot, at its lowest height."""
     corners = foot(tool)
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     return np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
 
 
 def recognize(tool: Tool, errand: Errand, rng: np.random.Generator) -> tuple[Head, Pose]:
-    """The tool's foot as a head for an errand, and where it is in the frame of panda_virtual.
+    """The tool's foot as a head for an errand, and its pose in the frame of panda_virtual.
 
-    Which side of it is to work, and whether its face is in front (a blade's) or at the back (a cage's), is a guess.
+    The side that works is guessed at random, and so is the face: in front as a blade's, or at the back as a cage's.
     """
     turn = float(rng.choice([0.0, np.pi / 4, -np.pi / 4, np.pi / 2, -np.pi / 2], p=[0.6, 0.1, 0.1, 0.1, 0.1]))
     turn += rng.normal(0.0, 0.1)

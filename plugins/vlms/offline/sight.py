@@ -1,4 +1,4 @@
-"""What the designer sees: where bodies are and how large, what has to go where, and what stands in the way."""
+"""The scene for the designer: bodies and their sizes, the shifts that the goals need, and obstacles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from plugins.vlms.offline.boxes import Boxes, overlaps
 
 UP = np.array([0.0, 0.0, 1.0])
 _DEEP_M = 0.05
-_SUPPORT_M = 0.006  # bodies are lifted by this when asking what blocks them: what they rest on does not
+_SUPPORT_M = 0.006  # bodies are lifted by this for collision checks, since their support does not block them
 
 
 class NothingToMove(ValueError):
@@ -25,7 +25,7 @@ class NothingToMove(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Thing:
-    """A body that can be felt: corners (V, 3) of its parts, boxes around them, and the point a goal speaks of."""
+    """A body with collision shapes: their corners (V, 3), boxes around them, and the position that goals refer to."""
 
     points: Array
     boxes: Boxes
@@ -43,8 +43,9 @@ class Thing:
 
 
 def _boxes_around(shape: Shape) -> list[tuple[Pose, Array]]:
-    """Poses and full sides (3,) of upright boxes around a shape, in its frame: for a cylinder four, an octagon
-    together; for a mesh the narrowest.
+    """Poses and full sides (3,) of upright boxes around a shape, in its frame.
+
+    A cylinder gets four, which form an octagon; a mesh gets the smallest one.
     """
     if isinstance(shape, Box):
         return [(Pose(), np.array(shape.size))]
@@ -66,13 +67,13 @@ def _boxes_around(shape: Shape) -> list[tuple[Pose, Array]]:
 
 @dataclass(frozen=True, eq=False)
 class Errand:
-    """Some bodies, taken together, and the ``shift`` (3,) that brings them to where they are wanted."""
+    """Bodies that are moved together, and the ``shift`` (3,) that brings them to their goal."""
 
     things: tuple[Thing, ...]
     shift: Array
-    others: Boxes  # all else that can be felt
-    clear_z: float  # height over everything near the way
-    holder: Thing | None = None  # what is loose and has them in it
+    others: Boxes  # of all other bodies
+    clear_z: float  # height above everything near the way
+    holder: Thing | None = None  # a loose body that contains them
 
     @cached_property
     def points(self) -> Array:
@@ -96,12 +97,12 @@ class Errand:
 
     @property
     def length(self) -> float:
-        """Of the way over ground."""
+        """The horizontal length of the shift."""
         return float(np.hypot(*self.shift[:2]))
 
     @property
     def heading(self) -> float:
-        """Of the way over ground; toward the robot if there is none."""
+        """The horizontal direction of the shift; toward the robot if there is none."""
         x, y = self.shift[:2] if self.length > 0.01 else -self.center[:2]
         return float(np.arctan2(y, x))
 
@@ -111,7 +112,7 @@ class Errand:
         return float(along.min()), float(along.max())
 
     def rooms(self, heading: float) -> tuple[float, float]:
-        """How far a tool behind the bodies may stand out on their right and on their left before it meets others."""
+        """The clearance, on the right and left of the bodies, of a tool that moves behind them."""
         rear, _ = self.span(heading)
         right, left = self.span(heading + np.pi / 2)
         ahead = np.array([np.cos(heading), np.sin(heading)])
@@ -130,7 +131,7 @@ class Errand:
 
     @cached_property
     def headroom(self) -> float:
-        """How far it is from the bodies' top to what is over them; 1 m or more is as good as none."""
+        """The distance from the bodies' top to the lowest obstacle above them, at most 1 m."""
         lower, upper = self.others.lower, self.others.upper
         over = (lower[:, :2] < self.upper[:2]).all(axis=1) & (upper[:, :2] > self.lower[:2]).all(axis=1)
         over &= lower[:, 2] > self.upper[2] - 0.002
@@ -138,16 +139,16 @@ class Errand:
 
     @property
     def covered(self) -> bool:
-        """Whether there is a roof over the bodies."""
+        """Whether an obstacle is close above the bodies."""
         return self.headroom < 0.5
 
     @property
     def deep(self) -> bool:
-        """Whether what is near stands much higher than the bodies: they are reached from straight above."""
+        """Whether near obstacles are much higher than the bodies, so that they are reached from straight above."""
         return self.clear_z - float(self.upper[2]) > _DEEP_M
 
     def blocked(self, shift: Array, start: Array | None = None, margin: float = 0.0) -> bool:
-        """Whether something stands where the bodies would pass, or closer; they are moved by ``start`` first."""
+        """Whether an obstacle is within ``margin`` of the bodies' way; ``start`` (3,) is an offset where it begins."""
         steps = max(2, int(np.ceil(np.linalg.norm(shift) / 0.03)))
         way = np.linspace(0.0, 1.0, steps)[1:, None] * shift + (np.zeros(3) if start is None else start)
         lifted = way + _SUPPORT_M * UP
@@ -156,9 +157,7 @@ class Errand:
         return overlaps(shrunk.carried(lifted, turns), self.others, margin) > 0
 
     def detour(self) -> Array:
-        """The least step (3,) aside, once they are off the ground, after which nothing is over the bodies; none if
-        nothing helps.
-        """
+        """The shortest step (3,) aside, in the air, after which nothing is above the bodies; zero if none helps."""
         angles = np.arange(8) * np.pi / 4
         steps = [r * np.array([np.cos(a), np.sin(a), 0.0]) for r in (0.01, 0.02, 0.03, 0.04, 0.06) for a in angles]
         rise = max(float(self.shift[2]), 0.05)
@@ -170,7 +169,7 @@ class Errand:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """The scene with a designer's eyes: bodies that can be felt, their names, the goals, the end-effector's home."""
+    """Bodies with collision shapes, their names, the goals, and the end-effector's home."""
 
     things: tuple[Thing, ...]
     names: tuple[str, ...]
@@ -179,7 +178,7 @@ class Sight:
 
     @classmethod
     def of(cls, brief: Brief) -> Sight:
-        """What there is for a brief. A task without goals wants, for all that can be seen, something moved.
+        """Read a brief. For a task without goals, the goal is to move its first free body.
 
         Raises:
             NothingToMove: there are no goals and all bodies are fixed.
@@ -198,8 +197,8 @@ class Sight:
         return Boxes.join(thing.boxes for thing in self.things)
 
     def errands(self, rng: np.random.Generator) -> list[Errand]:
-        """One way to see what is to be done: for one of the goals its bodies, in lanes where they are many, or one of
-        them where one is enough.
+        """Draw errands for one of the goals at random: all its bodies, in lanes if they are many, or one of them if
+        one is enough.
         """
         goal = self.goals[int(rng.integers(len(self.goals))) if len(self.goals) > 1 else 0]
         things = [self.things[self.names.index(name)] for name in goal.bodies]
@@ -212,7 +211,7 @@ class Sight:
         return errands
 
     def _easiest(self, things: list[Thing], rng: np.random.Generator) -> Thing:
-        """One that nothing lies on; of several, one of the highest."""
+        """A thing with nothing on top, at random from the highest ones."""
         free = [thing for thing in things if self._errand([thing], np.zeros(3)).headroom > 0.03] or things
         tops = np.array([thing.points[:, 2].max() for thing in free])
         return free[int(rng.choice(np.flatnonzero(tops > tops.max() - 0.005)))]
@@ -228,7 +227,7 @@ class Sight:
         return Errand(tuple(things), shift, others, float(boxes.upper[near, 2].max()), self._holder(things))
 
     def _holder(self, things: list[Thing]) -> Thing | None:
-        """A loose body around all of them, that stands lower than they lie."""
+        """A loose body that encloses the positions of all things."""
         inside = np.array([thing.position for thing in things])
         for other in self.things:
             lower, upper = other.points.min(axis=0), other.points.max(axis=0)
@@ -246,7 +245,7 @@ class Sight:
 
 
 def _lanes(things: list[Thing], goal: Goal, rng: np.random.Generator) -> list[list[Thing]]:
-    """Groups of bodies that are moved at a stroke: side by side across the way to the place."""
+    """Groups of bodies, each moved with one stroke: slices across the way to the goal."""
     if len(things) == 1:
         return [things]
     positions = np.array([thing.position for thing in things])
@@ -269,7 +268,7 @@ def _lanes(things: list[Thing], goal: Goal, rng: np.random.Generator) -> list[li
 
 
 def _escape(errand: Errand, away: float, rng: np.random.Generator) -> Array:
-    """A shift that leaves, of those that nothing blocks; toward the robot rather than elsewhere."""
+    """A shift of at least ``away``, at random from unblocked directions, most likely toward the robot."""
     toward = -errand.center[:2] / max(np.hypot(*errand.center[:2]), 1e-6)
     flat = [(toward[0], toward[1]), (-1, 0), (1, 0), (0, 1), (0, -1), (-toward[0], -toward[1])]
     options = [np.array([x, y, 0.0]) for x, y in flat] + [UP]

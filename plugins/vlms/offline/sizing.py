@@ -1,4 +1,4 @@
-"""Which head suits an errand, and how large it has to be."""
+"""Choose a head for an errand, and its size."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from plugins.vlms.offline.heads import Head, blade, cage, fork, hook, pen, rake, scoop, wedge
 from plugins.vlms.offline.sight import UP, Errand
 
-_LEAST_M = 0.003  # between a head and the bodies that it goes around
+_LEAST_M = 0.003  # clearance between a head and the bodies inside it
 
 
 @dataclass(frozen=True)
 class _Measures:
-    """Of an errand's bodies, along their way: lengths in metres, and the room on their right and left."""
+    """Sizes in metres of an errand's bodies along their way, and the clearance on their right and left."""
 
     along: float
     across: float
@@ -27,13 +27,13 @@ class _Measures:
 
 
 def sample_head(errand: Errand, rng: np.random.Generator) -> Head:
-    """A head of a family that suits, sized by the bodies."""
+    """A head of a suitable family at random, sized by the bodies."""
     rear, front = errand.span(errand.heading)
     right, left = errand.span(errand.heading + np.pi / 2)
     tall = float(errand.upper[2] - errand.lower[2])
     measures = _Measures(front - rear, left - right, tall, errand.rooms(errand.heading))
     rises, falls = errand.shift[2] > 0.03, errand.shift[2] < -0.1
-    # What falls is pushed on the level and goes down by itself.
+    # A body that falls is pushed horizontally and goes down by itself.
     barred = errand.length > 0.03 and errand.blocked(errand.shift * np.array([1.0, 1.0, float(not falls)]))
     if rises or (barred and rng.random() < 0.8) or (falls and rng.random() < 0.3):
         return _lifter(errand, measures, rng)
@@ -43,7 +43,7 @@ def sample_head(errand: Errand, rng: np.random.Generator) -> Head:
 
 
 def _pusher(errand: Errand, m: _Measures, rng: np.random.Generator) -> Head:
-    """A head that moves bodies over ground, by its face or by being around them."""
+    """A head that moves bodies horizontally, by its face or by enclosing them."""
     thick = rng.uniform(0.004, 0.012)
     height = float(np.clip(m.tall * rng.uniform(0.5, 1.3), 0.02, 0.15))
     kinds = {"blade": 2.0, "peg": 0.7}
@@ -74,7 +74,7 @@ def _pusher(errand: Errand, m: _Measures, rng: np.random.Generator) -> Head:
 
 
 def _lifter(errand: Errand, m: _Measures, rng: np.random.Generator) -> Head:
-    """A head that gets under the bodies: under what stands out of them, if something does."""
+    """A head that goes under the bodies, or under their overhang if they have one."""
     height = float(np.clip(m.tall * rng.uniform(0.7, 1.3), 0.02, 0.2))
     depth = m.along * rng.uniform(0.75, 1.15)
     overhang = _overhang(errand)
@@ -93,7 +93,7 @@ def _lifter(errand: Errand, m: _Measures, rng: np.random.Generator) -> Head:
 
 
 def _overhang(errand: Errand) -> tuple[float, float] | None:
-    """If some part stands out over others: how high above the bodies' foot, and half the width of what is below."""
+    """Height of an overhang above the bodies' foot, and half the width below it; None: there is no overhang."""
     boxes, foot = errand.boxes, errand.lower[2]
     side = np.array([-np.sin(errand.heading), np.cos(errand.heading), 0.0])
     halves = np.abs(boxes.axes.transpose(0, 2, 1) @ side * boxes.halves).sum(axis=1)

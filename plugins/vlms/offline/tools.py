@@ -1,4 +1,4 @@
-"""Tools: a head, and a shaft that carries it from the mount."""
+"""Build a tool from a head and a shaft that connects it to the mount."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MOUNTS: dict[str, Pose] = {
 
 
 class Assembly:
-    """Puts boxes together that are placed in the frame of panda_virtual."""
+    """Collects the boxes of a tool, with poses in the frame of panda_virtual."""
 
     def __init__(self, gripper: bool, thickness: float) -> None:
         self.gripper = gripper
@@ -56,7 +56,7 @@ class Assembly:
         return name
 
     def bar(self, name: str, parent: str, start: Array, end: Array) -> str:
-        """A square bar between two points; half its thickness longer at each end, unless it is upright."""
+        """A square bar between two points. If it is not upright, each end is longer by half its thickness."""
         way = end - start
         length = float(np.linalg.norm(way))
         if np.hypot(way[0], way[1]) < 0.02 * length:
@@ -66,15 +66,17 @@ class Assembly:
         return self.add(name, parent, Pose.xyz_rpy((start + end) / 2, rpy), size)
 
     def head(self, head: Head, parent: str, at: Pose) -> None:
-        """The head's pieces, the head at the pose ``at``."""
+        """Add the head's pieces, with the head at the pose ``at``."""
         names: list[str] = []
         for piece, color in zip(head.pieces, [_HEADS[0], *_HEADS[1:] * len(head.pieces)], strict=False):
-            joined = names[piece.parent] if names else parent
-            names.append(self.add(piece.name, joined, at @ piece.pose, piece.size, color))
+            piece_parent = names[piece.parent] if names else parent
+            names.append(self.add(piece.name, piece_parent, at @ piece.pose, piece.size, color))
 
     def shaft(self, style: Style, hold: Array, *, left: bool, bend: float = 0.5, top: float = 0.0) -> str:
-        """From the mount (with a gripper: the left finger or the right one) to the point ``hold``, (3,); the last bar's
-        name. A riser goes up at the share ``bend`` of the way, to the height ``top``, and comes down on ``hold``.
+        """Add bars from the mount (with a gripper, from the left or the right finger) to the point ``hold``, (3,).
+
+        A riser goes up at the fraction ``bend`` of the way, to the height ``top``, and comes down on ``hold``. Returns
+        the name of the last bar.
         """
         t = self.thickness
         if self.gripper:
@@ -117,11 +119,11 @@ def tool_boxes(tool: Tool) -> Boxes:
 def build(
     head: Head, at: Pose, style: Style, thickness: float, gripper: bool, *, bend: float = 0.5, top: float = 0.0
 ) -> Tool:
-    """The tool whose head sits at the pose ``at`` in the frame of panda_virtual; for ``bend`` and ``top`` see
+    """The tool with its head at the pose ``at`` in the frame of panda_virtual; for ``bend`` and ``top`` see
     `Assembly.shaft`.
     """
     assembly = Assembly(gripper, thickness)
-    flush = np.array([0.008 - thickness / 2, 0.0, 0.0])  # the shaft's front with the head's face
+    flush = np.array([0.008 - thickness / 2, 0.0, 0.0])  # aligns the shaft's front with the head's face
     last = assembly.shaft(style, at.apply(head.hold + flush), left=True, bend=bend, top=top)
     assembly.head(head, last, at)
     reach = float(np.linalg.norm(at.position))

@@ -1,4 +1,4 @@
-"""Ways of using a head: each adds to a path what one errand takes, and says in a few words what it does."""
+"""Ways of using a head: each adds the waypoints for one errand to a path, and returns a short description."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from plugins.vlms.offline.sight import UP, Errand
 
 Way = Callable[[Path, Errand, Head, np.random.Generator], str]
 
-_BEYOND_M = 1.3  # from the base: what has to go there is flung
-_FALL_M = 0.1  # what has to go down by more is pushed over an edge
+_BEYOND_M = 1.3  # from the base: bodies are thrown to goals beyond
+_FALL_M = 0.1  # bodies that go down by more are pushed over an edge
 
 
 @dataclass(frozen=True, eq=False)
 class _Along:
-    """An errand's bodies as they lie along a heading: unit vectors ahead and to the left, the extents along both."""
+    """Unit vectors ahead and to the left of a heading, and the extents of an errand's bodies along both."""
 
     heading: float
     ahead: Array
@@ -39,24 +39,24 @@ class _Along:
 
     @property
     def middle(self) -> Array:
-        """Across."""
+        """The middle of the bodies across the heading."""
         return (self.left + self.right) / 2 * self.side
 
 
 def _over(errand: Errand, low: float, rng: np.random.Generator) -> Array:
-    """The way up from height ``low`` to where the head is clear of everything."""
+    """The vector up from height ``low`` to where the head is clear of everything."""
     return max(0.03, errand.clear_z - low + rng.uniform(0.01, 0.05)) * UP
 
 
 def _about(length: float, rng: np.random.Generator) -> float:
-    """Some lengths are measured, most are judged by eye: evolution is there to refine them."""
+    """``length`` with a random error, mostly a large one, which evolution is to correct."""
     return length * rng.normal(1.0, 0.015 if rng.random() < 0.3 else 0.18)
 
 
 def push(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
-    """Come down behind the bodies, or around them, and move them over ground: fast where they are to fly or to fall."""
+    """Come down behind or around the bodies, and move them horizontally; fast if they are to be thrown or to fall."""
     falls = errand.shift[2] < -_FALL_M
-    flung = bool(np.hypot(*(errand.center + errand.shift)[:2]) > _BEYOND_M)
+    thrown = bool(np.hypot(*(errand.center + errand.shift)[:2]) > _BEYOND_M)
     way = _Along.of(errand, errand.heading + rng.normal(0.0, 0.06) * (rng.random() < 0.4))
     spare = max(0.001, (head.depth - (way.front - way.rear)) / 2)
     gap = spare if head.use == "surround" else rng.uniform(0.004, 0.03)
@@ -68,7 +68,7 @@ def push(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
     swing = 0.0
     if falls:
         length, speed = errand.length * rng.uniform(0.4, 1.3), rng.uniform(0.5, 2.0)
-    elif flung:
+    elif thrown:
         length, speed = rng.uniform(0.3, 0.9), 2.0
         swing = rng.uniform(-0.8, 0.8)
     start = (way.rear - gap) * way.ahead + way.middle + slip * way.side + low * UP
@@ -88,7 +88,7 @@ def push(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
 
 
 def scoop(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
-    """Slide in under the bodies and lift them; or carry them to their place and tip them out there."""
+    """Slide under the bodies and lift them; or carry them to the goal and tip them out there."""
     heading = errand.heading
     if errand.length < 0.03:
         heading += float(rng.choice([0.0, np.pi, np.pi / 2, -np.pi / 2], p=[0.3, 0.5, 0.1, 0.1]))
@@ -115,7 +115,7 @@ def scoop(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
 
 
 def hook(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
-    """Come in from the front, beside the bodies or over them; get the toe behind them; pull."""
+    """Come in from the front, beside or over the bodies; move the toe behind them; pull."""
     way = _Along.of(errand, errand.heading)
     aside = head.aside[1] * way.side + head.aside[2] * UP
     if head.aside[2] > 0:
@@ -136,7 +136,7 @@ def hook(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
 
 
 def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
-    """Come down with the bodies between the fingers, close, drag or carry them, and let go where they are to rest."""
+    """Come down with the bodies between the fingers, close, drag or carry them, and open at the goal."""
     turn = float(rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1]))
     yaw = turn + rng.normal(0.0, 0.1) * (rng.random() < 0.5)
     low = errand.lower[2] + rng.uniform(0.002, 0.4 * (errand.upper[2] - errand.lower[2]))
@@ -163,7 +163,7 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
 
 
 def _step_aside(path: Path, errand: Errand, yaw: float, *, grip: float = 0.0) -> Array:
-    """Off the ground, and from under what is over the bodies; the step (3,) aside."""
+    """Lift the bodies and move them from under an obstacle; returns the step (3,) aside."""
     aside, at = errand.detour(), path.poses[-1].position
     if aside.any():
         path.stroke(at + 0.02 * UP, yaw, 0.2, grip=grip)
@@ -172,8 +172,8 @@ def _step_aside(path: Path, errand: Errand, yaw: float, *, grip: float = 0.0) ->
 
 
 def head_path(errands: Sequence[Errand], head: Head, rng: np.random.Generator) -> tuple[Path, str]:
-    """The head's way through all errands, and what it does there."""
-    if head.use == "pour":  # all at once
+    """The head's path through all errands, and its description."""
+    if head.use == "pour":  # one motion for all
         errands = errands[:1]
     path, texts = Path(), []
     ways: dict[str, Way] = {"push": push, "surround": push, "scoop": scoop, "hook": hook}

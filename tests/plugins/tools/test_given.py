@@ -1,4 +1,4 @@
-"""The bare gripper and the given tools: plans only."""
+"""The bare gripper and the given tools, for which only plans are designed."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def test_given_tools_keep_the_rules(task):
     assert tool.description
 
 
-def test_stick_is_as_the_paper_has_it():
+def test_stick_is_as_in_the_paper():
     (component,) = RLBENCH.given(BringCube()).components
     mount, pose = RLBENCH.given(BringCube()).placed()["stick"]
     assert mount == RIGID_MOUNT
@@ -35,7 +35,7 @@ def test_stick_is_as_the_paper_has_it():
     SpawnRules(BringCube(), 0).check(RLBENCH.given(BringCube()))
 
 
-def test_no_given_tool_names_the_four():
+def test_the_error_names_the_tasks_with_a_given_tool():
     with pytest.raises(UsageError, match=r"OneBook.*BringCube, CleanTable, GatherSpheres, ScoreGoal"):
         RLBENCH.given(OneBook())
 

@@ -1,4 +1,4 @@
-"""Asks models through LiteLLM at the servers of `tests.plugins.vlms.servers`."""
+"""Send requests through LiteLLM to the servers of `tests.plugins.vlms.servers`."""
 
 import re
 
@@ -27,7 +27,7 @@ def model_at(server, protocol, **settings):
 
 
 def agent_of(call):
-    """Whose call it is."""
+    """The number of the agent that made the call."""
     return int(re.search(r"I am agent (\d+)\.", "".join(call.texts)).group(1))
 
 
@@ -39,7 +39,7 @@ def ask(server, protocol, agents=1, **settings):
 
 
 def in_turn(*acts):
-    """For each agent the first act, then the next; the last one again and again."""
+    """A script that plays the acts in order for each agent, and then repeats the last one."""
     tries = {}
 
     def script(call):

@@ -1,4 +1,4 @@
-"""Surroundings in which models are asked: planted keys, no proxies, short waits."""
+"""Fixtures for calls to models: planted keys, no proxies, short waits."""
 
 import os
 
@@ -11,7 +11,7 @@ from tests.plugins.vlms.servers import Say, request, serving
 
 @pytest.fixture
 def planted(monkeypatch):
-    """Keys of every provider in the environment, and nothing else that calls depend on."""
+    """An environment with a key of every provider, and without proxies."""
     for name in [n for n in os.environ if n.endswith("_API_KEY") or n.lower().endswith("_proxy")]:
         monkeypatch.delenv(name)
     for protocol, key in KEYS.items():

@@ -1,5 +1,5 @@
-"""Models on the loopback interface: they speak the protocols of OpenAI, Google, Anthropic and Ollama, and misbehave if
-told to.
+"""Servers on the loopback interface that speak the protocols of OpenAI, Google, Anthropic and Ollama, and can fail in
+many ways.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SCHEMA = {
 
 
 def request(agent: int, temperature: float = 1.25) -> Request:
-    """What an agent asks; the agent can be told from the text, its seed is 100 more."""
+    """An agent's request. The text names the agent, and its seed is 100 more."""
     brief: Any = Brief(cast(Any, None), 0, cast(Any, None), False, 1, 1, 0, agent, 100 + agent)
     user = Message("user", (Text(f"I am agent {agent}.\n\n"), Text("Design."), Picture(PNG)))
     return Request(f"g0-a{agent}", brief, (Message("system", (Text("Be brief."),)), user), SCHEMA, temperature)
@@ -38,7 +38,7 @@ def request(agent: int, temperature: float = 1.25) -> Request:
 
 @dataclass(frozen=True)
 class Say:
-    """Answer with a text, as the protocol has it; ``finish`` as the protocol writes it, None: an ordinary end."""
+    """Answer with a text in the protocol's form; ``finish`` in the protocol's words, None: an ordinary end."""
 
     text: str = "{}"
     finish: str | None = None
@@ -47,7 +47,7 @@ class Say:
 
 @dataclass(frozen=True)
 class Send:
-    """Answer with these very bytes."""
+    """Answer with exactly this body."""
 
     body: str
     status: int = 200
@@ -62,7 +62,7 @@ class Reset:
 
 @dataclass(frozen=True)
 class Stall:
-    """Answer with nothing, or with a blank ten times a second, until the server is closed."""
+    """Send nothing, or a blank ten times a second, until the server is closed."""
 
     drip: bool = False
 
@@ -72,8 +72,8 @@ Act = Say | Send | Reset | Stall
 
 @dataclass(frozen=True)
 class Call:
-    """What came: the path, the headers in lower case, the document; ``texts`` and ``pictures`` of the user's message,
-    the system message, and the time it came at.
+    """A received call: path, headers in lower case, document; ``texts`` and ``pictures`` of the user's message, the
+    system message, and the time of arrival.
     """
 
     path: str
@@ -88,7 +88,7 @@ class Call:
 
 @dataclass
 class Server:
-    """``most_at_once``: how many calls waited for an answer together at most."""
+    """``most_at_once`` is the largest number of calls that waited for an answer at the same time."""
 
     url: str
     calls: list[Call] = field(default_factory=list)
@@ -99,7 +99,7 @@ class Server:
 
 @contextmanager
 def serving(script: Callable[[Call], Act]) -> Iterator[Server]:
-    """A server that does for each call what ``script`` says; it lives as long as the context."""
+    """A server that answers each call as ``script`` returns; it lives as long as the context."""
     server = Server("")
     lock = threading.Lock()
 

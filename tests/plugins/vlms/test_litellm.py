@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("planted", "warm")
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_what_is_asked_arrives(protocol):
+def test_the_request_arrives_in_the_protocols_form(protocol):
     with serving(lambda call: Say('{"numbers": [1, 2]}')) as server:
         reply = ask(server, protocol)[0]
     (call,) = server.calls
@@ -70,7 +70,7 @@ def test_unknown_price_is_not_zero_and_unknown_model_gets_no_schema():
     assert "response_format" not in server.calls[0].body
 
 
-def test_vllm_is_sent_the_schema_whatever_the_model_and_no_key_of_others():
+def test_vllm_is_sent_the_schema_for_any_model_and_no_key_of_other_providers():
     with serving(lambda call: Say()) as server:
         (reply,) = LanguageModel("hosted_vllm/who/what-8B", server.url + "/v1").complete([request(0)])
     (call,) = server.calls
@@ -79,18 +79,18 @@ def test_vllm_is_sent_the_schema_whatever_the_model_and_no_key_of_others():
     assert not any(key in json.dumps(call.headers) for key in KEYS.values())
 
 
-def test_what_a_model_does_not_take_is_left_out_and_said_once(caplog):
+def test_unsupported_parameters_are_left_out_with_one_warning(caplog):
     with serving(lambda call: Say()) as server:
         vlm = LanguageModel("openai/gpt-5", server.url + "/v1")
         replies = list(vlm.complete([request(0), request(1)]))
     assert [reply.error for reply in replies] == [None, None]
     assert not any("temperature" in call.body for call in server.calls)
     assert [record.message for record in caplog.records] == [
-        "openai/gpt-5 takes no temperature: left out of its requests"
+        "openai/gpt-5 accepts no temperature: left out of its requests"
     ]
 
 
-def test_temperature_is_clipped_to_what_claude_takes():
+def test_temperature_is_clipped_to_claudes_range():
     with serving(lambda call: Say()) as server:
         list(LanguageModel("openai/claude-of-some-proxy", server.url + "/v1").complete([request(0, temperature=1.5)]))
     assert server.calls[0].body["temperature"] == 1.0
@@ -113,8 +113,8 @@ def test_schema_that_is_refused_is_left_out(caplog):
 
 
 @pytest.mark.parametrize("protocol", PAID)
-def test_agents_are_asked_at_once(protocol):
-    """Twenty agents wait for their answers together: no answer is given before all but a few have asked."""
+def test_requests_are_sent_in_parallel(protocol):
+    """Twenty agents wait at the same time: no answer is sent before nearly all requests have arrived."""
     with serving(lambda call: Say(f"{agent_of(call)}", after_s=1.0)) as server:
         replies = ask(server, protocol, agents=20)
     assert {agent: reply.text for agent, reply in replies.items()} == {agent: str(agent) for agent in range(20)}
@@ -154,8 +154,8 @@ HUGE = "x" * 20_000_000
 
 
 def cases(protocol):
-    """By agent: what the server does at each try, what the error is like (None: there is none), the text, how many
-    calls there are.
+    """For each agent: the server's act at each try, a pattern of the error (None: no error), the text, and the number
+    of calls.
     """
     blocked = Send('{"promptFeedback": {"blockReason": "SAFETY"}, "usageMetadata": {"promptTokenCount": 9}}')
     html = Send(f"<html>log in, {ECHO}</html>", type="text/html")
@@ -187,7 +187,7 @@ def cases(protocol):
 
 
 @pytest.mark.parametrize("protocol", PAID)
-def test_each_fault_costs_its_own_reply_only_and_no_key_is_told(protocol, caplog):
+def test_each_fault_costs_its_own_reply_only_and_no_key_is_shown(protocol, caplog):
     wanted = cases(protocol)
     scripts = [in_turn(*acts) for acts, *_ in wanted]
     with serving(lambda call: scripts[agent_of(call)](call)) as server:
@@ -199,17 +199,17 @@ def test_each_fault_costs_its_own_reply_only_and_no_key_is_told(protocol, caplog
         assert (reply.error is None) == (error is None), (acts, reply)
         assert error is None or re.search(error, reply.error), (acts, reply.error)
         assert tries is None or calls.count(agent) == tries, acts
-        told = reply.error or ""
-        assert told.isprintable()
-        assert "Traceback" not in told
-        assert "planted" not in told
+        shown = reply.error or ""
+        assert shown.isprintable()
+        assert "Traceback" not in shown
+        assert "planted" not in shown
     assert "planted" not in caplog.text
     assert "cut off the reply" in caplog.text
 
 
 @pytest.mark.parametrize("protocol", PAID)
-def test_a_server_that_stalls_is_waited_for_no_longer_than_may_be(protocol):
-    """Not even one that sends a byte now and then; and it costs its own replies only."""
+def test_a_server_that_stalls_meets_the_time_limit(protocol):
+    """So does one that sends a byte at times; each costs its own reply only."""
     scripts = [in_turn(Stall()), in_turn(Stall(drip=True), FINE), in_turn(FINE)]
     with serving(lambda call: scripts[agent_of(call)](call)) as server:
         replies = ask(server, protocol, agents=3, timeout_s=1.0, retries=2)
@@ -221,7 +221,7 @@ def test_a_server_that_stalls_is_waited_for_no_longer_than_may_be(protocol):
 
 
 @pytest.mark.parametrize("protocol", PAID)
-def test_wait_that_a_server_asks_for_is_kept(protocol):
+def test_the_wait_that_a_server_requests_is_observed(protocol):
     hint = '{"error": {"message": "slow", "details": [{"retryDelay": "0.5s"}]}}'
     busy = Send(hint, 429) if protocol == "google" else Send("{}", 429, (("Retry-After", "0.5"),))
     with serving(in_turn(busy, FINE)) as server:
@@ -230,20 +230,20 @@ def test_wait_that_a_server_asks_for_is_kept(protocol):
     assert second - first >= 0.5
 
 
-def test_a_wait_of_hours_is_not_kept():
+def test_a_requested_wait_of_hours_is_an_error():
     with serving(lambda call: Send("{}", 429, (("Retry-After", "7200"),))) as server:
         reply = ask(server, "openai")[0]
     assert reply.error.startswith("RateLimitError")
     assert len(server.calls) == 1
 
 
-def test_a_mistake_in_the_handling_of_a_fault_is_told_and_leaves_nobody_waiting(monkeypatch):
+def test_a_bug_in_the_handling_of_a_fault_becomes_the_replys_error(monkeypatch):
     monkeypatch.setattr("plugins.vlms.litellm.model.pause", lambda error, tries: 1 / 0)
     with serving(lambda call: BROKEN) as server:
         assert ask(server, "openai")[0].error == "ZeroDivisionError: division by zero"
 
 
-def test_nobody_there():
+def test_no_server():
     (reply,) = LanguageModel("openai/gpt-4.1", "http://127.0.0.1:9/v1", retries=1).complete([request(0)])
     assert reply.error.endswith("(after 2 tries)")
 
@@ -260,7 +260,7 @@ def test_nobody_there():
         ("mistral/mistral-large-latest", "MISTRAL_API_KEY"),
     ],
 )
-def test_missing_key_is_said_at_once(model, variable, monkeypatch):
+def test_a_missing_key_is_an_error_at_once(model, variable, monkeypatch):
     for name in VARIABLES.values():
         monkeypatch.delenv(name)
     with pytest.raises(UserError) as error:
@@ -269,7 +269,7 @@ def test_missing_key_is_said_at_once(model, variable, monkeypatch):
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_server_of_ones_own_needs_no_key(protocol, monkeypatch):
+def test_a_local_server_needs_no_key(protocol, monkeypatch):
     for name in VARIABLES.values():
         monkeypatch.delenv(name)
     with serving(lambda call: FINE) as server:
@@ -293,7 +293,7 @@ def test_unknown_provider(capfd):
         {"max_output_tokens": 0},
     ],
 )
-def test_settings_that_make_no_sense(settings):
+def test_invalid_settings(settings):
     with pytest.raises(UsageError, match=rf"vlm\.{next(iter(settings))}"):
         LanguageModel(**{"model": "openai/gpt-4.1", **settings})
 
@@ -307,9 +307,9 @@ def test_each_name_has_a_configuration_that_fits(name, monkeypatch):
     assert vlm.model == config.vlm.model
 
 
-def test_the_name_without_a_model_of_its_own_asks_for_one():
+def test_the_name_without_a_default_model_needs_one():
     settings = dict(load("config", ["vlm=litellm"]).vlm)
-    with pytest.raises(UsageError, match=r"vlm\.model is empty; give a model as LiteLLM writes it"):
+    with pytest.raises(UsageError, match=r"vlm\.model is empty; give provider/model"):
         installed().create("vlm", settings.pop("name"), settings)
 
 
@@ -332,7 +332,7 @@ NO_MODEL = {
 
 @pytest.mark.parametrize("command", NO_MODEL)
 def test_what_needs_no_model_does_not_import_litellm(command, tmp_path):
-    """In no process: a LiteLLM that breaks on import stands before the real one."""
+    """In no process: a LiteLLM that fails on import precedes the real one."""
     (tmp_path / "litellm.py").write_text("raise SystemExit('LiteLLM was imported')")
     env = {**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}"}
     words = [sys.executable, "-m", command, *NO_MODEL[command]]
@@ -341,7 +341,7 @@ def test_what_needs_no_model_does_not_import_litellm(command, tmp_path):
 
 
 def test_the_mission_lacks_nothing_but_a_key(tmp_path):
-    """In a plain install: LiteLLM is no extra, and the one line names the variables for the key."""
+    """In a plain install LiteLLM is no extra, and the only message names the variables for the key."""
     assert any(
         re.match(r"litellm\b(?!.*extra)", requirement) for requirement in importlib.metadata.requires("vlmgineer")
     )

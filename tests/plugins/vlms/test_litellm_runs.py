@@ -1,4 +1,4 @@
-"""Whole runs with a language model on a server: what they come to, what they leave, and what of it is secret."""
+"""Whole runs with a language model on a server: results, files, and no secrets in them."""
 
 import json
 import os
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("planted", "warm")
 
 
 def result(folder):
-    """Of a run, but for what may differ between equal ones."""
+    """A run's result without the fields that may differ between equal runs."""
     found = json.loads((folder / "result.json").read_text())
     return {key: value for key, value in found.items() if key not in ("wall_time_s", "rollouts_per_s", "vlm")}
 
@@ -37,7 +37,7 @@ def secrets_in(folder):
     return [file for file in files if any(key in file.read_bytes() for key in keys)]
 
 
-def test_a_served_run_comes_to_what_its_answers_are_worth_and_so_does_its_replay(tmp_path):
+def test_a_served_run_and_its_replay_have_the_result_of_their_answers(tmp_path):
     small = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1"]
     run(load("config", ["vlm=offline", *small]), tmp_path / "offline")
     # The embedded designer's answers, served in the order in which one caller at a time asks for them.
@@ -78,9 +78,9 @@ FAULTS = [
 ]
 
 
-def test_what_goes_wrong_costs_what_it_must_and_tells_no_key(tmp_path):
-    """Each agent meets another fault. Counts in the summary: two candidates where all went well in the end, one
-    rejection in the place of an answer that did not come, and of the one cut off a candidate and a rejection.
+def test_faults_cost_their_own_candidates_and_show_no_key(tmp_path):
+    """Each agent meets another fault. Expected counts: two candidates for each answer, one rejection for each missing
+    answer, and a candidate and a rejection for the answer that was cut off.
     """
     seeds, tries = [], {}
 
@@ -124,7 +124,7 @@ def test_what_goes_wrong_costs_what_it_must_and_tells_no_key(tmp_path):
         *("no answer within 8 s (after 2 tries)", "safety filter blocked", "the reply is empty", "AuthenticationError"),
         *("no JSON object", "the strategy is cut off or malformed"),
     ):
-        assert any(reason in told for told in reasons), (reason, reasons)
+        assert any(reason in shown for shown in reasons), (reason, reasons)
     run(
         load("config", ["vlm=replay", f"vlm.run={tmp_path / 'run'}", *words[3:-1], "listener={}"]),
         tmp_path / "replayed",
@@ -143,15 +143,15 @@ def command(folder, *words):
     )
 
 
-def test_a_run_that_has_spent_what_it_may_ends_well_and_goes_on_with_more(tmp_path):
+def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tmp_path):
     words = [*COMMON, "budget.n_agent=4", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
     with serving(lambda call: Say(json.dumps({"strategies": [SOLUTION]}))) as server:
         model = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
         first = command(tmp_path, *model, *words, "vlm.max_tokens_total=1500", "hydra.run.dir=run")
         assert first.returncode == 0, first.stderr
         assert len(server.calls) == 2
-        told = "vlm.max_tokens_total=1500 is reached: 2014 tokens are used; 2 of 4 requests are left without a reply"
-        assert told in first.stderr
+        message = "vlm.max_tokens_total=1500 is reached: 2014 tokens are used; 2 of 4 requests are left without a reply"
+        assert message in first.stderr
         assert "python -m core.run resume=" in first.stderr
         assert re.search(r"best reward (0\.99|1\.0)", first.stdout)
         assert (tmp_path / "run" / "best" / "design.json").is_file()

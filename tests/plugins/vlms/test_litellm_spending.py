@@ -1,4 +1,4 @@
-"""Nothing is paid twice, and no more than may be: the cache and the limits of language models."""
+"""The cache and the limits of language models: nothing is paid twice, and no more than allowed."""
 
 import json
 import os
@@ -37,7 +37,7 @@ def entries(folder):
 
 
 @pytest.mark.parametrize("protocol", PAID)
-def test_a_reply_that_is_kept_is_not_asked_for_again(protocol, folder):
+def test_a_cached_request_is_not_sent_again(protocol, folder):
     with serving(lambda call: Say(f"I am {agent_of(call)} \u20ac \u00fc\n")) as server:
         first = ask(server, protocol, agents=3, **folder)
         again = ask(server, protocol, agents=4, **folder)
@@ -50,42 +50,46 @@ def test_a_reply_that_is_kept_is_not_asked_for_again(protocol, folder):
 
 
 def changed(**changes):
-    """A request that differs in one thing."""
-    asked = request(0)
+    """A request that differs in one field."""
+    original = request(0)
     if "seed" in changes:
-        return replace(asked, brief=replace(asked.brief, **changes))
-    return replace(asked, **changes)
+        return replace(original, brief=replace(original.brief, **changes))
+    return replace(original, **changes)
 
 
-ASKED = request(0)
+REQUEST = request(0)
 OTHERS = [
     changed(seed=7),
     changed(temperature=0.5),
     changed(schema={"type": "object"}),
-    changed(messages=ASKED.messages[1:]),
-    changed(messages=(ASKED.messages[0], replace(ASKED.messages[1], parts=(*ASKED.messages[1].parts, Text("!"))))),
-    changed(messages=(ASKED.messages[0], replace(ASKED.messages[1], parts=(*ASKED.messages[1].parts, Picture(b"!"))))),
+    changed(messages=REQUEST.messages[1:]),
+    changed(
+        messages=(REQUEST.messages[0], replace(REQUEST.messages[1], parts=(*REQUEST.messages[1].parts, Text("!"))))
+    ),
+    changed(
+        messages=(REQUEST.messages[0], replace(REQUEST.messages[1], parts=(*REQUEST.messages[1].parts, Picture(b"!"))))
+    ),
 ]
 
 
 def test_the_whole_request_is_the_key(tmp_path):
-    def file(asked, **settings):
-        return Cache(str(tmp_path), {"model": "m", **settings}).file(asked)
+    def file(request, **settings):
+        return Cache(str(tmp_path), {"model": "m", **settings}).file(request)
 
-    files = [file(ASKED), *(file(other) for other in OTHERS), file(ASKED, model="n"), file(ASKED, api_base="x")]
+    files = [file(REQUEST), *(file(other) for other in OTHERS), file(REQUEST, model="n"), file(REQUEST, api_base="x")]
     assert len(set(files)) == len(files)
-    assert file(replace(ASKED, id="g7-a7")) == files[0]  # whose it is makes no difference
+    assert file(replace(REQUEST, id="g7-a7")) == files[0]  # the id makes no difference
 
 
-def test_models_and_addresses_are_told_apart(folder):
+def test_models_and_addresses_have_their_own_entries(folder):
     with serving(lambda call: FINE) as server:
         for model, address in (("gpt-4.1", "/v1"), ("gpt-4.1-mini", "/v1"), ("gpt-4.1", "/w")):
-            list(LanguageModel(f"openai/{model}", server.url + address, **folder).complete([ASKED]))
+            list(LanguageModel(f"openai/{model}", server.url + address, **folder).complete([REQUEST]))
     assert len(server.calls) == 3
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"null", b"\xff", b'{"text": 5}', b"[" * 100_000])
-def test_an_entry_that_is_broken_counts_as_none(folder, content):
+def test_a_broken_entry_counts_as_missing(folder, content):
     with serving(lambda call: FINE) as server:
         ask(server, "openai", **folder)
         (entry,) = entries(folder)
@@ -96,7 +100,7 @@ def test_an_entry_that_is_broken_counts_as_none(folder, content):
     assert entry.read_bytes() == whole  # mended
 
 
-def test_an_entry_of_the_wrong_kind_counts_as_none(folder):
+def test_an_entry_of_the_wrong_kind_counts_as_missing(folder):
     with serving(lambda call: FINE) as server:
         ask(server, "openai", **folder)
         (entry,) = entries(folder)
@@ -106,7 +110,7 @@ def test_an_entry_of_the_wrong_kind_counts_as_none(folder):
     assert len(server.calls) == 4
 
 
-def test_errors_are_not_kept(folder):
+def test_errors_are_not_cached(folder):
     blocked = Say("", "content_filter")
     with serving(in_turn(blocked, Send("no", 401), Say("", "length"), FINE)) as server:
         for _ in range(4):
@@ -116,7 +120,7 @@ def test_errors_are_not_kept(folder):
     assert len(entries(folder)) == 1
 
 
-def test_without_the_cache_nothing_is_kept(tmp_path, monkeypatch):
+def test_without_the_cache_nothing_is_written(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with serving(lambda call: FINE) as server:
         ask(server, "openai")
@@ -132,14 +136,14 @@ def test_a_folder_that_can_not_be_made(tmp_path):
         LanguageModel("openai/gpt-4.1", cache=True, cache_dir=str(tmp_path / "file" / "cache"))
 
 
-def test_a_reply_that_can_not_be_kept_is_had_all_the_same(folder, caplog):
+def test_a_reply_that_can_not_be_cached_is_returned(folder, caplog):
     with serving(lambda call: FINE) as server:
         vlm = model_at(server, "openai", **folder)
         Path(folder["cache_dir"]).rmdir()
         Path(folder["cache_dir"]).write_text("in the way")
-        (reply,) = vlm.complete([ASKED])
+        (reply,) = vlm.complete([REQUEST])
     assert reply.text == FINE.text
-    assert "can't be kept" in caplog.text
+    assert "can't be cached" in caplog.text
 
 
 KILLED = [
@@ -195,7 +199,7 @@ def test_a_run_that_is_killed_and_run_again_sends_no_answered_request_twice(tmp_
 
 
 def until_limit(vlm, requests):
-    """The replies that came, and what was said at the end."""
+    """The replies, and the message at the end."""
     replies = []
     with pytest.raises(LimitReached) as error:
         replies.extend(vlm.complete(requests))  # extend keeps those before the error
@@ -222,14 +226,14 @@ def test_no_further_request_is_sent_when_a_limit_is_reached(protocol, limit):
         assert "1 of 1 requests" in said
 
 
-def test_calls_that_are_under_way_are_waited_for():
+def test_calls_that_are_under_way_are_completed():
     with serving(lambda call: Say("{}", after_s=0.3)) as server:
         vlm = model_at(server, "openai", concurrency=4, max_tokens_total=1000)
         replies, _ = until_limit(vlm, [request(agent) for agent in range(10)])
     assert 1 <= len(replies) == len(server.calls) <= 4
 
 
-def test_a_limit_that_is_not_reached_is_not_felt():
+def test_a_limit_that_is_not_reached_has_no_effect():
     with serving(lambda call: FINE) as server:
         assert len(ask(server, "openai", agents=3, concurrency=1, max_tokens_total=3000, max_cost_usd=1.0)) == 3
 
@@ -249,7 +253,7 @@ def test_no_retry_beyond_a_limit():
     assert len(server.calls) < 20
 
 
-def test_what_a_server_does_not_count_is_counted():
+def test_tokens_that_a_server_does_not_report_are_counted():
     bare = {"choices": [{"message": {"role": "assistant", "content": "word " * 500}, "finish_reason": "stop"}]}
     with serving(
         lambda call: Send(json.dumps(bare | {"id": "1", "object": "chat.completion", "model": "m"}))
@@ -262,14 +266,14 @@ def test_what_a_server_does_not_count_is_counted():
         assert len(replies) == 2  # some 500 tokens at 8 dollars a million
 
 
-def heard(vlm, requests):
-    """As in a run, where it is told of each reply."""
+def completed(vlm, requests):
+    """Complete requests as in a run, which reports each reply to the model."""
     for reply in vlm.complete(requests):
         vlm.reply_received(next(r for r in requests if r.id == reply.request_id), reply)
         yield reply
 
 
-def test_what_a_run_spent_before_it_was_resumed_counts(folder):
+def test_the_cost_before_a_run_was_resumed_counts(folder):
     with serving(lambda call: FINE) as server:
         paid = ask(server, "openai", agents=2, **folder)
         free = ask(server, "openai", agents=2, **folder)
@@ -281,11 +285,11 @@ def test_what_a_run_spent_before_it_was_resumed_counts(folder):
                 vlm.reply_received(request(9), reply)
             server.calls.clear()
             with pytest.raises(LimitReached):
-                list(heard(vlm, [request(agent) for agent in range(6)]))
+                list(completed(vlm, [request(agent) for agent in range(6)]))
             assert len(server.calls) == calls
 
 
-def test_replies_that_are_kept_cost_nothing(folder):
+def test_cached_replies_cost_nothing(folder):
     with serving(lambda call: FINE) as server:
         ask(server, "openai", agents=4, **folder)
         assert len(ask(server, "openai", agents=4, max_tokens_total=10, max_cost_usd=1e-6, **folder)) == 4
@@ -299,13 +303,13 @@ def test_replies_that_are_kept_cost_nothing(folder):
 @pytest.mark.parametrize("model", ["openai/my-own", "hosted_vllm/m", "ollama_chat/qwen3-vl:8b"])
 def test_a_limit_of_cost_needs_a_price(model):
     with serving(lambda call: FINE) as server:
-        with pytest.raises(UserError, match=r"vlm\.max_cost_usd can't be kept: .* no price for .*max_tokens_total"):
+        with pytest.raises(UserError, match=r"vlm\.max_cost_usd can't be applied: .* no price for .*max_tokens_total"):
             LanguageModel(model, server.url + "/v1", max_cost_usd=5.0)
         LanguageModel(model, server.url + "/v1", max_tokens_total=5)
     assert not server.calls
 
 
 @pytest.mark.parametrize("settings", [{"max_cost_usd": 0.0}, {"max_tokens_total": 0}, {"max_cost_usd": float("nan")}])
-def test_limits_that_make_no_sense(settings):
+def test_invalid_limits(settings):
     with pytest.raises(UsageError, match=rf"vlm\.{next(iter(settings))} must be greater than 0"):
         LanguageModel("openai/gpt-4.1", **settings)

@@ -1,4 +1,4 @@
-"""Requests as folders, answered by a thread that plays the person."""
+"""The mailbox, with a thread in the place of the person."""
 
 import json
 import os
@@ -34,7 +34,7 @@ def request(agent=0, text="Design.", n_tool=2):
 
 
 class Person(threading.Thread):
-    """Does ``acts`` one after the other, each when its condition holds."""
+    """Performs ``acts`` in order, each when its condition holds."""
 
     def __init__(self, *acts):
         super().__init__(daemon=True)
@@ -74,7 +74,7 @@ def exists(file):
 # --- requests and replies ---------------------------------------------------------------------------------------
 
 
-def test_a_request_becomes_a_folder_and_a_reply_is_taken(tmp_path, capsys):
+def test_a_request_becomes_a_folder_and_a_reply_is_read(tmp_path, capsys):
     box = tmp_path / "g0-a0"
     person = Person((exists(box / "prompt.md"), writes(box / "reply.json", GOOD)))
     (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
@@ -123,13 +123,13 @@ def test_replies_come_in_any_order_and_as_markdown(tmp_path, capsys):
         ),
     ],
 )
-def test_a_reply_of_no_use_is_asked_for_again(tmp_path, bad, reason, capsys):
+def test_a_reply_without_a_usable_design_is_refused(tmp_path, bad, reason, capsys):
     box = tmp_path / "g0-a0"
     box.mkdir()
-    seen = []
+    problems = []
 
     def mend():
-        seen.append((box / "problem.md").read_text())
+        problems.append((box / "problem.md").read_text())
         (box / "reply.json").write_text(GOOD)
 
     person = Person(
@@ -138,16 +138,16 @@ def test_a_reply_of_no_use_is_asked_for_again(tmp_path, bad, reason, capsys):
     (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
     person.done()
     assert reply.text == GOOD
-    assert seen[0].startswith("reply.json can't be used:\n\n- ")
-    assert reason in seen[0]
-    assert "a file named skip" in seen[0]
+    assert problems[0].startswith("reply.json can't be used:\n\n- ")
+    assert reason in problems[0]
+    assert "a file named skip" in problems[0]
     assert not (box / "problem.md").exists()
     said = capsys.readouterr().err
     assert said.count("can't be used") == 1  # once, not at each look
     assert str(box / "problem.md") in said
 
 
-def test_what_will_be_rejected_of_a_sound_reply_is_listed(tmp_path):
+def test_rejected_designs_of_an_accepted_reply_are_listed(tmp_path):
     strategy = SOLUTION["strategies"][0]
     text = json.dumps({"strategies": [strategy, strategy | {"tool_urdf": "<link/>"}]})
     box = tmp_path / "g0-a0"
@@ -155,13 +155,13 @@ def test_what_will_be_rejected_of_a_sound_reply_is_listed(tmp_path):
     (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
     person.done()
     assert reply.text == text
-    told = (box / "problem.md").read_text()
-    assert told.startswith("reply.json was taken; of it these will be rejected:\n\n- strategy 2: ")
-    assert "strategy 1" not in told
+    listed = (box / "problem.md").read_text()
+    assert listed.startswith("reply.json is accepted; these of its designs will be rejected:\n\n- strategy 2: ")
+    assert "strategy 1" not in listed
 
 
 def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path):
-    """Also where what is there so far could be read: of two strategies the first is whole long before the second."""
+    """Even if it can be read so far: the first of two strategies is complete long before the second."""
     text = json.dumps({"strategies": [SOLUTION["strategies"][0]] * 2})
     box = tmp_path / "g0-a0"
 
@@ -179,7 +179,7 @@ def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path):
     assert not (box / "problem.md").exists()
 
 
-def test_of_a_reply_that_is_cut_off_the_rest_is_taken_when_all_is_quiet(tmp_path):
+def test_a_reply_that_is_cut_off_is_read_when_its_file_rests(tmp_path):
     text = json.dumps({"strategies": [SOLUTION["strategies"][0]] * 2})[:-30]
     box = tmp_path / "g0-a0"
     person = Person((exists(box / "prompt.md"), writes(box / "reply.md", text)))
@@ -190,7 +190,7 @@ def test_of_a_reply_that_is_cut_off_the_rest_is_taken_when_all_is_quiet(tmp_path
 
 
 def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("plugins.vlms.mailbox.model.LARGEST", 100_000)
+    monkeypatch.setattr("plugins.vlms.mailbox.model.MAX_BYTES", 100_000)
     large = GOOD + " " * 100_000
     box = tmp_path / "g0-a0"
     person = Person(
@@ -201,14 +201,14 @@ def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
     )
     list(Mailbox(str(tmp_path), **QUICK).complete([request()]))
     person.done()
-    assert f"it has {len(large)} bytes; at most 100000 are read" in (box / "first.md").read_text()
+    assert f"it has {len(large)} bytes; at most 100000 are allowed" in (box / "first.md").read_text()
     assert "it can't be read: Is a directory" in (box / "problem.md").read_text()
 
 
 # --- again ------------------------------------------------------------------------------------------------------
 
 
-def test_requests_that_are_answered_already_are_taken_at_once(tmp_path, capsys):
+def test_replies_that_are_already_there_are_read_at_once(tmp_path, capsys):
     box = tmp_path / "g0-a0"
     person = Person((exists(box / "prompt.md"), writes(box / "reply.json", GOOD)))
     list(Mailbox(str(tmp_path), **QUICK).complete([request()]))
@@ -222,14 +222,14 @@ def test_requests_that_are_answered_already_are_taken_at_once(tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_a_reply_to_another_request_is_not_taken(tmp_path):
+def test_a_reply_to_another_request_is_refused(tmp_path):
     box = tmp_path / "g0-a0"
     box.mkdir()
     (box / "prompt.md").write_text("another")
     person = Person((lambda: "Design." in (box / "prompt.md").read_text(), writes(box / "reply.json", GOOD)))
     list(Mailbox(str(tmp_path), **QUICK).complete([request()]))  # unanswered: written anew
     person.done()
-    with pytest.raises(UserError, match=r"g0-a0 has a reply to another request than this run's; move it away"):
+    with pytest.raises(UserError, match=r"g0-a0 has a reply to a different request; move it away"):
         list(Mailbox(str(tmp_path)).complete([request(text="Invent.")]))
 
 
@@ -240,7 +240,7 @@ def test_a_mailbox_that_can_not_be_written(tmp_path):
 
 
 @pytest.mark.parametrize("settings", [{"poll_s": 0.0}, {"quiet_s": -1.0}])
-def test_settings_that_make_no_sense(settings):
+def test_invalid_settings(settings):
     with pytest.raises(UsageError, match=rf"vlm\.{next(iter(settings))} must be greater than 0"):
         Mailbox(**settings)
 

@@ -1,4 +1,4 @@
-"""The embedded designer: valid, blind, reproducible, evolving, and of some use."""
+"""The embedded designer: valid, independent of names, reproducible, evolving and useful."""
 
 import json
 import re
@@ -86,7 +86,7 @@ class PlateTask(CubeTask):
 
 
 class SlotTask(CubeTask):
-    """The middle one of three upright boards has to leave; its neighbours touch it."""
+    """Move the middle one of three upright boards away from its neighbours, which touch it."""
 
     goals: ClassVar = (Goal(("board_1",), away=0.15, keep=("board_0", "board_2")),)
 
@@ -99,7 +99,7 @@ class SlotTask(CubeTask):
 
 
 class ShelfTask(CubeTask):
-    """A cube on a board that is higher than the end-effector's home has to fall into what stands before it."""
+    """Drop a cube from a board above the end-effector's home into a box in front of it."""
 
     goals: ClassVar = (Goal(("cube",), place=(0.85, 0.0, 0.03)),)
 
@@ -131,7 +131,7 @@ def at(body, x, y):
 
 
 class DeepTask(CubeTask):
-    """One of two stacked discs has to leave a deep box."""
+    """Lift one of two stacked discs out of a deep box."""
 
     goals: ClassVar = (Goal(("lower", "upper"), place=(None, None, 0.35), any=True),)
 
@@ -147,7 +147,7 @@ class DeepTask(CubeTask):
 
 
 class PanTask(CubeTask):
-    """Dice in a loose pan with handles have to get into a box."""
+    """Bring dice from a loose pan with handles into a box."""
 
     goals: ClassVar = (Goal(("die_0", "die_1", "die_2"), place=(0.75, 0.25, 0.02), tolerance=0.1),)
     home = Pose(np.array([0.4, -0.2, 0.25]))
@@ -200,7 +200,7 @@ def numbers(candidate):
     return tool, candidate.plan.tolist()
 
 
-def test_it_says_that_it_is_no_language_model():
+def test_its_name_says_that_it_is_no_language_model():
     assert "no language model" in OfflineDesigner.model
     assert reply(brief(CubeTask())).model == OfflineDesigner.model
     assert isinstance(installed().create("vlm", "offline"), OfflineDesigner)
@@ -210,7 +210,7 @@ def sight(task):
     return Sight.of(brief(task))
 
 
-def test_of_several_goals_one_is_chosen():
+def test_one_of_several_goals_is_chosen():
     class Choice(CubeTask):
         goals = (Goal(("cube",), place=(0.6, None, None)), Goal(("cube",), place=(None, 0.3, None)))
 
@@ -219,7 +219,7 @@ def test_of_several_goals_one_is_chosen():
     assert {int(np.argmax(np.abs(errands[0].shift))) for errands in shifts} == {0, 1}
 
 
-def test_where_one_body_is_enough_the_uppermost_is_taken():
+def test_if_one_body_is_enough_it_takes_the_uppermost():
     for seed in range(8):
         (errand,) = sight(DeepTask()).errands(np.random.default_rng(seed))
         assert [thing.position[2] for thing in errand.things] == [0.051]
@@ -243,7 +243,7 @@ def test_handles_are_measured():
     assert handles(sight(CubeTask()).things[-1]) is None
 
 
-def test_a_body_in_the_way_is_stepped_around():
+def test_a_detour_avoids_an_obstacle_above():
     class Roof(CubeTask):
         goals: ClassVar = (Goal(("cube",), place=(None, None, 0.4)),)
 
@@ -261,7 +261,7 @@ def test_a_body_in_the_way_is_stepped_around():
     assert not free.detour().any()
 
 
-def test_what_is_high_is_reached_by_a_riser():
+def test_high_bodies_are_reached_by_a_riser():
     for design in candidates(brief(ShelfTask(), n_tool=4, n_action=1)):
         names = [component.name for component in design.tool.components]
         assert "riser" in names
@@ -293,7 +293,7 @@ def test_same_seed_same_reply():
 
 
 @pytest.mark.parametrize(("n_tool", "n_action"), [(1, 1), (3, 2)])
-def test_counts_and_fields_are_as_asked(n_tool, n_action):
+def test_counts_and_fields_are_as_requested(n_tool, n_action):
     given = brief(CubeTask(), n_tool=n_tool, n_action=n_action)
     document = json.loads(reply(given).text)
     fields = answer_schema(given)["properties"]["strategies"]["items"]["required"]
@@ -318,7 +318,7 @@ def test_fresh_designs_differ():
     assert len({json.dumps(numbers(design)[0]) for design in designs}) == 6
 
 
-def test_it_is_blind_to_names():
+def test_names_make_no_difference():
     assert reply(brief(CubeTask())).text == reply(brief(RenamedCubeTask())).text
 
 
@@ -345,7 +345,7 @@ def test_elites_of_the_other_kind_are_not_remounted():
     assert all(child.tool.gripper and child.plan.shape[1] == 7 for child in children)
 
 
-def test_a_task_without_goals_gets_designs_all_the_same():
+def test_a_task_without_goals_gets_designs():
     class Aimless(CubeTask):
         goals = ()
 
@@ -388,6 +388,6 @@ def test_a_fresh_population_makes_real_progress(gripper):
 
 
 @pytest.mark.parametrize(("task", "gripper"), [(ShelfTask, False), (DeepTask, True), (PanTask, False)])
-def test_high_deep_and_held_bodies_are_brought_too(task, gripper):
+def test_high_deep_and_contained_bodies_are_moved(task, gripper):
     pytest.importorskip("pybullet")
     assert max(rewards(task(), candidates(brief(task(), gripper=gripper, n_tool=4, n_action=1)))) > 0.9

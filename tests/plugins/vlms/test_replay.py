@@ -36,7 +36,7 @@ def test_same_result_as_the_past_run(tmp_path):
     assert models == {"offline (embedded designer, no language model)"}
 
 
-def test_what_the_past_run_was_not_asked_is_rejected(tmp_path):
+def test_requests_without_a_past_reply_are_rejected(tmp_path):
     result(tmp_path / "past", "vlm=offline", "budget.n_iteration=0", "budget.n_agent=1")
     longer = result(tmp_path / "again", "vlm=replay", f"vlm.run={tmp_path / 'past'}")
     first, second = longer["generations"]
@@ -44,7 +44,7 @@ def test_what_the_past_run_was_not_asked_is_rejected(tmp_path):
     assert (second["n_candidates"], second["n_rejected"]) == (2, 2)
 
 
-def test_mistakes_are_told(tmp_path):
+def test_mistakes_are_errors(tmp_path):
     with pytest.raises(UsageError, match=r"vlm\.run is empty"):
         installed().create("vlm", "replay")
     with pytest.raises(UserError, match=r"vlm\.run: .* there is no run\.sqlite"):
