@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,10 @@ from core.geometry import Array, Box, Pose
 RIGID_MOUNT = "panda_virtual"
 GRIPPER_MOUNTS = ("panda_leftfinger", "panda_rightfinger")
 
+TIE = 0.005  # the default of ``evolution.tie``, see `ranked`
+
 Status = Literal["ok", "rejected", "failed"]
+T = TypeVar("T")
 
 
 class DesignError(ValueError):
@@ -167,13 +170,32 @@ class Evaluation:
     warnings: tuple[str, ...] = ()
     details: dict[str, Any] = field(default_factory=dict)
 
-    @property
-    def rank(self) -> tuple[float, float, tuple[int, int, int, int]]:
-        """Sorts the best first: higher reward, then shorter distance, then the earlier candidate."""
-        distance = self.distance_m if np.isfinite(self.distance_m) else np.inf
-        return (-self.reward, distance, self.candidate.key)
+
+def ranked(items: Iterable[T], figures: Callable[[T], tuple[float, float | None]], tie: float = TIE) -> list[T]:
+    """Sort items by reward and distance, the best first.
+
+    Rewards within ``tie`` of the highest count as equal: of these items the one with the shorter distance goes first,
+    then the one with the higher reward. The items that are left are sorted by the same rule, and so on. Items with
+    the same figures keep their order.
+
+    Args:
+        items: what is sorted.
+        figures: gives an item's reward and distance in metres; a distance of None or nan is the longest.
+        tie: the largest difference from the highest reward that counts as none.
+    """
+    groups: list[list[T]] = []
+    for item in sorted(items, key=lambda item: figures(item)[0], reverse=True):
+        if not groups or figures(groups[-1][0])[0] - figures(item)[0] > tie:
+            groups.append([])
+        groups[-1].append(item)
+    return [item for group in groups for item in sorted(group, key=lambda item: _or_longest(figures(item)[1]))]
 
 
-def best_first(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
-    """Those that were tried, the best first (`Evaluation.rank`)."""
-    return sorted((e for e in evaluations if e.status == "ok"), key=lambda e: e.rank)
+def _or_longest(distance_m: float | None) -> float:
+    return np.inf if distance_m is None or np.isnan(distance_m) else distance_m
+
+
+def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:
+    """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`."""
+    tried = sorted((e for e in evaluations if e.status == "ok"), key=lambda e: e.candidate.key)
+    return ranked(tried, lambda e: (e.reward, e.distance_m), tie)

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from core.design import Evaluation, best_first
+from core.design import TIE, Evaluation, best_first
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
 
 INTERRUPTED = "interrupted"
@@ -35,19 +35,33 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Generation:
-    """One round: its number, 0 for the first sampling, and its evaluations in the order of `Candidate.key`."""
+    """One generation: its number, 0 for the first, and its evaluations in the order of `Candidate.key`.
+
+    ``tie`` is the difference between rewards that counts as none (`core.design.ranked`).
+    """
 
     index: int
     evaluations: tuple[Evaluation, ...]
+    tie: float = TIE
 
     @cached_property
+    def ranking(self) -> list[Evaluation]:
+        """The candidates that were tried, the best first."""
+        return best_first(self.evaluations, self.tie)
+
+    @property
     def best(self) -> Evaluation | None:
-        """None if nothing could be tried."""
-        return next(iter(best_first(self.evaluations)), None)
+        """The best candidate, which may earn up to ``tie`` less than `best_reward`; None if none could be tried."""
+        return next(iter(self.ranking), None)
+
+    @property
+    def best_reward(self) -> float | None:
+        """The highest reward; None if no candidate could be tried."""
+        return max((e.reward for e in self.ranking), default=None)
 
     @property
     def mean_reward(self) -> float | None:
-        """Over the candidates that were tried; None if there are none."""
+        """The mean over the candidates that were tried; None if there are none."""
         rewards = [e.reward for e in self.evaluations if e.status == "ok"]
         return sum(rewards) / len(rewards) if rewards else None
 
@@ -57,19 +71,26 @@ class Generation:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a run came to. ``best`` is of all generations; None if nothing could be tried.
+    """The result of a run: its generations, and how long it took.
 
     ``stopped`` says what cut the run short, a limit that was reached or `INTERRUPTED`; then the last generation may
-    lack candidates. None: it came to its end.
+    lack candidates. None: it came to its end. ``tie`` is as in `Generation`.
     """
 
     generations: tuple[Generation, ...]
     wall_time_s: float
     stopped: str | None = None
+    tie: float = TIE
 
     @cached_property
+    def ranking(self) -> list[Evaluation]:
+        """The candidates of all generations that were tried, the best first."""
+        return best_first((e for generation in self.generations for e in generation.evaluations), self.tie)
+
+    @property
     def best(self) -> Evaluation | None:
-        return next(iter(best_first(g.best for g in self.generations if g.best is not None)), None)
+        """The best candidate of all generations; None if none could be tried."""
+        return next(iter(self.ranking), None)
 
     @property
     def n_evaluations(self) -> int:

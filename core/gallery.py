@@ -12,6 +12,7 @@ from typing import Any
 
 from core.cli import command, folders_and_overrides, print_table, write_bytes
 from core.config.compose import load
+from core.design import ranked
 from core.errors import UsageError, UserError
 from core.report.drawing import draw, painted
 from core.report.figures import told
@@ -94,7 +95,7 @@ def _best(runs: Sequence[tuple[str, FinishedRun]], top: int, apart: float) -> li
     """The best tools of all runs, each of another shape."""
     found = [(method, winner) for method, run in runs for winner in winners(run, top, apart=apart)]
     found = [(method, winner) for method, winner in found if winner.tool.components]
-    found.sort(key=lambda item: item[1].rank)
+    found = ranked(found, lambda item: (item[1].reward, item[1].distance_m))
     shapes: list[Shape] = []
     return [item for item in found if len(shapes) < top and another(item[1].tool, shapes, apart)]
 

@@ -7,6 +7,7 @@ and defaults in that signature are what the configuration may set.
 from __future__ import annotations
 
 import inspect
+import math
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,8 +17,8 @@ from typing import Any, ClassVar, Literal, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from core.design import Candidate, Evaluation, Tool
-from core.errors import UserError
+from core.design import TIE, Candidate, Evaluation, Tool
+from core.errors import UsageError, UserError
 from core.geometry import Array, Pose
 from core.jobs import JointTrajectory, Outcome, Recording, Rollout, RolloutSettings, World
 from core.scene import Camera, Goal, Scene, State
@@ -290,11 +291,26 @@ class Designer(Protocol):
 
 
 class EvolutionStrategy(ABC):
-    """Ask for candidates, tell what they earned, ask again."""
+    """The search: `ask` gives the candidates of a generation, `tell` takes what they earned.
 
-    def __init__(self, designer: Designer, budget: Budget) -> None:
+    Args:
+        designer: asks the model for candidates.
+        budget: how many candidates and generations the user pays for.
+        tie: rewards this close to the best count as equal, and the shorter distance goes first
+            (`core.design.ranked`). The run chooses its winner by it; a strategy may choose its elites by it.
+
+    Raises:
+        UsageError: ``tie`` is negative or not finite.
+    """
+
+    tie: float = TIE
+
+    def __init__(self, designer: Designer, budget: Budget, tie: float = TIE) -> None:
+        if not 0 <= tie < math.inf:
+            raise UsageError(f"evolution.tie must be 0 or greater, got {tie}")
         self.designer = designer
         self.budget = budget
+        self.tie = tie
 
     @abstractmethod
     def ask(self) -> Iterator[Candidate]:

@@ -20,7 +20,7 @@ from rich.progress import track
 from core.cli import arguments, command, print_table, write_bytes
 from core.config.compose import check_seed, load, node, part
 from core.config.settings import PerturbationRange
-from core.design import Candidate, Evaluation, best_first
+from core.design import TIE, Candidate, Evaluation, best_first
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
@@ -131,7 +131,8 @@ def designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRul
         return read_designs(load_designs(path), representation, spawn)
     if cfg.top < 1:
         raise UsageError(f"top must be at least 1, got {cfg.top}")
-    return [e.candidate for e in best_first(stored_evaluations(path, representation, spawn))[: cfg.top]]
+    tie = stored_config(path)["evolution"].get("tie", TIE)  # as the run chose its best
+    return [e.candidate for e in best_first(stored_evaluations(path, representation, spawn), tie)[: cfg.top]]
 
 
 def as_the_run(words: Sequence[str]) -> DictConfig:

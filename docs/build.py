@@ -93,7 +93,7 @@ def best_by_generation(name: str, seed: int, *overrides: str) -> list[float]:
     words = [f"task={name}", f"seed={seed}", "film=false", "listener=[]", f"budget.stop_reward={ENOUGH}", *overrides]
     with tempfile.TemporaryDirectory() as folder:
         result = run(load("config", words), Path(folder))
-    bests = [g.best.reward if g.best is not None else 0.0 for g in result.generations]
+    bests = [g.best_reward or 0.0 for g in result.generations]
     return np.maximum.accumulate(bests).tolist()
 
 

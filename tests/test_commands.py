@@ -111,7 +111,7 @@ def test_evaluate_writes_what_each_plan_earned(tmp_path):
     assert 0.3 < solved["distance_m"] < 1.0
     assert solved["reason"] == ""
     assert idle["reward"] < 0.02
-    assert idle["distance_m"] == 0
+    assert idle["distance_m"] < 1e-4
     assert "waypoint 1" in far["reason"]
     assert "revolute" in loose["reason"]
     assert far["reward"] == loose["reward"] == 0
@@ -187,7 +187,9 @@ def test_the_result(tiny):
     figures = ("index", "best_reward", "mean_reward", "n_candidates", "n_rejected", "n_failed")
     assert [tuple(generation) for generation in result["generations"]] == [figures] * 2
     assert [generation["index"] for generation in result["generations"]] == [0, 1]
-    assert max(generation["best_reward"] for generation in result["generations"]) == result["best"]["reward"]
+    highest = max(generation["best_reward"] for generation in result["generations"])
+    assert highest - result["tie"] <= result["best"]["reward"] <= highest
+    assert result["tie"] == 0.005
     assert all(generation["n_candidates"] == 4 for generation in result["generations"])
     tried = sum(generation["n_candidates"] - generation["n_rejected"] for generation in result["generations"])
     assert result["n_evaluations"] == tried

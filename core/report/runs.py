@@ -53,7 +53,9 @@ class GenerationFigures:
 
 @dataclass(frozen=True)
 class Figures:
-    """What this program reads of a ``result.json``. ``stopped`` says why a run ended before its budget was spent."""
+    """What this program reads of a ``result.json``. ``stopped`` says why a run ended before its budget was spent;
+    ``tie`` is the difference between rewards that counted as none.
+    """
 
     task: str
     seed: int
@@ -66,6 +68,7 @@ class Figures:
     evolution: str = ""
     budget: str = ""
     best: Best | None = None
+    tie: float = 0.0  # of runs before there was one
     stopped: str | None = None
     versions: dict[str, str] = field(default_factory=dict)
 

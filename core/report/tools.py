@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -14,7 +13,7 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from core.config.compose import part
-from core.design import GRIPPER_MOUNTS, Component, DesignError, Tool
+from core.design import GRIPPER_MOUNTS, Component, DesignError, Tool, ranked
 from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
 from core.geometry import Array, Pose
@@ -53,11 +52,6 @@ class Winner:
     def name(self) -> str:
         """Never empty."""
         return self.tool.name or self.strategy_name or self.candidate
-
-    @property
-    def rank(self) -> tuple[float, float]:
-        """Sorts the best first: higher reward, then shorter distance."""
-        return (-self.reward, np.inf if self.distance_m is None else self.distance_m)
 
 
 @lru_cache(maxsize=256)
@@ -125,16 +119,18 @@ def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
         raise UserError(f"{run.folder} has no {STORE}, and so no designs")
     given, representation = given_tool(run), _part(run, "tool")
     query = (
-        "SELECT candidate, generation, agent, strategy FROM evaluations"
+        "SELECT candidate, generation, agent, strategy, reward, distance_m FROM evaluations"
         " WHERE status = 'ok' AND generation = coalesce(:generation, generation)"
-        " ORDER BY reward DESC, distance_m IS NULL, distance_m, generation, agent, strategy, plan"
+        " ORDER BY generation, agent, strategy, plan"
     )
     seen = set()
-    with reading(run.folder) as database, closing(database.execute(query, {"generation": generation})) as order:
-        for candidate, *key in order:
-            if tuple(key) not in seen:
-                seen.add(tuple(key))
-                yield _winner(run, _stored(database, candidate), given, representation)
+    with reading(run.folder) as database:
+        rows = database.execute(query, {"generation": generation}).fetchall()
+        for row in ranked(rows, lambda row: (row["reward"], row["distance_m"]), run.figures.tie):
+            key = (row["generation"], row["agent"], row["strategy"])
+            if key not in seen:
+                seen.add(key)
+                yield _winner(run, _stored(database, row["candidate"]), given, representation)
 
 
 def _stored(database: sqlite3.Connection, candidate: str) -> sqlite3.Row:

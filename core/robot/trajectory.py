@@ -29,8 +29,8 @@ _SAMPLE_S = 0.01
 class Motion:
     """A joint trajectory and what is known of it beforehand.
 
-    ``distance_m``: the way of the end-effector's origin from the first waypoint to the last, as the joints go.
-    ``ik_error_m``, ``ik_error_rad``: the largest misses of the inverse kinematics at the knots of that way.
+    ``distance_m``: the way of the end-effector's origin from home through all waypoints, as the joints go.
+    ``ik_error_m``, ``ik_error_rad``: the largest misses of the inverse kinematics from the first waypoint on.
     """
 
     trajectory: JointTrajectory
@@ -68,9 +68,8 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
         closed = grips[i] + (grips[i + 1] - grips[i]) * instants / instants[-1]
         fingers.append(FINGER_OPEN * (1 - np.minimum(np.maximum(closed, 0.0), 1.0)))
 
-    first = ends[1]  # what happens before the first waypoint counts for nothing
-    distance = float(np.linalg.norm(np.diff(arm.positions(knots[first:]), axis=0), axis=1).sum())
-    worst = errors[first - 1 :].max(axis=0)
+    distance = float(np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1).sum())
+    worst = errors[ends[1] - 1 :].max(axis=0)  # misses before the first waypoint do no harm
     trajectory = JointTrajectory(np.concatenate(times), np.concatenate(targets), np.concatenate(fingers))
     return Motion(trajectory, distance, float(worst[0]), float(worst[1]))
 

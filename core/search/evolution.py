@@ -35,7 +35,7 @@ def evolve(
     events: pluggy.PluginManager,
     known: Known | None = None,
 ) -> Result:
-    """Run ``budget.n_iteration`` + 1 generations, fewer if the best reward reaches ``budget.stop_reward``.
+    """Run ``budget.n_iteration`` + 1 generations, fewer if the highest reward reaches ``budget.stop_reward``.
 
     ``evaluate`` is called in the executor's workers, with candidates of one tool, or if it has a ``batch`` greater than
     1 with as many as have come; not for those whose evaluation is ``known``. A limit that is reached while candidates
@@ -55,24 +55,24 @@ def evolve(
                 came[-1].append(evaluation)
             if asked.limit is not None:
                 break
-            generation = _generation(index, came[-1])
+            generation = _generation(index, came[-1], strategy.tie)
             strategy.tell(generation.evaluations)
             generations.append(generation)
             events.hook.generation_finished(generation=generation)
-            best = generation.best
-            if budget.stop_reward is not None and best is not None and best.reward >= budget.stop_reward:
+            reached = generation.best_reward
+            if budget.stop_reward is not None and reached is not None and reached >= budget.stop_reward:
                 break
         stopped = asked.limit
     except KeyboardInterrupt:  # whoever called sees it in the result
         stopped = INTERRUPTED
     for index in range(len(generations), len(came)):  # the one that was cut short
         if came[index]:
-            generations.append(_generation(index, came[index]))
-    return Result(tuple(generations), time.monotonic() - began, stopped)
+            generations.append(_generation(index, came[index], strategy.tie))
+    return Result(tuple(generations), time.monotonic() - began, stopped, strategy.tie)
 
 
-def _generation(index: int, evaluations: Iterable[Evaluation]) -> Generation:
-    return Generation(index, tuple(sorted(evaluations, key=lambda e: e.candidate.key)))
+def _generation(index: int, evaluations: Iterable[Evaluation], tie: float) -> Generation:
+    return Generation(index, tuple(sorted(evaluations, key=lambda e: e.candidate.key)), tie)
 
 
 class _UntilLimit:

@@ -258,6 +258,7 @@ def report(run: Run, result: Result) -> dict[str, Any]:
         "budget": run.config["budget"]["name"],
         "seed": run.seed,
         "best": best_figures(result),
+        "tie": result.tie,
         "stopped": result.stopped,
         "generations": [summary(generation) for generation in result.generations],
         "n_evaluations": result.n_evaluations,
@@ -294,7 +295,7 @@ def summary(generation: Generation) -> dict[str, Any]:
     """A generation's figures, as in ``result.json``."""
     return {
         "index": generation.index,
-        "best_reward": generation.best.reward if generation.best is not None else None,
+        "best_reward": generation.best_reward,
         "mean_reward": generation.mean_reward,
         "n_candidates": len(generation.evaluations),
         "n_rejected": generation.count("rejected"),

@@ -65,10 +65,8 @@ class ProgressListener:
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
         self._stop()
-        best, mean = generation.best, generation.mean_reward
-        rewards = (
-            "nothing could be tried" if best is None or mean is None else f"best {best.reward:.3f}  mean {mean:.3f}"
-        )
+        best, mean = generation.best_reward, generation.mean_reward
+        rewards = "nothing could be tried" if best is None or mean is None else f"best {best:.3f}  mean {mean:.3f}"
         counts = f"{len(generation.evaluations)} candidates"
         for status in ("rejected", "failed"):
             if generation.count(status):

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.cli import print_table
-from core.design import Evaluation, best_first
+from core.design import Evaluation
 from core.hooks import hookimpl
 from core.text import clean
 
@@ -67,7 +67,7 @@ def _print_generations(generations: Iterable[Generation]) -> None:
 def _print_tools(result: Result, top: int) -> None:
     numbers = ("reward", "distance m", "components", "mass g")
     best: dict[tuple[int, ...], Evaluation] = {}
-    for evaluation in best_first(e for g in result.generations for e in g.evaluations):
+    for evaluation in result.ranking:
         best.setdefault(evaluation.candidate.key[:3], evaluation)
     print_table((*numbers, "candidate", "tool"), [_row(e) for e in list(best.values())[:top]], numbers, sys.stderr)
 

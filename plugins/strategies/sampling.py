@@ -1,10 +1,10 @@
-"""No evolution: a fresh sampling each generation, with as many evaluations as a search that evolves."""
+"""``evolution=sampling``: no evolution, with as many evaluations as a search that evolves."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from core.design import Candidate, Evaluation
+from core.design import TIE, Candidate, Evaluation
 from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 
@@ -15,10 +15,16 @@ def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
 
 
 class Sampling(EvolutionStrategy):
-    """Never looks at what was earned."""
+    """Ask for a fresh population in each generation, whatever the one before earned.
 
-    def __init__(self, designer: Designer, budget: Budget) -> None:
-        super().__init__(designer, budget)
+    Args:
+        designer: asks the model for candidates.
+        budget: not read here.
+        tie: see `core.interfaces.EvolutionStrategy`.
+    """
+
+    def __init__(self, designer: Designer, budget: Budget, tie: float = TIE) -> None:
+        super().__init__(designer, budget, tie)
         self._generation = 0
 
     def ask(self) -> Iterator[Candidate]:

@@ -1,11 +1,11 @@
-"""The paper's search: sample once, then let the model mutate and cross the best."""
+"""``evolution=vlmgineer``, the paper's search: sample once, then let the model mutate and cross the best."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Literal
 
-from core.design import Candidate, Evaluation, best_first
+from core.design import TIE, Candidate, Evaluation, best_first
 from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 
@@ -15,34 +15,39 @@ def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
     return {"vlmgineer": VLMgineer}
 
 
-def select(evaluations: Sequence[Evaluation], k_top: int, reward_save: float) -> list[Evaluation]:
-    """The elites: of the ``k_top`` best those that earned more than ``reward_save``, the best of each tool only."""
+def select(evaluations: Sequence[Evaluation], k_top: int, reward_save: float, tie: float = TIE) -> list[Evaluation]:
+    """Choose the elites: of the ``k_top`` best those that earned more than ``reward_save``, the best of each tool."""
     elites: dict[tuple[int, int, int], Evaluation] = {}
-    for evaluation in best_first(evaluations)[:k_top]:
+    for evaluation in best_first(evaluations, tie)[:k_top]:
         if evaluation.reward > reward_save:
             elites.setdefault(evaluation.candidate.key[:3], evaluation)
     return list(elites.values())
 
 
 class VLMgineer(EvolutionStrategy):
-    """Ask for a fresh population as long as nobody passes ``reward_save``, else for the elites' offspring.
+    """Ask for a fresh population as long as no reward exceeds ``reward_save``, else for the elites' offspring.
 
     Args:
-        designer: where candidates come from.
-        budget: k_top and reward_save are read here.
+        designer: asks the model for candidates.
+        budget: ``k_top`` and ``reward_save`` are read here.
         elites_from: choose elites from the last ``generation`` (as the paper does) or from the whole ``run`` so far.
+        tie: see `core.interfaces.EvolutionStrategy`.
     """
 
     def __init__(
-        self, designer: Designer, budget: Budget, elites_from: Literal["generation", "run"] = "generation"
+        self,
+        designer: Designer,
+        budget: Budget,
+        elites_from: Literal["generation", "run"] = "generation",
+        tie: float = TIE,
     ) -> None:
-        super().__init__(designer, budget)
+        super().__init__(designer, budget, tie)
         self._elites_from = elites_from
         self._generation = 0
         self._pool: list[Evaluation] = []
 
     def ask(self) -> Iterator[Candidate]:
-        elites = select(self._pool, self.budget.k_top, self.budget.reward_save)
+        elites = select(self._pool, self.budget.k_top, self.budget.reward_save, self.tie)
         return self.designer.design(self._generation, elites)
 
     def tell(self, evaluations: Sequence[Evaluation]) -> None:

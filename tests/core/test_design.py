@@ -1,4 +1,3 @@
-import itertools
 import math
 
 import numpy as np
@@ -6,7 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, best_first
+from core.design import (
+    GRIPPER_MOUNTS,
+    RIGID_MOUNT,
+    Candidate,
+    Component,
+    DesignError,
+    Evaluation,
+    Tool,
+    best_first,
+    ranked,
+)
 from core.geometry import Box, Pose
 
 LEFT, RIGHT = GRIPPER_MOUNTS
@@ -90,7 +99,7 @@ def ok(reward, distance, key=(0, 0, 0, 0)):
     return Evaluation(candidate(*key), "ok", reward=reward, distance_m=distance)
 
 
-def test_best_first_by_reward_then_distance_then_key():
+def test_best_first_by_reward_then_distance_then_key_where_there_are_no_ties():
     order = [
         ok(0.9, 3.0, (1, 0, 0, 0)),
         ok(0.5, 0.1, (2, 0, 0, 0)),
@@ -102,7 +111,7 @@ def test_best_first_by_reward_then_distance_then_key():
     ]
     for seed in range(20):
         shuffled = [order[i] for i in np.random.default_rng(seed).permutation(len(order))]
-        assert best_first(shuffled) == order
+        assert best_first(shuffled, tie=0.0) == order
 
 
 def test_what_was_not_tried_is_not_among_the_best():
@@ -117,13 +126,33 @@ rewards = st.floats(0, 1)
 distances = st.one_of(st.just(math.nan), st.floats(0, 10))
 
 
-@given(st.lists(st.tuples(rewards, distances, keys), unique_by=lambda e: e[2], max_size=8), st.randoms())
-def test_the_order_does_not_depend_on_arrival(entries, random):
+@given(
+    st.lists(st.tuples(rewards, distances, keys), unique_by=lambda e: e[2], max_size=8),
+    st.randoms(),
+    st.sampled_from([0.0, 0.005, 0.3]),
+)
+def test_the_order_does_not_depend_on_arrival(entries, random, tie):
     evaluations = [ok(*entry) for entry in entries]
     shuffled = random.sample(evaluations, len(evaluations))
-    found = best_first(shuffled)
-    assert found == best_first(evaluations)
-    for better, worse in itertools.pairwise(found):
-        assert better.reward >= worse.reward
-        if better.reward == worse.reward and not math.isnan(worse.distance_m):
-            assert better.distance_m <= worse.distance_m
+    found = best_first(shuffled, tie)
+    assert found == best_first(evaluations, tie)
+    while found:
+        highest = max(e.reward for e in found)
+        equal = [e for e in found if highest - e.reward <= tie]
+        assert found[: len(equal)] == equal  # they go first...
+        lengths = [math.inf if math.isnan(e.distance_m) else e.distance_m for e in equal]
+        assert lengths == sorted(lengths)  # ...the shorter ones before the longer ones...
+        found = found[len(equal) :]  # ...and the same holds for the rest
+
+
+def test_rewards_within_the_tie_of_the_best_count_as_equal():
+    best, shorter, worse = ok(0.9990, 1.0), ok(0.9941, 0.5, (0, 0, 0, 1)), ok(0.9939, 0.1, (0, 0, 0, 2))
+    assert best_first([best, shorter, worse]) == [shorter, best, worse]
+    assert best_first([best, shorter, worse], tie=0.006) == [worse, shorter, best]
+    assert best_first([best, shorter, worse], tie=0.0) == [best, shorter, worse]
+    assert best_first([worse, shorter]) == [worse, shorter]  # the best is another one
+
+
+def test_of_equal_distances_the_higher_reward_goes_first_and_none_is_the_longest():
+    figures = [(0.5, None), (0.501, 1.0), (0.502, 1.0), (0.503, math.nan)]
+    assert ranked(figures, lambda f: f) == [figures[2], figures[1], figures[3], figures[0]]

@@ -114,7 +114,7 @@ def test_no_spread_no_difference():
 
 def test_the_best_of_a_run_under_the_runs_own_conditions(ran):
     folder, result = ran
-    tried = sorted((e for g in result.generations for e in g.evaluations if e.status == "ok"), key=lambda e: e.rank)
+    tried = result.ranking
     cfg = as_the_run([f"designs={folder}", "sims=[pybullet]", "seeds=[0]", "top=3", "executor.workers=1"])
     assert (cfg.task.name, cfg.tool.name, cfg.seed, cfg.rollout.hold_s) == ("OneBook", "urdf", 3, 0.5)
     found = transfer(cfg)["designs"]

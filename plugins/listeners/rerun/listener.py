@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Literal
 
-from core.design import Evaluation, best_first
+from core.design import Evaluation
 from core.errors import check_positive
 from core.hooks import hookimpl
 from core.interfaces import Reply, Request
@@ -113,7 +113,7 @@ class RerunListener:
 def best_tools(generation: Generation, most: int) -> list[Evaluation]:
     """Of each tool its best candidate, the best tools first, at most so many."""
     tools: dict[tuple[int, int, int], Evaluation] = {}
-    for evaluation in best_first(generation.evaluations):
+    for evaluation in generation.ranking:
         tools.setdefault(evaluation.candidate.key[:3], evaluation)
     return list(tools.values())[:most]
 

@@ -91,8 +91,8 @@ def run_text(run: Run, generations: Sequence[Generation], spent: Sequence[str]) 
         "|---|---|---|---|---|---|---|",
     ]
     for generation, cost in zip(generations, spent, strict=True):
-        best, mean = generation.best, generation.mean_reward
-        figures = ["" if x is None else f"{x:.3f}" for x in (best.reward if best else None, mean)]
+        rewards = (generation.best_reward, generation.mean_reward)
+        figures = ["" if reward is None else f"{reward:.3f}" for reward in rewards]
         counts = [len(generation.evaluations), generation.count("rejected"), generation.count("failed")]
         lines.append(f"| {generation.index} | {' | '.join(map(str, [*figures, *counts, cost]))} |")
     return "\n".join(lines) + "\n"

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import Candidate, Component, Evaluation, Tool
+from core.design import TIE, Candidate, Component, Evaluation, Tool
 from core.errors import LimitReached
 from core.events import INTERRUPTED
 from core.geometry import Box, Pose
@@ -100,8 +100,9 @@ def earn(chunk):
     return [Evaluation(candidate, "ok", reward=reward_of(candidate), distance_m=1.0) for candidate in chunk]
 
 
-def run(generations, evaluate=earn, executor=None, known=None, **budget):
+def run(generations, evaluate=earn, executor=None, known=None, tie=TIE, **budget):
     strategy = Scripted(generations)
+    strategy.tie = tie
     diary = Diary(strategy)
     events = event_hub()
     events.register(diary)
@@ -153,6 +154,42 @@ def test_the_best_is_of_all_generations():
     assert result.best.candidate.id == "g0-a0-s0-p1"  # the shorter of two equal ones
     assert [generation.best.reward for generation in result.generations] == [0.5, 0.25, 0.5 / 3]
     assert result.generations[1].mean_reward == 0.25
+
+
+def earn_by_action(rewards):
+    """The later an action, the shorter its way; the later a generation, the longer."""
+    return lambda chunk: [
+        Evaluation(c, "ok", reward=rewards[c.action], distance_m=2.0 + c.generation - c.action / 10) for c in chunk
+    ]
+
+
+def test_of_nearly_equal_rewards_the_shorter_way_wins():
+    result, _, _ = run([population(0, 4)], earn_by_action([0.900, 0.896, 0.5, 0.1]))
+    assert result.best.candidate.action == result.generations[0].best.candidate.action == 1
+    assert result.generations[0].best_reward == 0.900
+    assert [e.candidate.action for e in result.ranking] == [1, 0, 2, 3]
+
+
+def test_ties_are_those_of_all_generations_and_the_strategy_says_how_large():
+    """The best of the first generation, g0-a0-s0-p1, earned too little to win in the end."""
+    rewards = {0: [0.900, 0.896], 1: [0.903, 0.1]}
+
+    def earn_later(chunk):
+        return [e for c in chunk for e in earn_by_action(rewards[c.generation])([c])]
+
+    result, _, _ = run([population(0, 2), population(1, 2)], earn_later)
+    assert [g.best.candidate.id for g in result.generations] == ["g0-a0-s0-p1", "g1-a0-s0-p0"]
+    assert result.best.candidate.id == "g0-a0-s0-p0"
+    for tie, best in ((0.0, "g1-a0-s0-p0"), (0.01, "g0-a0-s0-p1")):
+        result, _, _ = run([population(0, 2), population(1, 2)], earn_later, tie=tie)
+        assert (result.best.candidate.id, result.tie) == (best, tie)
+
+
+@pytest.mark.parametrize(("stop_reward", "generations"), [(0.9, 1), (0.901, 2)])
+def test_the_highest_reward_ends_the_run_not_the_winners(stop_reward, generations):
+    result, _, _ = run([population(i, 2) for i in range(2)], earn_by_action([0.900, 0.896]), stop_reward=stop_reward)
+    assert len(result.generations) == generations
+    assert result.best.reward == 0.896
 
 
 def test_an_empty_generation_is_told_too():

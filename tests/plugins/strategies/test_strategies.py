@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.design import Candidate, Evaluation, Tool
+from core.errors import UserError
 from core.interfaces import Budget
 from core.plugins import installed
 from plugins.strategies.vlmgineer import select
@@ -67,6 +68,22 @@ def test_ties_go_to_the_shorter_way():
     assert [e.candidate.action for e in found] == [1]
 
 
+@pytest.mark.parametrize(("tie", "first"), [({}, 1), ({"tie": 0.0}, 0), ({"tie": 0.1}, 2)])
+def test_the_shorter_of_two_that_are_nearly_the_best_is_the_first_elite(tie, first):
+    search, designer = strategy("vlmgineer", k_top=1, **tie)
+    search.ask()
+    search.tell([earned(0.900, 0), earned(0.896, 1, distance=0.5), earned(0.85, 2, distance=0.1)])
+    search.ask()
+    assert designer.asked[-1] == (1, [f"g0-a0-s{first}-p0"])
+
+
+@pytest.mark.parametrize("name", ["vlmgineer", "sampling"])
+def test_a_tie_is_not_negative(name):
+    assert strategy(name, tie=0.25)[0].tie == 0.25
+    with pytest.raises(UserError, match=r"evolution\.tie must be 0 or greater, got -0\.1"):
+        strategy(name, tie=-0.1)
+
+
 def test_what_was_not_tried_is_no_elite():
     assert select([earned(1.0, status="rejected"), earned(1.0, status="failed")], 5, 0.0) == []
 
@@ -78,13 +95,14 @@ evaluations = st.lists(
 
 @given(evaluations, st.integers(1, 6), st.floats(0, 1))
 def test_elites(candidates, k_top, reward_save):
-    found = select(candidates, k_top, reward_save)
+    found = select(candidates, k_top, reward_save, 0.0)
     assert len(found) <= k_top
     assert all(e.reward > reward_save for e in found)
     assert len({e.candidate.key[:3] for e in found}) == len(found)
     assert rewards(found) == sorted(rewards(found), reverse=True)
     best = max(rewards(candidates), default=0)
     assert rewards(found[:1]) == ([best] if best > reward_save else [])
+    assert all(best - e.reward <= 0.005 for e in select(candidates, k_top, reward_save)[:1])
 
 
 # --- strategies -------------------------------------------------------------------------------------------------
