@@ -1,4 +1,7 @@
-"""``python -m core.new KIND NAME``: write a plugin package to start from."""
+"""``python -m core.new KIND NAME``: write a plugin package to start from, or add a part to one.
+
+Covered by `tests/core/new/test_packages.py`.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,11 @@ from core.cli import command
 from core.errors import UsageError
 from core.new.packages import TEMPLATES, write
 
-USAGE = f"usage: python -m core.new {{{'|'.join(TEMPLATES)}}} NAME [output=DIR]"
+USAGE = f"usage: python -m core.new {{{'|'.join(TEMPLATES)}}} NAME [output=NEW_FOLDER_OR_PACKAGE]"
 
 
 def main() -> None:
-    """Write it, and say how it is used.
+    """Write the part, and print how to use it.
 
     Raises:
         UserError: see `write`.
@@ -24,11 +27,10 @@ def main() -> None:
         return
     outputs = [word.removeprefix("output=") for word in words if word.startswith("output=")]
     named = [word for word in words if not word.startswith("output=")]
-    if len(named) != 2 or len(outputs) > 1 or any(word.startswith("-") for word in named):
+    if len(named) != 2 or len(outputs) > 1 or any(word.startswith("-") or "=" in word for word in named):
         raise UsageError(f"a kind and a name are needed; {USAGE}")
     kind, name = named
-    folder, template = write(kind, name, Path(outputs[0]) if outputs else None), TEMPLATES[kind]
-    (code,) = folder.glob(f"*/{template.module}.py")
+    (folder, code), template = write(kind, name, Path(outputs[0]) if outputs else None), TEMPLATES[kind]
     sys.stdout.write(
         f"{code}: {template.what}, ready to be changed\n"
         f"  pip install -e '{folder}[test]'\n"

@@ -1,4 +1,4 @@
-"""``python -m core.new KIND NAME``: a plugin package to start from, which passes the checks of its kind as it is."""
+"""Write a plugin package to start from, or add a part to a package that is there."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from pathlib import Path
 import jinja2
 
 from core.errors import UsageError, UserError, choices
+from core.new.existing import Package
 from core.plugins import KINDS, installed
 
 
 @dataclass(frozen=True)
 class Template:
-    """Of a kind: its config group, what people call it, the module that its code goes to, how the class is called, the
-    test, and what chooses it on the command line.
+    """What is written for a kind: its config group, its name for people, the module and class of the part, the test,
+    and the word that chooses the part on the command line.
     """
 
     group: str
@@ -35,55 +36,74 @@ TEMPLATES = {
     "vlm": Template("vlm", "a model", "model", "{}Model"),
     "tool": Template("tool", "a tool representation", "tools", "{}Tools"),
     "strategy": Template("evolution", "a search strategy", "search", "{}Strategy"),
+    "fitness": Template("fitness", "a fitness", "fitness", "{}Fitness"),
     "executor": Template("executor", "an executor", "executor", "{}Executor"),
     "listener": Template("listener", "a listener", "listener", "{}Listener", "listener_test.py", "[progress,{}]"),
 }
 
 
-def write(kind: str, name: str, output: Path | None = None) -> Path:
-    """Write the package into the folder ``output`` (by default one of its name, here), and return that.
+def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]:
+    """Write a part into the folder ``output`` (default: one of its name, here); return the folder and its module.
+
+    A folder that holds a plugin package gets the part added; nothing in it is overwritten.
 
     Raises:
-        UserError: a kind that there is not, a name that can't be one or is taken, or a folder that holds something.
+        UserError: an unknown kind, a name that can't be used, or a folder to which the part can't be added.
     """
     if kind not in TEMPLATES:
         raise choices("kind", kind, TEMPLATES, "core.new")
     template = TEMPLATES[kind]
-    package = _check_name(template.group, name)
-    folder = output or Path(package)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UserError(f"{folder} is there already; choose another folder with output=DIR")
+    snake = _check_name(template.group, name)
+    folder = output or Path(snake)
     cls = template.cls.format(name[0].upper() + re.sub(r"_+(\w)", lambda found: found[1].upper(), name[1:]))
-    values = {"name": name, "package": package, "kind": template.group, "what": template.what, "cls": cls}
-    values |= {"hook": KINDS[template.group], "module": template.module}
-    texts = {
-        "pyproject.toml": "pyproject.toml",
-        f"{package}/__init__.py": "init.py",
-        f"{package}/{template.module}.py": f"{kind}.py",
-        f"{package}/conf/{template.group}/{name}.yaml": f"{kind}.yaml",
-        f"tests/test_{package}.py": template.test,
+    values = {"name": name, "kind": template.group, "what": template.what, "cls": cls}
+    values |= {"hook": KINDS[template.group]}
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        package, module = Package.find(folder), snake
+        package.offer(values["hook"], name, f"{package.name}.{module}:{cls}")
+        values |= {"package": package.name, "module": module}
+        texts = package.texts
+    else:
+        package, module = Package(folder, snake, folder / snake, folder / snake / "conf"), template.module
+        _check_free(name, snake)
+        values |= {"package": snake, "module": module}
+        texts = {folder / "pyproject.toml": _render("pyproject.toml", values)}
+        texts[package.code / "__init__.py"] = _render("init.py", values)
+        texts[package.config / "__init__.py"] = ""
+    code = package.code / f"{module}.py"
+    new = {
+        code: _render(f"{kind}.py", values),
+        package.config / template.group / f"{name}.yaml": _render(f"{kind}.yaml", values),
+        folder / "tests" / f"test_{snake}.py": _render(template.test, values),
     }
+    for file in (*new, code.with_suffix("")):
+        if file.exists():
+            raise UserError(f"{file} is there already; choose another name, or another folder with output=DIR")
     try:
-        for path, source in texts.items():
-            (folder / path).parent.mkdir(parents=True, exist_ok=True)
-            (folder / path).write_text(_render(source, values), encoding="utf-8")
-        (folder / package / "conf/__init__.py").touch()
+        for file, text in (new | texts).items():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UserError(f"can't write {error.filename}: {error.strerror}") from error
-    return folder
+    return folder, code
 
 
 def _check_name(group: str, name: str) -> str:
-    """The package's name, in small letters."""
+    """The name in small letters with underscores, for modules."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or keyword.iskeyword(name):
         raise UsageError(f"{name!r} can't be a name: letters, digits and underscores are possible, a letter first")
-    package = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+    snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
     taken = installed().offers.get((group, name))
     if taken is not None:
         raise UsageError(f"{group} {name!r} is taken: {taken.distribution} offers it; choose another name")
-    if keyword.iskeyword(package) or importlib.util.find_spec(package) is not None:
+    if keyword.iskeyword(snake):
+        raise UsageError(f"{name!r} can't be a name: {snake!r} is a word of Python's; choose another name")
+    return snake
+
+
+def _check_free(name: str, package: str) -> None:
+    if importlib.util.find_spec(package) is not None:
         raise UsageError(f"{name!r} can't be a name: a module {package!r} is there already; choose another name")
-    return package
 
 
 def _render(source: str, values: dict[str, str]) -> str:

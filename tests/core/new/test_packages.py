@@ -12,14 +12,15 @@ from core.new import packages as new
 from tests.packages import PYTHON, install
 
 PARTS = {"task": "PullBlock", "sim": "my_engine", "vlm": "parrot", "tool": "crates", "strategy": "greedy"}
-PARTS |= {"executor": "in_turn", "listener": "rows"}
+PARTS |= {"executor": "in_turn", "listener": "rows", "fitness": "mean_layouts"}
 RUNS = ["task=PullBlock", "sim=my_engine", "vlm=parrot", "tool=crates", "evolution=greedy", "executor=in_turn"]
+RUNS += ["fitness=mean_layouts"]
 SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "film=false"]
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """One package of each kind, in folders of their kinds' names, as if all of them were installed."""
+    """A package of each kind, in a folder of its kind's name, and an environment in which all are installed."""
     folder = tmp_path_factory.mktemp("new")
     for kind, name in PARTS.items():
         new.write(kind, name, folder / kind)
@@ -28,20 +29,20 @@ def written(tmp_path_factory):
 
 
 def test_what_is_written_passes_its_own_tests(written):
-    """Of a simulator's many checks a few: it hands over to an engine that passes them all elsewhere."""
+    """A few of a simulator's many checks: it uses an engine that passes them all in its own tests."""
     folder, environment = written
     some = "not test_my_engine or recordings or pictures or free_bodies"
     words = ["pytest", "-v", "-p", "no:cacheprovider", *(f"{kind}/tests" for kind in PARTS), "-k", some]
     done = subprocess.run([sys.executable, "-m", *words], cwd=folder, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     for kind, template in new.TEMPLATES.items():
-        checks = {"sim": 4, "listener": 1}.get(kind) or len(SUITES[template.group])
+        checks = 4 if kind == "sim" else len(SUITES[template.group]) + (kind == "listener")
         file = "test_pull_block.py" if kind == "task" else f"test_{PARTS[kind]}.py"
         assert len(re.findall(rf"{file}::.* PASSED", done.stdout)) == checks, kind
 
 
-def test_its_tests_are_its_own_affair_inside_another_project(written, tmp_path):
-    """Such as a clone of this one, whose settings of pytest ask for more than it has."""
+def test_its_tests_ignore_the_settings_of_a_project_around_it(written, tmp_path):
+    """For example a clone of this one, whose settings of pytest need more than the package has."""
     (tmp_path / "pyproject.toml").write_text('[tool.pytest.ini_options]\naddopts = "--no-such-option"\n')
     new.write("listener", PARTS["listener"], tmp_path / "rows")
     words = ["pytest", "-q", "-p", "no:cacheprovider", "rows"]
@@ -63,7 +64,7 @@ def test_what_is_written_runs(written, tmp_path):
         (
             "taks",
             "Mine",
-            r"no kind 'taks' in core.new \(did you mean 'task'\?\); possible: executor, li",
+            r"no kind 'taks' in core.new \(did you mean 'task'\?\); possible: executor, fi",
         ),
         ("task", "my task", "'my task' can't be a name: letters, digits and underscores"),
         ("task", "../Mine", "can't be a name"),
@@ -73,7 +74,7 @@ def test_what_is_written_runs(written, tmp_path):
         ("vlm", "numpy", "'numpy' can't be a name: a module 'numpy' is there already"),
     ],
 )
-def test_what_can_be_no_package_is_told(tmp_path, kind, name, reason):
+def test_names_that_cannot_be_are_refused(tmp_path, kind, name, reason):
     with pytest.raises(UsageError, match=reason):
         new.write(kind, name, tmp_path / "out")
     assert not list(tmp_path.iterdir())
@@ -81,7 +82,7 @@ def test_what_can_be_no_package_is_told(tmp_path, kind, name, reason):
 
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "notes.txt").touch()
-    with pytest.raises(UserError, match="is there already; choose another folder"):
+    with pytest.raises(UserError, match=r"is there already and holds no pyproject.toml.*; choose another folder"):
         new.write("task", "Mine", tmp_path)
 
 
@@ -97,7 +98,10 @@ def test_the_command_says_how_to_go_on(tmp_path, monkeypatch, capsys):
         "  python -m pytest top_three\n"
     )
     assert "class TopThreeStrategy(" in (tmp_path / "top_three/top_three/search.py").read_text()
-    for words in ([], ["task"], ["task", "A", "B"], ["-x", "task"]):
+    monkeypatch.setattr(sys, "argv", ["core.new", "task", "PullIt", "output=top_three"])
+    command.main()
+    assert capsys.readouterr().out.startswith("top_three/top_three/pull_it.py: a task, ready to be changed\n")
+    for words in ([], ["task"], ["task", "A", "into=x"], ["task", "A", "B"], ["-x", "task"]):
         monkeypatch.setattr(sys, "argv", ["core.new", *words])
         with pytest.raises(UsageError, match="a kind and a name are needed; usage: "):
             command.main()
