@@ -1,4 +1,4 @@
-"""A package of somebody else's, installed as anybody would: found at once, and at home with all that is built in."""
+"""A third-party package, installed by pip, is found at once and works with every built-in part."""
 
 import csv
 import json
@@ -31,7 +31,7 @@ def python_m(site, folder, *words):
 
 def test_all_its_parts_together_right_after_its_installation(site, tmp_path):
     parts = ["sim=toy", "task=PushButton", "tool=boxes", "evolution=restarts"]
-    parts += ["vlm=echo", "executor=here", "listener=[csv]", "listener.csv.delimiter=';'"]
+    parts += ["vlm=echo", "executor=here", "fitness=thrifty", "listener=[csv]", "listener.csv.delimiter=';'"]
     done = python_m(site, tmp_path, "core.run", *parts, *SMALL, "hydra.run.dir=run")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("best reward 0.")
@@ -69,7 +69,9 @@ def test_every_combination_with_what_is_built_in(site, tmp_path):
         assert row["status"] == "ok", table
 
 
-@pytest.mark.parametrize("part", ["sim=toy", "vlm=echo", "task=PushButton tool=boxes", "evolution=restarts"])
+@pytest.mark.parametrize(
+    "part", ["sim=toy", "vlm=echo", "task=PushButton tool=boxes", "evolution=restarts", "fitness=thrifty"]
+)
 def test_its_parts_travel_to_our_workers(site, tmp_path, part):
     run = ["executor.workers=1", "listener=[csv,progress]", "hydra.run.dir=run"]
     done = python_m(site, tmp_path, "core.run", *part.split(), *run, *SMALL)
@@ -89,6 +91,14 @@ def test_runs_side_by_side(site, tmp_path):
     assert re.search(r"PushButton .*\b2\b", done.stderr)  # what the sweep came to
 
 
+@pytest.mark.parametrize("part", ["task=PushButton", "tool=boxes", "evolution=restarts", "fitness=thrifty",
+                                  "vlm=echo", "executor=here", "listener=csv"])  # fmt: skip
+def test_its_parts_conform(site, tmp_path, part):
+    """All but the simulator, which has no physics."""
+    done = python_m(site, tmp_path, "core.conformance", part)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
     out = python_m(site, tmp_path, "core.plugins").stdout
     offered = {line.split()[0]: line.split()[1] for line in out.splitlines() if "toybench" in line}
@@ -98,6 +108,7 @@ def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
         "vlm": "echo",
         "tool": "boxes",
         "evolution": "restarts",
+        "fitness": "thrifty",
         "executor": "here",
         "listener": "csv",
     }
@@ -105,13 +116,13 @@ def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
     assert re.search(r"^sim: .*\btoy\b", help_text, re.M)
 
 
-def test_a_mistake_in_its_settings_is_told_in_one_line(site, tmp_path):
+def test_a_mistake_in_its_settings_is_one_line(site, tmp_path):
     done = python_m(site, tmp_path, "core.run", "sim=toy", "sim.radios=1")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "error: no key 'radios' in sim (did you mean 'radius'?); possible: name, radius, time_step\n"
 
 
-def test_nothing_of_ours_imports_it():
+def test_no_built_in_module_imports_it():
     for folder in ("core", "plugins", "tasks"):
         for file in (HERE.parent / folder).rglob("*.py"):
             assert "toybench" not in file.read_text(), file

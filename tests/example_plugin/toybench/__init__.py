@@ -1,4 +1,4 @@
-"""One part of each kind, as somebody who never met the framework's authors would add them."""
+"""One part of each kind, written as in any third-party package."""
 
 from core.hooks import hookimpl
 
@@ -26,6 +26,11 @@ def tool_representations():
 @hookimpl
 def evolution_strategies():
     return {"restarts": "toybench.restarts:Restarts"}
+
+
+@hookimpl
+def fitness_functions():
+    return {"thrifty": "toybench.thrifty:Thrifty"}
 
 
 @hookimpl

@@ -1,4 +1,4 @@
-"""A tool as a list of boxes, ten numbers each, instead of URDF."""
+"""Write a tool as a list of boxes, ten numbers each, instead of URDF."""
 
 import math
 
@@ -47,7 +47,7 @@ class Boxes(ToolRepresentation):
 
 
 def read(number, box, names):
-    """A box that nobody has checked: the name of its parent, its pose there, its shape."""
+    """Read a box that a model wrote: the name of its parent, its pose there, its shape."""
     where = f"box {number}"
     if not isinstance(box, list) or len(box) != len(NUMBERS):
         raise DesignError(f"{where} must be a list of ten numbers: {', '.join(NUMBERS)}")

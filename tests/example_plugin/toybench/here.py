@@ -1,4 +1,4 @@
-"""No other process: what is to be done is done here, one after the other."""
+"""Work on chunks in this process, one after the other."""
 
 from core.interfaces import Executor
 

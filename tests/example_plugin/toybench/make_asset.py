@@ -1,4 +1,4 @@
-"""How assets/button.stl was made."""
+"""Make assets/button.stl."""
 
 from pathlib import Path
 

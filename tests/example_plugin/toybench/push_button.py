@@ -1,4 +1,4 @@
-"""PushButton: a button stands on the table beyond the arm's reach, and is to be pushed back to its stop."""
+"""PushButton: push a button, beyond the arm's reach, back to its stop."""
 
 from functools import lru_cache
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Random restarts: breed the best so far, and now and then begin anew."""
+"""Random restarts: breed the best so far, and at random begin anew."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from core.interfaces import EvolutionStrategy
 
 
 class Restarts(EvolutionStrategy):
-    """``chance``: of a new start, each generation."""
+    """``chance``: the probability of a new start in each generation."""
 
     def __init__(self, designer, budget, chance: float = 0.3, seed: int = 0):
         super().__init__(designer, budget)

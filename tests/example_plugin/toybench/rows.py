@@ -1,4 +1,4 @@
-"""Candidates as rows of a spreadsheet."""
+"""Write candidates as rows of a spreadsheet."""
 
 import csv
 

@@ -1,4 +1,4 @@
-"""No physics engine: the arm is where it is told to be, and what the tool touches moves along with it."""
+"""Simulate without physics: the arm is where its targets are, and bodies that the tool touches move along with it."""
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class ToySimulator(Simulator):
 
 
 def boxes(tool, joints, opening):
-    """Of the tool: (pose in the world, shape)."""
+    """Yield pose in the world and shape of each of the tool's boxes."""
     hand = panda().forward(joints)
     left, right = (Pose(np.array([0.0, side * opening, -0.045])) for side in (1, -1))  # roughly where fingers are
     mounts = {RIGID_MOUNT: hand, **dict(zip(GRIPPER_MOUNTS, (hand @ left, hand @ right), strict=True))}

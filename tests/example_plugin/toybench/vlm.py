@@ -1,4 +1,4 @@
-"""Says the same whatever it is asked: a stick that points forward, and a poke with it."""
+"""Answer every request with a stick that points forward, and a poke with it."""
 
 import json
 
@@ -10,7 +10,7 @@ from core.interfaces import VLM, Reply
 
 
 class Echo(VLM):
-    """Answers at once, for nothing."""
+    """Answers at once, at no cost."""
 
     def __init__(self, reach: float = 0.3):
         self.model = "echo"
