@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from core.config.settings import PerturbationRange
 from core.design import Candidate, Evaluation
-from core.hooks import Factory, hookimpl
 from core.interfaces import Fitness
 from core.simulation.robustness import check_draws, engines, perturbed, worst
 from core.simulation.rollout import Evaluator
@@ -51,8 +50,3 @@ class Robust(Fitness):
             worst(candidate, {engine: [each[i] for each in evaluations] for engine, evaluations in tried.items()})
             for i, candidate in enumerate(candidates)
         ]
-
-
-@hookimpl
-def fitness_functions() -> Mapping[str, Factory]:
-    return {"robust": Robust}
