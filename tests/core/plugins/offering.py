@@ -1,0 +1,34 @@
+from core.hooks import hookimpl
+from core.interfaces import Simulator
+from core.plugins import KINDS
+
+
+class Engine(Simulator):
+    """A part with settings."""
+
+    def __init__(self, grid: int, time_step: float = 0.01, walls: list[str] | None = None) -> None:
+        self.grid, self.time_step, self.walls = grid, time_step, walls
+
+    def rollout(self, task, jobs):
+        raise NotImplementedError
+
+    def render(self, task, **_):
+        raise NotImplementedError
+
+
+class Offering:
+    """A plugin, as a stranger might write it."""
+
+    def __init__(self, **parts):
+        for hook in KINDS.values():
+            if hook in parts:
+                setattr(self, hook, hookimpl(self._hook(parts[hook])))
+
+    @staticmethod
+    def _hook(offered):
+        def hook():
+            if isinstance(offered, Exception):
+                raise offered
+            return offered
+
+        return hook

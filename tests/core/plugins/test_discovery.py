@@ -1,0 +1,178 @@
+import importlib.metadata
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from core.errors import UsageError, UserError
+from core.hooks import PROJECT, hookimpl
+from core.interfaces import Task
+from core.plugins import Plugins, installed
+from tests.core.plugins.offering import Engine, Offering
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_the_projects_own_parts_come_by_entry_points():
+    assert not installed().failures
+    entries = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"][PROJECT]
+    offers = installed().offers
+    own = {offer.entry_point for offer in offers.values() if offer.distribution == "vlmgineer"}
+    assert own == set(entries)
+    expected = {
+        ("task", "BringCube"),
+        ("task", "OneBook"),
+        ("sim", "pybullet"),
+        ("vlm", "offline"),
+        ("tool", "urdf"),
+        ("evolution", "vlmgineer"),
+        ("evolution", "sampling"),
+        ("executor", "local"),
+        ("listener", "progress"),
+    }
+    assert expected <= set(offers)
+
+
+def test_an_import_that_fails_is_remembered_and_hurts_nobody(monkeypatch):
+    def entry(name, value):
+        return importlib.metadata.EntryPoint(name, value, PROJECT)
+
+    entries = [
+        entry("broken", "no_such_module_anywhere"),
+        entry("worse", "tasks:no_such_attribute"),
+        entry("good", "tasks"),
+    ]
+    asked = []
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **how: asked.append(how) or entries)
+    found = Plugins()
+    assert asked == [{"group": PROJECT}]
+    assert "BringCube" in found.names("task")
+    assert [failure.entry_point for failure in found.failures] == ["broken", "worse"]
+    assert "ModuleNotFoundError: No module named 'no_such_module_anywhere'" in found.failures[0].reason
+    assert "no_such_attribute" in found.failures[1].reason
+    with pytest.raises(
+        UserError, match=r"no sim 'pybullet'; possible: none; plugin 'broken' failed to load: import failed"
+    ):
+        found.factory("sim", "pybullet")
+
+
+def test_an_import_that_raises_whatever_it_likes(monkeypatch, tmp_path):
+    (tmp_path / "moody.py").write_text("raise RuntimeError('not today')")
+    monkeypatch.syspath_prepend(tmp_path)
+    entry = importlib.metadata.EntryPoint("moody", "moody", PROJECT)
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **_: [entry])
+    (failure,) = Plugins().failures
+    assert failure.reason == "import failed: RuntimeError: not today"
+
+
+def test_plugins_can_be_switched_off(monkeypatch):
+    monkeypatch.setenv("VLMGINEER_PLUGINS", "")
+    assert not Plugins().offers
+    monkeypatch.setenv("VLMGINEER_PLUGINS", "urdf, robotoolbench")
+    found = Plugins()
+    assert {offer.entry_point for offer in found.offers.values()} == {"urdf", "robotoolbench"}
+    left_out = "no sim 'pybullet'; possible: none; VLMGINEER_PLUGINS=urdf, robotoolbench leaves out other plugins"
+    with pytest.raises(UserError, match=left_out):
+        found.create("sim", "pybullet")
+    monkeypatch.setenv("VLMGINEER_PLUGINS", "vlmgineer")  # the distribution
+    assert {key for key, offer in installed().offers.items() if offer.distribution == "vlmgineer"} <= set(
+        Plugins().offers
+    )
+    monkeypatch.setenv("VLMGINEER_PLUGINS", "urfd")
+    with pytest.raises(
+        UsageError, match=r"no plugin or distribution 'urfd' in VLMGINEER_PLUGINS=urfd \(did you mean 'u"
+    ):
+        Plugins()
+
+
+def test_a_name_that_is_taken_stays_with_the_first(found):
+    found.register(Offering(simulators={"grid": Engine}), "first", "one")
+    found.register(Offering(simulators={"grid": Task, "other": Engine}), "second", "two")
+    assert found.factory("sim", "grid") is Engine
+    assert found.names("sim") == ["grid", "other"]
+    (failure,) = found.failures
+    assert (failure.entry_point, failure.distribution) == ("second", "two")
+    assert failure.reason == "sim 'grid' is taken by first of one"
+
+
+def test_one_name_may_be_of_two_kinds(found):
+    found.register(Offering(simulators={"grid": Engine}, executors={"grid": Engine}), "mine", "my-package")
+    assert found.names("sim") == found.names("executor") == ["grid"]
+    assert not found.failures
+
+
+@pytest.mark.parametrize(
+    ("offered", "reason"),
+    [
+        (RuntimeError("oh no"), "RuntimeError: oh no"),
+        (["grid"], "ValueError"),
+        (5, "TypeError"),
+        ("grid", "ValueError"),
+    ],
+)
+def test_a_hook_that_fails_takes_only_itself_along(found, offered, reason):
+    found.register(Offering(simulators=offered, executors={"grid": Engine}), "mine", "my-package")
+    (failure,) = found.failures
+    assert failure.reason.startswith("hook 'simulators' failed: ")
+    assert reason in failure.reason
+    assert found.names("sim") == []
+    assert found.names("executor") == ["grid"]
+
+
+def test_a_hook_may_offer_nothing(found):
+    found.register(Offering(simulators=None, tasks={}), "mine", "my-package")
+    assert not found.failures
+    assert not found.offers
+
+
+def test_a_plugin_without_hooks_is_a_failure_that_names_its_file(monkeypatch, tmp_path):
+    (tmp_path / "unhooked.py").write_text("def simulators(): return {}")
+    monkeypatch.syspath_prepend(tmp_path)
+    entry = importlib.metadata.EntryPoint("mine", "unhooked", PROJECT)
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **_: [entry])
+    found = Plugins()
+    found.register(object(), "yours", "your-package")
+    one, other = found.failures
+    assert (one.entry_point, other.entry_point) == ("mine", "yours")
+    assert one.reason.startswith(f"{tmp_path / 'unhooked.py'} implements no hook; possible: tasks, simulators, vlms, ")
+    assert other.reason.startswith("builtins.object implements no hook")
+    assert not found.offers
+
+
+def test_a_hook_with_the_wrong_signature_is_a_failure(found):
+    class Wrong:
+        @hookimpl
+        def simulators(self, extra):
+            return {"grid": Engine}
+
+    found.register(Wrong(), "mine", "my-package")
+    (failure,) = found.failures
+    assert "extra" in failure.reason
+    assert not found.offers
+
+
+@pytest.mark.parametrize(
+    ("path", "reason"),
+    [
+        ("conf", "it gave 'conf'; expected a package that holds YAML files"),
+        (5, "it gave 5"),
+        ("pkg://no_such_package_anywhere", "there is no package 'no_such_package_anywhere'"),
+        ("pkg://no_such_package_anywhere.conf", "No module named 'no_such_package_anywhere'"),
+    ],
+)
+def test_configs_that_are_not_there_are_told(found, path, reason):
+    class Brings:
+        @hookimpl
+        def config_path(self):
+            return path
+
+        @hookimpl
+        def simulators(self):
+            return {"grid": Engine}
+
+    found.register(Brings(), "mine", "my-package")
+    (failure,) = found.failures
+    assert failure.reason.startswith("hook 'config_path' failed: ")
+    assert reason in failure.reason
+    assert not found.configs
+    assert found.names("sim") == ["grid"]

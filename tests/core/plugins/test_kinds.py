@@ -1,0 +1,76 @@
+import pytest
+
+from core import plugins
+from core.errors import UserError
+from core.hooks import hookimpl
+from core.interfaces import VLM, Task
+from core.plugins import INTERFACES, installed
+from tests.core.plugins.offering import Engine, Offering
+
+BUILT_IN = sorted(installed().offers)
+
+
+@pytest.mark.parametrize(("kind", "name"), [key for key in BUILT_IN if key[0] in INTERFACES])
+def test_each_part_is_what_its_kind_says(kind, name):
+    assert issubclass(installed().factory(kind, name), INTERFACES[kind])
+
+
+def test_a_part_of_another_kind_is_refused(found):
+    found.register(Offering(executors={"grid": Engine}), "mine", "my-package")
+    told = r"executor 'grid' of my-package \(hook 'executors'\) makes a Engine, which is no core.interfaces.Executor"
+    with pytest.raises(UserError, match=told):
+        found.create("executor", "grid", {"grid": 1})
+
+
+@pytest.mark.parametrize(("kind", "hook", "interface", "lacks"), [
+    ("task", "tasks", Task, "name and no description and no goals"),
+    ("vlm", "vlms", VLM, "model"),
+])  # fmt: skip
+def test_a_part_that_lacks_an_attribute(found, kind, hook, interface, lacks):
+    methods = dict.fromkeys(interface.__abstractmethods__, lambda *_: None)
+    bare = type("Bare", (interface,), methods)
+    found.register(Offering(**{hook: {"bare": bare}}), "mine", "my-package")
+    with pytest.raises(UserError, match=rf"{kind} 'bare' of my-package \(hook '{hook}'\): Bare has no {lacks}"):
+        found.create(kind, "bare")
+
+
+def test_a_listener_is_what_hears_an_event(found):
+    class Deaf:
+        pass
+
+    class Wrong:
+        @hookimpl
+        def run_started(self, number):
+            pass
+
+    found.register(Offering(listeners={"deaf": Deaf, "wrong": Wrong}), "mine", "my-package")
+    with pytest.raises(UserError, match=r"listener 'deaf' of my-package .* hears nothing: .*Deaf implements none of r"):
+        found.create("listener", "deaf")
+    with pytest.raises(UserError, match=r"listener 'wrong' of my-package .*number") as error:
+        found.create("listener", "wrong")
+    assert "\n" not in str(error.value)
+
+
+def test_events_reach_listeners():
+    heard = []
+
+    class Listener:
+        @hookimpl
+        def generation_started(self, index):
+            heard.append(index)
+
+    hub = plugins.event_hub()
+    hub.register(Listener())
+    hub.hook.generation_started(index=3)
+    hub.hook.run_ended()  # nobody listens
+    assert heard == [3]
+
+
+def test_listeners_that_hear_of_what_never_happens_are_told():
+    class Listener:
+        @hookimpl
+        def generation_started(self, number):
+            pass
+
+    with pytest.raises(Exception, match="number"):
+        plugins.event_hub().register(Listener())

@@ -1,0 +1,59 @@
+import os
+import subprocess
+import sys
+
+import pytest
+
+from core.errors import UsageError, UserError
+from core.plugins import Plugins, installed
+from core.plugins import __main__ as command
+from tests.core.plugins.offering import Offering
+
+BUILT_IN = sorted(installed().offers)
+
+
+def test_python_m_core_plugins_lists_every_part(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    found = Plugins()
+    found.register(Offering(simulators=RuntimeError("oh no")), "mine", "my-package")
+    monkeypatch.setattr(command, "installed", lambda: found)
+    monkeypatch.setattr(sys, "argv", ["core.plugins"])
+    command.main()
+    out = capsys.readouterr().out
+    for kind, name in BUILT_IN:
+        assert any(line.split()[:2] == [kind, name] for line in out.splitlines()), (kind, name)
+    assert "failed mine (my-package): hook 'simulators' failed: RuntimeError: oh no" in out
+
+
+def test_what_is_switched_off_is_not_imported_and_is_reported(tmp_path):
+    words = [sys.executable, "-c", "import core.plugins.__main__ as c, sys; c.main(); sys.exit('tasks' in sys.modules)"]
+    env = os.environ | {"VLMGINEER_PLUGINS": "urdf"}
+    done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[:2] for line in done.stdout.splitlines()[1:-1]] == [["tool", "urdf"]]
+    assert done.stdout.splitlines()[-1] == "VLMGINEER_PLUGINS=urdf: other plugins are not loaded"
+
+
+def check(monkeypatch, found, *words):
+    monkeypatch.setattr(command, "installed", lambda: found)
+    monkeypatch.setattr(sys, "argv", ["core.plugins", *words])
+    command.main()
+
+
+def test_a_part_is_checked_by_its_name(monkeypatch, capfd):
+    check(monkeypatch, Plugins(), "--check", "none")
+    out = capfd.readouterr().out
+    assert out.startswith("tool=none\n")
+    assert out.count(": ok\n") == 5
+
+
+def test_what_there_is_not_is_not_checked(monkeypatch, capsys):
+    found = Plugins()
+    found.register(Offering(simulators=RuntimeError("oh no")), "mine", "my-package")
+    with pytest.raises(UsageError, match=r"no part, plugin or distribution 'nine' \(did you mean '[mn]\w*ne'"):
+        check(monkeypatch, found, "--check", "nine")
+    with pytest.raises(UserError, match="1 of the plugin's hooks failed"):
+        check(monkeypatch, found, "--check", "my-package")
+    assert "mine of my-package: hook 'simulators' failed: RuntimeError: oh no" in capsys.readouterr().out
+    with pytest.raises(UsageError, match=r"can't read '--chek none'; usage"):
+        check(monkeypatch, found, "--chek", "none")
