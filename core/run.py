@@ -55,23 +55,22 @@ def main() -> None:
 
         resume(Path(resumed[0].removeprefix("resume=")), others)
     else:
-        _hydra(others)
+        _hydra()
 
 
-def _hydra(overrides: list[str]) -> None:
+def _hydra() -> None:
     import hydra
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
-    from core.config.compose import explain, register, renamed
+    from core.config.compose import explain, prepared
 
-    register()
-    sys.argv[1:] = renamed(sys.argv[1:])  # where Hydra reads them
+    sys.argv[1:] = words = prepared("config", sys.argv[1:])  # where Hydra reads them
     os.environ["HYDRA_FULL_ERROR"] = "1"  # let Hydra's errors through; they are told in one line here
     try:
         hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")(_job)()
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, "config", overrides) from error
+        raise explain(error, "config", [word for word in words if not word.startswith("-")]) from error
     except OSError as error:
         if error.filename is None:
             raise

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import fields
 from typing import Any, TypeVar
 
 from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
@@ -27,23 +29,29 @@ from core.config.schemas import (
     TransferConfig,
 )
 from core.errors import UsageError, UserError, choices
-from core.plugins import NOT_SETTINGS, Part
+from core.plugins import KINDS, NOT_SETTINGS, Part
 
 T = TypeVar("T")
 
 
-def register() -> None:
-    """Make the schemas known to Hydra, from which the primary configs in ``conf/`` start, and what plugins bring."""
-    sources.register()
-    store = ConfigStore.instance()
-    store.store("run_schema", RunConfig)
-    store.store("evaluate_schema", EvaluateConfig)
-    store.store("render_schema", RenderConfig)
-    store.store("prompt_schema", ComposeConfig)
-    store.store("transfer_schema", TransferConfig)
-    store.store("conformance_schema", ConformanceConfig)
-    store.store("report_schema", ReportConfig)
-    store.store("gallery_schema", GalleryConfig)
+SCHEMAS: dict[str, type] = {
+    "config": RunConfig,
+    "evaluate": EvaluateConfig,
+    "render": RenderConfig,
+    "prompt": ComposeConfig,
+    "transfer": TransferConfig,
+    "conformance": ConformanceConfig,
+    "report": ReportConfig,
+    "gallery": GalleryConfig,
+}
+"""What each primary config in ``conf/`` may say; ``config`` is that of ``core.run``."""
+
+
+def register(overrides: Sequence[str] = ()) -> None:
+    """Register the schemas, from which the primary configs start, and the configs of plugins with Hydra."""
+    sources.register(overrides)
+    for name, schema in SCHEMAS.items():
+        ConfigStore.instance().store(f"{'run' if name == 'config' else name}_schema", schema)
 
 
 def renamed(overrides: Sequence[str]) -> list[str]:
@@ -54,14 +62,36 @@ def renamed(overrides: Sequence[str]) -> list[str]:
     return new
 
 
+def prepared(name: str, overrides: Sequence[str]) -> list[str]:
+    """The overrides of the primary config ``name`` as Hydra is to read them, with everything that they need registered.
+
+    Hydra adds any key that has a ``+``. Here a key can be added to a part, whose factory checks it, and a config group
+    that a plugin brings. Elsewhere the ``+`` is dropped, so that an unknown key is an error.
+    """
+    new = renamed(overrides)
+    register(new)
+    return [_checked_addition(word, {field.name for field in fields(SCHEMAS[name])}) for word in new]
+
+
+def _checked_addition(word: str, known: set[str]) -> str:
+    found = re.match(r"\+\+?(?=(\w+)([^=]*)=)", word)
+    if found is None:
+        return word
+    top, rest = found.groups()
+    if top == "hydra" or rest[:1] in ("@", "/") or (not rest and top not in known and top in _groups()):
+        return word
+    plain, steps = word[found.end() :], rest.split(".")[1:]
+    checked = top in known and top in KINDS and not (len(steps) > 1 and steps[0] in NOT_SETTINGS.get(top, ()))
+    return f"++{plain}" if checked and steps else plain
+
+
 def load(name: str, overrides: Sequence[str]) -> DictConfig:
     """The primary config ``name`` with command-line overrides.
 
     Raises:
         UserError: a wrong group, key or type; it says what is possible.
     """
-    register()
-    overrides = renamed(overrides)
+    overrides = prepared(name, overrides)
     try:
         return _compose(name, overrides)
     except (HydraException, OmegaConfBaseException) as error:
@@ -75,18 +105,27 @@ def overview(name: str, overrides: Sequence[str]) -> str:
         UserError: see `load`.
     """
     config = load(name, overrides)
-    with initialize_config_module("conf", version_base="1.3"):
-        loader = GlobalHydra.instance().config_loader()
-        offered = {group: loader.get_group_options(group) for group in loader.list_groups("") if group != "hydra"}
-    groups = "".join(f"{group}: {', '.join(sorted(names))}\n" for group, names in sorted(offered.items()))
-    return f"groups (GROUP=NAME):\n\n{groups}\nkeys (KEY=VALUE), and what they are:\n\n{OmegaConf.to_yaml(config)}"
+    groups = "".join(f"{group}: {', '.join(sorted(names))}\n" for group, names in sorted(_groups().items()))
+    return f"groups (GROUP=NAME):\n\n{groups}\nkeys (KEY=VALUE), and their values:\n\n{OmegaConf.to_yaml(config)}"
 
 
 def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
-    within = GlobalHydra.instance().is_initialized()  # a job of Hydra's
-    with nullcontext() if within else initialize_config_module("conf", version_base="1.3"):
+    with _hydra():
         config: DictConfig = compose(name, list(overrides))
     return config
+
+
+def _groups() -> dict[str, list[str]]:
+    """The config groups with the names that each offers, Hydra's own left out."""
+    with _hydra():
+        loader = GlobalHydra.instance().config_loader()
+        return {group: loader.get_group_options(group) for group in loader.list_groups("") if group != "hydra"}
+
+
+def _hydra() -> AbstractContextManager[object]:
+    """Hydra, ready to compose; in one of its own jobs it is ready already."""
+    within = GlobalHydra.instance().is_initialized()
+    return nullcontext() if within else initialize_config_module("conf", version_base="1.3")
 
 
 def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
@@ -97,19 +136,31 @@ def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
     found = re.search(r"Could not override '([^']+)'", str(error))
     cause = error.__cause__
     if found and isinstance(cause, ConfigAttributeError | ConfigKeyError):
-        key = found.group(1).lstrip("+~")
-        parent, _, wrong = key.rpartition(".")
-        others = [o for o in overrides if o.lstrip("+~").partition("=")[0] != key]
-        try:
-            node = OmegaConf.select(_compose(name, others), parent) if parent else _compose(name, others)
-        except (HydraException, OmegaConfBaseException):
-            node = None  # something else is wrong as well; the plain message must do
-        if isinstance(node, DictConfig):
-            return choices("key", wrong, [str(k) for k in node], parent or "the configuration")
-    message = " ".join(str(error).split())
+        unknown = _unknown_key(found.group(1), name, overrides)
+        if unknown is not None:
+            return unknown
+    message = " ".join(re.sub("To append to your config use .*", "", str(error)).split())
     if isinstance(cause, OmegaConfBaseException):
         message = f"{message}: {first_line(cause)}"
     return UsageError(message)
+
+
+def _unknown_key(key: str, name: str, overrides: Sequence[str]) -> UsageError | None:
+    """Say which step of ``key`` is unknown, and what is possible there; None: something else is wrong as well."""
+    words = OverridesParser.create().parse_overrides(list(overrides))
+    others = [word.input_line for word in words if word.key_or_group != key and not word.is_sweep_override()]
+    try:
+        node: Any = _compose(name, others)
+    except (HydraException, OmegaConfBaseException):
+        return None
+    steps = key.split(".")
+    for i, step in enumerate(steps):
+        if not isinstance(node, DictConfig):
+            break
+        if step not in node.keys():  # noqa: SIM118 - `in node` leaves out missing values
+            return choices("key", step, [str(k) for k in node], ".".join(steps[:i]) or "the configuration")
+        node = OmegaConf.select(node, step)
+    return None
 
 
 def first_line(error: BaseException) -> str:
@@ -142,8 +193,11 @@ def part(kind: str, config: DictConfig) -> Part:
     settings = OmegaConf.to_container(config, resolve=True)
     if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):
         raise UserError(f"{kind}: the configuration names no part; give it a 'name'")
-    kept = {str(k): _hashable(v) for k, v in settings.items() if k not in ("name", *NOT_SETTINGS.get(kind, ()))}
-    return Part(kind, settings["name"], tuple(kept.items()))
+    others = ("name", *NOT_SETTINGS.get(kind, ()))
+    given = {
+        str(k): _hashable(v) for k, v in settings.items() if k not in others and not OmegaConf.is_missing(config, k)
+    }
+    return Part(kind, settings["name"], tuple(given.items()))
 
 
 def _hashable(value: Any) -> Any:

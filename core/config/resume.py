@@ -18,7 +18,8 @@ from core.config.schemas import RunConfig
 from core.errors import UsageError, UserError
 
 GROUPS = ("executor", "listener")
-KEYS = ("executor.", "listener.", "vlm.", "film", "budget.n_iteration", "budget.stop_reward")
+PARTS = ("executor.", "listener.", "vlm.")
+KEYS = ("film", "budget.n_iteration", "budget.stop_reward")
 
 
 def hydra_config(folder: Path) -> dict[str, Any]:
@@ -75,10 +76,9 @@ def _apply(config: DictConfig, override: Override) -> None:
         raise UsageError(f"{line}: one run goes on, with one value for each setting")
     if key in GROUPS and not override.is_delete():
         config[key] = load("config", [line])[key]
-    elif key.startswith(KEYS) and key != "vlm.name" and not override.is_delete():
+    elif (key in KEYS or key.startswith(PARTS)) and key != "vlm.name" and not override.is_delete():
         OmegaConf.update(config, key, override.value(), force_add=True)
     else:
         raise UsageError(
-            f"{line}: a run goes on as it began; what may change: {', '.join(GROUPS)}, "
-            f"{', '.join(key if not key.endswith('.') else key + '*' for key in KEYS[2:])}"
+            f"{line}: a run goes on as it began; what may change: {', '.join(GROUPS)}, vlm.*, {', '.join(KEYS)}"
         )

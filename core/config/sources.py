@@ -1,39 +1,50 @@
-"""Where Hydra finds what plugins bring: their packages of configs, and of parts that come without a file the defaults
-of their factories.
-"""
+"""Tell Hydra where the configs of parts are: in ``conf/``, in packages of plugins, and in the factories' signatures."""
 
 from __future__ import annotations
 
 import inspect
+import re
+from collections.abc import Sequence
 from typing import Any
 
+from hydra._internal.core_plugins.importlib_resources_config_source import ImportlibResourcesConfigSource
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins as HydraPlugins
 from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
-from omegaconf import MISSING, OmegaConf
+from omegaconf import MISSING, DictConfig, OmegaConf
 
 from core.errors import UserError
 from core.plugins import KINDS, PROVIDED, installed
 
+OVERRIDDEN: set[str] = set()
+"""The keys of parts that the overrides set, such as ``task.goal``."""
+
 
 class PluginConfigs(SearchPathPlugin):  # type: ignore[misc]  # hydra has no types
-    """Looks into ``conf/`` first, then into the packages that plugins name, then at signatures."""
+    """Search for the config of a part first; for other configs in ``conf/``, then in the packages that plugins name."""
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        search_path.prepend("parts", f"{PartConfigs.scheme()}://")
         for distribution, paths in installed().configs.items():
             for path in paths:
                 search_path.append(distribution, path)
-        search_path.append("signatures", f"{Signatures.scheme()}://")
 
 
-class Signatures(ConfigSource):  # type: ignore[misc]
-    """A config for each part: its name, and the defaults in its factory's signature; what has none is missing."""
+class PartConfigs(ConfigSource):  # type: ignore[misc]
+    """The config of each part: its YAML file, if there is one, over the defaults in its factory's signature.
+
+    A factory is imported only where a part has no file, or where an override sets a key that the file lacks.
+    """
+
+    def __init__(self, provider: str, path: str) -> None:
+        super().__init__(provider, path)
+        self.overridden = frozenset(OVERRIDDEN)  # kept for the jobs of a multirun, which may run elsewhere
 
     @staticmethod
     def scheme() -> str:
-        return "signatures"
+        return "parts"
 
     def available(self) -> bool:
         return True
@@ -42,7 +53,8 @@ class Signatures(ConfigSource):  # type: ignore[misc]
         return config_path.strip("/") in ("", *KINDS)
 
     def is_config(self, config_path: str) -> bool:
-        return _part(config_path) in installed().offers
+        kind, _ = part = _part(config_path)
+        return kind in KINDS and (part in installed().offers or _file(config_path) is not None)
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         group = config_path.strip("/")
@@ -52,9 +64,30 @@ class Signatures(ConfigSource):  # type: ignore[misc]
 
     def load_config(self, config_path: str) -> ConfigResult:
         kind, name = _part(config_path)
-        settings = defaults(kind, name)
-        config = {name: settings} if kind == "listener" else {"name": name, **settings}  # listeners: several at once
-        return ConfigResult(self.provider, f"{self.scheme()}://", OmegaConf.create(config), {"package": None})
+        file = _file(config_path)
+        if file is None:
+            settings = defaults(kind, name)
+            config = {name: settings} if kind == "listener" else {"name": name, **settings}  # listeners: several
+            return ConfigResult(self.provider, f"{self.scheme()}://", OmegaConf.create(config), {"package": None})
+        result = file.load_config(config_path)
+        if isinstance(result.config, DictConfig) and "defaults" not in result.config:  # else the base's defaults hold
+            if kind == "listener":
+                for listener in map(str, result.config):
+                    self._add_defaults(kind, listener, result.config[listener], f"{kind}.{listener}.")
+            else:
+                self._add_defaults(kind, str(result.config.get("name")), result.config, f"{kind}.")
+        return result
+
+    def _add_defaults(self, kind: str, name: str, node: object, prefix: str) -> None:
+        """Add what the signature has and the file lacks, if an override asks for such a key."""
+        if not isinstance(node, DictConfig) or (kind, name) not in installed().offers:
+            return
+        overridden = self.overridden | OVERRIDDEN
+        keys = {key.removeprefix(prefix).partition(".")[0] for key in overridden if key.startswith(prefix)}
+        if not keys <= node.keys():
+            for key, value in defaults(kind, name).items():
+                if key not in node.keys():  # noqa: SIM118 - `in node` leaves out missing values
+                    node[key] = value
 
 
 def _part(config_path: str) -> tuple[str, str]:
@@ -62,9 +95,19 @@ def _part(config_path: str) -> tuple[str, str]:
     return kind, name
 
 
+def _file(config_path: str) -> ConfigSource | None:
+    """The package that holds the YAML file of a part, if one does."""
+    for path in ("pkg://conf", *(path for paths in installed().configs.values() for path in paths)):
+        source = ImportlibResourcesConfigSource("parts", path)
+        if source.is_config(config_path):
+            return source
+    return None
+
+
 def defaults(kind: str, name: str) -> dict[str, Any]:
-    """The settings of a part, as far as YAML can tell them. Nothing of a part that can't be imported: whoever makes
-    it will be told why.
+    """The settings of a part with their defaults, as far as YAML can express them.
+
+    A part that can't be imported has none here; the error is reported when the part is made.
     """
     try:
         parameters = inspect.signature(installed().factory(kind, name)).parameters.values()
@@ -87,7 +130,10 @@ def _is_plain(value: object) -> bool:
     return value is None or isinstance(value, bool | int | float | str)
 
 
-def register() -> None:
-    """Make both known to Hydra; before any config is composed."""
-    for source in (PluginConfigs, Signatures):
+def register(overrides: Sequence[str] = ()) -> None:
+    """Register the sources with Hydra, and note which settings of parts ``overrides`` set; call it before composing."""
+    for source in (PluginConfigs, PartConfigs):
         HydraPlugins.instance().register(source)
+    found = (re.match(rf"\+*((?:{'|'.join(KINDS)})\.[^=]+)=", word) for word in overrides)
+    OVERRIDDEN.clear()
+    OVERRIDDEN.update(match.group(1) for match in found if match)

@@ -1,0 +1,54 @@
+import pytest
+
+from core.config.compose import explain, load, part
+from core.errors import UsageError
+
+
+def test_the_old_name_of_the_listeners_group_is_an_alias_that_warns(capsys):
+    assert load("config", ["logger=[progress]", "~logger.progress"]).listener == {}
+    assert "'logger' is called 'listener' now" in capsys.readouterr().err
+    load("config", ["listener=[progress]", "task=BringCube"])
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["+robot=ur5"], "no key 'robot' in the configuration"),
+        (["+nonsense.key=1"], "no key 'nonsense' in the configuration; possible: budget, evolution, "),
+        (["++nonsense.key=1"], "no key 'nonsense' in the configuration"),
+        (["nonsense.key=1"], "no key 'nonsense' in the configuration"),
+        (["+budget.n_agnet=1"], "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "),
+        (["+task.paper.n_agnet=1"], "no key 'n_agnet' in task.paper (did you mean 'n_agent'?); possible: "),
+    ],
+)
+def test_a_plus_adds_no_unknown_key(words, reason):
+    with pytest.raises(UsageError) as error:
+        load("config", words)
+    assert str(error.value).startswith(reason)
+
+
+def test_a_plus_adds_no_key_that_belongs_to_another_command():
+    with pytest.raises(UsageError, match="no key 'vlm' in the configuration; possible: designs, "):
+        load("evaluate", ["+vlm.model=x"])
+
+
+def test_a_plus_before_a_key_that_is_there_changes_nothing():
+    words = ["task=OneBook", "seed=3", "budget.n_agent=2"]
+    assert load("config", [f"+{word}" for word in words]) == load("config", words)
+
+
+def test_a_plus_adds_a_setting_that_the_factory_checks():
+    cfg = load("config", ["+sim.walls=3", "+listener.shout={mark: no}", "++task.tool_kinds=[gripper]"])
+    assert cfg.listener.shout == {"mark": "no"}
+    assert cfg.task.tool_kinds == ["gripper"]
+    with pytest.raises(UsageError, match="no setting 'walls' in sim=pybullet; possible: "):
+        part("sim", cfg.sim).create()
+
+
+def test_an_unknown_key_beside_a_sweep():
+    with pytest.raises(UsageError) as caught:
+        load("config", ["budget.n_agnet=2"])
+    error = caught.value.__cause__
+    line = "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "
+    assert str(explain(error, "config", ["seed=1,2", "budget.n_agnet=2"])).startswith(line)

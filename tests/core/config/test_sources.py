@@ -1,0 +1,125 @@
+import inspect
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+
+import pytest
+import yaml
+from omegaconf import OmegaConf
+
+from core.config import sources
+from core.config.compose import load, part
+from core.errors import UsageError
+from core.hooks import hookimpl
+from core.interfaces import Task
+from core.plugins import KINDS, PROVIDED, installed
+from tests.core.plugins.offering import Engine, Offering
+
+ROOT = Path(__file__).parents[3]
+BUILT_IN = sorted(installed().offers)
+
+
+@pytest.mark.parametrize(("kind", "name"), BUILT_IN)
+def test_the_configs_are_the_factories_own_defaults(kind, name):
+    parameters = inspect.signature(installed().factory(kind, name)).parameters
+    defaults = {key: p.default for key, p in parameters.items() if key not in PROVIDED.get(kind, ())}
+    document = yaml.safe_load((ROOT / "conf" / kind / f"{name}.yaml").read_text())
+    if kind == "listener":  # several at once: the name is the key
+        assert document == {name: defaults}
+        return
+    assert document.pop("name") == name
+    if kind == "task":
+        assert document.keys() >= {"tool_kinds", "paper"}
+        document = {key: value for key, value in document.items() if key not in ("tool_kinds", "paper")}
+    assert document == {key: asdict(value) if is_dataclass(value) else value for key, value in defaults.items()}
+
+
+def test_every_config_names_a_part_that_there_is():
+    for kind in KINDS:
+        for file in (ROOT / "conf" / kind).glob("*.yaml"):
+            names = yaml.safe_load(file.read_text())
+            for name in names if kind == "listener" else [names["name"]]:
+                assert (kind, name) in installed().offers, file
+
+
+def test_a_part_without_a_config_file_has_its_signature(found, monkeypatch):
+    def listener(color: str = "red", where: Path = ROOT) -> object:
+        raise NotImplementedError
+
+    found.register(Offering(simulators={"grid": Engine}, listeners={"shout": listener}), "mine", "my-package")
+    found.register(Offering(executors={"gone": "no_such_module:Executor"}), "other", "other-package")
+    monkeypatch.setattr(sources, "installed", lambda: found)
+    cfg = load(
+        "config", ["sim=grid", "sim.walls=[a]", "listener=[shout]", "listener.shout.color=blue", "executor=gone"]
+    )
+    assert dict(OmegaConf.to_container(cfg.sim)) == {"name": "grid", "grid": "???", "time_step": 0.01, "walls": ["a"]}
+    assert cfg.listener == {"shout": {"color": "blue"}}  # what YAML can't say is left out
+    assert cfg.executor == {"name": "gone"}
+    assert load("config", ["sim=grid", "sim.grid=4"]).sim.grid == 4
+    with pytest.raises(UsageError, match=r"no sim 'gird' \(did you mean 'grid'\?\); possible: grid, .*pybullet"):
+        load("config", ["sim=gird"])
+
+
+@pytest.fixture
+def brought(found, monkeypatch, tmp_path):
+    """A plugin whose YAML files list none of its task's settings."""
+    folder = tmp_path / "brought" / "conf" / "task"
+    folder.mkdir(parents=True)
+    for package in (folder.parent, folder.parents[1]):
+        (package / "__init__.py").touch()
+    (folder / "Hinted.yaml").write_text("name: Hinted\ntool_kinds: [gripper]\n")
+    (folder / "Far.yaml").write_text("defaults: [Hinted]\nhint: far\n")
+    group = folder.parent / "experiment"
+    group.mkdir()
+    (group / "big.yaml").write_text("# @package _global_\nseed: 7\n")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def make(size: int, hint: str = "none", grid: Path = ROOT) -> Task:
+        raise NotImplementedError(size, hint, grid)
+
+    class Brings(Offering):
+        @hookimpl
+        def config_path(self):
+            return "pkg://brought.conf"
+
+    found.register(Brings(tasks={"Hinted": make, "Far": Task}), "mine", "my-package")
+    monkeypatch.setattr(sources, "installed", lambda: found)
+    return found
+
+
+def test_settings_that_a_config_file_does_not_list(brought):
+    assert load("evaluate", ["task=Hinted"]).task == {"name": "Hinted", "tool_kinds": ["gripper"]}
+    for word in ("task.hint=away", "+task.hint=away", "++task.hint=away"):
+        cfg = load("evaluate", ["task=Hinted", word])
+        assert part("task", cfg.task).settings == (("hint", "away"),)
+        assert cfg.task.tool_kinds == ["gripper"]
+    assert part("task", load("evaluate", ["task=Hinted", "task.size=3"]).task).settings == (
+        ("size", 3),
+        ("hint", "none"),
+    )
+    with pytest.raises(UsageError, match=r"no key 'hnt' in task \(did you mean 'hint'\?\); possible: hint, name, "):
+        load("evaluate", ["task=Hinted", "task.hnt=away"])
+    with pytest.raises(UsageError, match="no key 'hint' in task; possible: name, paper, tool_kinds"):
+        load("evaluate", ["task.hint=away"])
+
+
+def test_a_config_file_over_another_one_keeps_what_that_says(brought):
+    assert load("evaluate", ["task=Far"]).task == {"name": "Hinted", "tool_kinds": ["gripper"], "hint": "far"}
+    assert dict(part("task", load("evaluate", ["task=Far", "task.size=3"]).task).settings) == {"size": 3, "hint": "far"}
+
+
+def test_a_config_group_of_a_plugin_can_be_added(brought):
+    assert load("config", ["+experiment=big"]).seed == 7
+    assert load("config", []).seed == 0
+
+
+def test_settings_of_a_listener_that_its_config_file_does_not_list(found, monkeypatch):
+    def summary(top: int = 3, color: str = "red") -> object:
+        raise NotImplementedError
+
+    found.register(Offering(listeners={"summary": summary}), "mine", "my-package")
+    monkeypatch.setattr(sources, "installed", lambda: found)
+    assert load("config", ["listener=[summary]", "listener.summary.color=blue"]).listener == {
+        "summary": {"top": 3, "color": "blue"}
+    }
+    with pytest.raises(UsageError, match=r"no key 'colour' in listener.summary \(did you mean 'color'\?\)"):
+        load("config", ["listener=[summary]", "listener.summary.colour=blue"])
