@@ -25,7 +25,7 @@ from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.search.orchestration import run
 from core.simulation.pictures import save_film, save_picture
-from core.simulation.rollout import evaluate
+from core.simulation.rollout import evaluate_batch
 from docs.diagrams import DRAWINGS
 
 DOCS = Path(__file__).parent
@@ -102,9 +102,9 @@ def row(name: str, seeds: list[int], gripper_seeds: list[int]) -> dict[str, Any]
     plugins = installed()
     task, simulator = plugins.create("task", name), plugins.create("sim", "pybullet")
     still = Candidate(Tool(), np.array([[*task.home.position, *task.home.rpy]]))
-    nothing = evaluate(task, simulator, [still], 0, RolloutSettings())[0].reward
+    nothing = evaluate_batch(task, simulator, [still], 0, RolloutSettings())[0].reward
     began = time.monotonic()
-    solved = evaluate(task, simulator, [reference(name)], 0, RolloutSettings())[0].reward
+    solved = evaluate_batch(task, simulator, [reference(name)], 0, RolloutSettings())[0].reward
     took = time.monotonic() - began
     runs = [best_by_generation(name, seed, "budget.n_iteration=7") for seed in seeds]
     gripper = [best_by_generation(name, seed, "tool=none", "budget.n_action=20") for seed in gripper_seeds]

@@ -13,7 +13,7 @@ from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import Outcome, RolloutSettings, Simulator, Task
 from core.scene import Body, Goal, Scene, State
-from core.simulation.rollout import evaluate
+from core.simulation.rollout import evaluate_batch
 
 FAULTS = ("abort", "segfault", "hang", "nan", "leak", "raise")
 
@@ -79,4 +79,4 @@ def candidate(number: int, fault: str | None = None) -> Candidate:
 
 def tried(chunk):
     """Evaluate a chunk, as a worker does."""
-    return evaluate(Slide(), Faulty(), chunk, 0, RolloutSettings(settle_s=0, hold_s=0))
+    return evaluate_batch(Slide(), Faulty(), chunk, 0, RolloutSettings(settle_s=0, hold_s=0))

@@ -16,7 +16,8 @@ from core.robot.description import FINGER_OPEN
 from core.robot.kinematics import arm
 from core.robot.solids import Solids, body_solids, signed_distance
 from core.scene import Scene, State
-from core.simulation.penetration import SAMPLE_HZ, Explosion, findings
+from core.simulation.penetration import Explosion, findings
+from core.simulation.tracks import SAMPLE_HZ
 
 SEEDS = (0, 1, 2)  # layouts that are looked at
 MAX_OVERLAP_M = 0.001

@@ -1,4 +1,4 @@
-"""Small changes of a scene: poses, masses and friction, drawn by lot. No engine knows of them."""
+"""Change a scene a little, at random: poses, masses and friction. Engines need not know of it."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from core.interfaces import Task
 from core.robot.solids import Solid, Solids, body_solids, signed_distance
 from core.scene import Body, Scene, State
 
-TOGETHER_M = 0.0015  # free bodies nearer than this stand together and are moved as one
-CLEAR_M = 0.0002  # what is moved comes no nearer to others than this, or than it was
-CONTACT_M = 0.0005  # what was nearer than this to another stays as near: it keeps what it stands on
+TOGETHER_M = 0.0015  # free bodies nearer to each other than this are moved as one
+CLEAR_M = 0.0002  # the clearance that a move leaves, or what there was if that is less
+CONTACT_M = 0.0005  # bodies nearer than this stay as near: a body keeps its support
 
-_EXACT_M = 2e-5  # of Coal's distances between convex shapes that touch
-_TRIES = 32  # at each size; then the change is halved
+_EXACT_M = 2e-5  # accuracy of Coal's distances between convex shapes that touch
+_TRIES = 32  # for each size of the change; then it is halved
 _HALVINGS = 6
 
 
 class Perturbed(Task):
-    """A task whose scenes are changed a little, the same way each time; all else is the task's own."""
+    """A task whose scenes are perturbed, the same way each time; all else is the task's own."""
 
     def __init__(self, task: Task, ranges: PerturbationRange, draw: int) -> None:
-        # What classes say of tasks is told by the wrapped one; an attribute of the object hides the class's.
+        # Class attributes of the wrapped task; an attribute of the object hides the class's.
         names = ("name", "description", "goals", "home", "camera", "success_reward")
         vars(self).update({name: getattr(task, name) for name in names})
         self._task = task
@@ -49,13 +49,12 @@ class Perturbed(Task):
 
 
 def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:
-    """The scene with small changes; the same ``draw`` (0 or greater) gives the same ones.
+    """Perturb a scene; the same ``draw`` number (0 or greater) gives the same perturbation.
 
-    Masses of free bodies and the friction of all (sliding and rolling by the same share) change one by one. Poses
-    change where they are free to: a free body goes about on the level it stands on, together with the free bodies that
-    it touches or nearly touches (a pot with what lies in it, a row of books). It neither gets into anything nor lets go
-    of what it touched; where room is scarce the change is drawn again, and smaller. Fixed bodies and marks stay, since
-    rewards name places in the world.
+    Each body's mass and friction change independently, sliding and rolling friction by the same share. A free body
+    moves on the level it stands on, together with the free bodies that it touches or nearly touches (a pot with what
+    lies in it, a row of books). It neither penetrates anything nor loses a contact; where room is scarce a move is
+    drawn again, and smaller. Fixed bodies and marks stay, since rewards name places in the world.
     """
     scales = np.random.default_rng([draw, 0]).uniform(-1, 1, (len(scene.bodies), 2)).tolist()
     poses = _moved(scene, ranges, np.random.default_rng([draw, 1]))
@@ -74,14 +73,14 @@ def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:
 
 
 def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) -> dict[str, Pose]:
-    """New poses of free bodies, by name."""
+    """Draw new poses of free bodies, by name."""
     poses: dict[str, Pose] = {}
     if ranges.position == ranges.yaw == 0:
         return poses
     solids = {body.name: tuple(body_solids(body)) for body in scene.bodies}
     for group in together(scene.free, solids):
         members = {body.name for body in group}
-        others = Solids(solid for name, felt in solids.items() if name not in members for solid in felt)
+        others = Solids(solid for name, own in solids.items() if name not in members for solid in own)
         move = _move(group, [solid for body in group for solid in solids[body.name]], others, ranges, rng)
         for body in group:
             poses[body.name] = move @ body.pose
@@ -90,7 +89,7 @@ def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) ->
 
 
 def together(bodies: Sequence[Body], solids: Mapping[str, Sequence[Solid]]) -> list[list[Body]]:
-    """The bodies in groups that touch or nearly touch, directly or through others; in the order of their first."""
+    """Group bodies that touch or nearly touch, directly or through others; groups are ordered by their first body."""
     near = np.zeros((len(bodies), len(bodies)), dtype=bool)
     for i, body in enumerate(bodies):
         for j in range(i):
@@ -105,31 +104,31 @@ def together(bodies: Sequence[Body], solids: Mapping[str, Sequence[Solid]]) -> l
 
 
 def _move(
-    group: Sequence[Body], felt: Sequence[Solid], others: Solids, ranges: PerturbationRange, rng: np.random.Generator
+    group: Sequence[Body], solids: Sequence[Solid], others: Solids, ranges: PerturbationRange, rng: np.random.Generator
 ) -> Pose:
-    """Of the group as a whole, in the world, about the middle of its bodies; none at all if nothing fits."""
+    """Draw a move of a group as a whole, in the world, about the mean of its positions; no move if nothing fits."""
     middle = np.mean([body.pose.position for body in group], axis=0) * np.array([1.0, 1.0, 0.0])
-    before = _gaps(felt, others)
+    before = _gaps(solids, others)
     for halvings in range(_HALVINGS):
         for _ in range(_TRIES):
             x, y, yaw = rng.uniform(-1, 1, 3) * (ranges.position, ranges.position, ranges.yaw) * 0.5**halvings
             move = Pose.xyz_rpy(middle + np.array([x, y, 0.0]), (0.0, 0.0, yaw)) @ Pose(-middle)
-            if _fits(before, _gaps([replace(s, pose=move @ s.pose) for s in felt], others)):
+            if _fits(before, _gaps([replace(s, pose=move @ s.pose) for s in solids], others)):
                 return move
     return Pose()
 
 
-def _gaps(felt: Sequence[Solid], others: Solids) -> dict[str, float]:
-    """Metres to each of the others, by name, as far as they are near."""
+def _gaps(solids: Sequence[Solid], others: Solids) -> dict[str, float]:
+    """Measure the distance to each other body that is near, by name, metres."""
     gaps: dict[str, float] = {}
-    for solid in felt:
+    for solid in solids:
         for other in others.near(solid, CLEAR_M):
             gaps[other.name] = min(signed_distance(solid, other), gaps.get(other.name, math.inf))
     return gaps
 
 
 def _fits(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
-    """Whether nothing has come too near, and nothing has lost its hold."""
+    """Check that nothing is too near and that no contact is lost."""
     far = math.inf
     free = all(gap >= min(before.get(name, far), CLEAR_M) - _EXACT_M for name, gap in after.items())
     held = all(after.get(name, far) < CONTACT_M + _EXACT_M for name, gap in before.items() if gap < CONTACT_M)

@@ -1,4 +1,4 @@
-"""Draw what a candidate does: pictures as PNG, four instants in one picture, and films."""
+"""Draw what a candidate does: PNG files, four stages in one picture, and films."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def save_picture(picture: Image, file: Path) -> None:
 
 
 def png(picture: Image) -> bytes:
-    """A picture (H, W, 3) as the bytes of a PNG file."""
+    """Encode a picture (H, W, 3) as a PNG file."""
     buffer = io.BytesIO()
     Pillow.fromarray(picture).save(buffer, "PNG")
     return buffer.getvalue()
@@ -43,10 +43,11 @@ def save_film(
     file: Path,
     size: tuple[int, int] = (400, 300),
 ) -> None:
-    """Play a candidate again and write what it does as an animated GIF, in its own time; ``size`` is width and height.
+    """Play a candidate again and write an animated GIF in real time; ``size`` is width and height, pixels.
 
     Raises:
-        ValueError: the rollout breaks.
+        ValueError: the rollout fails.
+        NoPicture: nothing here can draw.
     """
     recording = _recorded(task, simulator, candidate, seed, settings, FILM_HZ)
     frames = []
@@ -64,11 +65,13 @@ def draw_stages(
     settings: RolloutSettings,
     size: tuple[int, int] = (640, 480),
 ) -> Image:
-    """Play a candidate again and draw four instants of it in one picture of ``size``, in the order of reading: from the
-    start of the motion to the end of the rollout, a third of the time apart.
+    """Play a candidate again and draw four instants in one picture of ``size``: top row first, left to right.
+
+    They are a third of the time apart, from the start of the motion to the end of the rollout.
 
     Raises:
-        ValueError: the rollout breaks.
+        ValueError: the rollout fails.
+        NoPicture: nothing here can draw.
     """
     recording = _recorded(task, simulator, candidate, seed, settings, FILM_HZ)
     width, height = size[0] // 2, size[1] // 2

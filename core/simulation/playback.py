@@ -1,4 +1,4 @@
-"""A job played in one world: settle, move, hold. The same for every engine that steps one world at a time."""
+"""Play a job in one world: settle, move, hold. Shared by all engines that step one world at a time."""
 
 from __future__ import annotations
 
@@ -11,32 +11,31 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, World
 from core.scene import State
 
-LAG_EVERY = 10  # steps between two looks at how far the arm is behind
+LAG_EVERY = 10  # steps between two measurements of the arm's lag
 
 
 @runtime_checkable
 class Following(World, Protocol):
-    """A world that takes the orders for many steps at once, and whose notes are read together, so that they cost less
-    each.
-    """
+    """A world that takes the targets of many steps at once, and decodes many snapshots at once, which is faster."""
 
     def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
-        """As many calls of `step`, one whenever the iterator is asked for the next: arm (S, 7), fingers (S,), speeds
-        (S, 7), finger speeds (S,).
+        """Take one step each time the iterator is advanced, S in all.
+
+        Targets are arm (S, 7), fingers (S,), speeds (S, 7) and finger speeds (S,), as for `step`.
         """
         ...
 
     def note(self) -> Any:
-        """Joints and free bodies as they are, in the form that is had fastest."""
+        """Take a snapshot of the joints and free bodies, in the form that is fastest to get."""
         ...
 
     def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
-        """Of T notes: arm (T, 7), fingers (T, 2), the free bodies' states."""
+        """Decode T snapshots: arm (T, 7), fingers (T, 2), the free bodies' states."""
         ...
 
 
 def play(world: World, job: Rollout) -> Outcome:
-    """Settle, move, hold."""
+    """Play a job: settle, move, hold."""
     trajectory, dt = job.trajectory, world.time_step
     if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
         return Outcome(None, None, error="the trajectory's targets are not finite")
@@ -80,20 +79,21 @@ def _steps(world: World, arm: Array, fingers: Array, speeds: Array, finger_speed
 
 
 def schedule(job: Rollout, dt: float) -> tuple[int, Array]:
-    """The number of steps that settle, and the instants (S,) at which steps begin; 0 is the motion's first."""
+    """Count the settling steps, and list the times (S,) at which steps begin; the motion begins at 0."""
     settle, hold = round(job.settle_s / dt), round(job.hold_s / dt)
     moving = int(np.ceil(job.trajectory.duration / dt))
     return settle, np.arange(-settle, moving + hold, dtype=np.float64) * dt
 
 
 def record_every(job: Rollout, dt: float) -> int:
-    """The number of steps between two instants of a recording; 0 without one."""
+    """Count the steps between two samples of a recording; 0 without one."""
     return max(1, round(1 / (job.record_hz * dt))) if job.record_hz > 0 else 0
 
 
 def targets(trajectory: JointTrajectory, times: Array, dt: float) -> tuple[Array, Array, Array, Array]:
-    """Targets at the end of each of the steps that begin at ``times`` (S,), one after another, and the speeds that lead
-    there: arm (S, 7), fingers (S,), arm speeds (S, 7), finger speeds (S,).
+    """Sample the targets at the end of each step, and the speeds that lead there.
+
+    Steps begin at ``times`` (S,). Returns arm (S, 7), fingers (S,), arm speeds (S, 7) and finger speeds (S,).
     """
     arm, fingers = trajectory.sample(np.append(times, times[-1:] + dt))
     return arm[1:], fingers[1:], np.diff(arm, axis=0) / dt, np.diff(fingers) / dt

@@ -1,4 +1,4 @@
-"""Pictures of a simulator's, drawn by a renderer of its own, or by another simulator where that can't be had."""
+"""Draw a simulator's pictures, with its own renderer or another simulator's."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ class View(TypedDict, total=False):
 
 
 class Renderer(Protocol):
-    """Draws one scene after another; what is loaded stays until another is asked for."""
+    """Draw one scene after another; a loaded scene is kept until another one is needed."""
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None: ...
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        """Put the robot's joints, arm (7,) and fingers (2,), and the free bodies where they are to be seen."""
+        """Set the robot's joints, arm (7,) and fingers (2,), and the poses of the free bodies."""
         ...
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        """A picture (height, width, 3)."""
+        """Draw a picture (height, width, 3)."""
         ...
 
 
 class NamedRenderer(Renderer, Protocol):
-    """``name`` says for people what it is and what it draws on."""
+    """A renderer with a ``name`` for people: what it is, and the device it draws on."""
 
     name: str
 
@@ -66,7 +66,7 @@ def draw(
     width: int = 640,
     height: int = 480,
 ) -> Image:
-    """`Simulator.render`, by a renderer."""
+    """Do what `Simulator.render` does, with a renderer."""
     with _drawing:
         renderer.load(task, seed, tool)
         renderer.pose(
@@ -78,11 +78,12 @@ def draw(
 
 
 class Pictures:
-    """By a simulator's own renderer where there can be one, otherwise by another simulator; with the first picture it
-    is found out.
+    """Draw with a simulator's own renderer or, if it is not available here, with another simulator.
+
+    The first picture decides which.
 
     Args:
-        make: the own renderer; raises NoPicture where there can't be one, with what is missing.
+        make: makes the own renderer; raises NoPicture with the reason if it can't.
         stand_in: the other simulator's name.
     """
 
@@ -96,7 +97,7 @@ class Pictures:
         """See `Simulator.render`.
 
         Raises:
-            NoPicture: there is neither.
+            NoPicture: neither is available.
         """
         with _drawing:
             if self._drawer is None:

@@ -1,4 +1,4 @@
-"""Try candidates in several engines and in perturbed scenes, and combine what they earned."""
+"""Evaluate candidates in several engines and in perturbed scenes, and combine the results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from core.simulation.rollout import Evaluator
 
 @dataclass(frozen=True)
 class PerturbedPart(Part):
-    """A task whose scene is changed a little."""
+    """A task with a perturbed scene."""
 
     perturbation: PerturbationRange = field(default_factory=PerturbationRange)
     draw: int = 0
@@ -34,7 +34,7 @@ class PerturbedPart(Part):
 
 @dataclass(frozen=True)
 class PerturbedEvaluator(Evaluator):
-    """Evaluate in a perturbed scene. A tool that starts clear of the task's scene but not of this one is rejected."""
+    """Evaluate in a perturbed scene. A tool that overlaps it at spawn is rejected."""
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         rules = _spawn_rules(self.task, self.seed)
@@ -52,24 +52,24 @@ def _checked(candidate: Candidate, rules: SpawnRules) -> Candidate:
     try:
         rules.check(candidate.tool)
     except DesignError as error:
-        return replace(candidate, problem=f"with the scene a little changed, {error}")
+        return replace(candidate, problem=f"in the perturbed scene, {error}")
     return candidate
 
 
 def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) -> Evaluator:
-    """The evaluator with its scene perturbed by draw number ``draw``."""
+    """Perturb an evaluator's scene by draw number ``draw``."""
     task = PerturbedPart(evaluator.task.kind, evaluator.task.name, evaluator.task.settings, perturbation, draw)
     return PerturbedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
 
 
 def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None) -> dict[str, Part]:
-    """Engines, each under the name that people are shown.
+    """Make the engines, by the names under which they are shown.
 
-    An entry is a name as in ``sim=NAME``, or a mapping of a ``name`` and the settings that differ from the
-    configuration's. Where ``chosen`` is named, its settings are what the configuration says.
+    An entry is a name as in ``sim=NAME``, or a mapping of a ``name`` and settings that differ from the
+    configuration's. For the engine of ``chosen`` these are the configuration's settings.
 
     Raises:
-        UserError: there is no such engine, or it lacks something; no entries at all, or one twice.
+        UserError: an engine does not exist or can't be used here; there are no entries, or one is repeated.
     """
     found: dict[str, Part] = {}
     for entry in sims:
@@ -79,34 +79,34 @@ def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None)
             raise UsageError(f"sims: {entry!r} names no engine; give a name, or {{name: NAME, SETTING: VALUE}}")
         shown = " ".join([name, *(f"{key}={value}" for key, value in settings.items())])
         if shown in found:
-            raise UsageError(f"sims: {shown!r} stands there twice")
+            raise UsageError(f"sims: {shown!r} is repeated; name each engine once")
         if chosen is not None and chosen.name == name:
             usual = dict(chosen.settings)
         else:
             usual = dict(part("sim", load("evaluate", [f"sim={name}"]).sim).settings)
         found[shown] = part("sim", OmegaConf.create({"name": name, **usual, **settings}))
-        found[shown].create()  # what is wrong with it is said here, once, rather than by each worker
+        found[shown].create()  # so that a fault is reported once, not by each worker
     if not found:
         raise UsageError("sims: name at least one engine")
     return found
 
 
 def check_draws(seeds: Sequence[int]) -> None:
-    """Refuse seeds of changes that can't be.
+    """Check the draw numbers of perturbations.
 
     Raises:
-        UsageError: none at all, a negative one, or one twice.
+        UsageError: there are none, one is negative, or one is repeated.
     """
     if not seeds or min(seeds) < 0 or len(set(seeds)) < len(seeds):
         raise UsageError(f"seeds must be one or more different numbers, 0 or greater; got {list(seeds)}")
 
 
 def worst(candidate: Candidate, tried: Mapping[str, Sequence[Evaluation]]) -> Evaluation:
-    """One evaluation of a candidate from those that it was given in each engine.
+    """Combine a candidate's evaluations in each engine into one, by the worst engine.
 
-    Its reward is the lowest of the engines' means, in which a trial that was rejected or failed counts 0, and
-    ``details["engines"]`` has each engine's mean, standard deviation and rewards. The rest is that of a trial that
-    went well, in the worst engine if there is one; if none went well, of the first. What went wrong is a warning.
+    The reward is the lowest of the engines' means; a rejected or failed trial counts 0. ``details["engines"]`` holds
+    each engine's mean, standard deviation and rewards. All else is taken from a trial that succeeded, in the worst
+    engine if there is one there; if none succeeded, from the first. Failures become warnings.
     """
     figures = {engine: statistics(evaluations) for engine, evaluations in tried.items()}
     lowest = min(figures, key=lambda engine: figures[engine]["mean"])
@@ -128,6 +128,6 @@ def worst(candidate: Candidate, tried: Mapping[str, Sequence[Evaluation]]) -> Ev
 
 
 def statistics(evaluations: Sequence[Evaluation]) -> dict[str, Any]:
-    """Mean and standard deviation of rewards, and the rewards."""
+    """Summarise rewards: their mean, standard deviation, and the rewards."""
     rewards = [float(e.reward) for e in evaluations]
     return {"mean": float(np.mean(rewards)), "std": float(np.std(rewards)), "rewards": rewards}

@@ -1,4 +1,4 @@
-"""One candidate in one world: from waypoints to a reward. Engines only play what is prepared here."""
+"""Evaluate candidates: from waypoints to a reward. Engines only play what is prepared here."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from core.plugins.blame import PluginError, describe_failure
 from core.robot.kinematics import arm
 from core.robot.trajectory import Motion, plan_motion
 from core.scene import State
-from core.simulation.penetration import SAMPLE_HZ, Explosion, Finding, findings
+from core.simulation.penetration import Explosion, Finding, findings
+from core.simulation.tracks import SAMPLE_HZ
 from core.text import shorten
 
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Where candidates are tried: a task, a simulator, the seed of the scene's layout, and how plans are executed.
+    """Evaluate candidates in one engine, with one layout of a task and one way to execute plans.
 
-    It is small, hashable and picklable, and may be called: a chunk of candidates in, their evaluations out, in order.
+    Calling it with a batch of candidates returns their evaluations, in order. It is small, hashable and picklable.
 
     Raises:
-        PluginError: the task's code or the simulator's raised something; says whose.
+        PluginError: the code of the task or the simulator raised something; names the plugin.
     """
 
     task: Part
@@ -37,15 +38,15 @@ class Evaluator:
 
     @property
     def batch(self) -> int:
-        """Candidates that its simulator likes at once (`Simulator.batch`)."""
+        """The number of candidates that its simulator takes at once (`Simulator.batch`)."""
         return int(getattr(installed().factory(self.sim.kind, self.sim.name), "batch", 1))
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         try:
-            return evaluate(_task(self.task), _simulator(self.sim), candidates, self.seed, self.settings)
+            return evaluate_batch(_task(self.task), _simulator(self.sim), candidates, self.seed, self.settings)
         except (UserError, MemoryError):
             raise
-        except Exception as error:  # whatever a plugin's code raises
+        except Exception as error:  # a plugin's code may raise anything
             blamed = describe_failure(error)
             if blamed is None:
                 raise
@@ -54,20 +55,20 @@ class Evaluator:
 
 @lru_cache(maxsize=256)
 def _task(part: Part) -> Task:
-    """Made once per process."""
+    """Make a task once per process."""
     return part.create()  # type: ignore[no-any-return]
 
 
 @lru_cache(maxsize=4)
 def _simulator(part: Part) -> Simulator:
-    """Made once per process."""
+    """Make a simulator once per process."""
     return part.create()  # type: ignore[no-any-return]
 
 
 def prepare(
     task: Task, candidate: Candidate, seed: int, settings: RolloutSettings, record_hz: float = 0.0
 ) -> tuple[Motion, Rollout]:
-    """The candidate's motion, and the job that plays it.
+    """Plan a candidate's motion, and make the job that plays it.
 
     Raises:
         ValueError: the candidate has no tool (it was rejected).
@@ -80,14 +81,14 @@ def prepare(
 
 
 def rejected(candidate: Candidate, reason: str | None = None) -> Evaluation:
-    """The evaluation of a candidate that breaks a rule."""
+    """Make the evaluation of a candidate that breaks a rule."""
     return Evaluation(candidate, "rejected", reason=reason or candidate.problem or "")
 
 
-def evaluate(
+def evaluate_batch(
     task: Task, simulator: Simulator, candidates: Sequence[Candidate], seed: int, settings: RolloutSettings
 ) -> list[Evaluation]:
-    """Try each candidate; in order. The reward is taken of all worlds at once."""
+    """Try each candidate and return their evaluations, in order. One call of the task's reward covers all worlds."""
     evaluations: dict[int, Evaluation] = {}
     motions: dict[int, Motion] = {}
     jobs: list[Rollout] = []
@@ -105,31 +106,33 @@ def evaluate(
         motions[i] = motion
         jobs.append(job)
     outcomes = dict(zip(motions, _outcomes(simulator, task, jobs), strict=True))
-    sound: list[tuple[int, State, State]] = []
-    seen: dict[int, list[Finding]] = {}
+    finished: list[tuple[int, State, State]] = []
+    found: dict[int, list[Finding]] = {}
     scene = task.scene(seed) if any(outcome.recording is not None for outcome in outcomes.values()) else None
     for i, outcome in outcomes.items():
         tool = candidates[i].tool
         if outcome.recording is not None and scene is not None and tool is not None:
             try:
-                seen[i] = findings(scene, tool, outcome.recording)
+                found[i] = findings(scene, tool, outcome.recording)
             except Explosion as error:
                 evaluations[i] = Evaluation(candidates[i], "failed", reason=f"the simulation blew up: {error}")
                 continue
         if outcome.error is None and outcome.start is not None and outcome.end is not None:
-            sound.append((i, outcome.start, outcome.end))
+            finished.append((i, outcome.start, outcome.end))
         else:
-            evaluations[i] = Evaluation(candidates[i], "failed", reason=outcome.error or "no state came back")
-    for i, evaluation in _scored(task, candidates, motions, outcomes, sound):
-        evaluations[i] = judged(evaluation, seen.get(i, []), forbid=settings.penetration == "forbid")
+            evaluations[i] = Evaluation(
+                candidates[i], "failed", reason=outcome.error or "the simulator returned no state"
+            )
+    for i, evaluation in _scored(task, candidates, motions, outcomes, finished):
+        evaluations[i] = judged(evaluation, found.get(i, []), forbid=settings.penetration == "forbid")
     return [evaluations[i] for i in range(len(candidates))]
 
 
 def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-    """One for each job.
+    """Play the jobs, one outcome for each.
 
     Raises:
-        PluginError: something else came; says whose simulator it is.
+        PluginError: the simulator returned something else; names it.
     """
     outcomes = simulator.rollout(task, jobs)
     if not isinstance(outcomes, list) or not all(isinstance(outcome, Outcome) for outcome in outcomes):
@@ -141,13 +144,13 @@ def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list
     return outcomes
 
 
-def judged(evaluation: Evaluation, seen: Sequence[Finding], *, forbid: bool) -> Evaluation:
-    """The evaluation with what was seen among its warnings; where cheats are forbidden, it earns nothing with one."""
-    warnings = (*evaluation.warnings, *(finding.text for finding in seen))
-    cheats = [finding.text for finding in seen if finding.cheat]
-    if not (forbid and cheats and evaluation.reward > 0):
+def judged(evaluation: Evaluation, found: Sequence[Finding], *, forbid: bool) -> Evaluation:
+    """Add findings to the evaluation's warnings; with ``forbid``, penetration sets its reward to 0."""
+    warnings = (*evaluation.warnings, *(finding.text for finding in found))
+    penetrations = [finding.text for finding in found if finding.penetration]
+    if not (forbid and penetrations and evaluation.reward > 0):
         return replace(evaluation, warnings=warnings)
-    reason = f"{cheats[0]}, so that its reward of {evaluation.reward:.2f} does not count"
+    reason = f"{penetrations[0]}, so that its reward of {evaluation.reward:.2f} does not count"
     return replace(evaluation, warnings=warnings, reward=0.0, reason=evaluation.reason or reason)
 
 
@@ -156,19 +159,19 @@ def _scored(
     candidates: Sequence[Candidate],
     motions: dict[int, Motion],
     outcomes: dict[int, Outcome],
-    sound: list[tuple[int, State, State]],
+    finished: list[tuple[int, State, State]],
 ) -> Iterator[tuple[int, Evaluation]]:
-    if not sound:
+    if not finished:
         return
-    starts, ends = State.stack([start for _, start, _ in sound]), State.stack([end for _, _, end in sound])
+    starts, ends = State.stack([start for _, start, _ in finished]), State.stack([end for _, _, end in finished])
     rewards = np.asarray(task.reward(starts, ends), dtype=np.float64)
-    if rewards.shape != (len(sound),):
+    if rewards.shape != (len(finished),):
         raise PluginError(
-            f"{describe_part(task)}: reward gave an array of shape {rewards.shape} for {len(sound)} worlds; "
-            f"expected ({len(sound)},)"
+            f"{describe_part(task)}: reward gave an array of shape {rewards.shape} for {len(finished)} worlds; "
+            f"expected ({len(finished)},)"
         )
     shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1)
-    for (i, _, _), reward, moved in zip(sound, rewards, shifts, strict=True):
+    for (i, _, _), reward, moved in zip(finished, rewards, shifts, strict=True):
         motion, outcome = motions[i], outcomes[i]
         evaluation = Evaluation(
             candidates[i],

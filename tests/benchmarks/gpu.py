@@ -23,7 +23,7 @@ from core.design import Candidate
 from core.errors import UsageError, UserError
 from core.interfaces import RolloutSettings, Simulator
 from core.plugins import installed
-from core.simulation.rollout import evaluate, prepare
+from core.simulation.rollout import evaluate_batch, prepare
 from tests.benchmarks import clocked, measuring, throughput
 
 USAGE = (
@@ -131,7 +131,7 @@ def agreement(simulator: Simulator, task_name: str, candidates: Sequence[Candida
     """Compare the rewards with those in `sim=mujoco`."""
     task, settings = installed().create("task", task_name), RolloutSettings()
     ours, theirs = (
-        [e.reward for e in evaluate(task, engine, candidates, seed, settings)]
+        [e.reward for e in evaluate_batch(task, engine, candidates, seed, settings)]
         for engine in (simulator, installed().create("sim", "mujoco"))
     )
     found = measuring.compare(ours, theirs, [True] * len(ours))

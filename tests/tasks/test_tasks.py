@@ -25,7 +25,7 @@ from core.plugins import installed
 from core.robot.description import FINGER_OPEN
 from core.robot.kinematics import arm
 from core.scene import State
-from core.simulation.rollout import evaluate
+from core.simulation.rollout import evaluate_batch
 from tests.engines import every_simulator, simulator
 
 ROOT = Path(__file__).parents[2]
@@ -313,7 +313,7 @@ def test_the_reference_solution_solves_it(name, engine):
     task = task_of(name)
     candidates = solutions(name)
     assert [candidate.problem for candidate in candidates] == [None] * len(candidates)
-    evaluations = evaluate(task, simulator(engine), candidates, 0, RolloutSettings())
+    evaluations = evaluate_batch(task, simulator(engine), candidates, 0, RolloutSettings())
     best = max(evaluations, key=lambda e: e.reward)
     assert best.status == "ok"
     assert best.reward >= 0.95
@@ -326,6 +326,6 @@ def test_the_reference_solution_solves_it(name, engine):
 def test_the_same_seed_gives_the_same_result(name, engine):
     """In a simulator that has done other things, and in a new one."""
     ours, new = simulator(engine), installed().create("sim", engine)
-    first, again = (evaluate(task_of(name), sim, solutions(name), 1, RolloutSettings()) for sim in (ours, new))
+    first, again = (evaluate_batch(task_of(name), sim, solutions(name), 1, RolloutSettings()) for sim in (ours, new))
     for one, other in zip(first, again, strict=True):
         assert (one.reward, one.moved_m) == (other.reward, other.moved_m)

@@ -1,4 +1,4 @@
-"""Cheats made on purpose, as recordings and in a real engine."""
+"""Penetration made on purpose, as recordings and in a real engine."""
 
 import itertools
 
@@ -16,7 +16,7 @@ from core.plugins import installed
 from core.robot.kinematics import arm
 from core.scene import Body, Goal, Scene, State, table
 from core.simulation.penetration import Explosion, findings
-from core.simulation.rollout import evaluate
+from core.simulation.rollout import evaluate_batch
 
 HZ = 25.0
 ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
@@ -31,7 +31,7 @@ WALL = body("wall", Box((0.01, 0.5, 0.5)), (0.5, 0.0, 0.25), mass=0.0)
 
 
 def recording(scene, paths, hz=HZ, arms=None, quaternions=None, velocities=None):
-    """Of free bodies at ``paths`` (T, 3), by name; the arm is far from them unless ``arms`` (T, 7) says otherwise."""
+    """Record free bodies at ``paths`` (T, 3), by name; the arm is far from them by default (``arms``: (T, 7))."""
     count = len(arms) if arms is not None else len(next(iter(paths.values())))
     away = np.tile([2.8, *arm().home[1:]], (count, 1))
     free = scene.free
@@ -51,8 +51,8 @@ def straight(start, end, count):
     return np.linspace(start, end, count)
 
 
-def cheats(scene, taken, tool=ROD):
-    return [finding.text for finding in findings(scene, tool, taken) if finding.cheat]
+def penetrations(scene, taken, tool=ROD):
+    return [finding.text for finding in findings(scene, tool, taken) if finding.penetration]
 
 
 # --- passing through --------------------------------------------------------------------------------------------
@@ -60,12 +60,12 @@ def cheats(scene, taken, tool=ROD):
 
 @pytest.mark.parametrize("speed", [0.2, 1.0, 5.0, 20.0])
 @pytest.mark.parametrize("shape", [Sphere(0.02), Box((0.03, 0.05, 0.02)), Cylinder(0.01, 0.2)])
-def test_a_body_that_goes_through_a_wall_is_seen_however_fast(shape, speed):
+def test_a_body_that_goes_through_a_wall_is_found_however_fast(shape, speed):
     scene = Scene((WALL, body("thing", shape, (0.2, 0, 0.25))))
     path = straight((0.2, 0.0, 0.25), (0.8, 0.0, 0.25), max(4, round(0.6 / speed * HZ)))
-    (told,) = cheats(scene, recording(scene, {"thing": path}))
-    assert "'thing'" in told
-    assert "'wall'" in told
+    (found,) = penetrations(scene, recording(scene, {"thing": path}))
+    assert "'thing'" in found
+    assert "'wall'" in found
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 8.0])
@@ -74,20 +74,20 @@ def test_a_wall_that_goes_through_a_body(speed):
     gate = body("gate", Box((0.01, 0.5, 0.5)), (0.2, 0, 0.25))
     scene = Scene((gate, body("post", Box((0.04, 0.04, 0.3)), (0.5, 0.0, 0.25), mass=0.0, rpy=(0.3, 0.2, 0.7))))
     path = straight((0.2, 0.0, 0.25), (0.8, 0.0, 0.25), max(4, round(0.6 / speed * HZ)))
-    assert len(cheats(scene, recording(scene, {"gate": path}))) == 1
+    assert len(penetrations(scene, recording(scene, {"gate": path}))) == 1
 
 
 def test_two_bodies_that_pass_through_each_other():
     scene = Scene((body("one", Sphere(0.02), (0.2, 0, 0.2)), body("other", Sphere(0.03), (0.8, 0, 0.2))))
     paths = {"one": straight((0.2, 0, 0.2), (0.8, 0, 0.2), 9), "other": straight((0.8, 0, 0.2), (0.2, 0, 0.2), 9)}
-    assert len(cheats(scene, recording(scene, paths))) == 1
+    assert len(penetrations(scene, recording(scene, paths))) == 1
 
 
 def test_a_body_that_sinks_in_and_stays():
     scene = Scene((table(), body("cube", Box((0.05, 0.05, 0.05)), (0.5, 0.3, 0.025))))
     path = np.vstack([straight((0.5, 0.3, 0.025), (0.5, 0.3, 0.010), 10), np.tile((0.5, 0.3, 0.010), (10, 1))])
-    (told,) = cheats(scene, recording(scene, {"cube": path}))
-    assert "deep inside 'table'" in told
+    (found,) = penetrations(scene, recording(scene, {"cube": path}))
+    assert "deep inside 'table'" in found
 
 
 def test_a_body_that_turns_through_a_wall():
@@ -96,7 +96,7 @@ def test_a_body_that_turns_through_a_wall():
     turns = Rotation.from_euler("z", np.linspace(0.7, 2.4, 6)[:, None]).as_quat()[:, [3, 0, 1, 2]]
     scene = Scene((body("wall", Box((0.01, 0.01, 0.5)), (0.4, 0.1, 0.25), mass=0.0), bar))
     taken = recording(scene, {"bar": np.tile((0.4, 0.0, 0.25), (6, 1))}, quaternions={"bar": turns})
-    assert len(cheats(scene, taken)) == 1
+    assert len(penetrations(scene, taken)) == 1
 
 
 @given(
@@ -108,7 +108,7 @@ def test_a_body_that_turns_through_a_wall():
     beside=st.booleans(),
 )
 def test_a_ball_goes_through_a_solid_or_beside_it(solid, radius, seed, count, carried, beside):
-    """From anywhere, spinning; or the ball stands, spins, and the solid comes: the same is seen."""
+    """From anywhere, spinning; or the ball stands, spins, and the solid comes: the result is the same."""
     random = np.random.default_rng(seed)
     turn, way = Rotation.random(rng=random), Rotation.random(rng=random).as_matrix()
     middle, reach = (
@@ -127,7 +127,7 @@ def test_a_ball_goes_through_a_solid_or_beside_it(solid, radius, seed, count, ca
         turns, paths = None, {"ball": path}
     spins = Rotation.random(count, rng=random).as_quat(scalar_first=True)
     quaternions = {"ball": spins} if turns is None else {"ball": spins, "solid": turns}
-    assert len(cheats(scene, recording(scene, paths, quaternions=quaternions))) == (not beside)
+    assert len(penetrations(scene, recording(scene, paths, quaternions=quaternions))) == (not beside)
 
 
 def sweep(turn, count):
@@ -142,9 +142,9 @@ def test_a_tool_that_goes_through_a_wall(count):
     pose = arm().forward(arm().home)
     wall = body("fence", Box((0.3, 0.01, 0.05)), pose.apply((0.0, 0.0, -0.15)), mass=0.0)
     scene = Scene((wall,))
-    (told,) = cheats(scene, recording(scene, {}, arms=sweep(0.4, count)))
-    assert told.startswith("'rod'")
-    assert cheats(scene, recording(scene, {}, arms=sweep(0.4, count)), Tool()) == []  # the bare arm is above it
+    (found,) = penetrations(scene, recording(scene, {}, arms=sweep(0.4, count)))
+    assert found.startswith("'rod'")
+    assert penetrations(scene, recording(scene, {}, arms=sweep(0.4, count)), Tool()) == []  # the bare arm is above it
 
 
 @pytest.mark.parametrize("side", ["left_rod", "right_rod"])
@@ -157,15 +157,15 @@ def test_each_of_a_pair_of_fingertips(side):
     assert taken.fingers.shape == (40, 2)
     pose = arm().forward(arm().home)
     scene = Scene((body("fence", Box((0.3, 0.01, 0.02)), pose.apply((0.0, 0.0, -0.19)), mass=0.0),))
-    (told,) = cheats(scene, taken, tool)
-    assert told.startswith(repr(side))
+    (found,) = penetrations(scene, taken, tool)
+    assert found.startswith(repr(side))
 
 
-# --- what is no cheat -------------------------------------------------------------------------------------------
+# --- what is no penetration -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("speed", [0.5, 3.0, 10.0])
-def test_over_the_wall_and_along_it_is_no_cheat(speed):
+def test_over_the_wall_and_along_it_is_no_penetration(speed):
     scene = Scene((WALL, body("ball", Sphere(0.02), (0.2, 0, 0.25))))
     count = max(4, round(1.0 / speed * HZ))
     over = straight((0.2, 0.0, 0.525), (0.8, 0.0, 0.525), count)
@@ -174,14 +174,14 @@ def test_over_the_wall_and_along_it_is_no_cheat(speed):
         assert findings(scene, ROD, recording(scene, {"ball": path})) == []
 
 
-def test_a_bounce_and_a_hard_blow_are_no_cheat():
+def test_a_bounce_and_a_hard_blow_are_no_penetration():
     scene = Scene((WALL, body("ball", Sphere(0.02), (0.2, 0, 0.25))))
     out = straight((0.1, 0.0, 0.25), (0.49, 0.0, 0.25), 6)  # 15 mm into the wall for a moment
     path = np.vstack([out, out[::-1]])
     assert findings(scene, ROD, recording(scene, {"ball": path})) == []
 
 
-def test_what_stands_in_each_other_from_the_start_is_no_cheat():
+def test_what_stands_in_each_other_from_the_start_is_no_penetration():
     scene = Scene((WALL, body("plug", Cylinder(0.02, 0.2), (0.5, 0.0, 0.25))))
     taken = recording(scene, {"plug": straight((0.5, 0.0, 0.25), (0.5, 0.0, 0.3), 30)})
     assert findings(scene, ROD, taken) == []
@@ -194,7 +194,7 @@ def test_a_body_faster_than_the_robot_can_make_it_was_flung():
     scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
     path = {"ball": straight((0.5, 0.0, 1.0), (3.0, 0.0, 1.0), 10)}
     (found,) = findings(scene, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)}))
-    assert (found.cheat, "flung" in found.text, "50.0 m/s" in found.text) == (False, True, True)
+    assert (found.penetration, "flung" in found.text, "50.0 m/s" in found.text) == (False, True, True)
     swing = recording(scene, path, arms=sweep(1.0, 10))  # some 5 m/s
     swing.states.linear_velocities[:] = (8.0, 0, 0)
     assert findings(scene, ROD, swing) == []
@@ -215,7 +215,7 @@ def test_a_body_that_is_metres_away_was_flung():
 
 
 @pytest.mark.parametrize(("velocity", "why"), [(1e4, "10000 m/s"), (np.nan, "not finite"), (np.inf, "not finite")])
-def test_an_explosion_is_told_as_such(velocity, why):
+def test_an_explosion_is_reported(velocity, why):
     scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
     taken = recording(scene, {"ball": np.tile((0.5, 0, 1), (5, 1))}, velocities={"ball": (velocity, 0, 0)})
     with pytest.raises(Explosion, match=why):
@@ -260,13 +260,13 @@ class Ghostly(Simulator):
         raise NotImplementedError
 
 
-def earned(way, cheats):
+def earned(way, penetration):
     candidate = Candidate(ROD, np.array([[0.3, 0.0, 0.8, 0, 0, 0]]))
-    (evaluation,) = evaluate(Fenced(), Ghostly(way), [candidate], 0, RolloutSettings(penetration=cheats))
+    (evaluation,) = evaluate_batch(Fenced(), Ghostly(way), [candidate], 0, RolloutSettings(penetration=penetration))
     return evaluation
 
 
-def test_by_default_a_cheat_earns_nothing_and_says_why():
+def test_by_default_penetration_earns_nothing_and_says_why():
     forbidden = earned("through", "forbid")
     assert (forbidden.status, forbidden.reward) == ("ok", 0.0)
     assert RolloutSettings().penetration == "forbid"
@@ -276,7 +276,7 @@ def test_by_default_a_cheat_earns_nothing_and_says_why():
     assert "1.00" in forbidden.reason
 
 
-def test_or_it_is_told_only_or_not_looked_for():
+def test_or_it_is_only_a_warning_or_not_looked_for():
     warned, ignored = earned("through", "warn"), earned("through", "ignore")
     assert (warned.reward, warned.reason, len(warned.warnings)) == (1.0, "", 2)
     assert (ignored.reward, ignored.reason, len(ignored.warnings)) == (1.0, "", 1)
@@ -299,7 +299,7 @@ def test_a_wrong_choice_is_refused():
 
 
 class Hurried(Task):
-    """A heavy ball that flies at a thin wall, faster than a coarse time step can tell."""
+    """A heavy ball that flies at a thin wall, faster than a coarse time step can resolve."""
 
     name = "Hurried"
     description = "A ball before a wall."
@@ -314,16 +314,16 @@ class Hurried(Task):
         return np.where(end.position("ball")[..., 2] < 0.2, 1.0, 0.0)
 
 
-def test_what_a_real_engine_lets_through_is_seen():
+def test_what_a_real_engine_lets_through_is_found():
     """A ball that falls two metres moves 12 cm in a step of 0.02 s, a sheet of 4 mm is nothing to it."""
     candidate = Candidate(ROD, np.array([[0.3, 0.0, 0.75, 0, 0, 0]]))
     coarse = installed().create("sim", "pybullet", {"time_step": 0.02})
     fine = installed().create("sim", "pybullet", {"time_step": 0.001})
     settings = RolloutSettings(settle_s=0.0)
-    (through,) = evaluate(Hurried(), coarse, [candidate], 0, settings)
+    (through,) = evaluate_batch(Hurried(), coarse, [candidate], 0, settings)
     assert through.reward == 0.0
     assert "'ball' passed through 'sheet'" in through.reason
-    (caught,) = evaluate(Hurried(), fine, [candidate], 0, settings)
+    (caught,) = evaluate_batch(Hurried(), fine, [candidate], 0, settings)
     assert (caught.reason, caught.warnings) == ("", ())
 
 

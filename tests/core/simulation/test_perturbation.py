@@ -41,10 +41,10 @@ def plain(name):
 
 def gaps(scene):
     """Metres between each free body and each other that is near, by their names."""
-    felt = {body.name: tuple((solid, *solid.bounds()) for solid in body_solids(body)) for body in scene.bodies}
+    solids = {body.name: tuple((solid, *solid.bounds()) for solid in body_solids(body)) for body in scene.bodies}
     found = {}
     for body, other in itertools.product(scene.free, scene.bodies):
-        for (a, at_a, half_a), (b, at_b, half_b) in itertools.product(felt[body.name], felt[other.name]):
+        for (a, at_a, half_a), (b, at_b, half_b) in itertools.product(solids[body.name], solids[other.name]):
             if body is not other and (np.abs(at_a - at_b) < half_a + half_b + 0.001).all():
                 pair = body.name, other.name
                 found[pair] = min(signed_distance(a, b), found.get(pair, math.inf))
@@ -72,8 +72,8 @@ def test_nothing_gets_into_another_or_off_what_it_stands_on(name, draw):
 @every_task
 @pytest.mark.parametrize("draw", [2, 3])
 def test_changes_are_small_and_level_and_what_is_fixed_stays(name, draw):
-    spread = PerturbationRange(0.004, 0.03, 0.2, 0.3)
-    before, after = plain(name), perturb(plain(name), spread, draw)
+    ranges = PerturbationRange(0.004, 0.03, 0.2, 0.3)
+    before, after = plain(name), perturb(plain(name), ranges, draw)
     alone = {group[0].name for group in groups(before) if len(group) == 1}
     for old, new in zip(before.bodies, after.bodies, strict=True):
         assert (new.name, new.visuals, new.collisions) == (old.name, old.visuals, old.collisions)
@@ -158,7 +158,7 @@ def test_masses_and_friction_do_not_hang_on_how_far_things_move():
 
 
 @every_task
-def test_no_spread_no_change(name):
+def test_no_range_no_change(name):
     scene = perturb(plain(name), PerturbationRange(0, 0, 0, 0), 7)
     for old, new in zip(plain(name).bodies, scene.bodies, strict=True):
         assert (new.pose, new.mass, new.friction) == (old.pose, old.mass, old.friction)
@@ -236,12 +236,12 @@ def test_a_perturbed_task_is_the_task_but_for_its_scenes(name):
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"position": -0.1}, "spread.position must be 0 or greater, and finite, got -0.1"),
-        ({"yaw": math.inf}, "spread.yaw"),
-        ({"mass": 1.0}, "spread.mass must be 0 or greater and less than 1, got 1.0"),
-        ({"friction": math.nan}, "spread.friction"),
+        ({"position": -0.1}, "perturbation.position must be 0 or greater, and finite, got -0.1"),
+        ({"yaw": math.inf}, "perturbation.yaw"),
+        ({"mass": 1.0}, "perturbation.mass must be 0 or greater and less than 1, got 1.0"),
+        ({"friction": math.nan}, "perturbation.friction"),
     ],
 )
-def test_a_spread_that_cannot_be(wrong, said):
+def test_a_range_that_cannot_be(wrong, said):
     with pytest.raises(UsageError, match=said):
         PerturbationRange(**wrong)

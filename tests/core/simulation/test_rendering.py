@@ -1,4 +1,4 @@
-"""With renderers that note what they are told; real ones are in the simulators' tests."""
+"""With renderers that note their arguments; real ones are in the simulators' tests."""
 
 import numpy as np
 import pytest
@@ -58,7 +58,7 @@ def test_what_is_left_out_is_as_at_spawn():
     assert renderer.shot == (TASK.camera, 4, 3)
 
 
-def test_what_is_told_is_shown():
+def test_what_is_given_is_shown():
     renderer, camera, state = Noting(), Camera(position=(1.0, 1.0, 1.0)), TASK.scene(0).state()
     draw(renderer, TASK, seed=3, arm=np.ones(7), fingers=np.zeros(2), state=state, camera=camera)
     assert renderer.loaded == (TASK, 3, None)

@@ -68,19 +68,19 @@ def test_nominal_is_the_default_and_passes_on_what_the_evaluator_says():
         ({"name": "robust", "perturbation": {"mass": 2}}, "perturbation.mass must be 0 or greater and less than 1"),
         ({"name": "robust", "sims": []}, "sims: name at least one engine"),
         ({"name": "robust", "sims": ["pybulet"]}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\); possible: "),
-        ({"name": "robust", "sims": ["pybullet", "pybullet"]}, "sims: 'pybullet' stands there twice"),
+        ({"name": "robust", "sims": ["pybullet", "pybullet"]}, "sims: 'pybullet' is repeated"),
         ({"name": "robust", "sims": [{"time_step": 0.1}]}, "names no engine"),
         ({"name": "robust", "sims": [COARSE | {"timestep": 1}]}, r"'timestep' in sim=pybullet \(did you mean"),
         ({"name": "robust", "sims": [COARSE | {"time_step": 1}]}, "sim.time_step must be at most"),
     ],
 )  # fmt: skip
-def test_a_wrong_setting_is_told(config, said):
+def test_a_wrong_setting_is_reported(config, said):
     with pytest.raises(UserError, match=said) as error:
         fitness(config, BENCH)
     assert "\n" not in str(error.value)
 
 
-def test_a_wrong_key_is_told():
+def test_a_wrong_key_is_reported():
     with pytest.raises(
         UserError, match=r"no key 'weight' in fitness.perturbation; possible: friction, mass, position, yaw"
     ):
@@ -129,7 +129,7 @@ def test_the_worst_engines_mean_counts():
     assert figures["other"]["rewards"] == [0.2, 0.6]
 
 
-def test_a_trial_that_breaks_counts_nothing_and_is_told():
+def test_a_trial_that_fails_counts_nothing_and_is_reported():
     broken = earned(0.0, "failed", "it blew up")
     evaluation = worst(CANDIDATE, {"one": [earned(1.0), earned(1.0)], "other": [earned(1.0), broken]})
     assert (evaluation.status, evaluation.reward) == ("ok", 0.5)
@@ -185,9 +185,7 @@ def test_a_tool_that_starts_in_a_body_that_was_moved_is_refused_there():
     near = {draw for draw, (x, _, _) in cubes.items() if x < 1.0 - 0.001}
     assert refused == near
     assert 0 < len(refused) < 8
-    assert all(
-        tried[draw].reason.startswith("with the scene a little changed, component 'bar' starts") for draw in near
-    )
+    assert all(tried[draw].reason.startswith("in the perturbed scene, component 'bar' starts") for draw in near)
 
 
 def test_a_run_selects_by_it_and_keeps_what_each_engine_gave(tmp_path):

@@ -24,7 +24,7 @@ from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
 from core.robot.description import FINGER_OPEN
 from core.scene import Body, Scene, table
-from core.simulation.rollout import evaluate
+from core.simulation.rollout import evaluate_batch
 
 pytest.importorskip("mujoco_warp")
 
@@ -67,7 +67,7 @@ def test_reference_solutions_are_as_good(warped, name):
     designs = load_designs(ROOT / f"tests/tasks/solutions/{name}.json")
     candidates = read_designs(designs, installed().create("tool", "urdf"), SpawnRules(task, 0))
     ours, theirs = (
-        evaluate(task, engine, candidates, 0, RolloutSettings())
+        evaluate_batch(task, engine, candidates, 0, RolloutSettings())
         for engine in (warped, installed().create("sim", "mujoco"))
     )
     for one, other in zip(ours, theirs, strict=True):

@@ -16,7 +16,7 @@ from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import Brief, Request, Task
 from core.plugins import installed
 from core.scene import Body, Geom, Goal, Scene, floor, table
-from core.simulation.rollout import RolloutSettings, evaluate
+from core.simulation.rollout import RolloutSettings, evaluate_batch
 from plugins.vlms.offline import heads
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.pour import handles
@@ -378,7 +378,7 @@ def test_given_tools_get_plans_only(name):
 
 def rewards(task, designs: list[Candidate]) -> list[float]:
     simulator = installed().create("sim", "pybullet")
-    return [evaluation.reward for evaluation in evaluate(task, simulator, designs, 0, RolloutSettings())]
+    return [evaluation.reward for evaluation in evaluate_batch(task, simulator, designs, 0, RolloutSettings())]
 
 
 @pytest.mark.parametrize("gripper", [False, True])
