@@ -28,7 +28,7 @@ from core.events import Generation, Result, Run
 from core.interfaces import Brief, Budget, Reply, Request, RolloutSettings
 from core.plugins import event_hub, installed
 from core.robot.kinematics import arm
-from core.simulation.rollout import evaluate
+from core.simulation.rollout import evaluate_batch
 from core.view import end, free_port, listens, start_viewer
 from plugins.listeners.rerun.sinks import address
 from plugins.listeners.rerun.words import MAX_NAME, MAX_TEXT, clean
@@ -65,8 +65,8 @@ def generations(simulator):
     lost = Candidate(None, np.zeros((0, 6)), 0, 2, problem="no boxes")
     parents = (hook.id, hostile.id)
     hand = Candidate(Tool(gripper=True), np.array([[0.5, 0, 0.5, 0, 0, 0, 1.0]]), 1, parents=parents)
-    first = evaluate(TASK, simulator, [hook, hostile, lost], 0, RolloutSettings())
-    second = evaluate(TASK, simulator, [hand], 0, RolloutSettings())
+    first = evaluate_batch(TASK, simulator, [hook, hostile, lost], 0, RolloutSettings())
+    second = evaluate_batch(TASK, simulator, [hand], 0, RolloutSettings())
     return Generation(0, tuple(first)), Generation(1, tuple(second))
 
 
