@@ -72,6 +72,7 @@ MISTAKES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("command", "words", "said"), MISTAKES, ids=[" ".join([c, *w[-1:]]) for c, w, _ in MISTAKES])
 def test_a_mistake_is_one_line_that_says_what_is_wrong(tmp_path, command, words, said):
     (tmp_path / "malformed.json").write_text('{"strategies": [\n  oh no]}')
@@ -85,6 +86,7 @@ def test_a_mistake_is_one_line_that_says_what_is_wrong(tmp_path, command, words,
     assert not done.stdout
 
 
+@pytest.mark.slow
 def test_help(tmp_path):
     for command in ("evaluate", "render", "prompt"):
         done = call(tmp_path, command, "--help")
@@ -123,6 +125,7 @@ def test_evaluate_writes_what_each_plan_earned(tmp_path):
         assert word in done.stdout
 
 
+@pytest.mark.slow
 def test_render_writes_a_picture_of_the_size_asked_for(tmp_path):
     done = call(tmp_path, "render", "task=OneBook", "width=120", "height=90", "output=pictures/plain.png")
     assert done.returncode == 0, done.stderr
@@ -263,6 +266,7 @@ def test_the_best_design_earns_the_same_again(tiny, tmp_path):
     assert again["distance_m"] == pytest.approx(best["distance_m"], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_result_whatever_the_number_of_workers(tiny, tmp_path):
     folder = tmp_path / "run"
     done = call(tmp_path, "run", *TINY, f"hydra.run.dir={folder}", "executor.workers=1")
@@ -274,6 +278,7 @@ def test_the_same_seed_gives_the_same_result_whatever_the_number_of_workers(tiny
     assert (folder / "best" / "design.json").read_bytes() == (tiny[0] / "best" / "design.json").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_folder_with_a_run_is_not_written_over(tiny):
     before = (tiny[0] / "result.json").read_bytes()
     done = call(tiny[0].parent, "run", *TINY, f"hydra.run.dir={tiny[0]}")

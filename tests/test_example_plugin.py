@@ -12,6 +12,8 @@ import pytest
 
 from tests.packages import PYTHON, install
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=1", "film=false"]
 

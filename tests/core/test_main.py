@@ -66,6 +66,7 @@ def test_modules_in_the_working_directory_hide_nothing(tmp_path, name):
     assert "'vlmgineer NAME ...'" in line
 
 
+@pytest.mark.slow
 def test_a_run_beside_such_modules(tmp_path):
     """The worker processes import ours as well, and so do the conformance suites."""
     for name in ("tasks", "core", "plugins", "conf", "prompts"):
@@ -77,12 +78,14 @@ def test_a_run_beside_such_modules(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.slow
 def test_a_multirun(tmp_path):
     done = call(tmp_path, TINY[0], "-m", *TINY[1:], "seed=1,2", "hydra.sweep.dir=sweep")
     assert done.returncode == 0, done.stderr
     assert len(list((tmp_path / "sweep").glob("*/result.json"))) == 2
 
 
+@pytest.mark.slow
 def test_an_interrupt(tmp_path):
     words = [*TINY, "vlm=mailbox", "hydra.run.dir=run"]
     process = subprocess.Popen([*SCRIPT, *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True)

@@ -43,6 +43,7 @@ def ran(tmp_path_factory):
 # --- a designs file ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_every_design_in_every_engine_with_every_change(tmp_path):
     good = json.loads(SOLUTION.read_text())["strategies"][0]
     plans = [*good["action_sets"], [[0.5, 0, 0.5, 0, 0, 0]], [[9, 0, 0, 0, 0, 0]]]
@@ -79,6 +80,7 @@ def test_every_design_in_every_engine_with_every_change(tmp_path):
     assert f"{far['design']}: {far['reason']}" in lines
 
 
+@pytest.mark.slow
 def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp_path):
     words = [f"designs={SOLUTION}", SIMS, "seeds=[1,2]"]
     results = [transfer(load("transfer", [*words, f"executor.workers={n}"])) for n in (1, 2)]
@@ -89,6 +91,7 @@ def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp
     assert results[0]["designs"][0]["engines"]["pybullet"]["nominal"] == plain["reward"]
 
 
+@pytest.mark.slow
 def test_two_engines_that_were_written_independently():
     pytest.importorskip("pybullet")
     pytest.importorskip("sapien")
@@ -100,6 +103,7 @@ def test_two_engines_that_were_written_independently():
     assert design["robust"] == min(pybullet["mean"], sapien["mean"]) > 0.9
 
 
+@pytest.mark.slow
 def test_no_spread_no_difference():
     words = [f"designs={SOLUTION}", "sims=[pybullet]", "seeds=[1]", "executor.workers=1"]
     (design,) = transfer(
@@ -112,6 +116,7 @@ def test_no_spread_no_difference():
 # --- a run's folder ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_best_of_a_run_under_the_runs_own_conditions(ran):
     folder, result = ran
     tried = result.ranking
@@ -128,6 +133,7 @@ def test_what_the_command_line_says_goes_before_what_the_run_had(ran):
     assert (cfg.task.name, cfg.seed, cfg.rollout.hold_s, cfg.rollout.speed) == ("BringCube", 1, 2.0, 0.95)
 
 
+@pytest.mark.slow
 def test_all_that_was_tried_can_be_read_back(ran):
     folder, result = ran
     task = installed().create("task", "OneBook")
@@ -146,6 +152,7 @@ def test_all_that_was_tried_can_be_read_back(ran):
     assert stored_config(folder)["seed"] == 3
 
 
+@pytest.mark.slow
 def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
     words = ["task=BringCube", "tool=none", "film=false", "listener=[]", "executor.workers=1"]
     words += ["budget.n_agent=1", "budget.n_action=2", "budget.n_iteration=0"]

@@ -47,6 +47,7 @@ PAPER = {
 }
 
 every_task = pytest.mark.parametrize("name", TASKS)
+LONG = {"GatherSpheres", "TurkeyLegs"}  # rollouts of seconds
 
 
 @cache
@@ -308,7 +309,7 @@ def solutions(name):
 
 
 @every_simulator
-@every_task
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in TASKS])
 def test_the_reference_solution_solves_it(name, engine):
     task = task_of(name)
     candidates = solutions(name)

@@ -28,6 +28,7 @@ def written(tmp_path_factory):
     return folder, PYTHON | {"PYTHONPATH": os.pathsep.join(sites)}
 
 
+@pytest.mark.slow
 def test_what_is_written_passes_its_own_tests(written):
     """A few of a simulator's many checks: it uses an engine that passes them all in its own tests."""
     folder, environment = written
@@ -41,6 +42,7 @@ def test_what_is_written_passes_its_own_tests(written):
         assert len(re.findall(rf"{file}::.* PASSED", done.stdout)) == checks, kind
 
 
+@pytest.mark.slow
 def test_its_tests_ignore_the_settings_of_a_project_around_it(written, tmp_path):
     """For example a clone of this one, whose settings of pytest need more than the package has."""
     (tmp_path / "pyproject.toml").write_text('[tool.pytest.ini_options]\naddopts = "--no-such-option"\n')
@@ -50,6 +52,7 @@ def test_its_tests_ignore_the_settings_of_a_project_around_it(written, tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_what_is_written_runs(written, tmp_path):
     words = ["core.run", *RUNS, *SMALL, "listener=[rows]", "hydra.run.dir=run"]
     done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)

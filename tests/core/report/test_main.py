@@ -242,6 +242,7 @@ def test_one_run_is_enough_for_a_report(tmp_path):
     assert read_csv(tmp_path / "out" / "data" / "methods.csv")[0]["IQM, low"] == ""
 
 
+@pytest.mark.slow
 def test_more_methods_than_colours(tmp_path):
     for n in range(9):
         write_run(tmp_path / str(n), f"budget.n_agent={n + 1}", rewards=[[0.1 * n]])
@@ -389,6 +390,7 @@ def call(folder, *words):
     )
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path):
     """A folder's name may have a = in it, as a multirun's have."""
     write_run(tmp_path / "0_seed=0", rewards=[[0.25]])

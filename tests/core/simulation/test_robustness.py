@@ -188,6 +188,7 @@ def test_a_tool_that_starts_in_a_body_that_was_moved_is_refused_there():
     assert all(tried[draw].reason.startswith("in the perturbed scene, component 'bar' starts") for draw in near)
 
 
+@pytest.mark.slow
 def test_a_run_selects_by_it_and_keeps_what_each_engine_gave(tmp_path):
     words = ["task=BringCube", "film=false", "listener=[]", "executor.workers=1", "sim.solver_iterations=30"]
     words += ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0"]

@@ -449,6 +449,7 @@ def call(arguments, folder, *missing, **environment):
 SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0", "executor.workers=2"]
 
 
+@pytest.mark.slow
 def test_without_pybullet_and_opengl_it_runs_without_pictures(tmp_path):
     done = call(["core.run", "sim=mujoco", *SMALL, "hydra.run.dir=out"], tmp_path, "pybullet", "OpenGL")
     assert done.returncode == 0, done.stderr
@@ -472,6 +473,7 @@ def test_a_wrong_mujoco_gl_is_one_line(tmp_path):
     assert "MUJOCO_GL=nonsense does not work here" in done.stderr
 
 
+@pytest.mark.slow
 def test_without_mujoco_others_run(tmp_path):
     pytest.importorskip("pybullet")
     done = call(["core.run", *SMALL, "hydra.run.dir=out", "film=false"], tmp_path, "mujoco")
@@ -482,6 +484,7 @@ def test_without_mujoco_others_run(tmp_path):
     assert "sim=mujoco needs MuJoCo 4 or newer: pip install 'mujoco" in missing.stderr
 
 
+@pytest.mark.slow
 def test_render_says_who_drew(tmp_path, own_renderer):
     arguments = ["core.render", "sim=mujoco", "width=32", "height=24"]
     done = call(arguments, tmp_path, "pybullet")
@@ -496,6 +499,7 @@ def test_render_says_who_drew(tmp_path, own_renderer):
     assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer is switched off")
 
 
+@pytest.mark.slow
 def test_without_mujoco_warp_the_rest_runs(tmp_path):
     missing = call(["core.run", "sim=mujoco_warp", *SMALL], tmp_path, "warp", "mujoco_warp")
     assert missing.returncode == 1

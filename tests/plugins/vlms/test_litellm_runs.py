@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[3]
 SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())["strategies"][0]
 COMMON = ["executor.workers=1", "film=false", "listener={}"]
 
-pytestmark = pytest.mark.usefixtures("planted", "warm")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("planted", "warm")]
 
 
 def result(folder):

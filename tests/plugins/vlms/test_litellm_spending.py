@@ -164,6 +164,7 @@ def start(tmp_path, server, name):
     )
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_and_run_again_sends_no_answered_request_twice(tmp_path, folder):
     solution = (ROOT / "tests/tasks/solutions/BringCube.json").read_text()
     answered, seeds, calm = set(), [], False

@@ -253,6 +253,7 @@ RUN = [
 ]
 
 
+@pytest.mark.slow
 def test_a_run_answered_by_hand(tmp_path):
     folder = tmp_path / "run"
     box = folder / "mailbox"
@@ -271,6 +272,7 @@ def test_a_run_answered_by_hand(tmp_path):
     assert plan["maxItems"] == 1
 
 
+@pytest.mark.slow
 def test_an_interrupt_leaves_everything_for_another_run(tmp_path):
     words = [*RUN, f"vlm.folder={tmp_path / 'box'}", "listener={}"]
 

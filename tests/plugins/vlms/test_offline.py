@@ -303,6 +303,7 @@ def test_counts_and_fields_are_as_requested(n_tool, n_action):
         assert len(strategy["action_sets"]) == n_action
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gripper", [False, True])
 @pytest.mark.parametrize("task", TASKS)
 def test_designs_keep_the_rules(task, gripper):
@@ -381,12 +382,14 @@ def rewards(task, designs: list[Candidate]) -> list[float]:
     return [evaluation.reward for evaluation in evaluate_batch(task, simulator, designs, 0, RolloutSettings())]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gripper", [False, True])
 def test_a_fresh_population_makes_real_progress(gripper):
     pytest.importorskip("pybullet")
     assert max(rewards(CubeTask(), candidates(brief(CubeTask(), gripper=gripper, n_tool=5, n_action=2)))) > 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("task", "gripper"), [(ShelfTask, False), (DeepTask, True), (PanTask, False)])
 def test_high_deep_and_contained_bodies_are_moved(task, gripper):
     pytest.importorskip("pybullet")

@@ -26,6 +26,7 @@ def result(folder, *overrides):
     return {key: value for key, value in found.items() if key not in ("wall_time_s", "rollouts_per_s", "vlm")}
 
 
+@pytest.mark.slow
 def test_same_result_as_the_past_run(tmp_path):
     past = result(tmp_path / "past", "vlm=offline")
     assert past["best"]["reward"] > 0
@@ -36,6 +37,7 @@ def test_same_result_as_the_past_run(tmp_path):
     assert models == {"offline (embedded designer, no language model)"}
 
 
+@pytest.mark.slow
 def test_requests_without_a_past_reply_are_rejected(tmp_path):
     result(tmp_path / "past", "vlm=offline", "budget.n_iteration=0", "budget.n_agent=1")
     longer = result(tmp_path / "again", "vlm=replay", f"vlm.run={tmp_path / 'past'}")
