@@ -92,7 +92,10 @@ class Configs:
 
 
 class Events:
-    """What happens in a run, in this order. A listener implements those that it wants; the loop waits for it."""
+    """What happens in a run, in this order. A listener implements the events that it wants; the loop waits for it.
+
+    A listener that raises is reported in one line, and from then on receives no event but `run_ended`.
+    """
 
     @hookspec
     def run_started(self, run: Run) -> None:

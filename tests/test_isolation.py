@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from core.hooks import hookimpl
 from core.interfaces import VLM, EvolutionStrategy, Executor
 from core.plugins import Offer, Plugins, installed
 from core.plugins.blame import PluginError, culprit, describe_failure
@@ -103,12 +102,6 @@ def test_the_reason_that_a_person_reads_names_the_plugin(monkeypatch):
     assert failed.reason == "task 'theirs' of their-distribution raised IndexError: list index out of range"
 
 
-class Grumbler:
-    @hookimpl
-    def generation_finished(self, generation):
-        raise ArithmeticError("no")
-
-
 class Hesitant(EvolutionStrategy):
     def ask(self):
         raise ArithmeticError("no")
@@ -124,12 +117,12 @@ class Mute(VLM):
         raise ArithmeticError("no")
 
 
-@pytest.mark.parametrize(("kind", "part"), [("listener", Grumbler), ("evolution", Hesitant), ("vlm", Mute)])
+@pytest.mark.parametrize(("kind", "part"), [("evolution", Hesitant), ("vlm", Mute)])
 def test_a_run_that_a_plugin_ends_names_it_and_says_how_to_go_on(kind, part, monkeypatch, tmp_path):
     offers = toys.offered() | {(kind, "theirs"): Offer(kind, "theirs", "theirs", "their-distribution", part)}
     monkeypatch.setattr(installed(), "offers", installed().offers | offers)
     cfg = toys.config(tmp_path / "notes")
-    OmegaConf.update(cfg, kind, {"theirs": {}} if kind == "listener" else {"name": "theirs"}, merge=False)
+    OmegaConf.update(cfg, kind, {"name": "theirs"}, merge=False)
     with pytest.raises(ArithmeticError) as caught:
         run(cfg, tmp_path / "run")
     whose, then = caught.value.__notes__

@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 
 from core.plugins.discovery import Offer
-from core.plugins.registry import Plugins, installed
+from core.plugins.registry import Plugins, installed, offer_of
 
 
 class PluginError(Exception):
@@ -13,22 +13,26 @@ class PluginError(Exception):
 
 
 def culprit(error: BaseException, plugins: Plugins | None = None) -> Offer | None:
-    """The plugin that is deepest in the exception's traceback; None: there is none in it.
+    """Return the plugin's part that is deepest in the exception's traceback; None: there is none in it.
 
-    A plugin's code is the module of its factory, and the modules beside it if no other plugin is among them.
+    A part's code is the module of its factory, and the modules beside it if no other part is among them. Of several
+    parts in one module it is the one whose method is deepest; the first, if no method is in the traceback.
     """
-    offers = list((plugins or installed()).offers.values())
-    own = {_module(offer): offer for offer in reversed(offers)}  # of two in one module, the first
+    own: dict[str, list[Offer]] = {}
+    for offer in (plugins or installed()).offers.values():
+        own.setdefault(_module(offer), []).append(offer)
     packages: dict[str, set[str]] = {}
     for module in own:
         packages.setdefault(module.rpartition(".")[0], set()).add(module)
-    for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
-        name = str(frame.f_globals.get("__name__", ""))
-        if name in own:
-            return own[name]
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    for depth in reversed(range(len(frames))):
+        name = str(frames[depth].f_globals.get("__name__", ""))
         package = name.rpartition(".")[0]
-        if package and len(packages.get(package, ())) == 1:
-            return own[next(iter(packages[package]))]
+        if name not in own and package and len(packages.get(package, ())) == 1:
+            name = next(iter(packages[package]))
+        if name in own:
+            made = (offer_of(frame.f_locals.get("self")) for frame in reversed(frames[: depth + 1]))
+            return next((offer for offer in made if offer in own[name]), own[name][0])
     return None
 
 

@@ -74,12 +74,17 @@ class Plugins(Discovery):
 _made: weakref.WeakKeyDictionary[Any, Offer] = weakref.WeakKeyDictionary()
 
 
+def offer_of(part: object) -> Offer | None:
+    """Return the offer that a part was made from; None: it was not made here."""
+    with contextlib.suppress(TypeError):  # it can't be a key
+        return _made.get(part)
+    return None
+
+
 def describe_part(part: object) -> str:
-    """Of a part that was made here: its kind, its name, the distribution and the hook; of others the class."""
-    with contextlib.suppress(TypeError):
-        if part in _made:
-            return str(_made[part])
-    return f"{type(part).__module__}.{type(part).__qualname__}"
+    """Name a part that was made here by its kind, name, distribution and hook; others by their class."""
+    offer = offer_of(part)
+    return str(offer) if offer is not None else f"{type(part).__module__}.{type(part).__qualname__}"
 
 
 @lru_cache(maxsize=1)

@@ -26,6 +26,7 @@ from core.plugins import event_hub, installed
 from core.plugins.blame import describe_failure
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
+from core.search.listeners import add_listener
 from core.simulation.pictures import report_missing, save_film
 from core.simulation.rollout import Evaluator
 from core.store.artifacts import save_design
@@ -74,10 +75,10 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     )
     strategy = part("evolution", cfg.evolution).create(designer=designer, budget=budget)
     for name, options in config["listener"].items():
-        events.register(installed().create("listener", name, options or {}), name)
+        add_listener(events, installed().create("listener", name, options or {}), name)
     store = store or RunStore.create(folder, config)  # from here on the folder is this run's
-    events.register(store, "store")
-    events.register(vlm, "vlm")
+    events.register(store, "store")  # what it raises ends the run: no reply and no evaluation may be lost
+    add_listener(events, vlm, "vlm")
     parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "fitness", "executor")}
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     try:

@@ -1,0 +1,59 @@
+"""Pass events on to listeners, so that one that raises costs itself and not the run."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+import pluggy
+
+from core.hooks import hookimpl
+from core.plugins import describe_part
+
+
+def add_listener(hub: pluggy.PluginManager, listener: object, name: str) -> None:
+    """Register ``listener`` with ``hub`` until it raises an exception.
+
+    The first one is reported on standard error in one line, which names the listener, the event and the error. From
+    then on the listener receives only ``run_ended``, so that it can let go of what it holds.
+    """
+    hub.register(_Guard(hub, listener), name)
+
+
+class _Guard:
+    """Stands for a listener at the hub: it implements the same events, and lets no exception through."""
+
+    def __init__(self, hub: pluggy.PluginManager, listener: object) -> None:
+        self._listener = listener
+        self._failed = False
+        self._lock = threading.Lock()  # replies are received in a thread of their own
+        for attribute in dir(listener):
+            options = hub.parse_hookimpl_opts(listener, attribute)
+            if options is not None:
+                event = options.get("specname") or attribute
+                function = getattr(listener, attribute)
+                if not options["wrapper"] and not options["hookwrapper"]:  # which are generators
+                    function = hookimpl(**options)(self._guarded(event, function))
+                setattr(self, attribute, function)
+
+    def _guarded(self, event: str, function: Callable[..., None]) -> Callable[..., None]:
+        @wraps(function)
+        def pass_on(*arguments: Any) -> None:
+            if self._failed and event != "run_ended":
+                return
+            try:
+                function(*arguments)
+            except Exception as error:  # whatever a plugin's code raises
+                self._report(event, error)
+
+        return pass_on
+
+    def _report(self, event: str, error: Exception) -> None:
+        with self._lock:
+            first, self._failed = not self._failed, True
+        if first:
+            what = " ".join(f"{type(error).__name__}: {error}".split())
+            sys.stderr.write(f"{describe_part(self._listener)}: {event} raised {what}; it receives no more events\n")
