@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, overload
 
 from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
@@ -29,6 +29,7 @@ from core.config.schemas import (
     TransferConfig,
 )
 from core.errors import UsageError, UserError, choices
+from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Simulator, Task, ToolRepresentation
 from core.plugins import KINDS, NOT_SETTINGS, Part
 
 T = TypeVar("T")
@@ -184,6 +185,22 @@ def node(config: DictConfig, of: type[T]) -> T:
     return made
 
 
+@overload
+def part(kind: Literal["task"], config: DictConfig) -> Part[Task]: ...
+@overload
+def part(kind: Literal["sim"], config: DictConfig) -> Part[Simulator]: ...
+@overload
+def part(kind: Literal["vlm"], config: DictConfig) -> Part[VLM]: ...
+@overload
+def part(kind: Literal["tool"], config: DictConfig) -> Part[ToolRepresentation]: ...
+@overload
+def part(kind: Literal["evolution"], config: DictConfig) -> Part[EvolutionStrategy]: ...
+@overload
+def part(kind: Literal["fitness"], config: DictConfig) -> Part[Fitness]: ...
+@overload
+def part(kind: Literal["executor"], config: DictConfig) -> Part[Executor]: ...
+@overload
+def part(kind: str, config: DictConfig) -> Part: ...
 def part(kind: str, config: DictConfig) -> Part:
     """The part that a config node names, with its settings.
 

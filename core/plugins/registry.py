@@ -10,12 +10,18 @@ import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Generic, Literal, overload
+
+from typing_extensions import TypeVar
 
 from core.errors import UserError, choices
+from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Simulator, Task, ToolRepresentation
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import check_part
 from core.plugins.settings import check_settings
+
+Settings = Mapping[str, Any] | None
+T_co = TypeVar("T_co", covariant=True, default=Any)
 
 
 class Plugins(Discovery):
@@ -46,7 +52,27 @@ class Plugins(Discovery):
                 f"{kind} {name!r} of {offer.distribution} can't be imported: {type(error).__name__}: {error}"
             ) from error
 
-    def create(self, kind: str, name: str, settings: Mapping[str, Any] | None = None, **given: Any) -> Any:
+    @overload
+    def create(self, kind: Literal["task"], name: str, settings: Settings = ..., **given: Any) -> Task: ...
+    @overload
+    def create(self, kind: Literal["sim"], name: str, settings: Settings = ..., **given: Any) -> Simulator: ...
+    @overload
+    def create(self, kind: Literal["vlm"], name: str, settings: Settings = ..., **given: Any) -> VLM: ...
+    @overload
+    def create(
+        self, kind: Literal["tool"], name: str, settings: Settings = ..., **given: Any
+    ) -> ToolRepresentation: ...
+    @overload
+    def create(
+        self, kind: Literal["evolution"], name: str, settings: Settings = ..., **given: Any
+    ) -> EvolutionStrategy: ...
+    @overload
+    def create(self, kind: Literal["fitness"], name: str, settings: Settings = ..., **given: Any) -> Fitness: ...
+    @overload
+    def create(self, kind: Literal["executor"], name: str, settings: Settings = ..., **given: Any) -> Executor: ...
+    @overload
+    def create(self, kind: str, name: str, settings: Settings = ..., **given: Any) -> Any: ...
+    def create(self, kind: str, name: str, settings: Settings = None, **given: Any) -> Any:
         """Make a part: its factory is called with ``settings``, checked against its signature, and with what the
         caller gives.
 
@@ -99,12 +125,13 @@ def installed() -> Plugins:
 
 
 @dataclass(frozen=True)
-class Part:
-    """A part by name and settings: what a worker process needs to make its own."""
+class Part(Generic[T_co]):
+    """A part by name and settings, from which a worker process makes its own; ``Part[Task]`` makes a `Task`."""
 
     kind: str
     name: str
     settings: tuple[tuple[str, Any], ...] = ()
 
-    def create(self, **given: Any) -> Any:
-        return installed().create(self.kind, self.name, dict(self.settings), **given)
+    def create(self, **given: Any) -> T_co:
+        part: T_co = installed().create(self.kind, self.name, dict(self.settings), **given)
+        return part

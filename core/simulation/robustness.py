@@ -15,14 +15,14 @@ from core.config.settings import PerturbationRange
 from core.design import Candidate, DesignError, Evaluation
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
-from core.interfaces import Task
+from core.interfaces import Simulator, Task
 from core.plugins import Part
 from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import Evaluator
 
 
 @dataclass(frozen=True)
-class PerturbedPart(Part):
+class PerturbedPart(Part[Task]):
     """A task with a perturbed scene."""
 
     perturbation: PerturbationRange = field(default_factory=PerturbationRange)
@@ -42,7 +42,7 @@ class PerturbedEvaluator(Evaluator):
 
 
 @lru_cache(maxsize=256)
-def _spawn_rules(task: Part, seed: int) -> SpawnRules:
+def _spawn_rules(task: Part[Task], seed: int) -> SpawnRules:
     return SpawnRules(task.create(), seed)
 
 
@@ -62,7 +62,7 @@ def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) 
     return PerturbedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
 
 
-def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None) -> dict[str, Part]:
+def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None) -> dict[str, Part[Simulator]]:
     """Make the engines, by the names under which they are shown.
 
     An entry is a name as in ``sim=NAME``, or a mapping of a ``name`` and settings that differ from the
@@ -71,7 +71,7 @@ def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None)
     Raises:
         UserError: an engine does not exist or can't be used here; there are no entries, or one is repeated.
     """
-    found: dict[str, Part] = {}
+    found: dict[str, Part[Simulator]] = {}
     for entry in sims:
         settings = {"name": entry} if isinstance(entry, str) else {str(key): value for key, value in entry.items()}
         name = settings.pop("name", None)

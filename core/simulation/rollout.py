@@ -31,8 +31,8 @@ class Evaluator:
         PluginError: the code of the task or the simulator raised something; names the plugin.
     """
 
-    task: Part
-    sim: Part
+    task: Part[Task]
+    sim: Part[Simulator]
     seed: int = 0
     settings: RolloutSettings = field(default_factory=RolloutSettings)
 
@@ -54,15 +54,15 @@ class Evaluator:
 
 
 @lru_cache(maxsize=256)
-def _task(part: Part) -> Task:
+def _task(part: Part[Task]) -> Task:
     """Make a task once per process."""
-    return part.create()  # type: ignore[no-any-return]
+    return part.create()
 
 
 @lru_cache(maxsize=4)
-def _simulator(part: Part) -> Simulator:
+def _simulator(part: Part[Simulator]) -> Simulator:
     """Make a simulator once per process."""
-    return part.create()  # type: ignore[no-any-return]
+    return part.create()
 
 
 def prepare(
