@@ -22,18 +22,23 @@ def test_a_png_holds_the_picture_as_it_is():
     np.testing.assert_array_equal(Image.open(io.BytesIO(png(picture))), picture)
 
 
-def test_a_film_lasts_as_long_as_the_rollout(tmp_path):
+def test_a_film_shows_the_motion_and_lasts_as_long(tmp_path):
     task, engine = installed().create("task", "BringCube"), installed().create("sim", "pybullet")
     short = RolloutSettings(segment_s=0.3, settle_s=0.1, hold_s=0.2)
     candidate = Candidate(Tool(), np.array([[0.5, 0, 0.45, 0, 0, 0.0]]))
     save_film(task, engine, candidate, 0, short, tmp_path / "film.gif")
     film = Image.open(tmp_path / "film.gif")
-    durations = []
+    durations, frames = [], []
     for frame in range(film.n_frames):
         film.seek(frame)
         durations.append(film.info["duration"])
+        frames.append(np.asarray(film.convert("RGB")).astype(int))
     assert sum(durations) / 1000 == pytest.approx(0.6 + 0.2, abs=0.2)  # the last frame stays for its own time
     assert 0 < film.n_frames <= 0.8 * FILM_HZ + 2
+    at_home = engine.render(task, tool=Tool(), width=400, height=300)
+    differ = [(np.abs(frame - at_home).max(axis=-1) > 30).mean() for frame in frames]  # of 255; a film has 96 colours
+    assert differ[0] < 0.002
+    assert differ[-1] > 0.005  # the hand has moved
 
 
 @every_simulator
