@@ -180,7 +180,7 @@ def test_a_run_says_what_it_came_to(tiny):
 def test_the_result(tiny):
     result = result_of(tiny[0])
     assert list(result) == [
-        *("task", "sim", "vlm", "tool", "evolution", "budget", "seed", "best", "stopped", "generations"),
+        *("task", "sim", "vlm", "tool", "evolution", "budget", "seed", "best", "tie", "stopped"),
         *("n_evaluations", "wall_time_s", "rollouts_per_s", "versions"),
     ]
     assert [result[key] for key in ("task", "sim", "vlm", "tool", "evolution", "budget", "seed")] == [
