@@ -176,6 +176,7 @@ def test_a_run_in_which_every_proposal_fails_ends(toy, tmp_path, capsys):
     assert result_of(folder)["best"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunk", [1, 2, 4])
 def test_an_interrupted_run_says_how_to_go_on(toy, whole, tmp_path, chunk):
     folder = tmp_path / "a run"
@@ -287,6 +288,7 @@ REFUSED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("override", "said"), REFUSED, ids=[override for override, _ in REFUSED])
 def test_what_has_a_bearing_on_the_past_cannot_change(toy, tmp_path, override, said):
     folder = tmp_path / "run"
@@ -374,6 +376,7 @@ def test_a_note_of_hydra_that_cannot_be_read(tmp_path):
 # --- one process at a time --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_second_process_is_refused_and_the_first_goes_on(toy, whole, tmp_path):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_limit=3)

@@ -28,6 +28,7 @@ def evaluated(tmp_path_factory):
     return json.loads((folder / "rewards.json").read_text()), done.stdout.splitlines()
 
 
+@pytest.mark.slow
 def test_the_lag_is_shown_and_a_blocked_arm_is_named(evaluated):
     records, lines = evaluated
     free, pressed, far = records

@@ -40,6 +40,7 @@ def test_the_best_of_each_task_are_chosen_each_once(made):
     assert [run.status for run in left_out] == ["unfinished"]
 
 
+@pytest.mark.slow
 def test_a_tool_that_is_hardly_another_takes_no_place(tmp_path):
     tools = [hook(0.3, "best"), hook(0.304, "its copy"), hook(0.35, "longer"), hook(0.2, "shorter")]
     write_run(tmp_path / "run", rewards=[[0.9, 0.8, 0.7, 0.6]], tools=tools)

@@ -147,6 +147,7 @@ def test_only_random_layouts_look_at_the_seed(name):
     assert len(layouts) == (4 if name in RANDOM_LAYOUT else 1)
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_scene_in_every_process():
     code = (
         "import json; from tests.tasks.test_tasks import TASKS, layout;"

@@ -253,6 +253,7 @@ def test_a_scene_that_solves_itself_fails_the_command(offered, monkeypatch, caps
     assert "doing nothing earns nothing: FAILED: doing nothing earns" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_listeners_are_checked_by_name(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["core.conformance", "listener=[summary,progress]", "listener.summary.top=1"])
     conformance.main()

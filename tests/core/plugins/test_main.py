@@ -40,6 +40,7 @@ def check(monkeypatch, found, *words):
     command.main()
 
 
+@pytest.mark.slow
 def test_a_part_is_checked_by_its_name(monkeypatch, capfd):
     check(monkeypatch, Plugins(), "--check", "none")
     out = capfd.readouterr().out

@@ -93,6 +93,7 @@ def test_more_than_was_asked_for_is_left_out():
     assert len(found) == 2 * 3
 
 
+@pytest.mark.slow
 def test_agents_differ_and_follow_from_the_seed():
     def told(seed):
         vlm = Canned(good)

@@ -143,6 +143,7 @@ def digest():
     return found.hexdigest()
 
 
+@pytest.mark.slow
 def test_a_draw_gives_the_same_scene_in_every_process():
     code = "from tests.core.simulation.test_perturbation import digest; print(digest())"
     elsewhere = os.environ | {"PYTHONHASHSEED": "1"}

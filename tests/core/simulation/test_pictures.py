@@ -41,6 +41,7 @@ def test_a_film_shows_the_motion_and_lasts_as_long(tmp_path):
     assert differ[-1] > 0.005  # the hand has moved
 
 
+@pytest.mark.slow
 @every_simulator
 def test_every_thread_draws_the_same(engine):
     task, pictures = Bodies(table(), cube(at=(0.6, 0.0, 0.05))), []

@@ -147,6 +147,7 @@ def test_what_is_refused_everywhere_is_refused():
 # --- real engines -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_robust_tries_every_change_in_every_engine():
     config = {"name": "robust", "sims": ["pybullet", COARSE], "seeds": [3, 5], "perturbation": {"position": 0.02}}
     earns = fitness(config, BENCH)

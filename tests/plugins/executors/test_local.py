@@ -148,6 +148,7 @@ def test_a_chunk_that_takes_too_long_does_not_hold_up_the_end():
         assert list(pool.map(double, [[1]])) == [([1], [2])]
 
 
+@pytest.mark.slow
 def test_processes_that_cannot_be_used_end_the_run(monkeypatch):
     monkeypatch.setattr("plugins.executors.local._work", refuse)
     with executor(workers=2) as pool, pytest.raises(UserError, match="exit code 7"):
@@ -280,6 +281,7 @@ def test_a_worker_gets_no_more_memory_than_is_allowed():
         assert [result for _, result in pool.map(hoard, [[200]])] == [200]
 
 
+@pytest.mark.slow
 def test_what_others_left_in_a_worker_is_no_chunks_fault():
     """Each takes less than is allowed; together they take more."""
     with executor(workers=1, memory_mb=600) as pool:
