@@ -1,6 +1,7 @@
-"""Every command in README and docs runs, with a budget cut down to seconds; every example of code is what it says."""
+"""Run every command in README and docs with a budget of seconds, and check every code example."""
 
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -62,12 +63,12 @@ def test_command(line: str, tmp_path: Path):
 
 
 def console(page: Path) -> list[tuple[str, str]]:
-    """Of each block of commands that are not run here: the comment above it, which says why, and the block."""
+    """Find the blocks of commands that are not run here, each after the comment that says why."""
     return re.findall(r"(?:<!-- not run: (.*?) -->\n)?```console\n(.*?)```", page.read_text(), re.S)
 
 
-def told(block: str) -> list[str]:
-    """The commands of a console block, with or without a prompt."""
+def typed(block: str) -> list[str]:
+    """Read the commands of a console block, with or without a prompt."""
     return [line.removeprefix("$ ") for line in block.splitlines() if re.match(r"(\$ )?python -m core", line)]
 
 
@@ -80,7 +81,7 @@ def test_what_is_not_run_says_why():
 
 
 def test_settings_of_what_is_not_run_are_there():
-    lines = [line for page in PAGES for _, block in console(page) for line in told(block)]
+    lines = [line for page in PAGES for _, block in console(page) for line in typed(block)]
     assert len(lines) > 10
     for line in lines:
         words = shlex.split(line, comments=True)[2:]
@@ -90,7 +91,7 @@ def test_settings_of_what_is_not_run_are_there():
 
 
 def test_each_kind_of_block_is_looked_at():
-    """A page with a block of code that no test here knows of fails."""
+    """Fail on a page with a block of code that no test here knows."""
     languages = {page.name: Counter(re.findall(r"^```(\w+)", page.read_text(), re.M)) for page in PAGES}
     known = {"sh", "console"}
     rest = {name: {k: n for k, n in found.items() if k not in known} for name, found in languages.items()}
@@ -100,11 +101,12 @@ def test_each_kind_of_block_is_looked_at():
         "plugins.md": {"python": 2, "toml": 1},
         "python.md": {"python": 2},
         "store.md": {"python": 1},
+        "strategy_tutorial.md": {"python": 1, "yaml": 1},
     }
 
 
 def test_the_notebook_shows_what_it_does(tmp_path):
-    """Run anew, it shows as much of the same kinds, and the rewards that its words speak of."""
+    """Run it again: it shows outputs of the same kinds, and the rewards that its text names."""
     shown = nbformat.read(NOTEBOOK, as_version=4)
     again = nbformat.from_dict(shown)
     again = nbclient.NotebookClient(again, timeout=240, resources={"metadata": {"path": str(tmp_path)}}).execute()
@@ -120,7 +122,7 @@ def test_the_notebook_shows_what_it_does(tmp_path):
 
 
 def kinds(cell) -> list[str]:
-    """What a cell shows, without Pillow's JPEG beside its PNG, which is not kept."""
+    """List the kinds of output of a cell, without Pillow's JPEG beside its PNG, which is not kept."""
     outputs = cell.get("outputs", [])
     return [",".join(sorted(set(out.get("data", {"text": ""})) - {"image/jpeg"})) for out in outputs]
 
@@ -183,6 +185,30 @@ def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
     assert plugins.configs["this process"] == ["pkg://my_task.conf"]
     assert not [failure for failure in plugins.failures if failure.entry_point == "my_task"]
     assert "PullBlock" in plugins.names("task")
+
+
+@pytest.mark.slow
+def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
+    """Written by `core.new`, changed as the page says, and installed as pip leaves it."""
+    page = ROOT / "docs/strategy_tutorial.md"
+    environment = os.environ | {"PYTHONPATH": str(tmp_path / "tournament")}
+
+    def run(*words: str) -> str:
+        command = [sys.executable, "-m", *words]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=240)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    run("core.new", "strategy", "Tournament")
+    package = tmp_path / "tournament"
+    (package / "tournament/search.py").write_text(blocks(page, "python")[0])
+    (package / "tournament/conf/evolution/Tournament.yaml").write_text(blocks(page, "yaml")[0])
+    installed = package / "tournament-0.1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: tournament\nVersion: 0.1.0\n")
+    (installed / "entry_points.txt").write_text("[vlmgineer]\ntournament = tournament\n")
+    assert "ok" in run("core.plugins", "--check", "Tournament")
+    run("core.run", "evolution=Tournament", "sim=mujoco", *SMALL, "budget.n_iteration=1", "listener=[]")
 
 
 def test_the_entry_point_of_the_example_is_toml():
