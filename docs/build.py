@@ -1,16 +1,21 @@
-"""Makes what the pages show: ``python docs/build.py pictures``, ``diagrams``, ``notebook``, ``table`` (takes hours).
+"""Make what the pages show: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook`` or ``table``.
 
-Pictures: of each task a still and a film of its reference solution, and a sheet of all stills. Diagrams: those of
-``docs/diagrams.py``. Notebook: runs ``docs/example.ipynb`` and keeps what its cells show. Table: rewards of doing
-nothing, of the reference solution, of the embedded designer and of the bare gripper, written into ``docs/tasks.md``.
+Pictures: of each task a still and a film of its reference solution, and a sheet of all stills. Scene: the pictures of
+``docs/writing_a_scene.md``, of the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
+``docs/example.ipynb`` and keeps what its cells show. Table (takes hours): rewards of doing nothing, of the reference
+solution, of the embedded designer and of the bare gripper, written into ``docs/tasks.md``.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
+import re
+import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +28,7 @@ from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings
 from core.plugins import installed
+from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
 from core.simulation.pictures import save_film, save_picture
 from core.simulation.rollout import evaluate_batch
@@ -33,6 +39,7 @@ IMAGES = DOCS / "images" / "tasks"
 SOLUTIONS = DOCS.parent / "tests" / "tasks" / "solutions"
 FILM_SIZE = (320, 240)
 SHEET_COLUMNS = 3
+AWAY = (5.0, 5.0)  # x and y of what is drawn without the arm in the picture
 ENOUGH = 0.99
 BEGIN, END = "<!-- table -->", "<!-- end of table -->"
 
@@ -61,16 +68,74 @@ def pictures(names: list[str]) -> None:
     save_picture(sheet(names, stills), IMAGES / "all.png")
 
 
-def sheet(names: list[str], stills: list[Any]) -> Any:
+def sheet(names: list[str], stills: list[Any], columns: int = SHEET_COLUMNS) -> Any:
     """Stills side by side, each with its name."""
     labelled = []
     for name, still in zip(names, stills, strict=True):
         small = Image.fromarray(still).resize(FILM_SIZE, Image.Resampling.LANCZOS)
         ImageDraw.Draw(small).text((8, 6), name, fill=(40, 40, 40), font_size=16)
         labelled.append(np.asarray(small))
-    labelled += [np.full_like(labelled[0], 255)] * (-len(labelled) % SHEET_COLUMNS)
-    rows = [np.hstack(labelled[i : i + SHEET_COLUMNS]) for i in range(0, len(labelled), SHEET_COLUMNS)]
+    labelled += [np.full_like(labelled[0], 255)] * (-len(labelled) % columns)
+    rows = [np.hstack(labelled[i : i + columns]) for i in range(0, len(labelled), columns)]
     return np.vstack(rows)
+
+
+def page_module(folder: Path) -> Any:
+    """The module that the first four blocks of code on the page about scenes make."""
+    blocks = re.findall(r"```python\n(.*?)```", (DOCS / "writing_a_scene.md").read_text(), re.S)
+    file = folder / "pull_tray.py"
+    file.write_text("\n\n".join(blocks[:3]) + "\n" + blocks[3])
+    spec = importlib.util.spec_from_file_location("pull_tray", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["pull_tray"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def scene(output: Path) -> None:
+    """The pictures of the page about scenes: the whole, a body's shapes, and three layouts."""
+    output.mkdir(parents=True, exist_ok=True)
+    simulator = installed().create("sim", "pybullet")
+    with tempfile.TemporaryDirectory() as folder:
+        module = page_module(Path(folder))
+        task = module.PullTray()
+        save_picture(simulator.render(task, tool=Tool()), output / "scene.png")
+        layouts = [simulator.render(task, seed=seed, tool=Tool()) for seed in (0, 2, 4)]
+        save_picture(sheet(["seed 0", "seed 2", "seed 4"], layouts), output / "layouts.png")
+        tray = module.tray(*AWAY)
+        camera = Camera((AWAY[0] - 0.34, AWAY[1] - 0.26, 0.3), (AWAY[0] - 0.01, AWAY[1], 0.02), 48.0)
+        views = []
+        for body in (replace(tray, visuals=(*tray.visuals, *axes())), replace(tray, visuals=collision_shapes(tray))):
+            alone = type("Alone", (module.PullTray,), {"scene": lambda self, seed, body=body: Scene((ground(), body))})
+            views.append(simulator.render(alone(), tool=Tool(), camera=camera))
+        save_picture(sheet(["visuals", "collisions"], views, columns=2), output / "shapes.png")
+
+
+def ground() -> Body:
+    return Body.of("ground", Box((2.0, 2.0, 0.02)), (*AWAY, -0.0101), mass=0.0, color=(0.86, 0.87, 0.88, 1.0))
+
+
+def axes(lengths: tuple[float, ...] = (0.26, 0.26, 0.15), width: float = 0.005) -> list[Geom]:
+    """The axes of a body's frame: x red, y green, z blue."""
+    ways = np.diag(lengths)
+    return [Geom(Box(tuple(way + width)), Pose(way / 2), (*np.sign(way), 1.0)) for way in ways]
+
+
+def collision_shapes(body: Body) -> tuple[Geom, ...]:
+    """What collides of a body, in a colour for each shape."""
+    colors = [(0.9, 0.6, 0.2), (0.3, 0.6, 0.85), (0.35, 0.7, 0.4), (0.85, 0.45, 0.5), (0.6, 0.5, 0.8), (0.5, 0.5, 0.5)]
+    return tuple(
+        replace(
+            geom,
+            shape=Mesh.from_trimesh(geom.shape.to_trimesh().convex_hull)
+            if isinstance(geom.shape, Mesh)
+            else geom.shape,
+            color=(*color, 1.0),
+        )
+        for geom, color in zip(body.collisions, colors, strict=True)
+    )
 
 
 def notebook(file: Path) -> None:
@@ -158,7 +223,7 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["pictures", "diagrams", "notebook", "table"])
+    parser.add_argument("what", choices=["pictures", "scene", "diagrams", "notebook", "table"])
     parser.add_argument("--tasks", nargs="*", default=installed().names("task"))
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
     parser.add_argument("--gripper-seeds", nargs="*", type=int, default=[0, 1, 2])
@@ -166,6 +231,8 @@ def main() -> None:
     given = parser.parse_args()
     if given.what == "pictures":
         pictures(given.tasks)
+    elif given.what == "scene":
+        scene(DOCS / "images" / "scene")
     elif given.what == "diagrams":
         for name, draw in DRAWINGS.items():
             (DOCS / "images" / f"{name}.svg").write_text(draw(), encoding="utf-8")

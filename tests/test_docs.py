@@ -1,5 +1,6 @@
 """Run every command in README and docs with a budget of seconds, and check every code example."""
 
+import dataclasses
 import json
 import os
 import re
@@ -12,14 +13,21 @@ from pathlib import Path
 
 import nbclient
 import nbformat
+import numpy as np
 import pytest
 import yaml
+from PIL import Image
 
 from core.config.compose import load
 from core.errors import UsageError
+from core.geometry import Cylinder, Mesh, Sphere
+from core.new.packages import write as write_package
 from core.plugins import Plugins
+from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State
+from docs import build
 from docs.diagrams import DRAWINGS
 from tests.core.run_folders import write_run
+from tests.packages import PYTHON, install
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -102,6 +110,7 @@ def test_each_kind_of_block_is_looked_at():
         "python.md": {"python": 2},
         "store.md": {"python": 1},
         "strategy_tutorial.md": {"python": 1, "yaml": 1},
+        "writing_a_scene.md": {"python": 5},
     }
 
 
@@ -230,3 +239,61 @@ def test_what_is_to_be_cited_is_the_same_everywhere():
 def test_example_design_is_json():
     (text,) = blocks(ROOT / "docs/designs.md", "json")
     assert json.loads(text)["strategies"][0]["action_sets"]
+
+
+# --- writing a scene --------------------------------------------------------------------------------------------
+
+SCENE_PAGE = ROOT / "docs/writing_a_scene.md"
+
+
+def test_the_scene_of_the_page_passes_its_checks(tmp_path):
+    """As the page has it: the pieces in one file, and the last piece beside it."""
+    build.page_module(tmp_path)
+    code = blocks(SCENE_PAGE, "python")[4]
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert len(lines) > 5
+    assert all(line.endswith(": ok") for line in lines), done.stdout
+    assert Image.open(tmp_path / "scene.png").size == (640, 480)
+
+
+def test_the_scene_of_the_page_becomes_a_part(tmp_path):
+    """The package that the page's command writes, with the page's file in it."""
+    folder, module = write_package("task", "PullTray", tmp_path / "pull_tray")
+    build.page_module(tmp_path)
+    (tmp_path / "pull_tray.py").replace(module)
+    environment = PYTHON | {"PYTHONPATH": str(install(folder, tmp_path / "site"))}
+    for words in (["core.plugins", "--check", "PullTray"], ["core.run", "task=PullTray", *SMALL]):
+        done = subprocess.run(
+            [sys.executable, "-m", *words], cwd=tmp_path, env=environment, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("of", [Body, Box, Camera, Cylinder, Geom, Goal, Mesh, Pose, Scene, Sphere, State])
+def test_the_tables_have_every_field_and_its_default(of):
+    text = SCENE_PAGE.read_text().partition("## What each type takes")[2]
+    if f"### {of.__name__}\n" in text:
+        section = text.partition(f"### {of.__name__}\n")[2].partition("\n### ")[0]
+        rows = dict(re.findall(r"^\| `(\w+)` \| (.*?) \|", section, re.M))
+        assert list(rows) == [field.name for field in dataclasses.fields(of)]
+        for field in dataclasses.fields(of):
+            if field.default is not dataclasses.MISSING:
+                assert rows[field.name] == str(field.default), field.name
+            elif field.default_factory is dataclasses.MISSING:
+                assert rows[field.name] == "needed", field.name
+    else:
+        (row,) = re.findall(rf"^\| `{of.__name__}` \| (.*?) \|", text, re.M)
+        assert re.findall(r"`(\w+)`", row) == [field.name for field in dataclasses.fields(of)]
+
+
+def test_pictures_of_the_page_are_drawn(tmp_path):
+    """Each is one that the page shows, of the size that it has there, and not blank."""
+    build.scene(tmp_path)
+    shown = re.findall(r"\]\((images/scene/\w+\.png)\)", SCENE_PAGE.read_text())
+    assert sorted(Path(name).name for name in shown) == sorted(file.name for file in tmp_path.iterdir())
+    for name in shown:
+        drawn, kept = (Image.open(file) for file in (tmp_path / Path(name).name, ROOT / "docs" / name))
+        assert drawn.size == kept.size
+        assert len(np.unique(np.asarray(drawn))) > 50
