@@ -1,7 +1,7 @@
-"""Composes what a model is told from the templates in ``prompts/``, and says what its answer must look like.
+"""Compose prompts from the templates in ``prompts/``, and the JSON schema of the answer.
 
-A use (first sampling, evolution, plans for a given tool) is a list of parts; a part ``NAME`` is the Jinja template
-``NAME.md.j2``. What a template may use is in `PromptComposer._values`; a name that it misspells is an error, not a gap.
+A prompt (first sampling, evolution, plans for a given tool) is a list of parts; part ``NAME`` is the Jinja template
+``NAME.md.j2``. A template may use the names in `PromptComposer._values`; any other name is an error.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from core.scene import Body, Geom, Goal, floor, table
 SUFFIX = ".md.j2"
 REPAIR = "repair"
 
-LONGEST_IDEA = 50_000  # characters
-LONGEST_REPAIRED = 400_000  # characters of an unreadable reply that are sent back
+MAX_IDEA = 50_000  # characters
+MAX_REPAIRED = 400_000  # characters of an unreadable reply that are sent back
 
 
 class PromptComposer:
-    """The templates of one folder, and which of them each use is composed of.
+    """Composes prompts from the templates of one folder.
 
     Args:
-        settings: None: the defaults.
-        rollout: how plans are executed, since templates tell; None: the defaults.
+        settings: the folder, and the parts of each prompt; None: the defaults.
+        rollout: how plans are executed, which templates describe; None: the defaults.
 
     Raises:
         UserError: the folder, a part's template or the person's file is missing, or a template is not valid Jinja.
@@ -60,13 +60,15 @@ class PromptComposer:
     def compose(
         self, brief: Brief, picture: Picture | None, elite_pictures: Mapping[str, Picture] | None = None
     ) -> tuple[Message, ...]:
-        """A system message, and a user message: one text per part, then the picture of the scene, then those of
-        elites, by their ids, each after a line that says whose it is.
+        """Compose a system message and a user message.
+
+        The user message has one text per part, then the picture of the scene, then ``elite_pictures`` (by the elites'
+        ids), each after a line that names its elite.
 
         Raises:
-            UserError: a template uses a name that is not there, or breaks otherwise; or there are no elites, and no
-                parts for a request without.
-            ValueError: an elite without a tool.
+            UserError: a template uses an unknown name or fails otherwise; or there are no elites, and the prompt has
+                no parts for a request without elites.
+            ValueError: an elite has no tool.
         """
         pictured = dict(elite_pictures or {})
         values = self._values(brief, picture) | {"pictured": list(pictured)}
@@ -75,34 +77,34 @@ class PromptComposer:
         if not parts:
             raise UserError(
                 "this prompt evolves elites, and there are none: it has no parts for a first sampling; "
-                "use prompt=vlmgineer, or give python -m core.prompt a designs=FILE to take elites from"
+                "use prompt=vlmgineer, or add designs=FILE with elites to python -m core.prompt"
             )
         user: list[Text | Picture] = [text for part in parts if (text := self._render(part, values)).text.strip()]
         user += [picture] if picture else []
-        for name, shown in pictured.items():
-            user += [Text(f"Elite {name}:\n\n"), shown]
+        for name, elite_picture in pictured.items():
+            user += [Text(f"Elite {name}:\n\n"), elite_picture]
         messages = [Message("user", tuple(user))]
         if self.settings.system:
             messages.insert(0, Message("system", tuple(self._render(part, values) for part in self.settings.system)))
         return tuple(messages)
 
     def repair(self, request: Request, reply: Reply, problem: str) -> tuple[Message, ...]:
-        """The messages of ``request``, the reply, and what is wrong with it.
+        """Compose the messages of ``request``, the reply, and a request to correct it.
 
         Raises:
-            UserError: the template breaks.
+            UserError: the template fails.
         """
-        asked = Message("user", (self._render(REPAIR, {"problem": problem, "brief": request.brief}),))
-        said = reply.text[:LONGEST_REPAIRED]
-        answered = [Message("assistant", (Text(said),))] if said.strip() else []
-        return (*request.messages, *answered, asked)
+        correction = Message("user", (self._render(REPAIR, {"problem": problem, "brief": request.brief}),))
+        text = reply.text[:MAX_REPAIRED]
+        answer = [Message("assistant", (Text(text),))] if text.strip() else []
+        return (*request.messages, *answer, correction)
 
     def _values(self, brief: Brief, picture: Picture | None) -> dict[str, Any]:
-        """What templates may use."""
+        """The names that templates may use, and their values."""
         task, representation = brief.task, brief.representation
         given = representation.given(task)
         mounted = given if given is not None else Tool(gripper=brief.gripper)
-        numbers = given is not None or self.settings.feedback != "paper"  # of a given tool they are all there is
+        numbers = given is not None or self.settings.feedback != "paper"  # all that plans for a given tool differ in
         return {
             "given": given,
             "bare": given is not None and not given.components,
@@ -115,7 +117,9 @@ class PromptComposer:
             "friction": {"tool": TOOL_FRICTION, "fingers": FINGER_FRICTION},
             "tool_rules": representation.instructions(brief).strip(),
             "task_source": task.source().rstrip("\n"),
-            "vocabulary": "\n\n".join(inspect.getsource(of).rstrip() for of in (Task, Geom, Body, Goal, table, floor)),
+            "vocabulary": "\n\n".join(
+                inspect.getsource(part).rstrip() for part in (Task, Geom, Body, Goal, table, floor)
+            ),
             "executor": inspect.getsource(plan_motion).rstrip(),
             "urdf": assemble(mounted, visuals=False, mesh_path=lambda path: path.name).rstrip(),
             "home_xyz": _numbers(task.home.position),
@@ -123,7 +127,7 @@ class PromptComposer:
             "rollout": self.rollout,
             "max_waypoints": MAX_WAYPOINTS,
             "schema": json.dumps(answer_schema(brief), indent=1, ensure_ascii=False),
-            "elites": _json([_shown(e, representation, numbers) for e in brief.elites]),
+            "elites": _json([_elite_data(e, representation, numbers) for e in brief.elites]),
             "other_kind": any(_tool(elite).gripper != brief.gripper for elite in brief.elites),
         }
 
@@ -138,7 +142,7 @@ class PromptComposer:
 
 
 def as_markdown(message: Message, folder: str = "") -> str:
-    """The texts as they are sent; a line in the place of each picture names its file, in ``folder``."""
+    """The texts of a message; each picture becomes a Markdown image that names its file in ``folder``."""
     return "".join(
         part.text if isinstance(part, Text) else f"![{part.name}]({folder}{part.name}.png)\n\n"
         for part in message.parts
@@ -146,7 +150,7 @@ def as_markdown(message: Message, folder: str = "") -> str:
 
 
 def answer_schema(brief: Brief) -> dict[str, Any]:
-    """JSON schema of the answer to ``brief``: a scene analysis, and strategies, each a tool and its action plans."""
+    """JSON schema of the answer to ``brief``: a scene analysis and strategies, each a tool with its action plans."""
     numbers = 7 if brief.gripper else 6
     given = brief.representation.given(brief.task) is not None
     waypoint = _list({"type": "number"}, numbers, numbers)
@@ -177,11 +181,11 @@ def _list(items: dict[str, Any], least: int, most: int | None = None) -> dict[st
 
 
 def _load(folder: Path | None, parts: set[str]) -> tuple[dict[str, jinja2.Template], set[str]]:
-    """The templates of ``parts``, and the names that they use."""
+    """Load the templates of ``parts``; return them and the names that they use."""
     root = importlib.resources.files("prompts") if folder is None else folder
     if not root.is_dir():
-        raise UserError(f"no prompt folder {root}; name one that holds the templates, or none for the project's own")
-    # Sandboxed: a folder may be a stranger's, and a template fills in text, no more.
+        raise UserError(f"no prompt folder {root}; name a folder of templates, or leave prompt.dir out")
+    # Sandboxed, because a third-party folder must do no more than fill in text.
     environment = SandboxedEnvironment(
         undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, lstrip_blocks=True
     )
@@ -204,10 +208,10 @@ def _load(folder: Path | None, parts: set[str]) -> tuple[dict[str, jinja2.Templa
 
 
 def _read_idea(file: str | None, *, wanted: bool) -> str | None:
-    """A person's text, without its HTML comments.
+    """Read a person's text, without its HTML comments. ``wanted``: the templates use it.
 
     Raises:
-        UserError: it is wanted and missing, or there and not wanted, or no readable text.
+        UserError: it is wanted and missing, or given and not wanted, or not readable text.
     """
     if not file and wanted:
         raise UsageError(
@@ -216,7 +220,7 @@ def _read_idea(file: str | None, *, wanted: bool) -> str | None:
     if not file:
         return None
     if not wanted:
-        raise UsageError(f"prompt.file={file} would not be told by this prompt; prompt=human tells it")
+        raise UsageError(f"prompt.file={file} is not used by this prompt; add prompt=human")
     try:
         text = re.sub(r"<!--.*?-->", "", Path(file).read_bytes().decode("utf-8-sig"), flags=re.DOTALL).strip()
     except FileNotFoundError as error:
@@ -226,27 +230,27 @@ def _read_idea(file: str | None, *, wanted: bool) -> str | None:
     except UnicodeDecodeError as error:
         raise UserError(f"prompt.file={file} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
     if not text:
-        raise UserError(f"prompt.file={file} is empty; write down the tool and its motion")
-    if len(text) > LONGEST_IDEA:
-        raise UserError(f"prompt.file={file} has {len(text)} characters; at most {LONGEST_IDEA} are told")
+        raise UserError(f"prompt.file={file} is empty; describe the tool and its motion")
+    if len(text) > MAX_IDEA:
+        raise UserError(f"prompt.file={file} has {len(text)} characters; at most {MAX_IDEA} are allowed")
     return text
 
 
-def counted(number: int, what: str) -> str:
-    """A template's filter: ``one tool``, ``10 tools``."""
-    return f"one {what}" if number == 1 else f"{number} {what}s"
+def counted(number: int, noun: str) -> str:
+    """A number with a noun, as a filter for templates: ``one tool``, ``10 tools``."""
+    return f"one {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _json(value: object) -> str:
-    """Indented, but for lists of numbers, which take a line each."""
+    """Indented JSON, with each list of numbers on one line."""
     text = json.dumps(value, indent=1, ensure_ascii=False)
     return re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
 
 
-def _shown(elite: Evaluation, representation: ToolRepresentation, numbers: bool) -> dict[str, Any]:
-    """What an evolution request tells of an elite; with ``numbers`` its plan and what became of it too."""
+def _elite_data(elite: Evaluation, representation: ToolRepresentation, numbers: bool) -> dict[str, Any]:
+    """The data of an elite in an evolution request; with ``numbers`` its plan and the measurements of its rollout."""
     candidate, tool = elite.candidate, _tool(elite)
-    shown = {
+    data = {
         "id": candidate.id,
         "reward": round(elite.reward, 4),
         "strategy_name": candidate.strategy_name,
@@ -257,8 +261,8 @@ def _shown(elite: Evaluation, representation: ToolRepresentation, numbers: bool)
         **representation.dump(tool),
     }
     if not numbers:
-        return shown
-    return shown | {
+        return data
+    return data | {
         "action_plan": np.round(candidate.plan, 4).tolist(),
         "distance_m": _rounded(elite.distance_m),
         "moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()},

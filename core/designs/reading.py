@@ -1,9 +1,9 @@
-"""From a designs document, which a model or a person wrote, to candidates; and back.
+"""Read candidates from a designs document, which a model or a person wrote, and write them back.
 
 A document is an object ``{"strategies": [...]}``. A strategy holds the fields of its tool representation and
 ``action_sets``, a list of action plans; ``gripper`` (default false), ``strategy_name``, ``strategy_description``,
 ``tool_name``, ``tool_description``, ``action_description`` and ``parents`` (ids of the elites that it derives from)
-are optional, and whatever else it holds is ignored.
+are optional. Other fields are ignored.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from core.text import clean, kind, shorten
 MAX_NAME = 200
 MAX_DESCRIPTION = 5000
 
-MAX_REPLY = 5_000_000  # characters: some ten times what the longest answer of a model takes
-MAX_MALFORMED = 100  # strategies of a malformed reply, or
-MAX_SAVED = 1000  # sound ones; what comes after so many is not looked at
+MAX_REPLY = 5_000_000  # characters, about ten times the longest answer of a model
+MAX_MALFORMED = 100  # malformed strategies of a malformed reply, and
+MAX_SAVED = 1000  # sound ones; the rest is not read
 
 _SEPARATORS = re.compile(r"[\s,]*")
 _OPENING = re.compile(r'"strategies"\s*:\s*\[')
-_STRATEGY = re.compile(r'\{\s*"(?:parents|strategy_name)"\s*:')  # how one begins, by the schema
+_STRATEGY = re.compile(r'\{\s*"(?:parents|strategy_name)"\s*:')  # the beginning of a strategy, by the schema
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
-# A text (to its end, or the reply's), or what JSON does not allow: a comment, or a comma before a bracket that closes.
-# Possessive, so that no text of whatever kind is gone over twice.
-_LOOSE = re.compile(r'"(?:[^"\\]++|\\.)*+(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)|,(?=\s*[]}])', re.DOTALL)
+# Matches a string (to its end or the reply's), or something that JSON forbids: a comment, or a comma before a closing
+# bracket. Possessive quantifiers keep the time linear for every text.
+_NOT_JSON = re.compile(r'"(?:[^"\\]++|\\.)*+(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)|,(?=\s*[]}])', re.DOTALL)
 
 _EXPECTED = 'expected an object {"strategies": [...]} with at least one strategy'
 
-# Models break lines inside texts, hence not strict. NaN and its like become texts, which no rule takes for a number.
+# Not strict, because models write line breaks inside strings. NaN and infinities become strings, which rules refuse.
 _DECODER = json.JSONDecoder(strict=False, parse_constant=lambda name: name)
 
 
@@ -58,12 +58,12 @@ def read_designs(
     n_tool: int | None = None,
     n_action: int | None = None,
 ) -> list[Candidate]:
-    """One candidate per action plan, in order, numbered by strategy and action from 0; of the first ``n_tool``
-    strategies, and of each the first ``n_action`` plans (None: of all).
+    """Read one candidate per action plan, in order, numbered by strategy and action from 0.
 
-    A design that breaks a rule gives candidates with a `Candidate.problem`: all of the strategy's if the tool is at
-    fault, and a single one where the plans can't be counted. Candidates of a strategy share one tool. Of the
-    ``parents`` that a strategy names, the ids in ``elites`` are believed.
+    The first ``n_tool`` strategies are read, and the first ``n_action`` plans of each (None: all). A design that breaks
+    a rule gives candidates with a `Candidate.problem`: all of its strategy if the tool breaks it, and a single one if
+    the plans can't be counted. Candidates of a strategy share one tool. Of the ``parents`` that a strategy names, only
+    the ids in ``elites`` are kept.
 
     Raises:
         DesignError: the document has no strategies at all.
@@ -126,8 +126,8 @@ def _read_strategy(
 
 
 def _read_parents(strategy: object, elites: tuple[str, ...]) -> tuple[str, ...]:
-    named = strategy.get("parents") if isinstance(strategy, dict) else None
-    return tuple(elite for elite in elites if elite in named) if isinstance(named, list) else ()
+    parents = strategy.get("parents") if isinstance(strategy, dict) else None
+    return tuple(elite for elite in elites if elite in parents) if isinstance(parents, list) else ()
 
 
 def _read_gripper(strategy: dict[Any, Any], given: Tool | None) -> bool:
@@ -136,24 +136,24 @@ def _read_gripper(strategy: dict[Any, Any], given: Tool | None) -> bool:
         raise DesignError(f"'gripper' is {kind(gripper)}; it must be true or false")
     if given is not None and gripper != given.gripper:
         raise DesignError(
-            f"'gripper' is {str(gripper).lower()}, but the given tool is for {str(given.gripper).lower()}"
+            f"'gripper' is {str(gripper).lower()}; for the given tool it must be {str(given.gripper).lower()}"
         )
     return gripper
 
 
-def _read_text(strategy: dict[Any, Any], field: str, longest: int) -> str:
+def _read_text(strategy: dict[Any, Any], field: str, max_length: int) -> str:
     text = strategy.get(field)
     if text is None:
         return ""
     if not isinstance(text, str):
         raise DesignError(f"{field!r} is {kind(text)}; it must be a text")
-    return clean(text, longest)
+    return clean(text, max_length)
 
 
 def _read_tool(
     strategy: dict[Any, Any], representation: ToolRepresentation, spawn: SpawnRules, gripper: bool
 ) -> tuple[Tool | None, str | None]:
-    """The tool as far as it could be read, and what is wrong with it."""
+    """The tool, as far as it can be read, and its problem."""
     tool = None
     try:
         name = _read_text(strategy, "tool_name", MAX_NAME)
@@ -167,10 +167,10 @@ def _read_tool(
 
 
 def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], gripper: bool) -> Tool:
-    """What the representation reads; where it fails at it otherwise than it may, the design is lost, not the run.
+    """Parse a strategy's tool. A bug in the representation costs the design, not the run.
 
     Raises:
-        DesignError: a rule is broken, or the representation; then it says whose that is.
+        DesignError: a rule is broken, or the representation fails; then the message names its plugin.
     """
     try:
         tool = representation.parse(strategy, gripper=gripper)
@@ -195,7 +195,7 @@ def _read_action_sets(strategy: dict[Any, Any]) -> list[Any]:
 
 
 def _with_numbers(plan: object) -> object:
-    """``plan`` with numbers for the texts in its waypoints that are plain decimal numbers."""
+    """``plan`` with strings in waypoints that hold plain decimal numbers replaced by these numbers."""
     if not isinstance(plan, list):
         return plan
     return [[_as_number(v) for v in waypoint] if isinstance(waypoint, list) else waypoint for waypoint in plan]
@@ -208,7 +208,7 @@ def _as_number(value: object) -> object:
 
 
 def _count_plans(strategy: object) -> int:
-    """How many candidates a strategy that can't be read stands for."""
+    """The number of candidates of a strategy that can't be read."""
     plans = strategy.get("action_sets") if isinstance(strategy, dict) else None
     return max(1, len(plans)) if isinstance(plans, list) else 1
 
@@ -222,40 +222,40 @@ def _no_plan(gripper: bool) -> Array:
 
 @dataclass(frozen=True)
 class Unread:
-    """Stands for a strategy that could not be read, and says why."""
+    """Replaces a strategy that can't be read, and gives the reason."""
 
     reason: str
 
 
 def parse_reply(text: str) -> object:
-    """The JSON document in a model's reply, with or without a fence or chatter around it.
+    """Find and parse the JSON document in a model's reply, with or without text around it.
 
-    It is the first object that has strategies; failing that, the first object. ``NaN`` and ``Infinity`` are read as
-    texts. Where the document is malformed, its strategies are read one by one: comments and commas too many are
-    overlooked, and in the place of each strategy that is cut off or malformed all the same stands an `Unread`. Beyond
-    `MAX_REPLY` characters a reply counts as cut off.
+    It is the first object that has strategies; without one, the first object. ``NaN`` and ``Infinity`` are read as
+    strings. If the document is malformed, its strategies are read one by one: comments and extra commas are ignored,
+    and an `Unread` replaces each strategy that is cut off or still malformed. A reply is cut off after `MAX_REPLY`
+    characters.
 
     Raises:
-        DesignError: there is no object, or it is malformed and no strategy in it is sound; with line and column.
+        DesignError: there is no object, or it is malformed and has no sound strategy; gives line and column.
     """
     text = text[:MAX_REPLY]
     first: object = None
     failure: tuple[int, DesignError] | None = None
     start = text.find("{")
-    # A failure costs a count of all lines before it; so many can be had within a second or two.
+    # Each failure counts all lines before it; this many take a second or two.
     for _ in range(100 + 1_000_000_000 // max(1, len(text))):
         if start < 0:
             break
         try:
             found, end = _DECODER.raw_decode(text, start)
         except json.JSONDecodeError as error:
-            # What was read up to the error is no place to look for another object: it would be an inner one.
+            # An object that begins before the error would be an inner one.
             end = max(error.pos, start + 1)
             where = f"line {error.lineno}, column {error.colno}"
             if failure is None or end - start > failure[0]:
                 failure = end - start, DesignError(f"the reply's JSON is malformed at {where}: {error.msg}")
-        except (ValueError, RecursionError) as error:  # a whole number of thousands of digits; nesting without end
-            raise DesignError(f"the reply's JSON at position {start} can't be read: {_why(error)}") from error
+        except (ValueError, RecursionError) as error:  # an integer of thousands of digits; deep nesting
+            raise DesignError(f"the reply's JSON at position {start} can't be read: {_reason(error)}") from error
         else:
             if "strategies" in found:
                 return found
@@ -272,20 +272,20 @@ def parse_reply(text: str) -> object:
 
 
 def _save_sound(text: str) -> dict[str, Any] | None:
-    """The strategies of a malformed document, read one by one; None: none of them is sound."""
+    """Read the strategies of a malformed document one by one; None: none of them is sound."""
     opening = _OPENING.search(text)
     if opening is None:
         return None
     strategies: list[Any] = []
     malformed = 0
     at, end = opening.end(), len(text)
-    loosened = False
+    blanked = False
     while (at := _SEPARATORS.match(text, at).end()) < end and text[at] != "]":  # type: ignore[union-attr]
         try:
             strategy, at = _DECODER.raw_decode(text, at)
         except (ValueError, RecursionError):
-            if not loosened:
-                text, loosened = text[:at] + _LOOSE.sub(_blank, text[at:]), True
+            if not blanked:
+                text, blanked = text[:at] + _NOT_JSON.sub(_blank, text[at:]), True
                 continue
             malformed += 1
             strategies.append(_unread(text, at))
@@ -310,16 +310,16 @@ def _unread(text: str, at: int) -> Unread:
 
 
 def _blank(found: re.Match[str]) -> str:
-    """A text as it is; else as many blanks, and the line breaks, so that places stay what they are."""
+    """A string as it is; anything else as blanks and line breaks, so that positions stay the same."""
     return found[0] if found[0].startswith('"') else re.sub(r"[^\n]", " ", found[0])
 
 
-def _why(error: Exception) -> str:
-    return "it nests too deep" if isinstance(error, RecursionError) else "a number has too many digits"
+def _reason(error: Exception) -> str:
+    return "it is nested too deep" if isinstance(error, RecursionError) else "a number has too many digits"
 
 
 def load_designs(path: Path) -> object:
-    """The document in a designs file, ready for `read_designs`.
+    """Read the document in a designs file, for `read_designs`.
 
     Raises:
         UserError: the file can't be read, or holds no designs document.
@@ -341,19 +341,19 @@ def load_designs(path: Path) -> object:
     except DesignError as error:
         raise UserError(f"designs file {path}: {error}") from error
     except (ValueError, RecursionError) as error:
-        raise UserError(f"designs file {path} can't be read as JSON: {_why(error)}") from error
+        raise UserError(f"designs file {path} can't be read as JSON: {_reason(error)}") from error
     return document
 
 
 def dump_design(candidate: Candidate, representation: ToolRepresentation) -> dict[str, Any]:
-    """A candidate as a strategy of a designs document, with its one action plan.
+    """Write a candidate as a strategy of a designs document, with its one action plan.
 
     Raises:
         ValueError: the candidate has no tool.
     """
     tool = candidate.tool
     if tool is None:
-        raise ValueError(f"candidate {candidate.id} has no tool to write down: {candidate.problem}")
+        raise ValueError(f"candidate {candidate.id} has no tool to write: {candidate.problem}")
     return {
         "strategy_name": candidate.strategy_name,
         "strategy_description": candidate.strategy_description,

@@ -1,4 +1,4 @@
-"""What every design must keep, whatever representation wrote it: limits of tools and plans, and a clear spawn."""
+"""Rules for designs of every representation: limits of tools and plans, and a start that is clear of everything."""
 
 from __future__ import annotations
 
@@ -25,23 +25,22 @@ MAX_COMPONENT_KG = 1.0
 MAX_TOOL_KG = 3.0  # the Panda's payload
 MAX_GAP_M = 0.001
 MAX_MOUNT_GAP_M = 0.002
-MAX_ARM_OVERLAP_M = 0.001  # at spawn; the scene may not even be touched
-
+MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
 
 MAX_WAYPOINTS = 200
 MAX_REACH_M = 3.0
 MAX_ANGLE_RAD = 100.0
 WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 
-_TOUCH_M = 1e-5  # as exactly as inverse kinematics finds the home pose
-_CARRIER = "panda_link7"  # has the flange
+_TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
+_CARRIER = "panda_link7"  # the link with the flange
 
 
 # --- the tool ---------------------------------------------------------------------------------------------------
 
 
 def check_tool(tool: Tool) -> None:
-    """Number, sizes and masses of the components, and that each touches its parent.
+    """Check number, sizes and masses of the components, and that each touches its parent.
 
     Raises:
         DesignError: the first rule that is broken.
@@ -67,7 +66,7 @@ def _check_component(component: Component) -> None:
     if not 0 < component.mass <= MAX_COMPONENT_KG:
         raise DesignError(
             f"component {component.name!r} weighs {component.mass:.6g} kg; it must be more than 0 and at most "
-            f"{MAX_COMPONENT_KG:g} kg (a few grams do)"
+            f"{MAX_COMPONENT_KG:g} kg (a few grams are enough)"
         )
 
 
@@ -88,9 +87,9 @@ def _check_contacts(tool: Tool) -> None:
         )
         gap = min(signed_distance(solid, parent) for parent in parents)
         if gap > (MAX_MOUNT_GAP_M if on_mount else MAX_GAP_M):
-            what = "its mount " if on_mount else "its parent "
+            relation = "mount" if on_mount else "parent"
             raise DesignError(
-                f"component {component.name!r} is {gap * 1000:.1f} mm away from {what}{component.parent!r}; "
+                f"component {component.name!r} is {gap * 1000:.1f} mm away from its {relation} {component.parent!r}; "
                 "move or lengthen it until they touch"
             )
 
@@ -99,12 +98,12 @@ def _check_contacts(tool: Tool) -> None:
 
 
 def check_plan(plan: object, *, gripper: bool) -> Array:
-    """An action plan as an array: (N, 6), or with the gripper (N, 7); see `core.design.Candidate`.
+    """Check an action plan; return it as an array, (N, 6) or with the gripper (N, 7): see `core.design.Candidate`.
 
-    ``plan`` is lists of numbers as JSON has them, or an array.
+    ``plan`` is an array, or lists of numbers from JSON.
 
     Raises:
-        DesignError: which waypoint (from 1) is wrong, and in what.
+        DesignError: names the wrong waypoint (from 1) and its fault.
     """
     if isinstance(plan, np.ndarray):
         plan = plan.tolist()
@@ -126,7 +125,7 @@ def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> lis
             raise DesignError(f"{where}: {name} must be a number, not {kind(number)}")
         if isinstance(number, float) and not math.isfinite(number):
             raise DesignError(f"{where}: {name} is {number}, a finite number is needed")
-        # Also keeps whole numbers too large for a float out of the arithmetic below.
+        # Also refuses integers that are too large for a float.
         limit, unit = (MAX_ANGLE_RAD, "radians") if name in WAYPOINT[3:6] else (MAX_REACH_M, "metres")
         if name != "gripper" and abs(number) > limit:
             raise DesignError(f"{where}: {name} is beyond {limit:g} {unit}")
@@ -135,7 +134,7 @@ def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> lis
     numbers = [float(number) for number in waypoint]
     reach = math.hypot(*numbers[:3])
     if reach > MAX_REACH_M:
-        raise DesignError(f"{where} is {reach:.2f} m from the base; at most {MAX_REACH_M:g} m make sense for this arm")
+        raise DesignError(f"{where} is {reach:.2f} m from the base; at most {MAX_REACH_M:g} m are allowed")
     return numbers
 
 
@@ -143,9 +142,9 @@ def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> lis
 
 
 class SpawnRules:
-    """Where a tool may not be when a rollout of ``task`` with the scene of ``seed`` begins: in the arm, or at a body.
+    """Checks that a tool starts clear of the arm and of all bodies, in the scene of ``task`` and ``seed``.
 
-    The arm is at the task's home pose and the fingers are open. The link that carries a component is left out:
+    The arm is at the task's home pose and the fingers are open. A component may overlap the link that carries it:
     ``panda_link7`` for rigid tools, the component's own finger for gripper tools.
 
     Raises:
@@ -159,10 +158,10 @@ class SpawnRules:
         self._robots: dict[bool, tuple[Solids, dict[str, Pose]]] = {}
 
     def check(self, tool: Tool) -> None:
-        """Refuse a tool that starts inside the arm, the scene, or its own other half.
+        """Refuse a tool that starts inside the arm, in contact with the scene, or inside its other half.
 
         Raises:
-            DesignError: which component overlaps what, and by how much.
+            DesignError: names the component, what it overlaps, and the depth.
         """
         robot, frames = self._robot(tool.gripper)
         placed = tool.placed()
@@ -170,7 +169,7 @@ class SpawnRules:
             c.name: Solid(c.name, solid_geometry(c.shape), frames[placed[c.name][0]] @ placed[c.name][1])
             for c in tool.components
         }
-        _check_two_halves(solids, placed)
+        _check_halves(solids, placed)
         for component in tool.components:
             mount, solid = placed[component.name][0], solids[component.name]
             carrier = mount if tool.gripper else _CARRIER
@@ -184,9 +183,9 @@ class SpawnRules:
             for body in self._scene.near(solid, _TOUCH_M):
                 depth = -signed_distance(solid, body)
                 if depth > -_TOUCH_M:
-                    how = f"{depth * 1000:.1f} mm inside" if depth > _TOUCH_M else "touching"
+                    contact = f"{depth * 1000:.1f} mm inside" if depth > _TOUCH_M else "touching"
                     raise DesignError(
-                        f"component {component.name!r} starts {how} {body.name!r} of the scene; "
+                        f"component {component.name!r} starts {contact} {body.name!r} of the scene; "
                         "shorten or turn the tool so that it starts clear of everything"
                     )
 
@@ -205,7 +204,7 @@ def given_tool(
     """The tool that a representation gives for a task; None: it gives none.
 
     Raises:
-        UserError: it gives something else, or a tool that breaks a rule; names the plugin.
+        UserError: it gives something else, or a tool that breaks a rule; the message names the plugin.
     """
     try:
         tool = representation.given(task)
@@ -223,8 +222,8 @@ def given_tool(
     return tool
 
 
-def _check_two_halves(solids: dict[str, Solid], placed: dict[str, tuple[str, Pose]]) -> None:
-    """What moves with one finger must start clear of what moves with the other."""
+def _check_halves(solids: dict[str, Solid], placed: dict[str, tuple[str, Pose]]) -> None:
+    """Refuse components on one finger that start inside components on the other."""
     for one, other in itertools.combinations(solids, 2):
         if placed[one][0] != placed[other][0]:
             depth = -signed_distance(solids[one], solids[other])

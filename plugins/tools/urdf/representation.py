@@ -49,8 +49,8 @@ before its closing tag, so it has no root element and none of the robot's own li
 - The inertial needs <mass value="..."/> in kilograms; moments of inertia are computed from the box. A few grams per
   box help the arm to move well; the limits are {MAX_COMPONENT_KG:g} kg for a box and {MAX_TOOL_KG:g} kg for the tool.
 - Every link is the child of exactly one joint of type "fixed", and following parents leads to the mount. The joint's
-  origin is the link's frame in its parent's frame; a box is centred on its own origin, so
-  use half lengths to make parts meet.
+  origin is the link's frame in its parent's frame; a box is centred on its own origin, so use half lengths to make
+  parts meet.
 - Every box touches or overlaps its parent; a gap of more than {MAX_GAP_M * 1000:g} mm is an error.
 - Names: letters, digits, '_', '.', '-'; each link and each joint has its own.
 - Colours are welcome: <material name="..."><color rgba="r g b a"/></material>, numbers from 0 to 1.

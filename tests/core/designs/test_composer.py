@@ -1,4 +1,4 @@
-"""The prompts say what the code does: nothing missing, nothing of this machine, and no wrong sign."""
+"""The prompts describe the code: complete, independent of this machine, and with the right signs."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class PushCube(Task):
 
 
 class Bar(ToolRepresentation):
-    """A tool is one bar, written down as XML."""
+    """A tool is one bar, written as XML."""
 
     def instructions(self, brief: Brief) -> str:
         return f"The tool is one bar on {' and '.join(GRIPPER_MOUNTS) if brief.gripper else RIGID_MOUNT}."
@@ -89,7 +89,7 @@ SOURCE = Path(__file__).read_text(encoding="utf-8").rstrip()
 
 
 def words(messages: tuple[Message, ...]) -> str:
-    """All text but the task's source: that is this file, in which any test would find what it looks for."""
+    """All text except the task's source, which is this file, and would match every test."""
     text = "".join(part.text for message in messages for part in message.parts if isinstance(part, Text))
     assert text.count(SOURCE) == 1  # verbatim
     return text.replace(SOURCE, "SOURCE")
@@ -113,7 +113,7 @@ BRIEFS = [
 
 
 @pytest.mark.parametrize("brief", BRIEFS)
-def test_what_every_prompt_holds(brief: Brief) -> None:
+def test_contents_of_every_prompt(brief: Brief) -> None:
     system, user = PromptComposer().compose(brief, PICTURE)
     assert (system.role, user.role) == ("system", "user")
     assert user.parts[-1] == PICTURE
@@ -145,7 +145,7 @@ def test_parts_come_in_order() -> None:
     assert evolved == ["Mission", "Procedure", "Evolution rules", *rules, *end]
 
 
-def test_without_a_picture_none_is_spoken_of() -> None:
+def test_without_a_picture_none_is_mentioned() -> None:
     messages = PromptComposer().compose(make_brief(), None)
     assert all(isinstance(part, Text) for message in messages for part in message.parts)
     assert "picture" not in words(messages).lower()
@@ -183,7 +183,7 @@ def test_elites_are_shown() -> None:
     assert "crossover" in text.split("# Evolution rules")[1]
 
 
-# --- what else may be told of elites ----------------------------------------------------------------------------
+# --- measurements of elites ------------------------------------------------------------------------------------
 
 FIGURES = {
     "distance_m": 1.23456,
@@ -206,7 +206,7 @@ def test_feedback(feedback: str) -> None:
     block = re.search(r"## The elites\n.*?```json\n(.*?)```", text, re.DOTALL)
     assert block is not None
     first, second = json.loads(block[1])
-    told = {
+    shown = {
         "action_plan": [[0.5, 0, 0.1235, 0, 0, 1.5], [0.4, 0, 0.1, 0, 0, 0]],
         "distance_m": 1.2346,
         "moved_m": {"cube": 0.4444},
@@ -215,11 +215,11 @@ def test_feedback(feedback: str) -> None:
         "lag_rad": 0.02,
         "warnings": ["it fell"],
     }
-    assert {key: first.get(key) for key in told} == (told if feedback != "paper" else dict.fromkeys(told))
+    assert {key: first.get(key) for key in shown} == (shown if feedback != "paper" else dict.fromkeys(shown))
     assert second.get("distance_m") is None  # nan
-    assert ("[0.4, 0.0, 0.1, 0.0, 0.0, 0.0]" in block[1]) == (feedback != "paper")  # a waypoint takes a line
+    assert ("[0.4, 0.0, 0.1, 0.0, 0.0, 0.0]" in block[1]) == (feedback != "paper")  # one line per waypoint
     assert ("that earned the rewards are not shown" in text) == (feedback == "paper")
-    for name in told:
+    for name in shown:
         assert (f"`{name}`" in text) == (feedback != "paper")
     assert ("four instants" in text) == (feedback == "full")
     *_, last = messages[-1].parts
@@ -245,7 +245,7 @@ class GivenBar(Bar):
         return {}
 
 
-def test_plans_for_a_given_tool_go_on_from_the_best_ones() -> None:
+def test_plans_for_a_given_tool_start_from_the_best_ones() -> None:
     first = words(PromptComposer().compose(make_brief(representation=GivenBar(), n_tool=1), None))
     assert "best plans so far" not in first
     brief = make_brief(representation=GivenBar(), n_tool=1, elites=ELITES)
@@ -262,7 +262,7 @@ class NoTool(GivenBar):
 
 
 @pytest.mark.parametrize("n_action", [1, 4])
-def test_without_a_tool_none_is_spoken_of(n_action: int) -> None:
+def test_without_a_tool_none_is_mentioned(n_action: int) -> None:
     brief = make_brief(representation=NoTool(), n_tool=1, n_action=n_action, gripper=True)
     text = words(PromptComposer().compose(brief, PICTURE))
     prose = re.sub(r"```.*?```", "", text, flags=re.DOTALL).replace("There is no tool, and none can be designed.", "")
@@ -271,7 +271,7 @@ def test_without_a_tool_none_is_spoken_of(n_action: int) -> None:
     assert "finger tips" in prose
 
 
-def test_what_stands_in_a_file_for_a_picture() -> None:
+def test_pictures_become_links_in_markdown() -> None:
     message = Message("user", (Text("a\n\n"), PICTURE, Text("b\n\n"), Picture(b"", "elite")))
     assert as_markdown(message, "../") == "a\n\n![scene](../scene.png)\n\nb\n\n![elite](../elite.png)\n\n"
 
@@ -307,7 +307,7 @@ def test_there_are_three_samples() -> None:
 
 
 @pytest.mark.parametrize("file", IDEAS, ids=lambda file: file.stem)
-def test_samples_are_marked_as_such_and_the_mark_is_not_told(file: Path) -> None:
+def test_samples_are_marked_as_such_and_the_mark_is_left_out(file: Path) -> None:
     assert file.read_text(encoding="utf-8").startswith("<!-- An example, written for this project")
     text = words(PromptComposer(settings_of("human", f"prompt.file={file}")).compose(make_brief(), None))
     assert file.read_text(encoding="utf-8").partition("-->")[2].strip() in text
@@ -318,8 +318,8 @@ def test_samples_are_marked_as_such_and_the_mark_is_not_told(file: Path) -> None
     ("content", "reason"),
     [
         (None, "there is no such file"),
-        (b"", "is empty; write down the tool"),
-        (b" \n<!-- nothing\nbut a comment -->", "is empty; write down the tool"),
+        (b"", "is empty; describe the tool"),
+        (b" \n<!-- nothing\nbut a comment -->", "is empty; describe the tool"),
         (b"\xff\xfe", "is not UTF-8 text"),
         (b"x" * 60_000, "has 60000 characters; at most 50000"),
     ],
@@ -339,8 +339,8 @@ def test_a_folder_holds_no_idea(tmp_path: Path) -> None:
         PromptComposer(settings_of("human", f"prompt.file={tmp_path}"))
 
 
-def test_an_idea_that_is_not_wanted_and_a_wanted_one_that_is_not_there() -> None:
-    with pytest.raises(UsageError, match=r"prompt\.file=x\.md would not be told by this prompt; prompt=human tells it"):
+def test_an_idea_that_is_not_used_and_a_missing_one() -> None:
+    with pytest.raises(UsageError, match=r"prompt\.file=x\.md is not used by this prompt; add prompt=human"):
         PromptComposer(PromptSettings(file="x.md"))
     with pytest.raises(UsageError, match=r"prompt\.file is empty; give the text file"):
         PromptComposer(settings_of("human"))
@@ -356,7 +356,7 @@ def test_evolution_alone_needs_elites() -> None:
 # --- a repair ---------------------------------------------------------------------------------------------------
 
 
-def test_a_repair_tells_what_was_said_and_what_is_wrong_with_it() -> None:
+def test_a_repair_shows_the_reply_and_its_problem() -> None:
     brief = make_brief()
     first = Request("g0-a0", brief, PromptComposer().compose(brief, PICTURE), {}, 1.0)
     messages = PromptComposer().repair(first, Reply("g0-a0", "I {{ think }}", "m"), "it has no {{ JSON }}")
@@ -364,8 +364,8 @@ def test_a_repair_tells_what_was_said_and_what_is_wrong_with_it() -> None:
     assert [m.role for m in messages[2:]] == ["assistant", "user"]
     assert messages[2].parts == (Text("I {{ think }}"),)
     assert "can't be read: it has no {{ JSON }}." in messages[3].parts[0].text
-    silent = PromptComposer().repair(first, Reply("g0-a0", " \n", "m"), "it is empty")
-    assert [m.role for m in silent] == ["system", "user", "user"]
+    empty = PromptComposer().repair(first, Reply("g0-a0", " \n", "m"), "it is empty")
+    assert [m.role for m in empty] == ["system", "user", "user"]
 
 
 # --- one elite, or of the other kind ----------------------------------------------------------------------------
@@ -378,7 +378,7 @@ def test_one_elite_can_only_be_mutated() -> None:
 
 
 @pytest.mark.parametrize("gripper", [False, True])
-def test_elites_of_the_other_kind_are_pointed_out(gripper: bool) -> None:
+def test_elites_of_the_other_kind_are_marked(gripper: bool) -> None:
     same = words(
         PromptComposer().compose(make_brief(gripper=gripper, elites=(make_elite(0, 1, gripper=gripper),)), None)
     )
@@ -406,7 +406,7 @@ def test_counts_read_well() -> None:
                 assert not re.search(r"one (new )?(tools|plans|action plans|strategies)\b", text)
 
 
-def test_how_plans_are_executed_is_told() -> None:
+def test_execution_of_plans_is_described() -> None:
     settings = RolloutSettings(segment_s=0.75, hold_s=2.5, max_motion_s=33.0)
     text = words(PromptComposer(rollout=settings).compose(make_brief(), None))
     assert "lasts 0.75 s" in text
@@ -439,7 +439,7 @@ def from_folder(folder: Path) -> PromptComposer:
 
 
 def settings_of(name: str, *overrides: str) -> PromptSettings:
-    """A choice of the config group."""
+    """The settings of one config of the group ``prompt``."""
     return node(load("config", [f"prompt={name}", *overrides]).prompt, PromptConfig)
 
 
@@ -482,7 +482,7 @@ def test_a_missing_template_is_an_error(folder: Path) -> None:
 
 
 def test_a_missing_folder_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"no prompt folder .*nowhere; name one") as error:
+    with pytest.raises(UserError, match=r"no prompt folder .*nowhere; name a folder of templates") as error:
         from_folder(tmp_path / "nowhere")
     assert "\n" not in str(error.value)
 
@@ -535,7 +535,7 @@ def test_offspring_name_their_parents(count: int) -> None:
     assert strategy["properties"]["parents"] == parents
 
 
-# --- what the templates claim, in numbers -----------------------------------------------------------------------
+# --- the numbers in the templates -------------------------------------------------------------------------------
 
 PARTS = (np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, -1.0]))  # in front, to the left, hanging below
 DIRECTIONS = {
@@ -549,19 +549,19 @@ DIRECTIONS = {
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_turns_move_parts_as_the_frames_say(axis: int, sign: int) -> None:
-    """The template's table, against the arm: asked for the turned waypoint, it moves what is mounted on it that way."""
+def test_turns_move_parts_as_the_frames_template_says(axis: int, sign: int) -> None:
+    """The template's table, compared with the arm at a turned waypoint."""
     rows = re.findall(r"^\| \+(\w+) \| (.+) \| (.+) \| (.+) \|$", (FOLDER / "frames.md.j2").read_text(), re.MULTILINE)
-    name, *told = rows[axis]
+    name, *motions = rows[axis]
     assert name == ("roll", "pitch", "yaw")[axis]
     position, turn = np.array([0.5, 0.0, 0.4]), sign * 0.3 * np.eye(3)[axis]
     solution = arm().inverse(Pose.xyz_rpy(position, turn), arm().home)
     assert solution.error_m < 1e-4
     pose = arm().forward(solution.joints)
-    for part, words_of_it in zip(PARTS, told, strict=True):
-        (direction,) = (way for text, way in DIRECTIONS.items() if words_of_it.startswith(text))
+    for part, motion in zip(PARTS, motions, strict=True):
+        (direction,) = (way for text, way in DIRECTIONS.items() if motion.startswith(text))
         shift = pose.apply(0.3 * part) - (position + 0.3 * part)
-        across = shift - (shift @ part) * part  # without how far it came nearer
+        across = shift - (shift @ part) * part  # without the part along the radius
         np.testing.assert_allclose(across, sign * 0.3 * np.sin(0.3) * np.array(direction), atol=1e-3)
 
 
@@ -586,7 +586,7 @@ def frames_at(home: Pose, gripper: bool) -> dict[str, Pose]:
 
 
 def corners(link: Any, pose: Pose) -> Array:
-    """All vertices of a link's collision shapes, placed."""
+    """All vertices of a link's collision shapes, with the link at ``pose``."""
     points = []
     for collision in link.findall("collision"):
         origin = collision.find("origin")
@@ -632,7 +632,7 @@ def test_where_the_hand_is_at_home() -> None:
 
 
 def test_the_workspace_can_be_reached() -> None:
-    """Pointing down, in front and to the sides: to a little inside the border, and not to a little outside."""
+    """Pointing down, in front and to the sides: just inside its border, and not just outside."""
     for angle in (-1.0, 0.0, 1.0):
         for radius, reached in ((0.5, True), (0.75, True), (0.85, False)):
             x, y = radius * np.cos(angle), radius * np.sin(angle)
@@ -641,7 +641,7 @@ def test_the_workspace_can_be_reached() -> None:
             assert (solution.error_m < 1e-3) == reached, (angle, radius)
 
 
-def test_the_motion_is_what_the_action_rules_say() -> None:
+def test_the_motion_is_as_in_the_action_rules() -> None:
     home, segment_s = PushCube.home, 0.5
     low, turned = [0.4, -0.2, 0.15, 0, 0, 0, 0], [0.4, -0.2, 0.15, 0, 0, 0.02, 0]
     motion = plan_motion(np.array([low, turned, [*turned[:6], 1]]), home, arm(), segment_s=segment_s)

@@ -1,4 +1,4 @@
-"""Hostile replies, each read in a process of its own that has so much time and memory; and random ones."""
+"""Hostile replies, each read in a process with limited time and memory, and random ones."""
 
 import contextlib
 import json
@@ -21,12 +21,12 @@ HARMLESS = {"texture", "stylesheet", "million plans"}  # what is hostile in them
 
 
 def reading(text):
-    """As `core.search.designer` reads a reply."""
+    """Read a reply as `core.search.designer` does."""
     return read_designs(parse_reply(text), UrdfTools(), spawn_rules(), n_tool=10, n_action=10)
 
 
 def problems(names):
-    """In a worker: of each candidate of a hostile reply its problem; a text where there is none at all."""
+    """Runs in a worker: the problem of each candidate of a hostile reply; a string if there are no candidates."""
     (name,) = names
     group, _, key = name.partition(": ")
     try:
@@ -62,14 +62,14 @@ def test_is_refused_with_a_reason(pool, name):
         assert len(reason) < 500
 
 
-def test_what_is_sound_is_taken():
+def test_a_sound_reply_is_accepted():
     (candidate,) = reading(reply_of(sound()))
     assert candidate.problem is None
     check_candidate(candidate)
 
 
 @pytest.mark.parametrize("name", sorted(HARMLESS & set(TOOLS)))
-def test_of_a_reference_nothing_is_left(name):
+def test_references_are_dropped(name):
     (candidate,) = reading(tool_reply(name))
     written = json.dumps(UrdfTools().dump(candidate.tool))
     assert "passwd" not in written
@@ -77,7 +77,7 @@ def test_of_a_reference_nothing_is_left(name):
 
 
 def test_names_reach_no_path():
-    """Whatever passes for a name of a link holds no separator, and a name is only ever text within a file."""
+    """Valid names of links hold no path separator."""
     for name in ("..", ".", "-rf", "a" * 64):
         tool = UrdfTools().parse(sound(tool_urdf=ROD.replace('"rod"', f'"{name}"')), gripper=False)
         assert tool.components[0].name == name
@@ -210,7 +210,7 @@ strategies = st.builds(
 
 @st.composite
 def replies(draw):
-    """A document with or without text around it, whole or not."""
+    """A document with or without text around it, complete or not."""
     some = st.one_of(st.just(sound()), strategies, anything)
     text = json.dumps({"strategies": draw(st.lists(some, min_size=1, max_size=3))})
     text = draw(st.text(max_size=10)) + text + draw(st.text(max_size=10))

@@ -81,7 +81,7 @@ def without(field):
     return {name: value for name, value in STRATEGY.items() if name != field}
 
 
-def test_parents_are_believed_if_they_are_elites():
+def test_parents_are_kept_if_they_are_elites():
     named = ["g0-a0-s0-p1", "g9-a9-s9-p9", 7, {"id": "g0-a1-s0-p0"}]
     first, second = read(
         {**STRATEGY, "parents": named}, {**STRATEGY, "parents": "g0-a0-s0-p1"}, elites=("g0-a1-s0-p0", "g0-a0-s0-p1")
@@ -137,7 +137,7 @@ def test_gripper_designs():
         ({"gripper": 1}, "'gripper' is a number"),
     ],
 )
-def test_a_fault_of_the_strategy_is_a_problem_of_all_its_plans(change, reason):
+def test_a_fault_of_a_strategy_is_a_problem_of_all_its_plans(change, reason):
     good, *bad = read({**STRATEGY, "action_sets": [PLAN]}, {**STRATEGY, **change})
     assert good.problem is None
     assert [c.action for c in bad] == [0, 1]
@@ -176,7 +176,7 @@ def test_missing_fields():
 
 
 @pytest.mark.parametrize("strategy", [None, 3, "x", [], True])
-def test_a_strategy_that_is_no_object(strategy):
+def test_a_strategy_that_is_not_an_object(strategy):
     bad, good = read(strategy, {**STRATEGY, "action_sets": [PLAN]})
     assert "the strategy is " in bad.problem
     assert (good.problem, good.strategy) == (None, 1)
@@ -268,7 +268,7 @@ def test_the_document_is_found_in_a_reply(reply):
     assert parse_reply(reply) == DOCUMENT
 
 
-def test_an_object_without_strategies_is_given_as_it_is():
+def test_an_object_without_strategies_is_returned():
     assert parse_reply('so: {"a": 1} {"b": 2}') == {"a": 1}
 
 
@@ -286,7 +286,7 @@ def test_malformed_json_is_located_at_its_outermost_object():
         parse_reply(f"Here {{it}} is:\n{cut}")
 
 
-def test_of_a_reply_that_is_cut_off_the_complete_strategies_are_kept():
+def test_complete_strategies_of_a_reply_that_is_cut_off_are_kept():
     whole = json.dumps({"scene_analysis": "x", "strategies": [STRATEGY, STRATEGY, STRATEGY]}, indent=1)
     candidates = read_designs(parse_reply(f"Here it is:\n```json\n{whole[: -len(whole) // 4]}"), Rod(), SPAWN)
     assert [c.problem is None for c in candidates] == [True] * 4 + [False]
@@ -322,7 +322,7 @@ def test_strategies_after_a_malformed_one_are_kept():
         'Say " and {' + TEXT.replace("]", ",]"),
     ],
 )
-def test_comments_and_commas_too_many_are_overlooked(loose):
+def test_comments_and_extra_commas_are_ignored(loose):
     tricky = loose.replace("'{a}'", "'{a},] /* // */'")  # within a text they stay
     assert parse_reply(tricky)["strategies"] == [
         {
@@ -332,7 +332,7 @@ def test_comments_and_commas_too_many_are_overlooked(loose):
     ]
 
 
-def test_numbers_may_be_texts():
+def test_numbers_may_be_strings():
     plans = [
         [[" 0.5", "0", "4e-1", "-0.10", ".5", "+1."]],
         [["0.5", "0", "0.4", "pi/2", "0", "0"]],
@@ -344,7 +344,7 @@ def test_numbers_may_be_texts():
     assert "a finite number is needed" in far.problem
 
 
-def test_no_more_is_read_than_was_asked_for():
+def test_no_more_designs_are_read_than_requested():
     rods = Rod()
     document = {
         "strategies": [{**STRATEGY, "action_sets": [PLAN] * 5}, {**STRATEGY, "gripper": 1, "action_sets": [1] * 5}] * 3
@@ -374,7 +374,7 @@ def test_twenty_megabytes_of_anything_are_read_or_refused(before, endless):
     assert len(document.get("strategies", ())) <= MAX_SAVED
 
 
-def test_of_twenty_megabytes_the_sound_strategies_at_the_front_are_kept():
+def test_sound_strategies_at_the_front_of_twenty_megabytes_are_kept():
     strategy = json.dumps(STRATEGY)
     text = '{"strategies": [' + ", ".join([strategy] * 3) + ', {"strategy_name": "' + "x" * HUGE
     candidates = read_designs(parse_reply(text), Rod(), SPAWN)
@@ -390,7 +390,7 @@ def test_wrong_commas_between_strategies_cost_nothing(between, end):
 
 
 @pytest.mark.parametrize("constant", ["NaN", "Infinity", "-Infinity", "1e999"])
-def test_numbers_that_are_none_reject_one_plan_only(constant):
+def test_numbers_that_are_not_finite_reject_one_plan_only(constant):
     text = json.dumps({"strategies": [{**STRATEGY, "action_sets": [PLAN, [["?", 0, 0, 0, 0, 0]]]}]}).replace(
         '"?"', constant
     )
@@ -400,7 +400,7 @@ def test_numbers_that_are_none_reject_one_plan_only(constant):
 
 
 @pytest.mark.parametrize(
-    ("inside", "reason"), [("9" * 5000, "too many digits"), ("[" * 100_000 + "]" * 100_000, "nests too deep")]
+    ("inside", "reason"), [("9" * 5000, "too many digits"), ("[" * 100_000 + "]" * 100_000, "nested too deep")]
 )
 def test_json_that_breaks_parsers(inside, reason, tmp_path):
     text = f'{{"strategies": [{inside}]}}'
@@ -473,5 +473,5 @@ def test_a_design_is_written_as_it_is_read(strategy):
 
 def test_a_design_without_a_tool_is_not_written():
     candidate = read({**STRATEGY, "length": math.inf})[0]
-    with pytest.raises(ValueError, match="g0-a0-s0-p0 has no tool to write down: length"):
+    with pytest.raises(ValueError, match="g0-a0-s0-p0 has no tool to write: length"):
         dump_design(candidate, Rod())

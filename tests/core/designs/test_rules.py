@@ -203,7 +203,7 @@ def test_a_tool_in_the_arm(spawn):
         spawn.check(rigid(box(), box("b", (-0.5, 0, 0.1), (0.2, 0.2, 0.3), parent="a")))
 
 
-def test_a_graze_of_the_arm_is_forgiven(spawn):
+def test_a_shallow_overlap_with_the_arm_is_allowed(spawn):
     """A box comes from the left, 0.1 mm at a time, to the side of the sixth link."""
     assert _reason(spawn, 0.15) is None
     refused = next(y for y in np.arange(0.15, 0.0, -0.0001) if _reason(spawn, y))
@@ -241,7 +241,7 @@ _wedge = trimesh.convex.convex_hull([[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0,
 
 
 @pytest.mark.parametrize("shape", [Sphere(0.05), Cylinder(0.05, 0.1), Mesh.from_trimesh(_wedge), Box((0.1, 0.1, 0.1))])
-def test_every_shape_of_a_scene_is_felt(shape):
+def test_every_shape_of_a_scene_collides(shape):
     part = (Geom(shape),)
     thing = Body("thing", Pose.xyz_rpy((0.5, 0, 0.2)), 1.0, part, part)
     below = rigid(box(at=(0.001, 0.001, -0.15), size=(0.02, 0.02, 0.3)))
@@ -253,7 +253,7 @@ def test_every_shape_of_a_scene_is_felt(shape):
     SpawnRules(CubeOnTable(), 0).check(below)
 
 
-def test_marks_are_not_felt():
+def test_marks_do_not_collide():
     mark = Body.mark("mark", (0.5, 0, 0.3), 0.1, (1, 0, 0, 1))
     SpawnRules(CubeOnTable(mark), 0).check(rigid(box(at=(0, 0, -0.15), size=(0.02, 0.02, 0.3))))
 
@@ -281,7 +281,7 @@ def test_the_arm_is_where_the_task_starts_it():
         SpawnRules(Low(), 0).check(tool)
 
 
-def test_a_home_out_of_reach_is_the_tasks_mistake():
+def test_a_home_out_of_reach_is_an_error():
     class Far(CubeOnTable):
         home = Pose(np.array([2.0, 0.0, 0.5]))
 
