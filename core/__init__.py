@@ -1,4 +1,7 @@
-"""VLMgineer's framework: the types, the interfaces and the loop. It knows no engine, no model and no task."""
+"""VLMgineer's framework: the types, the interfaces and the loop. It knows no engine, no model and no task.
+
+Covered by `tests/core/test_experiment.py`.
+"""
 
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +12,7 @@ __all__ = ["Experiment"]
 
 
 def __getattr__(name: str) -> Any:
-    """`Experiment` is imported when it is first asked for: most of what is here does without it."""
+    """Import `Experiment` when it is first used; most commands do not need it."""
     if name != "Experiment":
         raise AttributeError(f"module 'core' has no attribute {name!r}")
     from core.experiment import Experiment

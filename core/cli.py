@@ -1,4 +1,4 @@
-"""How the commands end: 0 done, 1 error, 2 wrong usage, 130 interrupted; a mistake is one line on standard error."""
+"""Read a command's words, print its tables, and end it: 0 done, 1 error, 2 wrong usage, 130 interrupted."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from core.text import clean
 
 
 def command(function: Callable[[], None]) -> NoReturn:
-    """Call ``function`` and leave the process as people expect."""
+    """Call ``function`` and end the process with its exit status; a mistake is one line on standard error."""
     for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as for what a shell runs in the background
+        if signal.getsignal(number) is not signal.SIG_IGN:  # ignored where a shell runs it in the background
             signal.signal(number, _Interrupt())
     try:
         function()
         sys.stdout.flush()
     except BrokenPipeError:
-        if not _unread():
+        if not _reader_is_gone():
             raise
-        _leave("", 1)  # such as head's, once it has seen enough
+        _leave("", 1)  # such as head, which reads a few lines
     except UserError as error:
         _leave(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
     except KeyboardInterrupt as interrupt:
@@ -37,7 +37,7 @@ def command(function: Callable[[], None]) -> NoReturn:
 
 
 def arguments(usage: str) -> list[str]:
-    """The command line's overrides; with ``--help`` the usage is printed and the process ends."""
+    """Return the command line's overrides; with ``--help`` print the usage and end the process."""
     given = _help_or_words(usage)
     unknown = [argument for argument in given if argument.startswith("-") or "=" not in argument]
     if unknown:
@@ -46,8 +46,9 @@ def arguments(usage: str) -> list[str]:
 
 
 def folders_and_overrides(usage: str) -> tuple[list[Path], list[str]]:
-    """The folders that the command line names, as they are or as ``runs=FOLDER``, and its overrides. What exists is a
-    folder, even with a ``=`` in its name, as a multirun's jobs may have.
+    """Return the folders that the command line names, as they are or as ``runs=FOLDER``, and its overrides.
+
+    A path that exists is a folder, even with a ``=`` in its name, as a multirun's jobs may have.
     """
     folders: list[Path] = []
     overrides: list[str] = []
@@ -65,7 +66,7 @@ def folders_and_overrides(usage: str) -> tuple[list[Path], list[str]]:
 
 
 def _listed(value: str) -> list[str]:
-    """The items of ``[A,B]``, as Hydra writes lists; anything else is one item."""
+    """Split ``[A,B]``, as Hydra writes lists; anything else is one item."""
     listed = value.startswith("[") and value.endswith("]") and not Path(value).exists()
     return value[1:-1].split(",") if listed else [value]
 
@@ -126,9 +127,9 @@ def print_table(
 
 
 class _Interrupt:
-    """A signal is an interrupt, which leaves time to put things in order; a second one ends the process on the spot.
+    """Turn the first signal into an interrupt, which leaves time to clean up; a second one ends the process at once.
 
-    Some senders signal the process, then its group: what comes within a second is the same signal still.
+    Some senders signal the process, then its group: signals within a second count as one.
     """
 
     first: ClassVar[float] = math.inf
@@ -142,20 +143,21 @@ class _Interrupt:
             raise KeyboardInterrupt
 
 
-def _unread() -> bool:
-    """Whoever read standard output is gone."""
+def _reader_is_gone() -> bool:
+    """Check whether standard output was closed at its other end."""
     if not hasattr(select, "poll"):  # on Windows
         return False
     output = select.poll()
-    output.register(sys.stdout, 0)  # errors are told unasked
+    output.register(sys.stdout, 0)  # 0: errors only
     return bool(output.poll(0))
 
 
 def _leave(line: str, code: int) -> NoReturn:
-    """Now, whatever other threads are doing: in the middle of a library's code they would fall over an interpreter that
-    is being taken down.
+    """Print ``line`` and end the process at once, without waiting for other threads.
+
+    A thread inside a library could crash while the interpreter shuts down.
     """
-    with contextlib.suppress(OSError):  # nobody may be listening any more
+    with contextlib.suppress(OSError):  # the other end may be closed
         sys.stderr.write(line and f"{line}\n")
         sys.stderr.flush()
         sys.stdout.flush()

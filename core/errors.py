@@ -1,4 +1,4 @@
-"""The errors that a user's mistake raises. The commands print them as one line, without a traceback."""
+"""Errors for a user's mistakes. The commands print them as one line, without a traceback."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from collections.abc import Iterable
 
 
 class UserError(Exception):
-    """What is wrong, where, and what is possible; for a person."""
+    """A mistake of the user; the message says what is wrong, where, and what is possible."""
 
 
 class NoPicture(UserError):
-    """Nothing here can draw a picture; says why, and what would."""
+    """No picture can be drawn; the message says why, and what to do."""
 
 
 class UsageError(UserError):
-    """A command was told something that it doesn't understand."""
+    """A command, a setting or a name that does not exist or can't be read."""
 
 
 class LimitReached(UserError):
-    """What a run may spend is spent: no further request is sent, and the run ends with its best so far."""
+    """A spending limit is reached: no further request is sent, and the run ends with its best so far."""
 
 
 def check_positive(where: str, **numbers: float) -> None:
     """Refuse numbers that are not finite and greater than 0.
 
     Raises:
-        UsageError: says which.
+        UsageError: the message names the number.
     """
     for name, number in numbers.items():
         if not (math.isfinite(number) and number > 0):
@@ -35,7 +35,7 @@ def check_positive(where: str, **numbers: float) -> None:
 
 
 def choices(kind: str, wrong: str, possible: Iterable[str], where: str = "") -> UsageError:
-    """There is no ``wrong``: name the possible ones, and the likeliest."""
+    """Build the error for the unknown name ``wrong``: it lists the possible names, and suggests the closest."""
     names = sorted(possible)
     close = difflib.get_close_matches(wrong.lower(), [name.lower() for name in names], n=1, cutoff=0.6)
     meant = [name for name in names if close and name.lower() == close[0]]

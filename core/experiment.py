@@ -1,4 +1,4 @@
-"""The same as ``python -m core.run``, from Python."""
+"""Run the search from Python, as ``python -m core.run`` does."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from core.store.database import writing
 
 
 class Experiment:
-    """A run that is told what it is to do, then runs.
+    """A run, composed when it is created, and started by `run`.
 
-    ``Experiment("budget.n_agent=2", task="BringCube", seed=1)``: the words are those of the command line, and what is
-    a choice or a plain setting may be told by name.
+    ``Experiment("budget.n_agent=2", task="BringCube", seed=1)``: positional arguments are the words of the command
+    line. Config groups and top-level keys can be keyword arguments.
 
     Raises:
-        UserError: a wrong choice, key or type; says what is possible.
+        UserError: a wrong choice, key or type; the message says what is possible.
     """
 
     def __init__(self, *overrides: str, **choices: Any) -> None:
@@ -32,12 +32,12 @@ class Experiment:
         self.folder: Path | None = None
 
     def run(self, folder: str | Path | None = None) -> Result:
-        """Run in ``folder``, by default ``runs/<task>/<time>``; what is there afterwards is what the command leaves.
+        """Run in ``folder``, by default ``runs/<task>/<time>``, and leave there the files that the command leaves.
 
         Raises:
-            UserError: a part or setting that can't be had, or a folder that holds a run already or can't be written.
+            UserError: a part or a setting is wrong, or the folder already holds a run or can't be written.
         """
-        now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")  # the clock on the wall, as the command's
+        now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")  # local time, as in the command
         self.folder = Path(folder) if folder is not None else Path("runs") / self.config.task.name / now
         with writing(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -46,7 +46,7 @@ class Experiment:
 
 
 def _word(value: object) -> str:
-    """As the command line has it."""
+    """Write a value as on the command line."""
     if value is None:
         return "null"
     if isinstance(value, list | tuple):

@@ -1,10 +1,11 @@
-"""The hook specifications: how plugins offer parts, and what listeners hear. All of the plugin contract is on this
-page.
+"""The hook specifications: how plugins offer parts, and which events listeners receive.
+
+This page is the whole contract for plugins. Covered by `tests/core/plugins/test_discovery.py`.
 
 A plugin is a module (or object) named by an entry point in the group ``vlmgineer``. It offers a part by implementing
-the hook of its kind with `hookimpl`, and returns a mapping from the name that a config says (``sim=NAME``) to a
-factory: a class or function called with the part's settings, or a string ``"module:attribute"`` that is imported when
-it is first used, which keeps discovery quick::
+the hook of its kind with `hookimpl`. The hook returns a mapping from names, as in ``sim=NAME``, to factories. A factory
+is a class or function that is called with the part's settings, or a string ``"module:attribute"``. A string is imported
+when it is first used, which keeps discovery quick::
 
     from core.hooks import hookimpl
 
@@ -59,14 +60,12 @@ class Parts:
 
     @hookspec
     def evolution_strategies(self) -> Factories:
-        """Make a `core.interfaces.EvolutionStrategy`; besides its settings the factory is given ``designer`` and
-        ``budget``.
-        """
+        """Make a `core.interfaces.EvolutionStrategy`; the factory also receives ``designer`` and ``budget``."""
         raise NotImplementedError
 
     @hookspec
     def fitness_functions(self) -> Factories:
-        """Make a `core.interfaces.Fitness`; besides its settings the factory is given ``evaluator``."""
+        """Make a `core.interfaces.Fitness`; the factory also receives ``evaluator``."""
         raise NotImplementedError
 
     @hookspec
@@ -81,25 +80,27 @@ class Parts:
 
 
 class Configs:
-    """What else a plugin may bring."""
+    """The configs that a plugin may bring."""
 
     @hookspec
     def config_path(self) -> str:
-        """The package that holds the plugin's Hydra configs, ``"pkg://my_package.conf"``: a folder per config group, in
-        it a file per part, ``sim/mine.yaml``. Of a part without one, the config is its factory's defaults.
+        """Name the package that holds the plugin's Hydra configs, ``"pkg://my_package.conf"``.
+
+        It has a folder per config group, and in it a file per part, ``sim/mine.yaml``. A part without a file has the
+        defaults of its factory's signature.
         """
         raise NotImplementedError
 
 
 class Events:
-    """What happens in a run, in this order. A listener implements the events that it wants; the loop waits for it.
+    """The events of a run, in their order. A listener implements the events that it wants; the loop waits for it.
 
     A listener that raises is reported in one line, and from then on receives no event but `run_ended`.
     """
 
     @hookspec
     def run_started(self, run: Run) -> None:
-        """All parts are made, nothing is asked yet."""
+        """All parts are made; the model has not been asked yet."""
 
     @hookspec
     def generation_started(self, index: int) -> None:
@@ -111,7 +112,7 @@ class Events:
 
     @hookspec
     def reply_received(self, request: Request, reply: Reply) -> None:
-        """A model answered; nobody has read the text yet. This one is called from another thread than the others."""
+        """A model answered; the text is not parsed yet. This event comes from another thread than the others."""
 
     @hookspec
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
@@ -119,7 +120,7 @@ class Events:
 
     @hookspec
     def generation_finished(self, generation: Generation) -> None:
-        """The strategy was told of all of them."""
+        """The strategy has received all evaluations of the generation."""
 
     @hookspec
     def run_finished(self, run: Run, result: Result) -> None:
@@ -127,4 +128,4 @@ class Events:
 
     @hookspec
     def run_ended(self) -> None:
-        """Always last, after an error or an interrupt too: let go of what is held."""
+        """Always the last event, also after an error or an interrupt: release files and processes."""

@@ -1,7 +1,7 @@
-"""``python -m core.run``: a run, or one that goes on (`core.search.orchestration`).
+"""``python -m core.run``: start a run, or go on with one (`core.search.orchestration`).
 
-What a run takes is imported when there is one: worker processes import this file as well, and whoever asks for help
-does not want to wait.
+Libraries for runs are imported inside functions: worker processes import this file as well, and ``--help`` is quick.
+Covered by `tests/test_commands.py`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
 USAGE = """\
-usage: python -m core.run [GROUP=NAME | KEY=VALUE ...]      a run, told below
-       python -m core.run -m KEY=VALUE,VALUE ...            one of each combination
-       python -m core.run resume=RUN_DIR [KEY=VALUE ...]    go on with one that was cut short
+usage: python -m core.run [GROUP=NAME | KEY=VALUE ...]      start a run; groups and keys are listed below
+       python -m core.run -m KEY=VALUE,VALUE ...            a run for each combination
+       python -m core.run resume=RUN_DIR [KEY=VALUE ...]    go on with an interrupted run
        python -m core.run --hydra-help                      Hydra's own flags
 """
 
-_failures: list[UserError] = []  # of the jobs; raised in a job, Hydra would print lines of its own around them
+_failures: list[UserError] = []  # of the jobs: raised in a job, they would be printed by Hydra with lines of its own
 
 
 def _job(cfg: DictConfig) -> None:
@@ -66,7 +66,7 @@ def _hydra() -> None:
     from core.config.compose import explain, prepared
 
     sys.argv[1:] = words = prepared("config", sys.argv[1:])  # where Hydra reads them
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # let Hydra's errors through; they are told in one line here
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises its errors, and explain makes one line of them
     try:
         hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")(_job)()
     except (HydraException, OmegaConfBaseException) as error:

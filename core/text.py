@@ -4,8 +4,9 @@ from __future__ import annotations
 
 
 def clean(text: str, longest: int, *, lines: bool = False) -> str:
-    """``text`` without control characters and superfluous space, at most ``longest`` characters; on one line, or with
-    its own ``lines``.
+    """Remove control characters and superfluous space from ``text``, and cut it to ``longest`` characters.
+
+    It becomes one line, or keeps its own ``lines``.
     """
     rows = [" ".join(row.split()) for row in (text.splitlines() if lines else [text])]
     kept = "\n".join(filter(None, ("".join(filter(str.isprintable, row)) for row in rows)))
@@ -13,7 +14,7 @@ def clean(text: str, longest: int, *, lines: bool = False) -> str:
 
 
 def kind(value: object) -> str:
-    """What a JSON value is, for a reason."""
+    """Describe the type of a JSON value, for a reason."""
     names: dict[type, str] = {dict: "an object", list: "a list", bool: "a boolean", type(None): "null"}
     if isinstance(value, str):
         return f"the text {shorten(value)}"
@@ -23,5 +24,5 @@ def kind(value: object) -> str:
 
 
 def shorten(text: str, length: int = 40) -> str:
-    """``text`` quoted, with what is beyond ``length`` characters left out."""
+    """Quote ``text``, cut to ``length`` characters."""
     return repr(text if len(text) <= length else text[: length - 3] + "...")

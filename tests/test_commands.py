@@ -250,8 +250,8 @@ def test_the_best_robot_can_be_loaded_from_anywhere(tiny, tmp_path):
         bullet = pytest.importorskip("pybullet")
         client = bullet.connect(bullet.DIRECT)
         robot = bullet.loadURDF(str(folder / "robot.urdf"), useFixedBase=True, physicsClientId=client)
-        felt = [bullet.getCollisionShapeData(robot, i, physicsClientId=client) for i in range(-1, 7)]
-        assert all(felt)
+        shapes = [bullet.getCollisionShapeData(robot, i, physicsClientId=client) for i in range(-1, 7)]
+        assert all(shapes)
         bullet.disconnect(client)
     finally:
         folder.rename(tiny[0] / "best")

@@ -1,4 +1,4 @@
-"""What a configuration may say, and Hydra's complaints turned into one line."""
+"""Compose configurations with Hydra, and turn its complaints into one line."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ SCHEMAS: dict[str, type] = {
     "report": ReportConfig,
     "gallery": GalleryConfig,
 }
-"""What each primary config in ``conf/`` may say; ``config`` is that of ``core.run``."""
+"""The schema of each primary config in ``conf/``; ``config`` belongs to ``core.run``."""
 
 
 def register(overrides: Sequence[str] = ()) -> None:
@@ -56,7 +56,7 @@ def register(overrides: Sequence[str] = ()) -> None:
 
 
 def renamed(overrides: Sequence[str]) -> list[str]:
-    """The overrides with the old name ``logger`` replaced by ``listener``; standard error says so."""
+    """Replace the old name ``logger`` by ``listener`` in the overrides, with a warning on standard error."""
     new = [re.sub(r"^([+~]*)logger(?=[=.@]|$)", r"\1listener", word) for word in overrides]
     if new != list(overrides):
         sys.stderr.write("warning: the config group 'logger' is called 'listener' now; write listener=\n")
@@ -64,7 +64,7 @@ def renamed(overrides: Sequence[str]) -> list[str]:
 
 
 def prepared(name: str, overrides: Sequence[str]) -> list[str]:
-    """The overrides of the primary config ``name`` as Hydra is to read them, with everything that they need registered.
+    """Prepare the overrides of the primary config ``name`` for Hydra, and register all that they need.
 
     Hydra adds any key that has a ``+``. Here a key can be added to a part, whose factory checks it, and a config group
     that a plugin brings. Elsewhere the ``+`` is dropped, so that an unknown key is an error.
@@ -87,10 +87,10 @@ def _checked_addition(word: str, known: set[str]) -> str:
 
 
 def load(name: str, overrides: Sequence[str]) -> DictConfig:
-    """The primary config ``name`` with command-line overrides.
+    """Compose the primary config ``name`` with command-line overrides.
 
     Raises:
-        UserError: a wrong group, key or type; it says what is possible.
+        UserError: a wrong group, key or type; the message says what is possible.
     """
     overrides = prepared(name, overrides)
     try:
@@ -100,7 +100,7 @@ def load(name: str, overrides: Sequence[str]) -> DictConfig:
 
 
 def overview(name: str, overrides: Sequence[str]) -> str:
-    """For people: the groups with what they offer, and the primary config ``name`` with command-line overrides.
+    """Describe the config groups with their choices, and the primary config ``name`` with command-line overrides.
 
     Raises:
         UserError: see `load`.
@@ -117,20 +117,20 @@ def _compose(name: str, overrides: Sequence[str]) -> DictConfig:
 
 
 def _groups() -> dict[str, list[str]]:
-    """The config groups with the names that each offers, Hydra's own left out."""
+    """Return the config groups and the names in each, without Hydra's own."""
     with _hydra():
         loader = GlobalHydra.instance().config_loader()
         return {group: loader.get_group_options(group) for group in loader.list_groups("") if group != "hydra"}
 
 
 def _hydra() -> AbstractContextManager[object]:
-    """Hydra, ready to compose; in one of its own jobs it is ready already."""
+    """Initialise Hydra for composing, unless this is one of its jobs."""
     within = GlobalHydra.instance().is_initialized()
     return nullcontext() if within else initialize_config_module("conf", version_base="1.3")
 
 
 def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
-    """Hydra's complaint about ``overrides`` as one line that says what is possible."""
+    """Turn Hydra's complaint about ``overrides`` into one line that says what is possible."""
     if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
         group, _, choice = error.missing_cfg_file.rpartition("/")
         return choices(group, choice, error.options)
@@ -147,7 +147,7 @@ def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
 
 
 def _unknown_key(key: str, name: str, overrides: Sequence[str]) -> UsageError | None:
-    """Say which step of ``key`` is unknown, and what is possible there; None: something else is wrong as well."""
+    """Name the unknown step of ``key``, and what is possible there; None: something else is wrong as well."""
     words = OverridesParser.create().parse_overrides(list(overrides))
     others = [word.input_line for word in words if word.key_or_group != key and not word.is_sweep_override()]
     try:
@@ -172,17 +172,17 @@ def check_seed(seed: int) -> None:
     """Refuse a negative seed, which no generator takes.
 
     Raises:
-        UsageError: says so.
+        UsageError: the seed is negative.
     """
     if seed < 0:
         raise UsageError(f"seed must be 0 or greater, got {seed}")
 
 
 def node(config: DictConfig, of: type[T]) -> T:
-    """A typed node of a configuration as the dataclass that it is an instance of."""
-    made = OmegaConf.to_object(config)
-    assert isinstance(made, of)
-    return made
+    """Convert a typed node of a configuration to its dataclass."""
+    value = OmegaConf.to_object(config)
+    assert isinstance(value, of)
+    return value
 
 
 @overload
@@ -202,10 +202,10 @@ def part(kind: Literal["executor"], config: DictConfig) -> Part[Executor]: ...
 @overload
 def part(kind: str, config: DictConfig) -> Part: ...
 def part(kind: str, config: DictConfig) -> Part:
-    """The part that a config node names, with its settings.
+    """Return the part that a config node names, with its settings.
 
     Raises:
-        UserError: the node names none.
+        UserError: the node names no part.
     """
     settings = OmegaConf.to_container(config, resolve=True)
     if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):

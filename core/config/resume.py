@@ -1,4 +1,7 @@
-"""What may change in a run's configuration as it goes on: what has no bearing on what it has come to already."""
+"""Change the configuration of a resumed run, where its past results do not depend on it.
+
+Covered by `tests/test_resume.py`.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +26,10 @@ KEYS = ("film", "budget.n_iteration", "budget.stop_reward")
 
 
 def hydra_config(folder: Path) -> dict[str, Any]:
-    """What Hydra noted of a run that ended before it stored anything.
+    """Read the configuration that Hydra wrote for a run which ended before it stored anything.
 
     Raises:
-        UserError: there is no such note.
+        UserError: there is none, or it can't be read.
     """
     file = folder / ".hydra" / "config.yaml"
     if not file.is_file():
@@ -40,11 +43,11 @@ def hydra_config(folder: Path) -> dict[str, Any]:
 
 
 def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
-    """A run's configuration with what the command line changes.
+    """Apply the command line's overrides to a run's configuration.
 
     Raises:
-        UsageError: something that can't be changed, or not to this.
-        UserError: the configuration is of a version too different.
+        UsageError: a setting that can't change, or not to this value.
+        UserError: this version can't read the configuration.
     """
     try:
         before = _typed(OmegaConf.create(config))

@@ -1,4 +1,7 @@
-"""Define what a configuration may say, as typed schemas: one for each command."""
+"""Define the configurations as typed schemas, one for each command.
+
+Covered by `tests/core/config/test_compose.py`.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ class PaperConfig:
 
 @dataclass
 class BudgetConfig(PaperConfig):
-    """How much is tried in a run; ``stop_reward``: stop early when the best reward reaches it (null: never)."""
+    """How many designs a run tries; ``stop_reward``: stop when the best reward reaches it (null: never)."""
 
     name: str = MISSING
     stop_reward: float | None = None
@@ -33,14 +36,14 @@ class BudgetConfig(PaperConfig):
 
 @dataclass
 class PromptConfig(PromptSettings):
-    """What a model is told, under a name."""
+    """The prompt's settings, under a name."""
 
     name: str = MISSING
 
 
 @dataclass
 class SceneConfig:
-    """Where candidates are tried. The settings of each part are checked by what the part's plugin registered."""
+    """The task, the engine and the layout's seed. A part's settings are checked by its factory's signature."""
 
     task: dict[str, Any] = MISSING
     sim: dict[str, Any] = MISSING
@@ -49,7 +52,7 @@ class SceneConfig:
 
 @dataclass
 class RunConfig(SceneConfig):
-    """What ``python -m core.run`` may be told."""
+    """Settings of ``python -m core.run``."""
 
     vlm: dict[str, Any] = MISSING
     tool: dict[str, Any] = MISSING
@@ -66,7 +69,7 @@ class RunConfig(SceneConfig):
 
 @dataclass
 class EvaluateConfig(SceneConfig):
-    """What ``python -m core.evaluate`` may be told. ``output``: a JSON file to write besides the table."""
+    """Settings of ``python -m core.evaluate``. ``output``: a JSON file to write as well."""
 
     tool: dict[str, Any] = MISSING
     executor: dict[str, Any] = MISSING
@@ -77,9 +80,10 @@ class EvaluateConfig(SceneConfig):
 
 @dataclass
 class TransferConfig:
-    """What ``python -m core.transfer`` may be told. ``designs``: a designs file, or a run's folder, of which the
-    ``top`` best are taken. ``seed`` is the layout's, ``seeds`` are those of its changes. ``output``: a JSON file to
-    write besides the table.
+    """Settings of ``python -m core.transfer``.
+
+    ``designs``: a designs file, or a run's folder, of which the ``top`` best are taken. ``seed`` is the layout's, and
+    ``seeds`` are those of the perturbations. ``output``: a JSON file to write as well.
     """
 
     task: dict[str, Any] = MISSING
@@ -97,7 +101,7 @@ class TransferConfig:
 
 @dataclass
 class RenderConfig(SceneConfig):
-    """What ``python -m core.render`` may be told. ``designs``: mount the tool of its first strategy."""
+    """Settings of ``python -m core.render``. ``designs``: a file, of which the tool number ``strategy`` is mounted."""
 
     tool: dict[str, Any] = MISSING
     designs: str | None = None
@@ -109,7 +113,7 @@ class RenderConfig(SceneConfig):
 
 @dataclass
 class ConformanceConfig:
-    """What ``python -m core.conformance`` may be told: of each kind the part that is to be checked, if any."""
+    """Settings of ``python -m core.conformance``: the part of each kind to check, if any."""
 
     task: dict[str, Any] | None = None
     sim: dict[str, Any] | None = None
@@ -123,8 +127,10 @@ class ConformanceConfig:
 
 @dataclass
 class ComposeConfig(SceneConfig):
-    """What ``python -m core.prompt`` may be told. ``designs``: take the elites from this file; ``agent``: whose request
-    of the generation; ``output``: the folder to write.
+    """Settings of ``python -m core.prompt``.
+
+    ``designs``: the file of the elites; ``agent``: the number of the agent that sends the request; ``output``: the
+    folder to write.
     """
 
     vlm: dict[str, Any] = MISSING
@@ -141,8 +147,9 @@ class ComposeConfig(SceneConfig):
 
 @dataclass
 class ReportConfig:
-    """What ``python -m core.report`` may be told. ``formats``: of the figures' files; ``confidence``: of the bootstrap
-    intervals, which are drawn from so many ``resamples``.
+    """Settings of ``python -m core.report``.
+
+    ``formats``: the figures' file formats; ``confidence`` and ``resamples`` belong to the bootstrap intervals.
     """
 
     output: str = "report"
@@ -153,9 +160,10 @@ class ReportConfig:
 
 @dataclass
 class GalleryConfig:
-    """What ``python -m core.gallery`` may be told. ``top``: how many tools of each task; ``apart_mm``: by how much
-    a part's corner must lie elsewhere to make a tool another one; ``plate_mm``: the printer's build volume (x, y, z);
-    ``min_wall_mm``: the thinnest wall that it makes.
+    """Settings of ``python -m core.gallery``.
+
+    ``top``: the number of tools for each task; ``apart_mm``: two tools differ if a component's corner is this far
+    away; ``plate_mm``: the printer's build volume (x, y, z); ``min_wall_mm``: the thinnest wall that it prints.
     """
 
     output: str = "gallery"

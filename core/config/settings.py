@@ -1,4 +1,7 @@
-"""What may be set of the core's own parts, as plain values: a configuration knows them without the parts themselves."""
+"""Settings of the core itself, as plain values that a schema can use without importing the code that reads them.
+
+Covered by `tests/core/simulation/test_perturbation.py`.
+"""
 
 from __future__ import annotations
 
@@ -32,18 +35,18 @@ FEEDBACK = ("paper", "numbers", "full")
 
 @dataclass
 class PromptSettings:
-    """What a model is told.
+    """The templates of the prompts, and what they show.
 
     Attributes:
-        dir: a folder of templates to use instead of the project's own.
-        file: a text file with a person's idea of the tool and its motion, for templates that pass one on.
-        feedback: what is told of elites: what the ``paper`` tells, ``numbers`` on the rollout and its plan besides, or
-            a picture too (``full``).
-        repair: ask once more, with the reason, where a reply can't be read.
-        system: the parts of the system message; none: no system message.
-        initial: the parts of a first sampling; none: there is none, elites must come from elsewhere.
-        evolution: the parts of a request that shows elites.
-        given: the parts of a request for action plans only, for a tool that is there already.
+        dir: a folder of templates that replace the project's own.
+        file: a text file with a person's idea of the tool and its motion, for templates that quote it.
+        feedback: what is shown of elites: tool and reward (``paper``), also the plan and measurements of the rollout
+            (``numbers``), or also a picture (``full``).
+        repair: ask once more, with the reason, if a reply can't be read.
+        system: the templates of the system message; empty: no system message.
+        initial: the templates of a first sampling; empty: no first sampling, elites come from elsewhere.
+        evolution: the templates of a request that shows elites.
+        given: the templates of a request for action plans only, for a given tool.
     """
 
     dir: str | None = None
@@ -58,9 +61,7 @@ class PromptSettings:
 
 @dataclass
 class Sampling:
-    """How the model is sampled: an agent's temperature is drawn within ``spread`` of ``temperature``, clipped to [0,
-    2].
-    """
+    """The model's temperature: each agent draws its own within ``spread`` of ``temperature``, clipped to [0, 2]."""
 
     temperature: float = 1.0
     spread: float = 0.5
@@ -68,14 +69,14 @@ class Sampling:
 
 @dataclass(unsafe_hash=True)
 class PerturbationRange:
-    """How far a scene may be changed, at most; each change is drawn uniformly between plus and minus this.
+    """The greatest perturbations of a scene; each is drawn uniformly between minus and plus this number.
 
-    ``position``: metres, along x and along y. ``yaw``: radians, about the vertical. ``mass`` and ``friction``: shares
-    of what they are. By default 5 mm and 3 degrees, as things are placed by hand or found by a camera; a tenth of the
-    mass; and a fifth of the friction, which is known worst.
+    ``position``: metres, along x and along y. ``yaw``: radians, about the vertical. ``mass`` and ``friction``:
+    fractions of the nominal value. The defaults are 5 mm and 3 degrees, as bodies are placed by hand or located by a
+    camera; a tenth of the mass; and a fifth of the friction, which is known least.
 
     Raises:
-        UsageError: a number that is negative or not finite, or a share of 1 or more.
+        UsageError: a number is negative or not finite, or a fraction is 1 or more.
     """
 
     position: float = 0.005

@@ -1,4 +1,4 @@
-"""Tell Hydra where the configs of parts are: in ``conf/``, in packages of plugins, and in the factories' signatures."""
+"""Give Hydra the configs of parts: from ``conf/``, from packages of plugins, and from the factories' signatures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Find plugins, check the settings of their parts, and make the parts. ``python -m core.plugins`` lists them."""
+"""Find plugins, check the settings of their parts, and make the parts. ``python -m core.plugins`` lists them.
+
+Covered by `tests/core/plugins/test_registry.py`.
+"""
 
 from core.plugins.blame import PluginError, culprit, describe_failure
 from core.plugins.discovery import Discovery, Failure, Offer

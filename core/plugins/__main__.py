@@ -16,8 +16,9 @@ USAGE = "usage: python -m core.plugins [--check NAME]"
 
 
 def main() -> None:
-    """Print a table of every part, and what failed to load; with ``--check NAME`` run the conformance suites of the
-    parts of that name, or of all parts of the plugin or distribution NAME.
+    """Print a table of every part, and the plugins that failed to load.
+
+    With ``--check NAME`` run the conformance suites of the parts of that name, plugin or distribution.
 
     Raises:
         UserError: there is no such part, or it fails a check.
@@ -35,25 +36,25 @@ def main() -> None:
 
 def _check(name: str) -> None:
     found = installed()
-    asked = [offer for offer in found.offers.values() if name in (offer.name, offer.entry_point, offer.distribution)]
+    chosen = [offer for offer in found.offers.values() if name in (offer.name, offer.entry_point, offer.distribution)]
     failures = [failure for failure in found.failures if name in (failure.entry_point, failure.distribution)]
     for failure in failures:
         sys.stdout.write(f"{failure.entry_point} of {failure.distribution}: {failure.reason}\n")
-    if not asked and not failures:
+    if not chosen and not failures:
         names = {key for o in found.offers.values() for key in (o.name, o.entry_point, o.distribution)}
         raise choices("part, plugin or distribution", name, names)
-    words = [f"{offer.kind}={offer.name}" for offer in asked]
+    words = [f"{offer.kind}={offer.name}" for offer in chosen]
     if failures:
         raise UserError(f"{len(failures)} of the plugin's hooks failed")
     failed = 0
     child = [sys.executable, "-P", "-m", "core.conformance"]
-    paths = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}  # it imports from where this one does
+    paths = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}  # imports as this process does
     for word in words:
         sys.stdout.write(f"{word}\n")
         sys.stdout.flush()
         failed += subprocess.run([*child, word], env=paths).returncode != 0  # noqa: S603
     if failed:
-        raise UserError(f"{failed} of {len(words)} parts don't do what they must")
+        raise UserError(f"{failed} of {len(words)} parts fail a check")
 
 
 def _list() -> None:

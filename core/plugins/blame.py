@@ -1,4 +1,4 @@
-"""Whose fault an exception is: the plugin in whose code it was raised, or in whose behalf."""
+"""Attribute an exception to the plugin that raised it, or that called the code which did."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from core.plugins.registry import Plugins, installed, offer_of
 
 
 class PluginError(Exception):
-    """A plugin raised what it may not; says which plugin, and what."""
+    """A plugin raised an exception that it may not raise; the message names both."""
 
 
 def culprit(error: BaseException, plugins: Plugins | None = None) -> Offer | None:
@@ -43,7 +43,10 @@ def _module(offer: Offer) -> str:
 
 
 def describe_failure(error: Exception, plugins: Plugins | None = None) -> str | None:
-    """One line that names the plugin and what it raised; None: no plugin was at work, or the error names it already."""
+    """Name the plugin and what it raised, in one line.
+
+    None: no plugin is in the traceback, or the error names it already.
+    """
     offer = None if isinstance(error, PluginError) else culprit(error, plugins)
     if offer is None:
         return None

@@ -50,8 +50,7 @@ class Failure:
 
 
 class Discovery:
-    """What is installed: ``offers`` by (kind, name), the packages of Hydra ``configs`` by distribution, and
-    ``failures``.
+    """The installed plugins: ``offers`` by (kind, name), packages of Hydra ``configs`` by distribution, ``failures``.
 
     Raises:
         UsageError: the environment variable `SWITCH` names a plugin that is not installed.
@@ -74,7 +73,7 @@ class Discovery:
             self.register(module, name, "this process")
 
     def register(self, plugin: Any, name: str, distribution: str) -> None:
-        """Take in what ``plugin`` (a module or an object) offers, as if an entry point ``name`` had named it."""
+        """Add the offers of ``plugin``, a module or an object, as if an entry point ``name`` had named it."""
         manager = pluggy.PluginManager(PROJECT)
         manager.add_hookspecs(Parts)
         manager.add_hookspecs(Configs)
@@ -121,7 +120,7 @@ class Discovery:
 
 
 def _switched_on() -> list[tuple[importlib.metadata.EntryPoint, str]]:
-    """The entry points to load, each with its distribution: all of them, or those that `SWITCH` names."""
+    """Return the entry points to load with their distributions: all of them, or those that `SWITCH` names."""
     entries = importlib.metadata.entry_points(group=PROJECT)
     found = [(entry, entry.dist.name if entry.dist else "?") for entry in entries]
     chosen = os.environ.get(SWITCH)
@@ -135,10 +134,10 @@ def _switched_on() -> list[tuple[importlib.metadata.EntryPoint, str]]:
 
 
 def check_own_packages() -> None:
-    """Refuse a module in the working directory or on the path that hides one of this project's packages.
+    """Refuse a module on the import path that hides one of this project's packages.
 
     Raises:
-        UserError: says which, and what to do.
+        UserError: the message names the module's file, and says what to do.
     """
     home = Path(__file__).resolve().parents[2]
     for name in PACKAGES:
@@ -155,7 +154,7 @@ def _check_config_path(path: object) -> None:
     """Refuse anything but the name of an installed package.
 
     Raises:
-        ValueError: says what is expected.
+        ValueError: the message says what is expected.
     """
     expected = 'expected a package that holds YAML files, "pkg://my_package.conf"'
     if not isinstance(path, str) or not path.startswith("pkg://"):

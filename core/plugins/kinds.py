@@ -29,10 +29,10 @@ INTERFACES: dict[str, type] = {
     "fitness": Fitness,
     "executor": Executor,
 }
-"""What the parts of a kind are; listeners are whatever hears an event."""
+"""The interface of each kind; a listener has none, it implements some of `core.hooks.Events`."""
 
 ATTRIBUTES = {"task": ("name", "description", "goals"), "vlm": ("model",)}
-"""What they have besides methods."""
+"""The attributes that parts of a kind have beside methods."""
 
 PROVIDED = {"evolution": ("designer", "budget"), "fitness": ("evaluator",)}
 """The arguments of a kind's factories that the program provides; the others are settings."""
@@ -42,10 +42,10 @@ NOT_SETTINGS = {"task": ("tool_kinds", "paper")}
 
 
 def check_part(part: object, kind: str, offer: str) -> None:
-    """Refuse what the rest of the program could not use; ``offer`` names the part in the message.
+    """Refuse a part that lacks something of its kind; ``offer`` names it in the message.
 
     Raises:
-        UserError: says what it is and lacks.
+        UserError: the message says what is wrong or missing.
     """
     interface = INTERFACES.get(kind)
     if interface is None:
@@ -66,14 +66,14 @@ def _check_listener(part: object, offer: str) -> None:
     except pluggy.PluginValidationError as error:
         raise UserError(f"{offer}: {' '.join(str(error).split())}") from error
     known = [name for name in vars(Events) if not name.startswith("_")]
-    heard = {caller.name for caller in hub.get_hookcallers(part) or ()}
-    if not heard & set(known):
-        raise UserError(f"{offer} hears nothing: {type(part).__qualname__} implements none of {', '.join(known)}")
+    received = {caller.name for caller in hub.get_hookcallers(part) or ()}
+    if not received & set(known):
+        raise UserError(f"{offer} receives no event: {type(part).__qualname__} implements none of {', '.join(known)}")
     hub.unregister(part)
 
 
 def event_hub() -> pluggy.PluginManager:
-    """A manager that carries `Events` to the listeners registered with it."""
+    """Make a manager that carries `Events` to the listeners registered with it."""
     hub = pluggy.PluginManager(PROJECT)
     hub.add_hookspecs(Events)
     return hub

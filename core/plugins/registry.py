@@ -25,17 +25,17 @@ T_co = TypeVar("T_co", covariant=True, default=Any)
 
 
 class Plugins(Discovery):
-    """The installed plugins, and what makes their parts."""
+    """The installed plugins; makes their parts."""
 
     def names(self, kind: str) -> list[str]:
-        """What there is of a kind, sorted."""
+        """Return the names of the parts of a kind, sorted."""
         return sorted(name for of, name in self.offers if of == kind)
 
     def factory(self, kind: str, name: str) -> Callable[..., Any]:
-        """What makes the part ``name`` of a kind.
+        """Return the factory of the part ``name`` of a kind.
 
         Raises:
-            UserError: there is none of that name, or it can't be imported.
+            UserError: there is no part of that name, or it can't be imported.
         """
         offer = self.offers.get((kind, name))
         if offer is None:
@@ -47,7 +47,7 @@ class Plugins(Discovery):
         module, _, attribute = offer.factory.partition(":")
         try:
             return typing.cast(Callable[..., Any], getattr(importlib.import_module(module), attribute))
-        except Exception as error:  # whatever a stranger's import raises
+        except Exception as error:  # a third-party import may raise anything
             raise UserError(
                 f"{kind} {name!r} of {offer.distribution} can't be imported: {type(error).__name__}: {error}"
             ) from error
@@ -73,12 +73,11 @@ class Plugins(Discovery):
     @overload
     def create(self, kind: str, name: str, settings: Settings = ..., **given: Any) -> Any: ...
     def create(self, kind: str, name: str, settings: Settings = None, **given: Any) -> Any:
-        """Make a part: its factory is called with ``settings``, checked against its signature, and with what the
-        caller gives.
+        """Make a part: check ``settings`` against its factory's signature, and call that with them and ``given``.
 
         Raises:
-            UserError: no such part, a setting that it does not have or whose type is wrong, a setting that it needs, or
-            what the factory gives is no part of that kind; says whose it is.
+            UserError: no such part; a setting that is unknown, missing or of the wrong type; or the factory makes
+                no part of that kind. The message names the distribution.
         """
         factory, offer = self.factory(kind, name), self.offers[kind, name]
         checked = check_settings(factory, settings or {}, f"{kind}={name}", given)
@@ -89,10 +88,10 @@ class Plugins(Discovery):
             part = factory(**checked, **given)
         except (UserError, KeyboardInterrupt):
             raise
-        except Exception as error:  # whatever a stranger's code raises
+        except Exception as error:  # a third-party factory may raise anything
             raise UserError(f"{offer} can't be made: {type(error).__name__}: {error}") from error
         check_part(part, offer.kind, str(offer))
-        with contextlib.suppress(TypeError):  # one that can't be a key is told by its class
+        with contextlib.suppress(TypeError):  # a part that can't be a key is described by its class
             _made[part] = offer
         return part
 
@@ -115,7 +114,7 @@ def describe_part(part: object) -> str:
 
 @lru_cache(maxsize=1)
 def installed() -> Plugins:
-    """The plugins of this environment, found once per process.
+    """Find the plugins of this environment, once per process.
 
     Raises:
         UserError: a module hides one of this project's packages, or `SWITCH` names a plugin that is not installed.

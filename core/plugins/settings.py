@@ -15,7 +15,7 @@ from core.errors import UsageError, choices
 def check_settings(
     factory: Callable[..., Any], settings: Mapping[str, Any], where: str, given: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """``settings`` with the types that the factory's signature names.
+    """Convert ``settings`` to the types that the factory's signature names.
 
     Raises:
         UserError: a setting that is unknown, missing, or of the wrong type.

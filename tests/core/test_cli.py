@@ -1,4 +1,4 @@
-"""Signals, one after the other; who listens no more; what help does without."""
+"""Signals, closed output, and what --help imports."""
 
 import math
 import os
@@ -15,7 +15,7 @@ from core import cli
 
 @pytest.fixture
 def signals(monkeypatch):
-    """What the time is, and what the process was left with; None: it was not."""
+    """The time, and the status that the process ended with; None: it did not end."""
     happened = {"time": 100.0, "left": None}
     monkeypatch.setattr(cli._Interrupt, "first", math.inf)
     monkeypatch.setattr(cli.time, "monotonic", lambda: happened["time"])
@@ -38,7 +38,7 @@ def test_the_same_signal_to_the_process_and_its_group_is_one(signals):
     assert signals["left"] is None
 
 
-def test_whoever_asks_again_need_not_wait(signals):
+def test_a_second_signal_ends_the_process(signals):
     with pytest.raises(KeyboardInterrupt):
         cli._Interrupt()(signal.SIGINT, None)
     signals["time"] += 1.5
@@ -49,7 +49,7 @@ def test_whoever_asks_again_need_not_wait(signals):
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["core.plugins"], ["core.run", "--help"], ["core.evaluate", "--help"]], ids=" ".join)
 @pytest.mark.parametrize("buffering", [[], ["-u"]], ids=["buffered", "unbuffered"])
-def test_nobody_reads_the_output_any_more(words, buffering):
+def test_output_that_is_closed_at_its_other_end(words, buffering):
     """As with ``| head``."""
     read, write = os.pipe()
     os.close(read)
@@ -74,7 +74,7 @@ SLOW = {
 
 
 @pytest.mark.parametrize("words", [["core.run", "--help"], ["core.plugins"]], ids=" ".join)
-def test_what_is_told_without_a_run_imports_nothing_of_one(words):
+def test_help_and_lists_import_nothing_that_only_runs_need(words):
     program = f"""
 import atexit, runpy, sys
 atexit.register(lambda: sys.stderr.write(" ".join({SLOW} & sys.modules.keys())))

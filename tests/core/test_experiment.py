@@ -41,7 +41,7 @@ def test_a_folder_is_one_runs(parts, tmp_path):
         Experiment(*words, **names).run(tmp_path / "run")
 
 
-def test_mistakes_are_told_at_once():
+def test_mistakes_are_reported_at_once():
     with pytest.raises(UsageError, match=r"no task 'BringCub' \(did you mean 'BringCube'\?\)"):
         Experiment(task="BringCub")
     with pytest.raises(UsageError, match="no key 'sede' in the configuration"):

@@ -17,7 +17,7 @@ class Engine(Simulator):
 
 
 class Offering:
-    """A plugin, as a stranger might write it."""
+    """A third-party plugin: hooks by name, each with what it returns or raises."""
 
     def __init__(self, **parts):
         for hook in KINDS.values():

@@ -17,8 +17,8 @@ def test_each_part_is_what_its_kind_says(kind, name):
 
 def test_a_part_of_another_kind_is_refused(found):
     found.register(Offering(executors={"grid": Engine}), "mine", "my-package")
-    told = r"executor 'grid' of my-package \(hook 'executors'\) makes a Engine, which is no core.interfaces.Executor"
-    with pytest.raises(UserError, match=told):
+    message = r"executor 'grid' of my-package \(hook 'executors'\) makes a Engine, which is no core.interfaces.Executor"
+    with pytest.raises(UserError, match=message):
         found.create("executor", "grid", {"grid": 1})
 
 
@@ -34,7 +34,7 @@ def test_a_part_that_lacks_an_attribute(found, kind, hook, interface, lacks):
         found.create(kind, "bare")
 
 
-def test_a_listener_is_what_hears_an_event(found):
+def test_a_listener_receives_some_event(found):
     class Deaf:
         pass
 
@@ -44,7 +44,7 @@ def test_a_listener_is_what_hears_an_event(found):
             pass
 
     found.register(Offering(listeners={"deaf": Deaf, "wrong": Wrong}), "mine", "my-package")
-    with pytest.raises(UserError, match=r"listener 'deaf' of my-package .* hears nothing: .*Deaf implements none of r"):
+    with pytest.raises(UserError, match=r"listener 'deaf' of my-package .* receives no event: .*Deaf implements n"):
         found.create("listener", "deaf")
     with pytest.raises(UserError, match=r"listener 'wrong' of my-package .*number") as error:
         found.create("listener", "wrong")
@@ -52,21 +52,21 @@ def test_a_listener_is_what_hears_an_event(found):
 
 
 def test_events_reach_listeners():
-    heard = []
+    received = []
 
     class Listener:
         @hookimpl
         def generation_started(self, index):
-            heard.append(index)
+            received.append(index)
 
     hub = plugins.event_hub()
     hub.register(Listener())
     hub.hook.generation_started(index=3)
-    hub.hook.run_ended()  # nobody listens
-    assert heard == [3]
+    hub.hook.run_ended()  # no listener implements it
+    assert received == [3]
 
 
-def test_listeners_that_hear_of_what_never_happens_are_told():
+def test_a_listener_with_the_wrong_arguments_is_refused():
     class Listener:
         @hookimpl
         def generation_started(self, number):

@@ -40,7 +40,7 @@ def test_a_factory_may_be_a_function(found):
 
 @pytest.mark.parametrize("factory", [5, None, {"a": 1}])
 def test_what_cannot_be_called_is_no_factory(found, factory):
-    """Told where it is offered, or at the latest in one line where it is asked for."""
+    """It is refused when it is offered, or at the latest when it is used, with one line."""
     found.register(Offering(simulators={"grid": factory}), "mine", "my-package")
     with pytest.raises(UserError, match="grid"):
         found.create("sim", "grid")
@@ -62,18 +62,18 @@ def test_a_named_factory_that_cannot_be_imported(found, factory, reason):
     assert reason in str(error.value)
 
 
-def test_a_part_that_lacks_a_method_is_told_with_its_plugin(found):
+def test_a_part_that_lacks_a_method_is_refused_with_its_plugin(found):
     class Half(Simulator):
         def rollout(self, task, jobs):
             return []
 
     found.register(Offering(simulators={"grid": Half}), "mine", "my-package")
-    told = r"sim 'grid' of my-package \(hook 'simulators'\) can't be made: .*Half lacks render"
-    with pytest.raises(UserError, match=told):
+    message = r"sim 'grid' of my-package \(hook 'simulators'\) can't be made: .*Half lacks render"
+    with pytest.raises(UserError, match=message):
         found.create("sim", "grid")
 
 
-def test_a_part_that_cannot_be_made_is_told_in_one_line(found):
+def test_a_part_that_cannot_be_made_is_one_line(found):
     def make() -> Engine:
         raise RuntimeError("no licence")
 
@@ -82,13 +82,13 @@ def test_a_part_that_cannot_be_made_is_told_in_one_line(found):
         found.create("sim", "grid")
 
 
-def test_whose_part_it_is(found):
+def test_the_description_of_a_part(found):
     found.register(Offering(simulators={"grid": Engine}), "mine", "my-package")
     assert describe_part(found.create("sim", "grid", {"grid": 1})) == "sim 'grid' of my-package (hook 'simulators')"
     assert describe_part(Engine(1)) == "tests.core.plugins.offering.Engine"
 
 
-def test_a_name_that_nobody_offers():
+def test_a_name_that_no_plugin_offers():
     with pytest.raises(
         UserError, match=r"no task 'OneBok' \(did you mean 'OneBook'\?\); possible: BringCube, .*OneBook"
     ):

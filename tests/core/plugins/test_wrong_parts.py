@@ -1,4 +1,4 @@
-"""Parts that give what they may not: a line that says whose they are, and the rest goes on."""
+"""Parts that return something wrong: one line names the part, and the rest goes on."""
 
 import re
 
@@ -48,11 +48,11 @@ class Losing(toys.Here):
 
 
 @pytest.fixture
-def come_to(tmp_path, monkeypatch):
+def play(tmp_path, monkeypatch):
     """Run with toys, and with one part in the place of another; the candidates' reasons."""
 
-    def play(kind, name, part, *words):
-        rollout._simulator.cache_clear()  # made once per process; here it is another one each time
+    def play_with(kind, name, part, *words):
+        rollout._simulator.cache_clear()  # made once per process; here it is another one in each test
         monkeypatch.setitem(installed().offers, ("executor", "here"), Offer("executor", "here", "p", "p", Patient))
         for key, offer in toys.offered().items():
             if key != ("executor", "here"):
@@ -61,54 +61,54 @@ def come_to(tmp_path, monkeypatch):
         result = run(toys.config(tmp_path / "notes", *words), tmp_path / "run")
         return [e.reason for generation in result.generations for e in generation.evaluations if e.status == "failed"]
 
-    yield play
+    yield play_with
     rollout._simulator.cache_clear()
 
 
 @pytest.mark.parametrize(
-    ("part", "told"),
+    ("part", "said"),
     [(Few, r"rollout gave 0 outcomes for 1 jobs"), (Numbers, r"rollout gave '\[0\.5\]'; expected a list of Outcome")],
 )
-def test_a_simulator_that_gives_something_else(come_to, part, told):
-    reasons = come_to("sim", "toy", part)
+def test_a_simulator_that_gives_something_else(play, part, said):
+    reasons = play("sim", "toy", part)
     assert len(reasons) > 5
     for reason in reasons:
         assert reason.startswith("sim 'toy' of shoddy-parts (hook 'simulators'): ")
-    assert re.search(told, reasons[0])
+    assert re.search(said, reasons[0])
 
 
-def test_replies_that_nobody_asked_for_are_left_out(come_to, capfd):
-    come_to("vlm", "toy", Chatty)
-    told = [line for line in capfd.readouterr().err.splitlines() if line.startswith("vlm 'toy' of shoddy-parts")]
-    assert "complete gave a reply to 'g0-a0', which was not asked or had its reply; it is left out" in told[0]
-    assert any("complete gave \"'that is all'\", which is no Reply" in line for line in told)
+def test_replies_without_a_request_are_left_out(play, capfd):
+    play("vlm", "toy", Chatty)
+    said = [line for line in capfd.readouterr().err.splitlines() if line.startswith("vlm 'toy' of shoddy-parts")]
+    assert "complete gave a reply to 'g0-a0', which was not asked or had its reply; it is left out" in said[0]
+    assert any("complete gave \"'that is all'\", which is no Reply" in line for line in said)
 
 
-def test_an_executor_that_loses_chunks_ends_the_run(come_to):
+def test_an_executor_that_loses_chunks_ends_the_run(play):
     with pytest.raises(UserError, match=r"executor 'here' of shoddy-parts .*: map gave no result for \d+ c"):
-        come_to("executor", "here", Losing)
+        play("executor", "here", Losing)
 
 
-@pytest.mark.parametrize(("asked", "told"), [
+@pytest.mark.parametrize(("asked", "said"), [
     (lambda self: iter(["a hammer"]), "ask gave \"'a hammer'\" among its candidates; expected a Candidate"),
     (lambda self: None, "ask gave None; expected an iterator of Candidate"),
 ])  # fmt: skip
-def test_a_strategy_that_asks_for_something_else_ends_the_run(come_to, asked, told):
+def test_a_strategy_that_asks_for_something_else_ends_the_run(play, asked, said):
     part = type("Strays", (EvolutionStrategy,), {"ask": asked, "tell": lambda self, evaluations: None})
     with pytest.raises(UserError, match="evolution 'vlmgineer' of shoddy-parts") as error:
-        come_to("evolution", "vlmgineer", part, "evolution=sampling", "evolution.name=vlmgineer")
-    assert told in str(error.value)
+        play("evolution", "vlmgineer", part, "evolution=sampling", "evolution.name=vlmgineer")
+    assert said in str(error.value)
 
 
-@pytest.mark.parametrize(("parse", "told"), [
+@pytest.mark.parametrize(("parse", "said"), [
     (lambda data: data["tool_urdf"]["x"], "parse raised TypeError: "),
     (lambda data: None, "parse gave 'None'; expected a rigid Tool"),
     (lambda data: Tool(gripper=True), "parse gave 'Tool(components=(), gripper=True"),
 ])  # fmt: skip
-def test_a_representation_that_reads_something_else_loses_the_design(monkeypatch, parse, told):
+def test_a_representation_that_reads_something_else_loses_the_design(monkeypatch, parse, said):
     made = installed().create("tool", "urdf")
     monkeypatch.setattr(type(made), "parse", lambda self, data, *, gripper: parse(data))
     document = {"strategies": [{"tool_urdf": "", "action_sets": [[[0.5, 0, 0.5, 0, 0, 0]]]}]}
     task = installed().create("task", "BringCube")
     (candidate,) = read_designs(document, made, SpawnRules(task, 0))
-    assert candidate.problem.startswith(f"tool 'urdf' of vlmgineer (hook 'tool_representations'): {told}")
+    assert candidate.problem.startswith(f"tool 'urdf' of vlmgineer (hook 'tool_representations'): {said}")
