@@ -12,7 +12,6 @@ import argparse
 import importlib.util
 import json
 import re
-import sys
 import tempfile
 import time
 from dataclasses import replace
@@ -89,7 +88,6 @@ def page_module(folder: Path) -> Any:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["pull_tray"] = module
     spec.loader.exec_module(module)
     return module
 
