@@ -1,9 +1,10 @@
-"""Make what the pages show: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook`` or ``table``.
+"""Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``table``.
 
-Pictures: of each task a still and a film of its reference solution, and a sheet of all stills. Scene: the pictures of
-``docs/writing_a_scene.md``, of the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
-``docs/example.ipynb`` and keeps what its cells show. Table (takes hours): rewards of doing nothing, of the reference
-solution, of the embedded designer and of the bare gripper, written into ``docs/tasks.md``.
+Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
+``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
+``docs/example.ipynb`` and keeps the outputs of its cells. Table (takes hours): the rewards of doing nothing, the reference
+solution, the embedded designer and the bare gripper, written into ``docs/tasks.md``.
+"""
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ BEGIN, END = "<!-- table -->", "<!-- end of table -->"
 
 
 def reference(name: str) -> Candidate:
-    """The reference solution of a task."""
+    """Read the reference solution of a task."""
     plugins = installed()
     spawn = SpawnRules(plugins.create("task", name), 0)
     document = load_designs(SOLUTIONS / f"{name}.json")
@@ -52,7 +53,7 @@ def reference(name: str) -> Candidate:
 
 
 def pictures(names: list[str]) -> None:
-    """Stills, films and the sheet."""
+    """Draw the stills, the films and the sheet."""
     IMAGES.mkdir(parents=True, exist_ok=True)
     plugins = installed()
     simulator = plugins.create("sim", "pybullet")
@@ -152,7 +153,7 @@ def notebook(file: Path) -> None:
 
 
 def best_by_generation(name: str, seed: int, *overrides: str) -> list[float]:
-    """The best reward so far after each generation of a run that stops when it reaches `ENOUGH`."""
+    """Compute the best reward so far after each generation, in a run that stops when it reaches `ENOUGH`."""
     words = [f"task={name}", f"seed={seed}", "film=false", "listener=[]", f"budget.stop_reward={ENOUGH}", *overrides]
     with tempfile.TemporaryDirectory() as folder:
         result = run(load("config", words), Path(folder))
@@ -161,7 +162,7 @@ def best_by_generation(name: str, seed: int, *overrides: str) -> list[float]:
 
 
 def row(name: str, seeds: list[int], gripper_seeds: list[int]) -> dict[str, Any]:
-    """One task's figures. A run of eight generations begins as the run of four of its seed does: one gives both."""
+    """Measure one task. A run of eight generations begins as the run of four with its seed: one gives both."""
     plugins = installed()
     task, simulator = plugins.create("task", name), plugins.create("sim", "pybullet")
     still = Candidate(Tool(), np.array([[*task.home.position, *task.home.rpy]]))
@@ -184,7 +185,7 @@ def row(name: str, seeds: list[int], gripper_seeds: list[int]) -> dict[str, Any]
 
 
 def table(names: list[str], seeds: list[int], gripper_seeds: list[int], output: Path) -> None:
-    """Make the rows that ``output``, a JSON file, does not hold yet, and write all into the page."""
+    """Measure the rows that ``output``, a JSON file, lacks, and write all of them into the page."""
     rows = json.loads(output.read_text()) if output.exists() else []
     for name in names:
         if name not in {r["task"] for r in rows}:
@@ -198,7 +199,7 @@ def table(names: list[str], seeds: list[int], gripper_seeds: list[int], output: 
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:
-    """The rows as a table; several runs as mean (smallest to largest)."""
+    """Format the rows as a table, with several runs as mean (smallest to largest)."""
 
     def runs(values: list[float]) -> str:
         return (

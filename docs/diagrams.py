@@ -65,7 +65,7 @@ def text(
 def box(
     x: float, y: float, width: float, height: float, title: str, lines: Sequence[str] = (), fill: str = CORE
 ) -> str:
-    """A title, and lines in small below it, in the middle of a rectangle."""
+    """Draw a rectangle with a title and small lines below it, centred."""
     top = y + height / 2 + 5 - 9 * len(lines)
     pieces = [
         f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="6" fill="{fill}" stroke="{INK}"/>',
