@@ -2,9 +2,8 @@
 
 Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
-``docs/example.ipynb`` and keeps the outputs of its cells. Table (takes hours): the rewards of doing nothing, the reference
-solution, the embedded designer and the bare gripper, written into ``docs/tasks.md``.
-"""
+``docs/example.ipynb`` and keeps the outputs of its cells. Table (takes hours): the rewards of doing nothing, the
+reference solution, the embedded designer and the bare gripper, written into ``docs/tasks.md``.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ IMAGES = DOCS / "images" / "tasks"
 SOLUTIONS = DOCS.parent / "tests" / "tasks" / "solutions"
 FILM_SIZE = (320, 240)
 SHEET_COLUMNS = 3
-AWAY = (5.0, 5.0)  # x and y of what is drawn without the arm in the picture
+AWAY = (5.0, 5.0)  # x and y, far from the arm, where a body is drawn alone
 ENOUGH = 0.99
 BEGIN, END = "<!-- table -->", "<!-- end of table -->"
 
@@ -69,7 +68,7 @@ def pictures(names: list[str]) -> None:
 
 
 def sheet(names: list[str], stills: list[Any], columns: int = SHEET_COLUMNS) -> Any:
-    """Stills side by side, each with its name."""
+    """Place the stills side by side, each with its name."""
     labelled = []
     for name, still in zip(names, stills, strict=True):
         small = Image.fromarray(still).resize(FILM_SIZE, Image.Resampling.LANCZOS)
@@ -81,7 +80,7 @@ def sheet(names: list[str], stills: list[Any], columns: int = SHEET_COLUMNS) -> 
 
 
 def page_module(folder: Path) -> Any:
-    """The module that the first four blocks of code on the page about scenes make."""
+    """Import the first four blocks of code on the page about scenes as a module."""
     blocks = re.findall(r"```python\n(.*?)```", (DOCS / "writing_a_scene.md").read_text(), re.S)
     file = folder / "pull_tray.py"
     file.write_text("\n\n".join(blocks[:3]) + "\n" + blocks[3])
@@ -94,7 +93,7 @@ def page_module(folder: Path) -> Any:
 
 
 def scene(output: Path) -> None:
-    """The pictures of the page about scenes: the whole, a body's shapes, and three layouts."""
+    """Draw the pictures of the page about scenes: the whole, a body's shapes, and three layouts."""
     output.mkdir(parents=True, exist_ok=True)
     simulator = installed().create("sim", "pybullet")
     with tempfile.TemporaryDirectory() as folder:
@@ -117,13 +116,13 @@ def ground() -> Body:
 
 
 def axes(lengths: tuple[float, ...] = (0.26, 0.26, 0.15), width: float = 0.005) -> list[Geom]:
-    """The axes of a body's frame: x red, y green, z blue."""
+    """Make the axes of a body's frame: x red, y green, z blue."""
     ways = np.diag(lengths)
     return [Geom(Box(tuple(way + width)), Pose(way / 2), (*np.sign(way), 1.0)) for way in ways]
 
 
 def collision_shapes(body: Body) -> tuple[Geom, ...]:
-    """What collides of a body, in a colour for each shape."""
+    """Make the collision shapes of a body, each in its own colour."""
     colors = [(0.9, 0.6, 0.2), (0.3, 0.6, 0.85), (0.35, 0.7, 0.4), (0.85, 0.45, 0.5), (0.6, 0.5, 0.8), (0.5, 0.5, 0.5)]
     return tuple(
         replace(
