@@ -1,7 +1,7 @@
-"""Poses and shapes: small value types, numpy inside.
+"""Poses and shapes as small immutable values.
 
-Lengths are metres, angles radians, quaternions (w, x, y, z). Roll, pitch and yaw are turns about the fixed x, y and z
-axes, in that order, as in URDF: ``R = Rz(yaw) @ Ry(pitch) @ Rx(roll)``.
+Lengths are metres, angles radians, quaternions (w, x, y, z). Roll, pitch and yaw are rotations about the fixed x, y and
+z axes, in that order, as in URDF: ``R = Rz(yaw) @ Ry(pitch) @ Rx(roll)``.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-if TYPE_CHECKING:  # both are slow to import, and who only names poses and shapes needs neither
+if TYPE_CHECKING:  # both are slow to import, and not needed to name poses and shapes
     import trimesh
     from scipy.spatial.transform import Rotation
 
@@ -24,7 +24,7 @@ Vector = Sequence[float] | Array
 
 
 def frozen_array(values: npt.ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """A read-only float64 copy of ``values``.
+    """Copy ``values`` to a read-only float64 array.
 
     Raises:
         ValueError: the shape is not ``shape``, or a number is not finite.
@@ -59,7 +59,7 @@ class Pose:
 
     @classmethod
     def xyz_rpy(cls, xyz: Vector, rpy: Vector = (0.0, 0.0, 0.0)) -> Pose:
-        """From a position and fixed-axis roll, pitch, yaw."""
+        """Make a pose from a position and fixed-axis roll, pitch, yaw."""
         from scipy.spatial.transform import Rotation
 
         return cls.from_rotation(xyz, Rotation.from_euler("xyz", np.asarray(rpy, dtype=np.float64)))
@@ -71,7 +71,7 @@ class Pose:
 
     @classmethod
     def from_matrix(cls, matrix: Array) -> Pose:
-        """From a homogeneous (4, 4) matrix."""
+        """Make a pose from a homogeneous (4, 4) matrix."""
         from scipy.spatial.transform import Rotation
 
         return cls.from_rotation(matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3]))
@@ -84,25 +84,25 @@ class Pose:
         return Rotation.from_quat([x, y, z, w])
 
     def __getstate__(self) -> dict[str, Array]:
-        return {"position": self.position, "quaternion": self.quaternion}  # without what is computed
+        return {"position": self.position, "quaternion": self.quaternion}  # not the cached rotation
 
     @property
     def rpy(self) -> Array:
-        """Fixed-axis roll, pitch, yaw (3,); at a pitch of 90 degrees, where roll and yaw turn alike, roll takes all."""
+        """Fixed-axis roll, pitch, yaw (3,). At a pitch of 90 degrees they are not unique; there yaw is 0."""
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Gimbal lock")
             return self.rotation.as_euler("xyz")
 
     @property
     def matrix(self) -> Array:
-        """Homogeneous (4, 4) matrix."""
+        """The homogeneous (4, 4) matrix."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.rotation.as_matrix()
         matrix[:3, 3] = self.position
         return matrix
 
     def __matmul__(self, other: Pose) -> Pose:
-        """``a @ b``: the pose of b's frame, given in a's frame, in the frame that a is given in."""
+        """Compose poses: ``a @ b`` is the pose of b's frame where a is given, if b is given in a's frame."""
         return Pose.from_rotation(self.apply(other.position), self.rotation * other.rotation)
 
     def inverse(self) -> Pose:
@@ -110,7 +110,7 @@ class Pose:
         return Pose.from_rotation(-(back.as_matrix() @ self.position), back)
 
     def apply(self, points: npt.ArrayLike) -> Array:
-        """Points (..., 3) of this pose's frame, in the frame that the pose is given in."""
+        """Transform points (..., 3) from this pose's frame to the frame that the pose is given in."""
         points = np.asarray(points, dtype=np.float64)
         return points @ self.rotation.as_matrix().T + self.position
 
@@ -185,8 +185,9 @@ class Cylinder:
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles: vertices (V, 3) in metres, faces (F, 3) of vertex numbers. As a collision shape it means its convex
-    hull.
+    """Triangles: vertices (V, 3) in metres, faces (F, 3) of vertex numbers.
+
+    As a collision shape it means its convex hull.
     """
 
     vertices: Array
@@ -198,7 +199,9 @@ class Mesh:
         if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
             raise ValueError(f"expected vertices (V, 3) and faces (F, 3), got {vertices.shape} and {faces.shape}")
         if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
-            raise ValueError("a face names a vertex that is not there")
+            raise ValueError(
+                f"faces: vertex numbers must be 0 to {len(vertices) - 1}, got {faces.min()} to {faces.max()}"
+            )
         faces.setflags(write=False)
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)

@@ -1,6 +1,6 @@
-"""What stands in a task's world, what is wanted of it, and what a reward may look at.
+"""Describe a task's scene, its goal, and the state that a reward reads.
 
-Nothing here knows a physics engine: a simulator reads a `Scene`, and gives `State`s back.
+Nothing here depends on a physics engine: a simulator reads a `Scene` and returns `State`s.
 World frame: x forward from the arm's base, y left, z up; metres, kilograms, radians.
 """
 
@@ -18,7 +18,7 @@ Color = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Geom:
-    """One shape of a body: where it sits in the body's frame, and its colour (red, green, blue, opacity; 0..1)."""
+    """One shape of a body, its pose in the body's frame, and its colour (red, green, blue, opacity; 0..1)."""
 
     shape: Shape
     pose: Pose = field(default_factory=Pose)
@@ -27,9 +27,7 @@ class Geom:
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass, the frame of the principal axes at the centre of mass (in the body's frame), and the principal moments
-    (3,).
-    """
+    """Mass, the principal axes at the centre of mass (as a pose in the body's frame), and principal moments (3,)."""
 
     mass: float
     frame: Pose
@@ -38,12 +36,12 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body, free to move, or fixed where it stands if its mass is 0.
+    """A rigid body, free to move, or fixed if its mass is 0.
 
-    ``visuals`` are seen, ``collisions`` are felt (a `Mesh` there means its convex hull; hollow things are several
-    convex parts; no collisions: a mark that nothing touches). The friction coefficient of a contact is the geometric
-    mean of the two bodies' ``friction``, in every engine. ``rolling_friction`` is the torsional arm in metres. The
-    restitution of a contact is the product of the two bodies'; the arm and its tools have none.
+    ``visuals`` are drawn, ``collisions`` collide. A collision `Mesh` means its convex hull, so hollow bodies are made
+    of several convex parts; a body without collision parts is a mark that nothing touches. In every engine the
+    friction coefficient of a contact is the geometric mean of the two bodies' ``friction``, and its restitution the
+    product of theirs; the arm and its tools have none. ``rolling_friction`` is the torsional arm in metres.
 
     Raises:
         ValueError: a negative mass, or a free body without collision parts.
@@ -77,13 +75,13 @@ class Body:
         friction: float = 0.5,
         rolling_friction: float = 0.0,
     ) -> Body:
-        """A body of one shape that collides as it looks."""
+        """Make a body of one shape, visual and collision shape alike."""
         part = (Geom(shape, color=color),)
         return cls(name, Pose.xyz_rpy(position, rpy), mass, part, part, friction, rolling_friction)
 
     @classmethod
     def mark(cls, name: str, position: Vector, radius: float, color: Color) -> Body:
-        """A flat round mark that is seen and not felt."""
+        """Make a flat round mark: visible, without collision shape."""
         disc = Geom(Cylinder(radius, 0.001), Pose(np.array([0.0, 0.0, 0.0005])), color)
         return cls(name, Pose(np.asarray(position, dtype=np.float64)), 0.0, (disc,), ())
 
@@ -92,7 +90,7 @@ class Body:
         return self.mass == 0
 
     def inertia(self) -> Inertia:
-        """Of the collision parts together, at one density throughout."""
+        """Compute the inertia of all collision parts together, at one density."""
         meshes = []
         for part in self.collisions:
             mesh = part.shape.to_trimesh()
@@ -116,10 +114,10 @@ class Body:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything in the world but the robot.
+    """All bodies in the world, without the robot.
 
     Raises:
-        ValueError: two bodies of one name.
+        ValueError: two bodies have the same name.
     """
 
     bodies: tuple[Body, ...]
@@ -128,7 +126,7 @@ class Scene:
         names = [body.name for body in self.bodies]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ValueError(f"two bodies of one name in the scene: {', '.join(twice)}")
+            raise ValueError(f"two bodies in the scene have the same name: {', '.join(twice)}")
 
     def __getitem__(self, name: str) -> Body:
         for body in self.bodies:
@@ -138,11 +136,11 @@ class Scene:
 
     @property
     def free(self) -> tuple[Body, ...]:
-        """The bodies that can move, in order: a `State` speaks of these."""
+        """The bodies that can move, in the order of `State.names`."""
         return tuple(body for body in self.bodies if not body.fixed)
 
     def state(self) -> State:
-        """The free bodies as they are placed, at rest."""
+        """The state of the free bodies at their initial poses, at rest."""
         free = self.free
         return State(
             tuple(body.name for body in free),
@@ -155,10 +153,10 @@ class Scene:
 
 @dataclass(frozen=True)
 class State:
-    """Where the free bodies are and how they move, in one world or in many.
+    """Poses and velocities of the free bodies, in one world or in many.
 
-    Positions (..., B, 3) are those of the bodies' frames in the world, quaternions (..., B, 4), velocities (..., B,
-    3) in m/s and rad/s, world axes. The leading axes, if any, are worlds or instants.
+    Positions (..., B, 3) and quaternions (..., B, 4) of the bodies' frames in the world, velocities (..., B, 3) in m/s
+    and rad/s, world axes. Leading axes, if any, are worlds or times.
     """
 
     names: tuple[str, ...]
@@ -173,23 +171,23 @@ class State:
         return self.names.index(name)
 
     def position(self, name: str) -> Array:
-        """Of one body, (..., 3)."""
+        """The position of one body, (..., 3)."""
         return self.positions[..., self._number(name), :]
 
     def quaternion(self, name: str) -> Array:
-        """Of one body, (..., 4)."""
+        """The quaternion of one body, (..., 4)."""
         return self.quaternions[..., self._number(name), :]
 
     def linear_velocity(self, name: str) -> Array:
-        """Of one body, (..., 3)."""
+        """The linear velocity of one body, (..., 3)."""
         return self.linear_velocities[..., self._number(name), :]
 
     def pose(self, name: str) -> Pose:
-        """Of one body in one world."""
+        """The pose of one body in one world."""
         return Pose(self.position(name), self.quaternion(name))
 
     def __getitem__(self, index: int) -> State:
-        """One world (or instant) of many."""
+        """One world (or time) of many."""
         return State(
             self.names,
             self.positions[index],
@@ -199,15 +197,15 @@ class State:
         )
 
     def each(self) -> Iterator[State]:
-        """The worlds (or instants) of the first axis, one by one."""
+        """Yield the worlds (or times) of the first axis, one by one."""
         return (self[i] for i in range(len(self.positions)))
 
     @staticmethod
     def stack(states: Sequence[State]) -> State:
-        """Many states as one with a new leading axis.
+        """Combine states into one with a new leading axis.
 
         Raises:
-            ValueError: no states, or states of different bodies.
+            ValueError: there are no states, or their bodies differ.
         """
         if not states or any(state.names != states[0].names for state in states):
             raise ValueError("only states of the same bodies can be stacked, and at least one is needed")
@@ -222,15 +220,15 @@ class State:
 
 @dataclass(frozen=True)
 class Goal:
-    """What a task wants, told so that a program can read it: which bodies to move, and where to.
+    """A task's goal in a form that programs can read: which bodies to move, and where.
 
-    Either ``place``, where ``bodies`` are to end (metres, world frame; None: that coordinate is free), within
-    ``tolerance`` metres; or ``away``, how far from where it started each is to end, in whatever direction. With ``any``
-    one of the bodies is enough. ``keep`` are bodies to leave as they are. The reward is what counts; this is a hint
-    for designers that can't read prose.
+    Give either ``place``, where ``bodies`` must end (metres, world frame; None: that coordinate is free) within
+    ``tolerance`` metres; or ``away``, how far each must end from its start, in any direction. With ``any`` one of the
+    bodies is enough. ``keep`` names bodies to leave in place. Only the reward counts; a goal is a hint for designers
+    that can't read prose.
 
     Raises:
-        ValueError: neither or both of ``place`` and ``away``.
+        ValueError: neither or both of ``place`` and ``away`` are given.
     """
 
     bodies: tuple[str, ...]
@@ -242,14 +240,12 @@ class Goal:
 
     def __post_init__(self) -> None:
         if (self.place is None) == (self.away is None):
-            raise ValueError("a goal has either a place or a distance away from the start")
+            raise ValueError("a goal needs either place or away (the distance from the start), not both")
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera at ``position`` that looks at ``target``, world z up in the picture; vertical field of view in
-    degrees.
-    """
+    """A camera at ``position``, looking at ``target``, world z up; ``fov_deg`` is the vertical field of view."""
 
     position: tuple[float, float, float] = (1.55, -1.15, 1.15)
     target: tuple[float, float, float] = (0.55, 0.0, 0.15)
@@ -257,7 +253,7 @@ class Camera:
 
 
 def table() -> Body:
-    """The table of most tasks: top face at z = 0, x from -0.15 to 1.35, y from -0.5 to 0.5, on four legs."""
+    """Make the table of most tasks: top face at z = 0, x from -0.15 to 1.35, y from -0.5 to 0.5, on four legs."""
     wood: Color = (0.76, 0.60, 0.42, 1.0)
     leg: Color = (0.35, 0.28, 0.22, 1.0)
     top = Geom(Box((1.5, 1.0, 0.04)), Pose(np.array([0.6, 0.0, -0.02])), wood)
@@ -268,7 +264,7 @@ def table() -> Body:
 
 
 def floor(height: float = -0.625, friction: float = 0.5) -> Body:
-    """A floor whose upper face is at z = ``height``."""
+    """Make a floor with its upper face at z = ``height``."""
     slab = Geom(Box((6.0, 6.0, 0.1)), Pose(np.array([0.0, 0.0, height - 0.05])), (0.86, 0.87, 0.88, 1.0))
     return Body("floor", Pose(), 0.0, (slab,), (slab,), friction)
 

@@ -1,7 +1,7 @@
-"""The Franka Panda: its description, the mounts, and the arm with a tool as one URDF.
+"""Describe the Franka Panda: links, mounts, and the arm with a tool as one URDF.
 
-The description is franka_ros's, as the package example-robot-data carries it: any engine can read it without PyBullet
-being installed, and its masses and inertias are the identified ones (C. Gaz et al., "Dynamic identification of the
+The description is franka_ros's, from the package example-robot-data. Any engine can read it without PyBullet, and its
+masses and inertias are the identified ones (C. Gaz et al., "Dynamic identification of the
 Franka Emika Panda robot with retrieval of feasible parameters using penalty-based optimization", IEEE RA-L 2019),
 where pybullet_data's copy has placeholders. `tests/core/robot/test_description.py` checks that they are physical.
 """
@@ -33,7 +33,7 @@ HOME_JOINTS = (-0.0018, -0.1860, 0.0017, -2.1008, 0.0003, 1.9147, 0.7847)
 # specifications".
 ACCELERATION_LIMITS = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
 
-# What a rigid tool is screwed to: outer diameter of ISO 9409-1-50, centred at the mount's origin.
+# The flange that bears a rigid tool: outer diameter of ISO 9409-1-50, centred at the mount's origin.
 FLANGE = Cylinder(radius=0.0315, length=0.01)
 
 _HAND_LINKS = ("panda_hand", "panda_hand_tcp", *GRIPPER_MOUNTS)
@@ -44,7 +44,7 @@ MeshPath = Callable[[Path], str]
 
 @lru_cache(maxsize=1)
 def description_folder() -> Path:
-    """Where the Panda's description lies.
+    """Find the folder of the Panda's description.
 
     Raises:
         UserError: the package example-robot-data is not installed, or has no Panda.
@@ -92,13 +92,13 @@ def _shapes(link: Any, component: Component, pose: Pose) -> None:
 
 
 def box_inertia(component: Component) -> Array:
-    """Inertia tensor (3, 3) of a component about its centre, in its own axes."""
+    """Compute a component's inertia tensor (3, 3) about its centre, in its own axes."""
     x, y, z = np.square(component.shape.size)
     return component.mass / 12 * np.diag([y + z, x + z, x + y])
 
 
 def tool_elements(tool: Tool) -> list[Any]:
-    """The tool's links and joints as URDF elements, to stand before the robot's closing tag."""
+    """Make the tool's links and joints as URDF elements, children of the robot element."""
     elements = []
     for component in tool.components:
         link = etree.Element("link", name=component.name)
@@ -118,12 +118,12 @@ def to_text(element: Any) -> str:
 
 
 def tool_urdf(tool: Tool) -> str:
-    """The tool's block of links and joints, as text, without a root element."""
+    """Write the tool's links and joints as text, without a root element."""
     return "".join(to_text(element) for element in tool_elements(tool))
 
 
 def _fuse(link: Any, tool: Tool, mount: str) -> None:
-    """Make the components on ``mount`` part of its link: many shapes, one inertia."""
+    """Merge the components on ``mount`` into its link: many shapes, one inertia."""
     placed = tool.placed()
     parts = [(c, placed[c.name][1]) for c in tool.components if placed[c.name][0] == mount]
     if not parts:
@@ -156,18 +156,18 @@ def _fuse(link: Any, tool: Tool, mount: str) -> None:
 
 
 def assemble(tool: Tool | None = None, *, fused: bool = False, visuals: bool = True, mesh_path: MeshPath = str) -> str:
-    """The Panda with a tool mounted, as URDF text.
+    """Write the Panda with a tool mounted as URDF text.
 
-    A rigid tool takes the hand's place; with a gripper tool (or None, the bare hand) the hand stays.
-    ``panda_virtual`` sits where the hand does, 0.107 m beyond ``panda_link7`` and turned -45 degrees, flipped over so
-    that at home its axes are the world's.
+    A rigid tool replaces the hand; with a gripper tool (or None, the bare hand) the hand stays. ``panda_virtual`` is
+    at the hand's place, 0.107 m beyond ``panda_link7`` and rotated by -45 degrees, flipped so that at home its axes
+    are the world's.
 
     Args:
-        tool: what is mounted; without components the bare flange, or with ``gripper`` the bare hand.
-        fused: the tool's boxes become shapes of the link that bears them (for engines: fewer links, the same physics),
-            instead of links of their own (for people).
-        visuals: with the arm's visual meshes (and the tool's visual boxes).
-        mesh_path: what to write for a mesh, given its absolute path.
+        tool: the mounted tool; without components the bare flange, or with ``gripper`` the bare hand.
+        fused: merge the tool's boxes into the link that bears them (for engines: fewer links, the same physics)
+            instead of giving each a link of its own (for people).
+        visuals: include the arm's visual meshes and the tool's visual boxes.
+        mesh_path: maps a mesh's absolute path to the text that is written.
     """
     tool = tool if tool is not None else Tool(gripper=True)
     robot = etree.fromstring(_description(), etree.XMLParser(remove_comments=True, remove_blank_text=True))

@@ -1,4 +1,4 @@
-"""Forward and inverse kinematics of the arm up to ``panda_virtual``, by Pinocchio."""
+"""Compute forward and inverse kinematics of the arm up to ``panda_virtual``, with Pinocchio."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
 from core.robot.description import HOME_JOINTS, assemble
 
-# Levenberg-Marquardt: a radian of orientation weighs as much as this many metres, so that out of reach the position
-# comes first.
+# Levenberg-Marquardt: a radian weighs as much as this many metres, so that out of reach the position comes first.
 _RADIAN_WEIGHT = 0.3
 _POSITION_TOLERANCE = 1e-5
 _MAX_STEPS = 60
@@ -26,7 +25,7 @@ _STRIDE = np.full(7, 0.5)
 
 @dataclass(frozen=True)
 class Solution:
-    """Joints (7,) in radians, and by how much they miss: metres and radians."""
+    """Joints (7,) in radians, and the remaining error in metres and radians."""
 
     joints: Array
     error_m: float
@@ -34,13 +33,13 @@ class Solution:
 
 
 class Arm:
-    """The seven joints, with their limits: ``lower``, ``upper`` (7,) in radians, ``velocity_limits`` (7,) in rad/s."""
+    """The seven joints and their limits: ``lower``, ``upper`` (7,) in radians, ``velocity_limits`` (7,) in rad/s."""
 
     def __init__(self) -> None:
         self._model = pin.buildModelFromXML(assemble(Tool(), visuals=False))
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(RIGID_MOUNT)
-        # Where the frame is: views of what Pinocchio keeps up to date.
+        # The frame's placement: views of memory that Pinocchio keeps up to date.
         self._here, self._back = self._data.oMf[self._frame].translation, self._data.oMf[self._frame].rotation.T
         self.lower: Array = self._model.lowerPositionLimit.copy()
         self.upper: Array = self._model.upperPositionLimit.copy()
@@ -48,12 +47,12 @@ class Arm:
         self.home: Array = np.array(HOME_JOINTS)
 
     def forward(self, joints: Array) -> Pose:
-        """The pose of ``panda_virtual`` in the world."""
+        """Compute the pose of ``panda_virtual`` in the world."""
         pin.framesForwardKinematics(self._model, self._data, np.asarray(joints, dtype=np.float64))
         return Pose.from_matrix(self._data.oMf[self._frame].homogeneous)
 
     def positions(self, joints: Array) -> Array:
-        """Positions (T, 3) of ``panda_virtual`` at joints (T, 7)."""
+        """Compute positions (T, 3) of ``panda_virtual`` at joints (T, 7)."""
         out = np.empty((len(joints), 3))
         for row, q in zip(out, joints, strict=True):
             pin.framesForwardKinematics(self._model, self._data, q)
@@ -61,17 +60,17 @@ class Arm:
         return out
 
     def inverse(self, pose: Pose, seed: Array) -> Solution:
-        """The joints near ``seed`` whose end-effector comes closest to ``pose``, within the joint limits (`follow`)."""
+        """Find joints near ``seed`` that bring the end-effector closest to ``pose``, within the limits (`follow`)."""
         joints, errors = self.follow(pose.position[None], pose.rotation.as_matrix()[None], seed)
         return Solution(joints[0], float(errors[0, 0]), float(errors[0, 1]))
 
     def follow(self, positions: Array, rotations: Array, seed: Array) -> tuple[Array, Array]:
-        """Joints (K, 7) that lead to poses one after another, each near the one before, the first near ``seed``; and by
-        how much they miss, (K, 2), in metres and radians.
+        """Solve a sequence of poses: joints (K, 7), and the remaining errors (K, 2) in metres and radians.
 
-        Positions (K, 3) and rotations (K, 3, 3) are those of ``panda_virtual`` in the world. Damped least squares on
-        the pose error (position and rotation vector). A joint that presses against its limit is held there while the
-        others go on. A pose out of reach gives the nearest that was found, and its miss.
+        Positions (K, 3) and rotations (K, 3, 3) are those of ``panda_virtual`` in the world. Each solution starts from
+        the one before, the first from ``seed``. The method is damped least squares on the pose error (position and
+        rotation vector). A joint that presses against its limit is held there while the others go on. For a pose out
+        of reach the nearest pose found is returned, with its error.
         """
         joints, errors = np.empty((len(positions), 7)), np.empty((len(positions), 2))
         for k, (position, rotation) in enumerate(zip(positions, rotations, strict=True)):
@@ -81,7 +80,7 @@ class Arm:
         return joints, errors
 
     def _miss(self, position: Array, rotation: Array, joints: Array) -> Array:
-        """How far a pose is from where these joints lead, (6,), in the axes there: metres, and weighted radians."""
+        """Compute the pose error (6,) at these joints, in the axes there: metres, and weighted radians."""
         pin.forwardKinematics(self._model, self._data, joints)
         pin.updateFramePlacement(self._model, self._data, self._frame)
         error = np.empty(6)
@@ -90,7 +89,7 @@ class Arm:
         return error
 
     def _closest(self, position: Array, rotation: Array, seed: Array) -> tuple[Array, Array]:
-        """The joints, and what `_miss` says of them. Most of a plan's time is spent here: numpy's shorter ways."""
+        """Solve one pose: joints, and their `_miss`. Most planning time is spent here: numpy's fastest calls."""
         lower, upper = self.lower, self.upper
         q = np.minimum(np.maximum(seed, lower), upper)
         error = self._miss(position, rotation, q)
@@ -100,7 +99,7 @@ class Arm:
                 break
             jacobian = pin.computeFrameJacobian(self._model, self._data, q, self._frame, pin.LOCAL)
             jacobian[3:] *= _RADIAN_WEIGHT
-            # What the pose leaves free drifts home, away from the joint limits; only at first, so that it converges.
+            # The redundant joint motion drifts home, away from the limits; only at first, so that it converges.
             idle = (0.05 if count < 4 else 0.0) * (self.home - q)
             if np.count_nonzero((q <= lower) | (q >= upper)):
                 gradient = jacobian.T.dot(error)
@@ -124,10 +123,10 @@ class Arm:
         return q, error
 
     def home_for(self, pose: Pose) -> Array:
-        """The joints with which the arm starts at ``pose``.
+        """Find the joints with which the arm starts at ``pose``.
 
         Raises:
-            ValueError: the arm can't be there.
+            ValueError: the pose is out of reach.
         """
         solution = self.inverse(pose, self.home)
         if solution.error_m > 1e-3 or solution.error_rad > 1e-2:
@@ -140,5 +139,5 @@ class Arm:
 
 @lru_cache(maxsize=1)
 def arm() -> Arm:
-    """The arm, built once per process."""
+    """Build the arm once per process."""
     return Arm()

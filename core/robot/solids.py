@@ -1,6 +1,6 @@
-"""Shapes as solids whose distances can be asked for; the distances are Coal's.
+"""Turn shapes into solids and measure their distances, with Coal.
 
-A mesh counts as its convex hull, as it does for every engine.
+A mesh counts as its convex hull, as in every engine.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from core.scene import Body
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A shape of Coal's and where it stands in some frame; ``name`` is the link's or body's that it belongs to."""
+    """A Coal shape and its pose in some frame; ``name`` is that of its link or body."""
 
     name: str
     geometry: Any
@@ -34,7 +34,7 @@ class Solid:
         return coal.Transform3s(self.pose.rotation.as_matrix(), self.pose.position)
 
     def bounds(self) -> tuple[Array, Array]:
-        """Centre (3,) and half lengths (3,) of a box along the frame's axes that holds it."""
+        """Compute the centre (3,) and half lengths (3,) of the bounding box along the frame's axes."""
         self.geometry.computeLocalAABB()
         local = self.geometry.aabb_local
         half = np.abs(self.pose.rotation.as_matrix()) @ ((local.max_ - local.min_) / 2)
@@ -42,7 +42,7 @@ class Solid:
 
 
 def hull(mesh: trimesh.Trimesh | trimesh.PointCloud) -> Any:
-    """The convex hull of a mesh or of points, for Coal."""
+    """Build the convex hull of a mesh or of points as a Coal shape."""
     convex = mesh.convex_hull
     points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     points.extend(np.asarray(convex.vertices, dtype=np.float64))
@@ -51,7 +51,7 @@ def hull(mesh: trimesh.Trimesh | trimesh.PointCloud) -> Any:
 
 
 def solid_geometry(shape: Shape) -> Any:
-    """A shape, for Coal."""
+    """Build a shape for Coal."""
     match shape:
         case Box(size):
             return coal.Box(*size)
@@ -64,19 +64,19 @@ def solid_geometry(shape: Shape) -> Any:
 
 
 def body_solids(body: Body) -> Iterator[Solid]:
-    """What can be felt of a body, in the world."""
+    """Yield a body's collision shapes, in the world."""
     return (Solid(body.name, solid_geometry(part.shape), body.pose @ part.pose) for part in body.collisions)
 
 
 def signed_distance(a: Solid, b: Solid) -> float:
-    """Metres between two solids in one frame; negative is how deep one is in the other."""
+    """Measure the distance of two solids in one frame, metres; a negative one is the penetration depth."""
     return float(
         coal.distance(a.geometry, a.transform, b.geometry, b.transform, coal.DistanceRequest(), coal.DistanceResult())
     )
 
 
 class Solids:
-    """Solids that stand still in one frame; bounding boxes tell quickly which of them can be near."""
+    """Fixed solids in one frame; bounding boxes quickly select those that can be near."""
 
     def __init__(self, solids: Iterable[Solid]) -> None:
         self._solids = tuple(solids)
@@ -85,20 +85,20 @@ class Solids:
         self._halves = np.array([half for _, half in bounds]).reshape(-1, 3)
 
     def near(self, solid: Solid, margin: float) -> list[Solid]:
-        """Those that may be within ``margin`` metres of ``solid``, and perhaps a few others."""
+        """List the solids that may be within ``margin`` metres of ``solid``; some may be farther away."""
         center, half = solid.bounds()
         close = (np.abs(self._centers - center) <= self._halves + half + margin).all(axis=1)
         return [self._solids[i] for i in np.flatnonzero(close)]
 
 
 def box_gap(a: Box, pose_a: Pose, b: Box, pose_b: Pose) -> float:
-    """Metres between two boxes, both poses in one frame; 0 if they touch or overlap."""
+    """Measure the gap between two boxes, metres, both poses in one frame; 0 if they touch or overlap."""
     return max(0.0, signed_distance(Solid("", solid_geometry(a), pose_a), Solid("", solid_geometry(b), pose_b)))
 
 
 @lru_cache(maxsize=2)
 def robot_solids(gripper: bool) -> tuple[Solid, ...]:
-    """The collision shapes of the robot without a tool, each in the frame of its link."""
+    """List the collision shapes of the robot without a tool, each in the frame of its link."""
     solids = []
     robot = etree.fromstring(assemble(Tool(gripper=gripper), visuals=False))
     for link in robot.findall("link"):

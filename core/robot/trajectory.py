@@ -1,4 +1,4 @@
-"""Waypoints to a timed joint trajectory, once, before any engine is involved."""
+"""Turn waypoints into a timed joint trajectory, once, before any engine is involved."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _SAMPLE_S = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A joint trajectory and what is known of it beforehand.
+    """A joint trajectory and its figures.
 
-    ``distance_m``: the way of the end-effector's origin from home through all waypoints, as the joints go.
-    ``ik_error_m``, ``ik_error_rad``: the largest misses of the inverse kinematics from the first waypoint on.
+    ``distance_m``: metres travelled by the end-effector's origin from home through all waypoints, along the joint path.
+    ``ik_error_m``, ``ik_error_rad``: the largest errors of the inverse kinematics from the first waypoint on.
     """
 
     trajectory: JointTrajectory
@@ -40,16 +40,16 @@ class Motion:
 
 
 def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, speed: float = 0.95) -> Motion:
-    """The motion from the home pose through all waypoints, at rest at each.
+    """Plan the motion from the home pose through all waypoints, at rest at each.
 
-    In a segment the position goes straight, the orientation by SLERP and the fingers linearly. It lasts
-    ``segment_s``, or longer where a joint would pass its velocity or acceleration limit (times ``speed``).
+    In a segment the position moves on a straight line, the orientation by SLERP and the fingers linearly. It lasts
+    ``segment_s``, or longer if a joint would exceed its velocity or acceleration limit (times ``speed``).
 
     Args:
         plan: (N, 6) or (N, 7), see `core.design.Candidate`.
         home: where the end-effector starts.
-        arm: whose kinematics and limits count.
-        segment_s: the least time of a segment, seconds.
+        arm: gives kinematics and limits.
+        segment_s: the shortest time of a segment, seconds.
         speed: the share of the velocity and acceleration limits to use, 0..1.
     """
     grips = np.concatenate([[0.0], plan[:, 6] if plan.shape[1] == 7 else np.zeros(len(plan))])
@@ -69,15 +69,13 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
         fingers.append(FINGER_OPEN * (1 - np.minimum(np.maximum(closed, 0.0), 1.0)))
 
     distance = float(np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1).sum())
-    worst = errors[ends[1] - 1 :].max(axis=0)  # misses before the first waypoint do no harm
+    worst = errors[ends[1] - 1 :].max(axis=0)  # errors before the first waypoint do no harm
     trajectory = JointTrajectory(np.concatenate(times), np.concatenate(targets), np.concatenate(fingers))
     return Motion(trajectory, distance, float(worst[0]), float(worst[1]))
 
 
 def _path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int]]:
-    """Knots from the first pose (N + 1) to the last: positions (K, 3), rotations (K, 3, 3), and which of them are those
-    poses.
-    """
+    """Place knots along the poses (N + 1): positions (K, 3), rotations (K, 3, 3), and the poses' indices among them."""
     ways, turns = np.diff(positions, axis=0), rotations[:-1].inv() * rotations[1:]
     angles = np.asarray(turns.magnitude())
     ends, legs, along = [0], [np.zeros(1, dtype=int)], [np.zeros(1)]
@@ -95,9 +93,7 @@ def _path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int
 
 
 def _joined(knots: Array, arm: Arm) -> BSpline | PchipInterpolator:
-    """Joints over s in [0, 1] through knots (K, 7): a cubic spline; where that would swing past a limit, one without
-    overshoot.
-    """
+    """Join knots (K, 7) over s in [0, 1]: a cubic spline, or one without overshoot if that would exceed a limit."""
     s = np.linspace(0.0, 1.0, len(knots))
     path = make_interp_spline(s, knots, k=min(3, len(knots) - 1))
     between = path(np.linspace(0.0, 1.0, 8 * len(knots)))
@@ -108,14 +104,14 @@ def _joined(knots: Array, arm: Arm) -> BSpline | PchipInterpolator:
 
 @lru_cache(maxsize=256)
 def _grid(cells: int) -> Array:
-    """Where one looks along a segment: s (S,) from 0 to 1, the knots among them, where it bends most."""
+    """Sample a segment: s (S,) from 0 to 1, including the knots, where curvature is largest."""
     return np.linspace(0.0, 1.0, cells * max(16, -(-40 // cells)) + 1)
 
 
 def _bend(path: BSpline | PchipInterpolator, s: Array) -> Array:
-    """How hard a path bends, (S, 7), at s (S,)."""
+    """Compute the size of a path's second derivative (S, 7) at s (S,)."""
     bend: Array = np.abs(path(s, 2))
-    if isinstance(path, PchipInterpolator):  # bends one way before a knot and another way behind it
+    if isinstance(path, PchipInterpolator):  # its second derivative jumps at a knot: take both sides
         bend = np.maximum(bend, np.abs(path(np.maximum(s - 1e-9, 0.0), 2)))
     return bend
 
@@ -123,13 +119,13 @@ def _bend(path: BSpline | PchipInterpolator, s: Array) -> Array:
 def _timed(
     segments: list[tuple[BSpline | PchipInterpolator, int]], arm: Arm, segment_s: float, speed: float
 ) -> Iterator[tuple[Array, Array]]:
-    """When to be where along each path (joints over s in [0, 1], and how many cells it has), at rest at both ends:
-    instants (S,) in seconds, and joints (S, 7).
+    """Time each path (joints over s in [0, 1], and its number of cells), at rest at both ends.
 
-    Without limits it is a trapezoid of the path's speed: a fifth of the time to speed up, a fifth to slow down. Where
-    a joint would pass a limit, the speed is lower there and before and after (forward and backward pass over the
-    squared path speed, as in J. Bobrow et al., "Time-optimal control of robotic manipulators along specified paths",
-    IJRR 1985; half of each acceleration limit for the path's bend, half for the change of speed).
+    Yields times (S,) in seconds and joints (S, 7). Without limits the path speed is a trapezoid: a fifth of the time to
+    accelerate, a fifth to brake. Where a joint would exceed a limit, the speed is reduced there, before and after: a
+    forward and a backward pass over the squared path speed, as in J. Bobrow et al., "Time-optimal control of robotic
+    manipulators along specified paths", IJRR 1985. Half of each acceleration limit is for the path's curvature, half
+    for the change of speed.
     """
     placed = [(path, _grid(cells)) for path, cells in segments]
     slope = np.abs(np.concatenate([path(s, 1) for path, s in placed]))
@@ -138,7 +134,7 @@ def _timed(
     ends = np.cumsum(sizes)
     step = np.repeat([s[1] for _, s in placed], sizes)
     half = ACCELERATION_LIMITS * speed / 2
-    with np.errstate(divide="ignore"):  # where a joint stands still, and between two segments
+    with np.errstate(divide="ignore"):  # where a joint does not move, and between two segments
         fastest = np.minimum(_least(arm.velocity_limits * speed / slope) ** 2, _least(half / bend))
         gain = np.minimum(_least(half / slope), 6.25 / segment_s**2)
         square = np.minimum(fastest, (1.25 / segment_s) ** 2)
@@ -152,14 +148,15 @@ def _timed(
 
 
 def _least(values: Array) -> Array:
-    """Of each row, for rows that are many and short."""
+    """The minimum of each row; fast for many short rows."""
     least: Array = np.ascontiguousarray(values.T).min(axis=0)
     return least
 
 
 def _within(square: list[float], allowed: list[float]) -> list[float]:
-    """Squared speeds (S,), made so low that none is above the one before it, or the one after, by more than is
-    ``allowed`` (S - 1,) there. They are numbers of Python's own, which one by one are faster than numpy's.
+    """Lower squared speeds (S,) until neighbours differ by no more than ``allowed`` (S - 1,).
+
+    Works on Python floats, which are faster one by one than numpy's.
     """
     count, last = len(allowed), square[0]
     for k in range(count):
@@ -178,8 +175,9 @@ def _within(square: list[float], allowed: list[float]) -> list[float]:
 
 
 def _sampled(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
-    """Instants (T,) in seconds, and how far along a path one is then, (T,), at a path speed of ``rate`` (S,) at ``s``
-    (S,); each step of these takes ``lasts`` (S - 1,) seconds.
+    """Sample a timed path evenly: times (T,) in seconds and path positions (T,).
+
+    The path speed is ``rate`` (S,) at ``s`` (S,); the steps between take ``lasts`` (S - 1,) seconds.
     """
     instants = np.concatenate([[0.0], np.cumsum(lasts)])
     duration = instants[-1]
@@ -191,6 +189,6 @@ def _sampled(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
 
 
 def at_home(task: Task) -> JointTrajectory:
-    """No motion: the arm stays at the task's home pose, the fingers open."""
+    """Make a trajectory without motion: the arm at the task's home pose, the fingers open."""
     joints = panda_arm().home_for(task.home)
     return JointTrajectory(np.zeros(1), joints[None], np.array([FINGER_OPEN]))

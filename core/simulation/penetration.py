@@ -85,7 +85,7 @@ def _passages(robot: Sequence[Track], bodies: Sequence[Track], times: Array) -> 
 def _meetings(
     robot: Sequence[Track], bodies: Sequence[Track]
 ) -> Iterator[tuple[Track, Track, npt.NDArray[np.intp], Array]]:
-    """Yield pairs, at least one of them in motion, whose bounding boxes ever overlap by as much as counts.
+    """Yield pairs, at least one of them in motion, with bounding boxes that ever overlap by as much as counts.
 
     With each pair come the samples at which the boxes meet or are about to, rising, and the travel (T,) of the first in
     the frame of the second (see `Track.travel`).
