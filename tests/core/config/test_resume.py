@@ -1,0 +1,45 @@
+"""What a run that goes on may change; `tests/test_resume.py` goes on with whole runs."""
+
+import pytest
+from omegaconf import OmegaConf
+
+from core.config.compose import load
+from core.config.resume import changed, hydra_config
+from core.errors import UsageError, UserError
+
+
+@pytest.fixture(scope="module")
+def began():
+    return OmegaConf.to_container(load("config", ["budget.n_iteration=2"]))
+
+
+def test_what_has_no_effect_on_the_past_may_change(began):
+    words = ["executor.workers=3", "listener=[progress]", "budget.n_iteration=4", "film=false", "vlm.samples=3"]
+    cfg = changed(began, words)
+    assert (cfg.executor.workers, cfg.budget.n_iteration, cfg.film) == (3, 4, False)
+    assert set(cfg.listener) == {"progress"}
+    assert cfg.vlm.samples == 3
+    assert changed(began, []) == OmegaConf.create(began)
+
+
+@pytest.mark.parametrize(
+    ("word", "reason"),
+    [
+        ("seed=6", "seed=6: a run goes on as it began; what may change: executor, listener, vlm"),
+        ("vlm.name=replay", "a run goes on as it began"),
+        ("~listener", "a run goes on as it began"),
+        ("budget.n_iteration=1", "can only be raised; it is 2"),
+        ("film=true,false", "one run goes on, with one value for each setting"),
+        ("executor=nonesuch", "nonesuch"),
+    ],
+)
+def test_the_rest_may_not(began, word, reason):
+    with pytest.raises(UsageError, match=reason):
+        changed(began, [word])
+
+
+def test_a_folder_without_a_run(tmp_path):
+    (tmp_path / "sweep").mkdir()
+    (tmp_path / "sweep" / "run.sqlite").touch()
+    with pytest.raises(UserError, match=r"holds no run; there is one in .*sweep"):
+        hydra_config(tmp_path)

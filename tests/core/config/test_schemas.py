@@ -1,0 +1,21 @@
+import pytest
+from omegaconf import OmegaConf
+
+from core.config.compose import load
+from core.config.schemas import ComposeConfig, EvaluateConfig, RenderConfig, RunConfig
+from core.errors import UsageError
+
+COMMANDS = {"config": RunConfig, "evaluate": EvaluateConfig, "render": RenderConfig, "prompt": ComposeConfig}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_has_the_keys_of_its_schema(command):
+    assert set(load(command, [])) == set(OmegaConf.structured(COMMANDS[command]))
+
+
+@pytest.mark.parametrize(
+    ("words", "key"), [(["seed=many"], "seed"), (["budget.n_agent=1.5"], "n_agent"), (["film=perhaps"], "film")]
+)
+def test_a_value_of_another_type_is_refused(words, key):
+    with pytest.raises(UsageError, match=key):
+        load("config", words)

@@ -1,0 +1,92 @@
+"""A job in a world that follows its targets exactly; every engine is played in `tests/plugins/simulators`."""
+
+import numpy as np
+import pytest
+
+from core.design import Tool
+from core.interfaces import JointTrajectory, Rollout
+from core.scene import State
+from core.simulation.playback import play, record_every, schedule, targets
+
+DT = 0.01
+
+
+class Exact:
+    """Reach each target at once, but ``lag`` radians behind; one body moves 1 mm with each step."""
+
+    time_step = DT
+
+    def __init__(self, lag=0.0):
+        self.lag = lag
+        self.orders = []
+
+    def step(self, arm, fingers, speeds, finger_speed):
+        self.orders.append((arm, fingers, speeds, finger_speed))
+
+    def joints(self):
+        arm = self.orders[-1][0] if self.orders else np.zeros(7)
+        return arm - self.lag, np.zeros(2)
+
+    def state(self):
+        position = np.array([[0.001 * len(self.orders), 0.0, 0.0]])
+        return State(("cube",), position, np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3)))
+
+
+def job(**settings):
+    arm = np.outer([0.0, 0.5], np.ones(7))
+    trajectory = JointTrajectory(np.array([0.0, 0.5]), arm, np.array([0.04, 0.0]))
+    return Rollout(Tool(), trajectory, settle_s=0.1, hold_s=0.2, **settings)
+
+
+def test_it_settles_moves_and_holds():
+    settle, times = schedule(job(), DT)
+    assert settle == 10
+    np.testing.assert_allclose(times[[0, 10, -1]], [-0.1, 0.0, 0.69])
+    world = Exact()
+    outcome = play(world, job())
+    assert len(world.orders) == len(times) == 80
+    assert outcome.start.position("cube")[0] == pytest.approx(0.010)
+    assert outcome.end.position("cube")[0] == pytest.approx(0.080)
+    assert outcome.error is None
+    assert outcome.recording is None
+
+
+def test_targets_are_those_at_the_end_of_a_step_with_the_speeds_that_lead_there():
+    _, times = schedule(job(), DT)
+    arm, fingers, speeds, finger_speeds = targets(job().trajectory, times, DT)
+    moving, still = slice(10, 60), np.r_[0:10, 60:80]
+    np.testing.assert_allclose(arm[moving, 0], 0.01 * np.arange(1, 51))
+    np.testing.assert_allclose(speeds[moving], 1.0)
+    np.testing.assert_allclose(finger_speeds[moving], -0.08)
+    assert not speeds[still].any()
+    assert fingers[-1] == 0
+
+
+def test_the_largest_lag_is_reported():
+    assert play(Exact(lag=0.03), job()).tracking_error_rad == pytest.approx(0.03)
+
+
+def test_a_recording_has_its_rate_and_both_ends():
+    outcome = play(Exact(), job(record_hz=25))
+    assert record_every(job(record_hz=25), DT) == 4
+    assert record_every(job(), DT) == 0
+    times = outcome.recording.times
+    assert (times[0], times[-1]) == (pytest.approx(-0.1), pytest.approx(0.7))
+    np.testing.assert_allclose(np.diff(times), 0.04)
+    assert outcome.recording.states.position("cube")[-1, 0] == outcome.end.position("cube")[0]
+
+
+def test_what_is_not_finite_is_an_error():
+    broken = job()
+    broken.trajectory.arm[1, 3] = np.nan
+    assert play(Exact(), broken).error == "the trajectory's targets are not finite"
+
+    class Explodes(Exact):
+        def state(self):
+            state = super().state()
+            return State(state.names, state.positions + np.inf, *vars_of(state))
+
+    def vars_of(state):
+        return state.quaternions, state.linear_velocities, state.angular_velocities
+
+    assert play(Explodes(), job()).error == "the simulation blew up: a body's state is not finite"

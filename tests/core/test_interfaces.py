@@ -1,0 +1,81 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.design import Tool
+from core.errors import UsageError, UserError
+from core.interfaces import Budget, EvolutionStrategy, Executor, GivenTools, Simulator, Task
+from core.scene import Scene, table
+
+
+class Stand(Task):
+    def scene(self, seed):
+        return Scene((table(),))
+
+    def reward(self, start, end):
+        return np.zeros(start.positions.shape[:-2])
+
+
+class Blind(Simulator):
+    def rollout(self, task, jobs):
+        return []
+
+    def render(self, task, **_):
+        raise NotImplementedError
+
+
+class Random(EvolutionStrategy):
+    def ask(self):
+        return iter(())
+
+    def tell(self, evaluations):
+        pass
+
+
+class Bare(GivenTools):
+    def given(self, task):
+        return Tool()
+
+
+class Here(Executor):
+    closed = False
+
+    def map(self, function, chunks):
+        return ((chunk, function(chunk)) for chunk in chunks)
+
+    def close(self):
+        self.closed = True
+
+
+def test_a_tasks_source_is_its_file():
+    assert Stand().source() == Path(__file__).read_text()
+
+
+def test_a_simulator_need_not_be_stepped():
+    with pytest.raises(UserError, match="Blind plays whole rollouts only; one that can be stepped is needed"):
+        Blind().world(Stand(), Tool())
+
+
+def test_a_given_tool_is_neither_written_nor_read():
+    tools = Bare()
+    assert (tools.schema(), tools.dump(Tool())) == ({}, {})
+    with pytest.raises(TypeError, match="a given tool is not parsed"):
+        tools.parse({}, gripper=False)
+
+
+@pytest.mark.parametrize("tie", [-0.1, math.nan, math.inf])
+def test_a_tie_is_a_finite_number(tie):
+    budget = Budget(2, 3, 4, 1, 5, 0.6)
+    assert budget.population == 24
+    assert Random(None, budget).tie == EvolutionStrategy.tie
+    with pytest.raises(UsageError, match=f"evolution.tie must be 0 or greater, got {tie}"):
+        Random(None, budget, tie)
+
+
+def test_an_executor_is_closed_after_its_block():
+    with Here() as executor:
+        assert list(executor.map(sum, [[1, 2]])) == [([1, 2], 3)]
+        assert not executor.closed
+    assert executor.closed
