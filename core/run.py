@@ -29,7 +29,9 @@ _failures: list[UserError] = []  # of the jobs: raised in a job, they would be p
 
 def _job(cfg: DictConfig) -> None:
     from hydra.core.hydra_config import HydraConfig
+    from omegaconf.errors import OmegaConfBaseException
 
+    from core.config.compose import explain
     from core.search.orchestration import run, tell
 
     folder = Path(HydraConfig.get().runtime.output_dir)
@@ -37,6 +39,8 @@ def _job(cfg: DictConfig) -> None:
         tell(run(cfg, folder), folder)
     except UserError as error:
         _failures.append(error)
+    except OmegaConfBaseException as error:  # a setting without a value
+        _failures.append(explain(error, "config", ()))
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandatoryValue, OmegaConfBaseException
 
 from core.config import sources
 from core.config.schemas import (
@@ -134,6 +134,8 @@ def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
     if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
         group, _, choice = error.missing_cfg_file.rpartition("/")
         return choices(group, choice, error.options)
+    if isinstance(error, MissingMandatoryValue):
+        return UsageError(f"{error.full_key} has no value; give one with {error.full_key}=VALUE")
     found = re.search(r"Could not override '([^']+)'", str(error))
     cause = error.__cause__
     if found and isinstance(cause, ConfigAttributeError | ConfigKeyError):

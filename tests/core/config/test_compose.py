@@ -1,7 +1,11 @@
+import sys
+
 import pytest
 
 from core.config.compose import explain, load, part
 from core.errors import UsageError
+from core.plugins import Offer, installed
+from core.run import main
 
 
 def test_the_old_name_of_the_listeners_group_is_an_alias_that_warns(capsys):
@@ -52,3 +56,14 @@ def test_an_unknown_key_beside_a_sweep():
     error = caught.value.__cause__
     line = "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "
     assert str(explain(error, "config", ["seed=1,2", "budget.n_agnet=2"])).startswith(line)
+
+
+def test_a_setting_without_a_value(tmp_path, monkeypatch, capsys):
+    offer = Offer("executor", "remote", "theirs", "their-package", lambda address: None)
+    monkeypatch.setitem(installed().offers, ("executor", "remote"), offer)
+    monkeypatch.setattr("core.run._failures", [])
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")  # set by main, and restored here
+    monkeypatch.setattr(sys, "argv", ["core.run", "executor=remote", f"hydra.run.dir={tmp_path / 'run'}"])
+    with pytest.raises(UsageError, match=r"executor\.address has no value; give one with executor\.address=VALUE"):
+        main()
+    assert capsys.readouterr() == ("", "")
