@@ -57,6 +57,7 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
     assert len(others) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", commands())
 def test_command(line: str, tmp_path: Path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
@@ -88,6 +89,7 @@ def test_what_is_not_run_says_why():
             )
 
 
+@pytest.mark.slow
 def test_settings_of_what_is_not_run_are_there():
     lines = [line for page in PAGES for _, block in console(page) for line in typed(block)]
     assert len(lines) > 10
@@ -114,6 +116,7 @@ def test_each_kind_of_block_is_looked_at():
     }
 
 
+@pytest.mark.slow
 def test_the_notebook_shows_what_it_does(tmp_path):
     """Run it again: it shows outputs of the same kinds, and the rewards that its text names."""
     shown = nbformat.read(NOTEBOOK, as_version=4)
@@ -164,6 +167,7 @@ def test_example_plugin_works(tmp_path, monkeypatch, capsys):
         plugins.create("listener", "shout", {"marc": "?"})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 def test_python_as_the_page_has_it(number, tmp_path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
