@@ -1,4 +1,7 @@
-"""Bodies: how they fall, slide, roll, bounce, topple and come to rest."""
+"""Check bodies: they fall, slide, roll, bounce, topple and come to rest.
+
+Covered by `tests/plugins/simulators/test_conformance.py`.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ def check_free_fall(simulator: Simulator) -> None:
 
 
 def check_friction_is_the_geometric_mean(simulator: Simulator) -> None:
-    """On a slope 15 % flatter than the friction's angle a block stays, on one 15 % steeper it slides as it must."""
+    """A block stays on a slope 15 % below the friction angle, and slides as it must on one 15 % above it."""
     for one, other in ((0.5, 0.5), (0.1, 0.9), (1.0, 0.25)):
         mean = math.sqrt(one * other)
         for steepness in (0.85, 1.15):
@@ -51,12 +54,12 @@ def check_friction_is_the_geometric_mean(simulator: Simulator) -> None:
             block = Body.of("block", size, at, mass=1.0, color=GREY, rpy=rpy, friction=other)
             slid = float(np.linalg.norm(end(wait(simulator, hill, block)).position("block") - at))
             due = GRAVITY * (math.sin(tilt) - mean * math.cos(tilt)) / 2 if steepness > 1 else 0.0
-            told = f"frictions {one} and {other}, a slope of {math.degrees(tilt):.1f} degrees: in one second a block "
-            expect(abs(slid - due) < 5e-3 + 0.15 * due, told + f"slid {slid:.4f} m instead of {due:.4f} m")
+            found = f"frictions {one} and {other}, a slope of {math.degrees(tilt):.1f} degrees: in one second a block "
+            expect(abs(slid - due) < 5e-3 + 0.15 * due, found + f"slid {slid:.4f} m instead of {due:.4f} m")
 
 
 def check_rolling_friction_is_an_arm(simulator: Simulator) -> None:
-    """An arm of 0.01 m holds a ball of radius 0.1 m on a slope of up to a tenth; on a steeper one it slows it down."""
+    """An arm of 0.01 m holds a ball of radius 0.1 m on a slope of up to a tenth, and slows it on a steeper one."""
     for steepness in (0.4, 3.0):
         tilt = math.atan(steepness * 0.01 / 0.1)
         hill = slope(tilt, 0.5)
@@ -64,8 +67,8 @@ def check_rolling_friction_is_an_arm(simulator: Simulator) -> None:
         ball = Body.of("ball", Sphere(0.1), at, mass=3.0, color=GREY, rolling_friction=0.01)
         rolled = float(np.linalg.norm(end(wait(simulator, hill, ball, seconds=1.2)).position("ball") - at))
         due = 5 / 7 * GRAVITY * (math.sin(tilt) - 0.1 * math.cos(tilt)) * 1.2**2 / 2 if steepness > 1 else 0.0
-        told = f"an arm of 0.01 m, a slope of {tilt:.3f} rad: in 1.2 s a ball of radius 0.1 m rolled {rolled:.3f} m"
-        expect(abs(rolled - due) < 0.02 + 0.05 * due, f"{told} instead of {due:.3f} m")
+        found = f"an arm of 0.01 m, a slope of {tilt:.3f} rad: in 1.2 s a ball of radius 0.1 m rolled {rolled:.3f} m"
+        expect(abs(rolled - due) < 0.02 + 0.05 * due, f"{found} instead of {due:.3f} m")
 
 
 def check_ball_rolls_without_slipping(simulator: Simulator) -> None:
@@ -78,7 +81,7 @@ def check_ball_rolls_without_slipping(simulator: Simulator) -> None:
 
 
 def check_ball_without_rolling_friction_keeps_rolling(simulator: Simulator) -> None:
-    """Off a slope onto level ground: over a second there it keeps its speed."""
+    """A ball that rolls off a slope keeps its speed over a second on level ground."""
     ground = Body.of("ground", Box((6.0, 2.0, 0.1)), (3.0, 3.0, -0.05), mass=0.0, color=GREY)
     ramp = Body.of("ramp", Box((1.0, 1.0, 0.1)), (0.9, 3.0, 0.0), mass=0.0, color=GREY, rpy=(0, 0.2, 0))
     ball = Body.of("ball", Sphere(0.1), ramp.pose.apply([-0.3, 0, 0.15]), mass=1.0, color=GREY)
@@ -90,7 +93,7 @@ def check_ball_without_rolling_friction_keeps_rolling(simulator: Simulator) -> N
 
 
 def check_restitution(simulator: Simulator) -> None:
-    """Dropped from 0.5 m, a ball comes back to (e * e)^2 of the height: the contact's is the product of the bodies'."""
+    """Dropped from 0.5 m a ball rises to (e1 * e2)^2 of the height: a contact has the product of both restitutions."""
     for e in (0.0, 0.8):
         plate = Body.of("plate", Box((1.0, 1.0, 0.1)), (3.0, 3.0, -0.05), mass=0.0, color=GREY)
         plate = replace(plate, restitution=0.8)
@@ -100,18 +103,18 @@ def check_restitution(simulator: Simulator) -> None:
         struck = int(np.argmax(heights < 0.01))
         expect(struck > 0, "a dropped ball did not come down")
         rise, due = float(heights[struck:].max()), 0.5 * (0.8 * e) ** 2
-        told = f"a ball with restitution {e}, dropped on a plate with 0.8, rose {rise:.3f} m instead of {due:.3f} m"
-        expect(abs(rise - due) < 0.01 + 0.2 * due, told)
+        found = f"a ball with restitution {e}, dropped on a plate with 0.8, rose {rise:.3f} m instead of {due:.3f} m"
+        expect(abs(rise - due) < 0.01 + 0.2 * due, found)
 
 
 def _fall(lean: float, rate: float, seconds: float) -> float:
-    """How far an upturned pendulum that began at rest leans: lean'' = rate * sin(lean)."""
+    """The lean of an inverted pendulum that starts at rest: lean'' = rate * sin(lean)."""
     way = solve_ivp(lambda _, s: [s[1], rate * math.sin(s[0])], (0, seconds), [lean, 0.0], rtol=1e-8)
     return float(way.y[0, -1])
 
 
 def check_falling_bodies_turn_by_their_inertia(simulator: Simulator) -> None:
-    """What falls over an edge that it can't slip from turns as fast as its inertia lets it."""
+    """A body that falls over an edge without slipping turns as fast as its inertia lets it."""
     ground = Body.of("ground", Box((2.0, 2.0, 0.1)), (3.0, 3.0, -0.05), mass=0.0, color=GREY, friction=4.0)
     rod = (part(Box((0.04, 0.2, 0.8)), 0.0, 0.0, 0.4),)
     hammer = (part(Box((0.04, 0.2, 0.6)), 0.0, 0.0, 0.3), part(Box((0.2, 0.4, 0.2)), 0.0, 0.0, 0.7))
@@ -130,8 +133,8 @@ def check_falling_bodies_turn_by_their_inertia(simulator: Simulator) -> None:
         rate = body.mass * GRAVITY * away / about_edge
         due = _fall(lean, rate, 0.4) - lean
         turned = angle_between(end(wait(simulator, ground, body, seconds=0.4)).pose(name), body.pose)
-        told = f"in 0.4 s a {name} fell over by {turned:.3f} rad; its inertia lets it fall by {due:.3f} rad"
-        expect(abs(turned - due) < 0.06 * due, told)
+        found = f"in 0.4 s a {name} fell over by {turned:.3f} rad; its inertia lets it fall by {due:.3f} rad"
+        expect(abs(turned - due) < 0.06 * due, found)
 
 
 def check_hollow_body_is_hollow(simulator: Simulator) -> None:
@@ -153,7 +156,7 @@ def check_hollow_body_is_hollow(simulator: Simulator) -> None:
 
 
 def check_mesh_collides_as_its_convex_hull(simulator: Simulator) -> None:
-    """A trough, 0.1 high and open on top: what falls on it rests on the hull's lid."""
+    """A cube that falls on a trough, 0.1 high and open on top, rests on the hull's lid."""
     boxes = (
         ((0.3, 0.3, 0.02), (0, 0, 0.01)),
         ((0.3, 0.02, 0.1), (0, -0.14, 0.05)),
@@ -186,7 +189,7 @@ def check_shapes_rest_where_they_are_put(simulator: Simulator) -> None:
 
 
 def check_cylinder_is_round(simulator: Simulator) -> None:
-    """Lying, it rolls down a slope as a solid cylinder does."""
+    """A lying cylinder rolls down a slope as a solid one does."""
     hill = slope(0.15, 1.0)
     at = hill.pose.apply([0, 0, 0.05 + 0.06])
     rpy = (math.pi / 2, 0.0, 0.0)
@@ -209,20 +212,20 @@ def check_stack_stands(simulator: Simulator) -> None:
 L_SHAPE = part(Box((0.3, 0.1, 0.02)), 0.15, 0, 0.01), part(Box((0.02, 0.1, 0.2)), 0.01, 0, 0.12)  # its frame: a corner
 
 
-def check_state_speaks_of_frames(simulator: Simulator) -> None:
-    """A body is where its frame is, not where its centre of mass is."""
+def check_states_are_those_of_frames(simulator: Simulator) -> None:
+    """A body's position is its frame's, not its centre of mass'."""
     for yaw in (0.0, 2.0):
         body = compound("L", *L_SHAPE, at=(0.6, 0.1, 0), mass=1.0, rpy=(0, 0, yaw))
         outcome = wait(simulator, table(), body, settle_s=0.1)
         for state in (start(outcome), end(outcome)):
             gap = np.abs(state.position("L") - [0.6, 0.1, 0]).max()
-            expect(gap < 1e-3, f"a body at rest is told {1000 * gap:.1f} mm from where its frame was put")
+            expect(gap < 1e-3, f"the state of a body at rest is {1000 * gap:.1f} mm from where its frame was put")
             turned = angle_between(state.pose("L"), body.pose)
-            expect(turned < 5e-3, f"a body at rest is told turned by {turned:.4f} rad from how it was put")
+            expect(turned < 5e-3, f"the state of a body at rest is turned by {turned:.4f} rad from how it was put")
 
 
 def check_velocities_are_those_of_the_frame(simulator: Simulator) -> None:
-    """A body that tumbles down onto an edge: its velocities are the rates of its own poses."""
+    """The velocities of a body that tumbles on an edge are the rates of its own poses."""
     edge = Body.of("edge", Box((0.1, 1.0, 0.1)), FAR, mass=0.0, color=GREY)
     body = compound("L", *L_SHAPE, at=(3.02, 3, 0.1), mass=1.0)
     recording = film(wait(simulator, edge, body, seconds=0.5, record_hz=250))
@@ -268,7 +271,7 @@ CHECKS = (
     check_shapes_rest_where_they_are_put,
     check_cylinder_is_round,
     check_stack_stands,
-    check_state_speaks_of_frames,
+    check_states_are_those_of_frames,
     check_velocities_are_those_of_the_frame,
     check_tall_bodies_topple_and_flat_ones_do_not,
 )

@@ -1,5 +1,6 @@
-"""What any executor must satisfy: each check takes a factory, ``make()``, since one ends with its use, and raises an
-AssertionError that says what is wrong.
+"""Checks that every executor must pass. Each takes a factory, ``make()``, since an executor is used once.
+
+Covered by `tests/core/conformance/test_suites.py`.
 """
 
 from __future__ import annotations
@@ -14,32 +15,32 @@ Make = Callable[[], Executor]
 
 
 def roots(chunk: list[float]) -> list[float]:
-    """Of numbers; of negative ones there is none."""
+    """Square roots; negative numbers raise a ValueError."""
     return [math.sqrt(number) for number in chunk]
 
 
 def check_each_chunk_comes_back_with_its_result(make: Make) -> None:
     chunks = [[float(n), float(n + 1)] for n in range(12)]
     with make() as executor:
-        came = list(executor.map(roots, chunks))
-        expect(sorted(chunk for chunk, _ in came) == chunks, f"{len(chunks)} chunks went in, {len(came)} came out")
-        for chunk, result in came:
-            expect(result == roots(chunk), f"of {chunk} came {result!r} instead of {roots(chunk)}")
+        pairs = list(executor.map(roots, chunks))
+        expect(sorted(chunk for chunk, _ in pairs) == chunks, f"{len(chunks)} chunks went in, {len(pairs)} came out")
+        for chunk, result in pairs:
+            expect(result == roots(chunk), f"the result of {chunk} is {result!r} instead of {roots(chunk)}")
         again = list(executor.map(roots, [[4.0]]))
-        expect(again == [([4.0], [2.0])], f"the second use gave {again!r}")
-        expect(list(executor.map(roots, [])) == [], "of no chunks something came")
+        expect(again == [([4.0], [2.0])], f"the second use returned {again!r}")
+        expect(list(executor.map(roots, [])) == [], "no chunks have results")
 
 
-def check_what_raises_is_told_with_its_chunk(make: Make) -> None:
+def check_an_exception_belongs_to_its_chunk(make: Make) -> None:
     with make() as executor:
-        came = {chunk[0]: result for chunk, result in executor.map(roots, [[1.0], [-1.0], [4.0]])}
-    expect(came.get(1.0) == [1.0] and came.get(4.0) == [2.0], "a chunk that raised took others along")
-    told = came.get(-1.0)
-    expect(isinstance(told, ValueError), f"of a chunk that raised ValueError came {told!r}")
+        results = {chunk[0]: result for chunk, result in executor.map(roots, [[1.0], [-1.0], [4.0]])}
+    expect(results.get(1.0) == [1.0] and results.get(4.0) == [2.0], "a chunk that raised affects other chunks")
+    result = results.get(-1.0)
+    expect(isinstance(result, ValueError), f"a chunk that raised ValueError has the result {result!r}")
 
 
 def check_chunks_are_not_read_all_at_once(make: Make) -> None:
-    """They come as a model answers, and may be many."""
+    """They arrive as a model answers, and may be many."""
     read = 0
 
     def chunks() -> Iterator[list[float]]:
@@ -54,23 +55,23 @@ def check_chunks_are_not_read_all_at_once(make: Make) -> None:
         expect(read < 500, f"before the first result was taken, {read} of 1000 chunks were read")
 
 
-def check_what_chunks_raise_is_raised(make: Make) -> None:
+def check_an_exception_of_the_source_is_raised(make: Make) -> None:
     def chunks() -> Iterator[list[float]]:
         yield [1.0]
-        raise LookupError("the source is dry")
+        raise LookupError("no more chunks")
 
-    told = False
+    raised = False
     with make() as executor:
         try:
             list(executor.map(roots, chunks()))
         except LookupError:
-            told = True
-    expect(told, "an exception of the chunks' source was swallowed")
+            raised = True
+    expect(raised, "an exception of the chunks' source is swallowed")
 
 
 CHECKS = (
     check_each_chunk_comes_back_with_its_result,
-    check_what_raises_is_told_with_its_chunk,
+    check_an_exception_belongs_to_its_chunk,
     check_chunks_are_not_read_all_at_once,
-    check_what_chunks_raise_is_raised,
+    check_an_exception_of_the_source_is_raised,
 )

@@ -86,7 +86,7 @@ def check_it_travels_to_workers(make: Make) -> None:
 
 
 def check_the_same_again(make: Make) -> None:
-    """The same candidates earn the same in the same order, whatever was tried before."""
+    """The same candidates earn the same again, after others too."""
     fitness = make(evaluator())
     first = figures(fitness(candidates()))
     fitness(candidates((0.2,)))

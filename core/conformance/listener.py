@@ -91,13 +91,11 @@ class Script:
 
     def _ask(self, generation: int) -> None:
         """Send a request, and from another thread its reply, as a run does."""
-        asked = replace(
-            self._request, id=f"g{generation}-a0", brief=replace(self._request.brief, generation=generation)
-        )
-        self.send("request_composed", request=asked)
-        reply = Reply(asked.id, self._text, "a model", self._text if generation else None, 10, 20)
+        sent = replace(self._request, id=f"g{generation}-a0", brief=replace(self._request.brief, generation=generation))
+        self.send("request_composed", request=sent)
+        reply = Reply(sent.id, self._text, "a model", self._text if generation else None, 10, 20)
         with ThreadPoolExecutor(1) as pool:
-            pool.submit(self.send, "reply_received", request=asked, reply=reply).result()
+            pool.submit(self.send, "reply_received", request=sent, reply=reply).result()
 
     def _evaluations(self, generation: int) -> Iterator[Evaluation]:
         """Two that are ok, a rejected one and a failed one."""
@@ -150,7 +148,7 @@ def check_a_run_may_break_off(make: Make) -> None:
 
 
 def check_a_run_may_end_before_it_starts(make: Make) -> None:
-    """Where another listener's ``run_started`` raises, ``run_ended`` is the only event."""
+    """If another listener's ``run_started`` raises, ``run_ended`` is the only event."""
     with scratch() as folder:
         Script(make(), folder).send("run_ended")
 

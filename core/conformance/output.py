@@ -1,4 +1,7 @@
-"""What comes back: states, recordings, pictures."""
+"""Check what a simulator returns: states, recordings, pictures.
+
+Covered by `tests/plugins/simulators/test_conformance.py`.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +31,12 @@ def check_states_name_the_free_bodies_in_order(simulator: Simulator) -> None:
     expect(state.positions.shape == (2, 3), f"positions of two bodies have the shape {state.positions.shape}")
     lengths = np.linalg.norm(state.quaternions, axis=-1)
     expect(np.abs(lengths - 1).max() < 1e-5, f"quaternions have the lengths {lengths}")
-    nobody = end(wait(simulator, table(), seconds=0.1))
-    expect(nobody.positions.shape == (0, 3), f"positions of no bodies have the shape {nobody.positions.shape}")
+    empty = end(wait(simulator, table(), seconds=0.1))
+    expect(empty.positions.shape == (0, 3), f"positions of no bodies have the shape {empty.positions.shape}")
 
 
 def check_recordings(simulator: Simulator) -> None:
-    """They have the rate that was asked for, begin with the settling, and end with the end state."""
+    """A recording has the requested rate, begins with the settling, and ends with the end state."""
     body = cube(at=(0.6, 0, 0.3))
     for rate in (10, 50):
         outcome = wait(simulator, table(), body, settle_s=0.5, record_hz=rate)
@@ -41,7 +44,7 @@ def check_recordings(simulator: Simulator) -> None:
         gaps = np.diff(recording.times)
         expect(
             np.abs(gaps - 1 / rate).max() < 0.005,
-            f"asked for {rate} Hz, instants are {gaps.min()} to {gaps.max()} s apart",
+            f"at {rate} Hz, instants are {gaps.min()} to {gaps.max()} s apart",
         )
         first, last = recording.times[[0, -1]]
         expect(abs(first + 0.5) < 1e-6, f"a recording with 0.5 s of settling begins at {first} s")
@@ -53,11 +56,11 @@ def check_recordings(simulator: Simulator) -> None:
         expect(abs(heights[0] - 0.3) < 1e-6, f"a recording begins with a cube at {heights[0]} m that was put at 0.3 m")
         same = np.array_equal(recording.states.positions[-1], end(outcome).positions)
         expect(same, "a recording's last state is not the end state")
-    expect(wait(simulator, seconds=0.01).recording is None, "without a rate nothing is to be recorded")
+    expect(wait(simulator, seconds=0.01).recording is None, "without a rate nothing must be recorded")
 
 
 def check_pictures(simulator: Simulator) -> None:
-    """Of the size asked for; what is asked for is in them, and nothing that was asked for before."""
+    """A picture has the requested size and content, and nothing of earlier pictures."""
     task = Bodies(table(), cube(at=(0.6, 0, 0.05)), name="Pictured")
     draw = partial(simulator.render, task, width=160, height=120)
     plain = draw()
@@ -73,13 +76,13 @@ def check_pictures(simulator: Simulator) -> None:
 
     moved = task.scene(0).state()
     moved.positions[0] = 0.8, 0.2, 0.05
-    expect(20 < changed(draw(state=moved)) < 3000, "a cube that was moved does not show, or all else does too")
+    expect(20 < changed(draw(state=moved)) < 3000, "a cube that was moved does not show, or the rest changed too")
     expect(changed(draw(state=task.scene(0).state())) == 0, "the state at spawn gives another picture than no state")
     expect(changed(draw(arm=np.array([0.5, 0, 0, -1.5, 0, 1.5, 0.7]))) > 200, "other joints give the same picture")
     expect(changed(draw(fingers=np.zeros(2))) > 0, "closed fingers give the same picture as open ones")
     expect(changed(draw(tool=BARE)) > 20, "the arm without a hand gives the same picture as with it")
     expect(changed(draw(tool=stick(0.4))) > 20, "a tool does not show")
-    expect(changed(draw()) == 0, "the first picture, asked for again, is another one")
+    expect(changed(draw()) == 0, "the first picture, drawn again, is another one")
 
 
 CHECKS = (

@@ -1,4 +1,7 @@
-"""The same again: an outcome depends on its job, and on nothing else."""
+"""Check that an outcome depends on its job alone.
+
+Covered by `tests/plugins/simulators/test_conformance.py`.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ def _push() -> Rollout:
 
 
 def _row() -> Bodies:
-    """A cube before the stick, a ball and a can behind it: many contacts."""
+    """A stack before the stick, a ball and a can behind it: many contacts."""
     ball = Body.of("ball", Sphere(0.04), (0.7, 0.02, 0.04), mass=0.3, color=GREY, rolling_friction=0.002)
     can = Body.of("can", Cylinder(0.03, 0.1), (0.8, 0.0, 0.05), mass=0.3, color=GREY)
     stack = [cube(f"brick{i}", (0.6, 0.0, 0.03 + 0.06 * i), side=0.06, mass=0.4) for i in range(3)]
@@ -47,7 +50,7 @@ def bits(outcome: Outcome) -> str:
 
 
 def digest(simulator: Simulator) -> str:
-    """Of a rollout with many contacts. The same in every process, whatever the simulator did before."""
+    """A digest of a rollout with many contacts, the same in every process and after any other work."""
     (outcome,) = simulator.rollout(_row(), [_push()])
     moved = np.abs(end(outcome).positions - start(outcome).positions).max()
     expect(moved > 0.05, f"the stick pushed nothing: the bodies moved {moved:.4f} m at most")
@@ -55,7 +58,7 @@ def digest(simulator: Simulator) -> str:
 
 
 def check_same_job_gives_same_bits(simulator: Simulator) -> None:
-    """At once, and after other tools and worlds."""
+    """The same job gives the same bits twice in a row, and after other tools and worlds."""
     first = digest(simulator)
     expect(digest(simulator) == first, "the same job, played twice in a row, gave different numbers")
     wait(simulator, table(), cube(at=(0.5, 0, 0.3)), tool=HAND)
@@ -65,7 +68,7 @@ def check_same_job_gives_same_bits(simulator: Simulator) -> None:
 
 
 def check_batch_gives_what_each_job_alone_gives(simulator: Simulator) -> None:
-    """Jobs of one batch do not touch each other."""
+    """Jobs of one batch do not affect each other."""
     task = _row()
     jobs = [_push(), Rollout(BARE, still(), settle_s=0.1), Rollout(HAND, still(), settle_s=0.1), _push()]
     together = [bits(outcome) for outcome in simulator.rollout(task, jobs)]
@@ -76,7 +79,7 @@ def check_batch_gives_what_each_job_alone_gives(simulator: Simulator) -> None:
 
 
 def check_broken_job_hurts_no_other(simulator: Simulator) -> None:
-    """A job whose targets are not numbers gives an error, and its neighbours are as they would be without it."""
+    """A job with targets that are not numbers gives an error, and its neighbours stay as they are without it."""
     arms = np.stack([still().arm[0], np.full(7, np.nan)])
     broken = Rollout(stick(0.25), JointTrajectory(np.array([0.0, 1.0]), arms, np.full(2, FINGER_OPEN)))
     task = _row()
@@ -87,7 +90,7 @@ def check_broken_job_hurts_no_other(simulator: Simulator) -> None:
     expect(bits(before) == bits(after), "a broken job changed what came after it")
 
 
-def check_pictures_do_not_touch_rollouts(simulator: Simulator) -> None:
+def check_pictures_do_not_affect_rollouts(simulator: Simulator) -> None:
     first = digest(simulator)
     simulator.render(_row(), tool=stick(0.25), width=32, height=24)
     expect(digest(simulator) == first, "the same job gave different numbers after a picture was drawn")
@@ -97,5 +100,5 @@ CHECKS = (
     check_same_job_gives_same_bits,
     check_batch_gives_what_each_job_alone_gives,
     check_broken_job_hurts_no_other,
-    check_pictures_do_not_touch_rollouts,
+    check_pictures_do_not_affect_rollouts,
 )

@@ -1,4 +1,7 @@
-"""The arm and the hand: they follow, they hold, they yield, and go through nothing."""
+"""Check the arm and the hand: they follow, hold, yield to forces, and pass through nothing.
+
+Covered by `tests/plugins/simulators/test_conformance.py`.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ from core.robot.description import FINGER_OPEN
 from core.robot.kinematics import arm
 from core.scene import Body, table
 
-_THROUGH = 0.003  # metres that an engine's contacts may give way
+_THROUGH = 0.003  # metres of penetration that an engine's contacts may allow
 
 
 def _lowest(tool: Tool, joints: Array) -> float:
@@ -44,7 +47,7 @@ def _pressed_down(simulator: Simulator, tool: Tool, x: float, y: float, below: f
     deepest = _lowest(tool, joints)
     expect(deepest > -_THROUGH, f"a tool was pushed {-1000 * deepest:.1f} mm into the table")
     last = _lowest(tool, joints[-1:])
-    expect(last < 0.005, f"a tool told to press on the table ended {1000 * last:.1f} mm above it")
+    expect(last < 0.005, f"a tool that was to press on the table ended {1000 * last:.1f} mm above it")
     lag = outcome.tracking_error_rad
     expect(lag > 0.01, f"the table keeps the arm from its targets, but the tracking error is {lag:.4f} rad")
 
@@ -79,9 +82,7 @@ def check_tool_stops_at_a_wall(simulator: Simulator) -> None:
 
 
 def check_leaning_tool_stops_at_a_thin_wall(simulator: Simulator) -> None:
-    """A rod that is pushed aslant at a low wall 6 mm thick gives way and leans over its upper edge; it may get over it,
-    but never through.
-    """
+    """A rod pushed at an angle against a low wall 6 mm thick may get over its edge, but never through the wall."""
     half, inner = 0.006, 0.13
     rod = Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.15])), Box((2 * half, 2 * half, 0.3)))
     wall = Body.of("wall", Box((0.5, 0.006, 0.1)), (0.55, inner + 0.003, 0.055), mass=0.0, color=GREY)
@@ -101,11 +102,11 @@ def check_leaning_tool_stops_at_a_thin_wall(simulator: Simulator) -> None:
 
 
 def check_body_pushed_off_centre_turns(simulator: Simulator) -> None:
-    """Pushed slowly beside its middle, a cube turns as it slides: friction that takes up a thrust has less left.
+    """A cube pushed slowly beside its middle turns as it slides, since friction in a slide has less left for the turn.
 
-    The turn is between what a load spread evenly under the cube gives and what one at its corners gives; for friction
-    in either see I. Kao, K. Lynch and J. Burdick, "Contact Modeling and Manipulation", Springer Handbook of Robotics
-    (2016), on ellipsoidal limit surfaces.
+    The turn lies between those of a load distributed evenly under the cube and of one at its corners. For both see
+    I. Kao, K. Lynch and J. Burdick, "Contact Modeling and Manipulation", Springer Handbook of Robotics (2016), on
+    ellipsoidal limit surfaces.
     """
     side, beside, way = 0.1, 0.03, 0.04
     edge_on = Pose.xyz_rpy((0, 0, -0.15), (0, 0, np.pi / 4))
@@ -118,12 +119,12 @@ def check_body_pushed_off_centre_turns(simulator: Simulator) -> None:
     turned = angle_between(end(outcome).pose("cube"), body.pose)
     levers = 0.707 * side, 0.383 * side  # of friction about the middle: of the corners, and on the mean of the square
     low, high = (way * beside / (beside**2 + lever**2) for lever in levers)
-    told = f"a cube of {side} m, pushed {way} m at a place {beside} m beside its middle, turned {turned:.3f} rad"
-    expect(0.8 * low < turned < 1.1 * high, f"{told}; friction lets it turn {low:.3f} to {high:.3f} rad")
+    found = f"a cube of {side} m, pushed {way} m at a place {beside} m beside its middle, turned {turned:.3f} rad"
+    expect(0.8 * low < turned < 1.1 * high, f"{found}; friction lets it turn {low:.3f} to {high:.3f} rad")
 
 
-def check_tool_touches_the_arm_but_not_its_bearer(simulator: Simulator) -> None:
-    """A box around the flange is in what bears it, and nothing comes of that; one in the second link pushes the arm."""
+def check_tool_touches_the_arm_but_not_its_mount(simulator: Simulator) -> None:
+    """A box around the flange has no effect; one inside the second link pushes the arm."""
     around = Tool((Component("box", "panda_virtual", Pose(), Box((0.05, 0.05, 0.05))),))
     lag = wait(simulator, seconds=0.5, tool=around).tracking_error_rad
     expect(lag < 2e-3, f"a box around the flange puts the arm at rest {lag:.4f} rad off its targets; at most 0.002")
@@ -152,15 +153,15 @@ def check_arm_follows_its_trajectory(simulator: Simulator) -> None:
     miss = float(np.abs(recording.arm - targets).max())
     expect(miss < 0.02, f"without contact the arm was {miss:.4f} rad off its trajectory; at most 0.02")
     lag = outcome.tracking_error_rad
-    told = f"the tracking error is {lag:.4f} rad, the recording's largest miss {miss:.4f} rad"
-    expect(abs(lag - miss) < max(2e-3, 0.5 * miss), told)
+    found = f"the tracking error is {lag:.4f} rad, the recording's largest miss {miss:.4f} rad"
+    expect(abs(lag - miss) < max(2e-3, 0.5 * miss), found)
     there = arm().forward(recording.arm[-1]).position
     gap = np.abs(there - plan[-1][:3]).max()
     expect(gap < 1e-3, f"the end-effector ended {1000 * gap:.1f} mm from its last waypoint")
 
 
 def check_struck_body_leaves_as_fast_as_it_was_struck(simulator: Simulator) -> None:
-    """A tool at 0.6 m/s and a light body without friction: nothing of how contacts are solved is to speed it up."""
+    """A light body without friction, struck at 0.6 m/s, must not be sped up by the contact solver."""
     speed, count = 0.6, 41
     way = np.linspace(-0.25, 0.15, count)
     joints = [arm().home_for(Pose(np.array([0.6, way[0], 0.27])))]
@@ -190,7 +191,7 @@ def check_joint_torques_are_limited(simulator: Simulator) -> None:
             expect(way < 0.01, f"the last joint has no torque to push a block of {mass} kg; it went {way:.3f} m")
 
 
-def check_fingers_go_where_they_are_told(simulator: Simulator) -> None:
+def check_fingers_reach_their_targets(simulator: Simulator) -> None:
     for grip in (0.0, 0.5, 1.0):
         fingers = film(move(simulator, [[0.5, 0, 0.5, 0, 0, 0, grip]], tool=HAND, record_hz=10)).fingers
         opened = np.abs(fingers[0] - FINGER_OPEN).max()
@@ -199,7 +200,7 @@ def check_fingers_go_where_they_are_told(simulator: Simulator) -> None:
         expect(miss < 1e-3, f"at grip {grip} the fingers are {1000 * miss:.1f} mm from where they should be")
 
 
-_OVER = 0.1034 + 0.02  # the hand above the middle of what the fingertips hold
+_OVER = 0.1034 + 0.02  # metres from the hand's origin to the middle of a held object
 
 
 def check_gripper_lifts_a_cube(simulator: Simulator) -> None:
@@ -216,13 +217,13 @@ def check_gripper_lifts_a_cube(simulator: Simulator) -> None:
 
 
 def _bar(side: int, finger: str) -> Component:
-    """Hangs down from a finger, its inner face 5 mm out of the middle when the fingers are closed."""
+    """A bar that hangs down from a finger, its inner face 5 mm from the middle when the fingers are closed."""
     pose = Pose(np.array([0.0, side * 0.008, 0.11]))
     return Component(f"bar_{finger}", f"panda_{finger}finger", pose, Box((0.03, 0.006, 0.16)))
 
 
 def check_attachments_hold_a_cube(simulator: Simulator) -> None:
-    """Two bars between which a cube is picked up that the bare fingers can't reach, and held in the air for 2 s."""
+    """Two bars pick up a cube that the bare fingers can't reach, and hold it in the air for 2 s."""
     tool = Tool((_bar(1, "left"), _bar(-1, "right")), gripper=True)
     over = 0.0584 + 0.19 + 0.005
     plan = [[0.5, 0, z, 0, 0, 0, grip] for z, grip in ((over + 0.2, 0), (over, 0), (over, 1), (over + 0.2, 1))]
@@ -237,7 +238,7 @@ def check_attachments_hold_a_cube(simulator: Simulator) -> None:
 
 
 def check_gripper_lifts_a_light_disc(simulator: Simulator) -> None:
-    """20 g between fingers that press with 70 N each: it may neither shoot out nor give way."""
+    """A disc of 20 g between fingers that press with 70 N each neither shoots out nor sinks in."""
     over = 0.1034 - 0.009 + 0.007
     plan = [[0.5, 0, over, 0, 0, 0, 0], [0.5, 0, over, 0, 0, 0, 1], [0.5, 0, 0.3, 0, 0, 0, 1]]
     disc = Body.of("disc", Cylinder(0.03, 0.014), (0.5, 0.0, 0.007), mass=0.02, color=GREY)
@@ -248,7 +249,7 @@ def check_gripper_lifts_a_light_disc(simulator: Simulator) -> None:
 
 
 def check_gripper_squeezes_as_hard_as_the_hand_can(simulator: Simulator) -> None:
-    """Twice 70 N at a friction of sqrt(1.0 * 0.5) hold 10 kg against gravity: 4 kg are lifted, 16 kg are not."""
+    """Twice 70 N at a friction of sqrt(1.0 * 0.5) hold 10 kg: 4 kg are lifted, 16 kg are not."""
     plan = [[0.5, 0, _OVER, 0, 0, 0, 0], [0.5, 0, _OVER, 0, 0, 0, 1], [0.5, 0, 0.2, 0, 0, 0, 1]]
     for mass, rises in ((4.0, True), (16.0, False)):
         held = cube(at=(0.5, 0, 0.02), side=0.04, mass=mass)
@@ -266,12 +267,12 @@ CHECKS = (
     check_tool_stops_at_a_wall,
     check_leaning_tool_stops_at_a_thin_wall,
     check_body_pushed_off_centre_turns,
-    check_tool_touches_the_arm_but_not_its_bearer,
+    check_tool_touches_the_arm_but_not_its_mount,
     check_joints_hold_against_gravity,
     check_arm_follows_its_trajectory,
     check_struck_body_leaves_as_fast_as_it_was_struck,
     check_joint_torques_are_limited,
-    check_fingers_go_where_they_are_told,
+    check_fingers_reach_their_targets,
     check_gripper_lifts_a_cube,
     check_attachments_hold_a_cube,
     check_gripper_lifts_a_light_disc,

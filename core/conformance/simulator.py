@@ -1,12 +1,13 @@
-"""What any simulator must satisfy: each check takes one and raises an AssertionError that says what is wrong.
+"""Checks that every simulator must pass. Each takes one and raises an AssertionError that says what is wrong.
 
-``python -m core.conformance sim=NAME`` runs them all, against anybody's simulator; with pytest::
+``python -m core.conformance sim=NAME`` runs them. With pytest::
 
     @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
     def test_conforms(check):
         check(installed().create("sim", "mine"))
 
-That the same job gives the same bits in another process too is not among them: compare `digest` there with here.
+To check that another process gives the same bits, compare `digest` there and here.
+Covered by `tests/plugins/simulators/test_conformance.py`.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ class Verdict:
 
 
 def subject(part: Part) -> Any:
-    """What the checks of the part's kind take: the part itself, or a function that makes one."""
+    """The argument of the checks of the part's kind: the part itself, or a function that makes one."""
     if part.kind == "evolution":
         return lambda designer, budget: part.create(designer=designer, budget=budget)
     if part.kind == "fitness":

@@ -36,7 +36,7 @@ def gives(representation: ToolRepresentation) -> Iterator[tuple[Task, Tool]]:
 
 
 def designs(representation: ToolRepresentation) -> bool:
-    """Whether a model writes its tools."""
+    """True if a model writes its tools."""
     try:
         return representation.given(some_task()) is None
     except UserError:

@@ -1,4 +1,7 @@
-"""What the checks put before a simulator: small worlds, sticks for tools, an arm that waits or moves."""
+"""Provide what the checks give a simulator: small worlds, sticks as tools, an arm that waits or moves.
+
+Covered by `tests/plugins/simulators/test_conformance.py`.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ HAND = Tool(gripper=True)
 
 
 class Bodies(Task):
-    """A task of these bodies, in which nothing is earned."""
+    """A task of these bodies, in which every reward is 0."""
 
     description = "Bodies."
     goals = ()
@@ -53,9 +56,7 @@ def compound(name: str, *parts: Geom, at: Vector, mass: float, rpy: Vector = (0.
 
 
 def slope(tilt: float, friction: float) -> Body:
-    """A fixed slope, far from the arm, that falls ``tilt`` radians toward +x; its frame is in the middle of a slab 0.1
-    thick.
-    """
+    """A fixed slab 0.1 thick, far from the arm, that falls ``tilt`` radians toward +x; its frame is in its middle."""
     return Body.of("slope", Box((4.0, 1.0, 0.1)), FAR, mass=0.0, color=GREY, rpy=(0.0, tilt, 0.0), friction=friction)
 
 
@@ -67,12 +68,12 @@ def stick(length: float, mass: float = 0.005) -> Tool:
 
 @lru_cache(maxsize=1)
 def still() -> JointTrajectory:
-    """The arm stays home, the fingers open."""
+    """A trajectory that holds the arm at home, with open fingers."""
     return JointTrajectory(np.zeros(1), arm().home_for(HOME)[None], np.array([FINGER_OPEN]))
 
 
 def motion(plan: object) -> JointTrajectory:
-    """From home through waypoints (N, 6) or (N, 7), see `core.design.Candidate`."""
+    """The motion from home through waypoints (N, 6) or (N, 7), see `core.design.Candidate`."""
     return plan_motion(np.array(plan, dtype=np.float64), HOME, arm()).trajectory
 
 
@@ -84,7 +85,7 @@ def wait(
     record_hz: float = 0.0,
     tool: Tool = BARE,
 ) -> Outcome:
-    """What becomes of bodies while the arm stays home."""
+    """Simulate bodies while the arm stays at home."""
     return run(simulator, bodies, Rollout(tool, still(), 0, settle_s, seconds, record_hz))
 
 
@@ -96,12 +97,12 @@ def move(
     record_hz: float = 0.0,
     hold_s: float = 0.5,
 ) -> Outcome:
-    """What comes of a motion through waypoints."""
+    """Simulate a motion through waypoints."""
     return run(simulator, bodies, Rollout(tool, motion(plan), 0, 0.1, hold_s, record_hz))
 
 
 def run(simulator: Simulator, bodies: tuple[Body, ...], job: Rollout) -> Outcome:
-    """One job in a world of these bodies; it may not break."""
+    """Simulate one job in a world of these bodies; it must not break."""
     (outcome,) = simulator.rollout(Bodies(*bodies), [job])
     expect(outcome.error is None, f"a rollout broke: {outcome.error}")
     return outcome
@@ -126,10 +127,10 @@ def film(outcome: Outcome) -> Recording:
 
 
 def angle_between(one: Pose, other: Pose) -> float:
-    """Radians."""
+    """The angle between two poses, radians."""
     return float((one.rotation.inv() * other.rotation).magnitude())
 
 
 def tip(joints: Array, point: Vector) -> Array:
-    """Where points of the end-effector's frame are in the world, over joints (T, 7): (T, 3)."""
+    """World positions (T, 3) of a point of the end-effector's frame, over joints (T, 7)."""
     return np.array([arm().forward(q).apply(point) for q in joints])

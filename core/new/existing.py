@@ -114,7 +114,7 @@ def _read(file: Path) -> str:
 
 
 def _returned(text: str, function: str) -> ast.expr | None:
-    """What a function of a source returns last; None: there is no such function.
+    """The expression that a function of a source returns last; None: there is no such function.
 
     Raises:
         UserError: the source can't be parsed.

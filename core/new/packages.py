@@ -18,9 +18,7 @@ from core.plugins import KINDS, installed
 
 @dataclass(frozen=True)
 class Template:
-    """What is written for a kind: its config group, its name for people, the module and class of the part, the test,
-    and the word that chooses the part on the command line.
-    """
+    """A kind's config group, its name for people, its module and class, its test, and its word on the command line."""
 
     group: str
     what: str

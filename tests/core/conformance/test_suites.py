@@ -215,8 +215,8 @@ WRONG = {
         "nonsense is refused with a reason": "parse raised KeyError on {}, not a DesignError",
     },
     ("evolution", Moody): {
-        "the same again": "two searches that were told the same asked for different candidates",
-        "a limit is passed on": "candidates that came before the limit was reached are lost",
+        "the same again": "the same evaluations gave different candidates",
+        "a limit is passed on": "candidates before the limit are lost",
     },
     ("executor", Greedy): {
         "each chunk comes back with its result": "12 chunks went in, 11 came out",

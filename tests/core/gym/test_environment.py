@@ -59,22 +59,22 @@ def test_gymnasiums_checker_passes(task):
 
 def test_observations_have_what_the_docstring_says():
     env = gymnasium.make("RoboToolBench/BringCube-v0", render_mode="rgb_array", width=80, height=60)
-    seen, info = env.reset(seed=1)
-    assert seen.shape == (9 + 13,)
-    np.testing.assert_allclose(seen[9:12], (1.0, 0.0, 0.035), atol=1e-3)
-    np.testing.assert_allclose(seen[12:16], (1, 0, 0, 0), atol=1e-3)
-    np.testing.assert_allclose(seen[16:], 0, atol=0.02)
+    observed, info = env.reset(seed=1)
+    assert observed.shape == (9 + 13,)
+    np.testing.assert_allclose(observed[9:12], (1.0, 0.0, 0.035), atol=1e-3)
+    np.testing.assert_allclose(observed[12:16], (1, 0, 0, 0), atol=1e-3)
+    np.testing.assert_allclose(observed[16:], 0, atol=0.02)
     assert info["reward"] == pytest.approx(0, abs=1e-6)
     assert env.render().shape == (60, 80, 3)
 
 
 def test_end_effector_actions_move_the_end_effector():
     env = gymnasium.make("RoboToolBench/BringCube-v0", control_mode="end_effector")
-    seen, _ = env.reset(seed=0)
-    before = arm().forward(seen[:7])
+    observed, _ = env.reset(seed=0)
+    before = arm().forward(observed[:7])
     for _ in range(10):
-        seen, *_ = env.step(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
-    moved = arm().forward(seen[:7])
+        observed, *_ = env.step(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
+    moved = arm().forward(observed[:7])
     np.testing.assert_allclose(moved.position - before.position, (0, 10 * 0.05 * 0.25, 0), atol=0.01)
     assert (moved.rotation * before.rotation.inv()).magnitude() < 0.05
 
@@ -106,11 +106,11 @@ def test_the_same_plan_earns_what_it_earns_in_a_rollout():
 
 def test_fingers_open_and_close():
     env = gymnasium.make("RoboToolBench/LiftBox-v0", gripper=True)
-    seen, _ = env.reset(seed=0)
-    np.testing.assert_allclose(seen[7:9], FINGER_OPEN, atol=2e-3)
+    observed, _ = env.reset(seed=0)
+    np.testing.assert_allclose(observed[7:9], FINGER_OPEN, atol=2e-3)
     for _ in range(20):
-        seen, *_ = env.step(np.array([0.0] * 7 + [1.0]))
-    np.testing.assert_allclose(seen[7:9], 0, atol=2e-3)
+        observed, *_ = env.step(np.array([0.0] * 7 + [1.0]))
+    np.testing.assert_allclose(observed[7:9], 0, atol=2e-3)
 
 
 def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):

@@ -1,4 +1,4 @@
-"""Every engine does what every simulator must."""
+"""Every engine passes the checks of simulators."""
 
 import subprocess
 import sys
