@@ -1,4 +1,4 @@
-"""RoboToolBench, task by task."""
+"""The twelve tasks of RoboToolBench."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Shapes that several tasks share: open boxes of boards, and round walls of convex pieces."""
+"""Shapes that several tasks use: boards, open boxes, round walls and solids of revolution."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from core.scene import Box, Color, Geom, Mesh, Pose
 
 
 def board(size: tuple[float, float, float], position: tuple[float, float, float], color: Color) -> Geom:
-    """An upright box of full side lengths, its centre at a position in the body's frame."""
+    """An upright box with full side lengths, centred at a position in the body's frame."""
     return Geom(Box(size), Pose(np.array(position)), color)
 
 
 def open_box(length: float, width: float, height: float, wall: float, color: Color) -> tuple[Geom, ...]:
-    """A bottom and four walls, open on top; outer lengths along x, y, z; the frame is below, in the bottom's middle."""
+    """A bottom and four walls, open on top. Lengths are outer ones; the frame is below, in the middle of the bottom."""
     inside = height - wall
     return (
         board((length, width, wall), (0.0, 0.0, wall / 2), color),
@@ -32,9 +32,9 @@ def open_box(length: float, width: float, height: float, wall: float, color: Col
 def round_wall(
     inner: tuple[float, float], outer: tuple[float, float], bottom: float, top: float, color: Color, pieces: int = 24
 ) -> tuple[Geom, ...]:
-    """A wall around z as convex wedges, to be felt; radii (at the bottom, at the top) may differ, so that it leans.
+    """Collision shapes of a wall around z: convex wedges. Radii are those at the bottom and at the top.
 
-    The wedges' flat inner faces touch the inner radius in their middle, their corners are on the outer one.
+    The middles of the wedges' flat inner faces are on the inner radius, their outer corners on the outer radius.
     """
     step = 2 * np.pi / pieces
     stretch = 1 / np.cos(step / 2)
@@ -51,7 +51,7 @@ def round_wall(
     return tuple(parts)
 
 
-def turned(profile: list[tuple[float, float]], color: Color, sections: int = 64) -> Geom:
-    """A solid of revolution around z, to be seen: its closed outline as (radius, height) pairs, counter-clockwise."""
+def revolved(profile: list[tuple[float, float]], color: Color, sections: int = 64) -> Geom:
+    """A visual solid of revolution around z. Its closed outline is (radius, height) pairs, counter-clockwise."""
     mesh = trimesh.creation.revolve(np.array([*profile, profile[0]]), sections=sections)
     return Geom(Mesh.from_trimesh(mesh), color=color)

@@ -1,4 +1,4 @@
-"""BringCube: a cube lies on the table where the arm can't reach it, and is wanted nearer."""
+"""BringCube: bring a cube nearer that lies on the table out of reach."""
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class BringCube(Task):
         return Scene((floor(), table(), cube, mark))
 
     def reward(self, start: State, end: State) -> Array:
-        """How much of the way from the start to the target is done (sum of absolute differences): 1 at the target."""
+        """The fraction of the way from the start to the target (sum of absolute differences): 1 at the target."""
         left = np.abs(end.position("cube") - TARGET).sum(axis=-1)
         whole = np.abs(start.position("cube") - TARGET).sum(axis=-1)
         reward: Array = np.clip(1 - left / whole, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""CleanTable: small cubes, the dust, lie about on the table and are to be swept together, away from the robot."""
+"""CleanTable: sweep small cubes, the dust, together on the table, away from the robot."""
 
 import numpy as np
 
@@ -8,11 +8,11 @@ from core.scene import Body, Box, Camera, Geom, Goal, Scene, State, floor, table
 
 COUNT = 8
 SIDE = 0.03
-APART = 0.05  # metres between two cubes' centres, at least: more than a diagonal
-LITTER_X, LITTER_Y = (0.5, 0.9), (-0.2, 0.2)  # where the cubes' centres may lie at the start
-CIRCLE = (1.1, 0.0, SIDE / 2)  # its centre, at the height of a cube's
+APART = 0.05  # least distance of two cubes' centres, more than a diagonal
+LITTER_X, LITTER_Y = (0.5, 0.9), (-0.2, 0.2)  # ranges of the cubes' centres at the start
+CIRCLE = (1.1, 0.0, SIDE / 2)  # its centre, at the height of a cube's centre
 RADIUS = 0.15
-INSIDE = RADIUS + 0.01  # a cube counts as swept in if its centre is within this of the circle's
+INSIDE = RADIUS + 0.01  # a cube counts as swept in if its centre is within this distance of the circle's
 DUST = tuple(f"dust_{i}" for i in range(1, COUNT + 1))
 
 COLORS = (
@@ -28,7 +28,7 @@ COLORS = (
 
 
 def litter(seed: int) -> list[tuple[float, float, float]]:
-    """Where the cubes lie: x, y and how each is turned about z; no two touch."""
+    """Random x, y and yaw of each cube; no two cubes touch."""
     rng = np.random.default_rng(seed)
     places: list[tuple[float, float, float]] = []
     while len(places) < COUNT:
@@ -42,7 +42,7 @@ class CleanTable(Task):
     name = "CleanTable"
     description = (
         "Eight small coloured cubes with a side of 0.03 m and a mass of 10 g each, the dust, lie scattered on the "
-        "table, 0.5 to 0.9 m in front of the robot and up to 0.2 m to either side. Where each lies is random. Sweep "
+        "table, 0.5 to 0.9 m in front of the robot and up to 0.2 m to either side, at random. Sweep "
         "them all away from the robot, into the green circle with a radius of 0.15 m around (1.1, 0), without pushing "
         "any off the table or past the circle."
     )
@@ -65,7 +65,7 @@ class CleanTable(Task):
         return Scene((floor(), table(), circle, *dust))
 
     def reward(self, start: State, end: State) -> Array:
-        """The mean over the cubes: 1 for one in the circle, else how much nearer its centre it has come."""
+        """The mean over the cubes: 1 for a cube in the circle, otherwise the fraction of its way to the centre."""
         rewards = []
         for name in DUST:
             left = np.linalg.norm(end.position(name) - CIRCLE, axis=-1)

@@ -1,4 +1,4 @@
-"""DislodgeCube: a cube is stuck at the far end of a bent pipe, which has an opening toward the robot and one aside."""
+"""DislodgeCube: get a cube out of the far end of a bent pipe, which is open toward the robot and to the side."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from core.scene import Body, Box, Camera, Color, Geom, Goal, Scene, State, floor
 
 SIDE = 0.07
 WALL = 0.01
-HEIGHT = 0.13  # of the pipe, outside; inside it is 0.11 high and the main run 0.11 wide
+HEIGHT = 0.13  # of the pipe, outside; inside it is 0.11 high, and the main run is 0.11 wide
 NEAR, FAR = 0.9, 1.3  # main run along x: open at NEAR, closed at FAR
 RIGHT, LEFT = 0.08, 0.21  # outer faces of its side walls, along y
 BRANCH_X = 1.19  # the side branch is 0.1 wide inside, from here to the inner face of the closed end,
@@ -21,14 +21,14 @@ Range = tuple[float, float]
 
 
 def board(x: Range, y: Range, z: Range, color: Color = CLEAR) -> Geom:
-    """A board of the pipe, from and to along each axis of the world."""
+    """A board of the pipe, between two coordinates along each axis of the world."""
     low, high = np.transpose([x, y, z])
     a, b, c = high - low
     return Geom(Box((a, b, c)), Pose((low + high) / 2), color)
 
 
 def rims() -> tuple[Geom, ...]:
-    """White edges around the two openings, to be seen; they stand out by a millimetre."""
+    """Visual white edges around the two openings, which stand out by a millimetre."""
     rim = (-0.001, 0.004)
     near, aside = (NEAR + rim[0], NEAR + rim[1]), (BRANCH_Y + rim[0], BRANCH_Y + rim[1])
     wide, high = (RIGHT, LEFT), (0.0, HEIGHT + 0.001)
@@ -43,7 +43,7 @@ def rims() -> tuple[Geom, ...]:
 
 
 def pipe() -> Body:
-    """Eight boards, fixed; both openings have a rim."""
+    """The pipe: eight fixed boards, and rims around both openings."""
     bottom, top, inside = (0.0, WALL), (HEIGHT - WALL, HEIGHT), (WALL, HEIGHT - WALL)
     boards = (
         board((NEAR, FAR), (RIGHT, LEFT), bottom),
@@ -80,8 +80,9 @@ class DislodgeCube(Task):
         return Scene((floor(), table(), pipe(), cube))
 
     def reward(self, start: State, end: State) -> Array:
-        """How much of the way to an opening, along its axis, is done: that of the two of which more is. 1 is halfway
-        out or farther; a cube that has fallen off the table earns nothing.
+        """The fraction of the way to an opening, along its axis, for the better of the two openings.
+
+        It is 1 when the cube is halfway out or farther, and 0 for a cube that has fallen off the table.
         """
         began, ended = start.position("cube"), end.position("cube")
         ahead = 1 - (ended[..., 0] - NEAR) / (began[..., 0] - NEAR)

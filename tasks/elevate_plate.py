@@ -1,4 +1,4 @@
-"""ElevatePlate: a dinner plate lies on the table, and is wanted higher, still level."""
+"""ElevatePlate: lift a dinner plate from the table and keep it level."""
 
 from functools import cache
 
@@ -7,9 +7,9 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
-from tasks.assets import round_wall, turned
+from tasks.assets import revolved, round_wall
 
-# The plate stands on a foot; beyond the foot a gap of FOOT_HEIGHT is left between it and the table.
+# The plate stands on a foot; around the foot there is a gap of FOOT_HEIGHT between the plate and the table.
 FOOT_RADIUS, FOOT_HEIGHT = 0.055, 0.018
 DISC_RADIUS, DISC_TOP = 0.105, 0.024  # flat, its underside on the foot
 RIM_RADIUS, RIM_TOP = 0.13, 0.036  # the rim leans outward, from the disc's edge
@@ -24,7 +24,7 @@ BLUE = (0.20, 0.36, 0.62, 1.0)
 
 @cache
 def plate() -> Body:
-    """To be seen, turned, with a hollow foot and a blue line along the rim; to be felt, two discs and a ring."""
+    """The plate. Visual: a solid of revolution with a hollow foot and a blue line; collision: two discs and a ring."""
     slope = (RIM_TOP - FOOT_HEIGHT) / (RIM_INSIDE[1] - RIM_INSIDE[0])
     face = RIM_INSIDE[0] + (DISC_TOP - FOOT_HEIGHT) / slope  # where the rim rises from the disc's upper face
     china = [
@@ -47,14 +47,15 @@ def plate() -> Body:
     thickness = DISC_TOP - FOOT_HEIGHT
     disc = Geom(Cylinder(DISC_RADIUS, thickness), Pose(np.array([0.0, 0.0, FOOT_HEIGHT + thickness / 2])))
     rim = round_wall(RIM_INSIDE, (DISC_RADIUS, RIM_RADIUS), FOOT_HEIGHT, RIM_TOP, CHINA)
-    return Body("plate", Pose(np.array(START)), MASS, (turned(china, CHINA), turned(line, BLUE)), (foot, disc, *rim))
+    visuals = (revolved(china, CHINA), revolved(line, BLUE))
+    return Body("plate", Pose(np.array(START)), MASS, visuals, (foot, disc, *rim))
 
 
 class ElevatePlate(Task):
     name = "ElevatePlate"
     description = (
-        "A white dinner plate, 0.26 m across with a raised rim, 0.5 kg, stands on the table at a distance of 0.75 m. "
-        "Its foot has a radius of 0.055 m, so that all around the foot there is a gap of 0.018 m between the "
+        "A white dinner plate, 0.26 m across with a raised rim, 0.5 kg, stands on the table, 0.75 m in front of the "
+        "robot. Its foot has a radius of 0.055 m, so that all around the foot there is a gap of 0.018 m between the "
         "plate's underside and the table. Lift the plate straight up by 0.4 m, level, and hold it there."
     )
     goals = (Goal(bodies=("plate",), place=(START[0], START[1], START[2] + LIFT)),)
@@ -64,7 +65,7 @@ class ElevatePlate(Task):
         return Scene((floor(), table(), plate()))
 
     def reward(self, start: State, end: State) -> Array:
-        """How much of the lift is done (sum of absolute differences to the place above the start): 1 there."""
+        """The fraction of the lift (sum of absolute differences to the goal above the start): 1 at the goal."""
         wanted = start.position("plate") + np.array([0.0, 0.0, LIFT])
         left = np.abs(end.position("plate") - wanted).sum(axis=-1)
         reward: Array = np.clip(1 - left / LIFT, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""GatherSpheres: thirty small spheres lie between three walls, and are wanted up in the air, all of them."""
+"""GatherSpheres: scoop up thirty small spheres from between three walls, and hold them in the air."""
 
 import numpy as np
 
@@ -7,9 +7,9 @@ from core.interfaces import Task
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, Sphere, State, floor, table
 
 RADIUS, MASS = 0.02, 0.005
-ROWS, COLUMNS, PITCH, JITTER = 5, 6, 0.048, 0.003  # along x, along y; each sphere is off its grid point by up to JITTER
+ROWS, COLUMNS, PITCH, JITTER = 5, 6, 0.048, 0.003  # along x, along y; JITTER: a sphere's largest offset on the grid
 CONTAINER = (0.7, 0.0)  # its centre
-REACH, WALL_HEIGHT, WALL = 0.15, 0.20, 0.01  # from its centre to the middle of each of its three walls
+REACH, WALL_HEIGHT, WALL = 0.15, 0.20, 0.01  # REACH: from its centre to the middle of each of its three walls
 WANTED_HEIGHT = 0.3
 NAMES = tuple(f"sphere_{number}" for number in range(1, ROWS * COLUMNS + 1))
 
@@ -24,7 +24,7 @@ COLORS: tuple[Color, ...] = (
 
 
 def container() -> Body:
-    """Fixed see-through walls at -y, at +y and at +x, without a floor of their own."""
+    """Fixed see-through walls at -y, at +y and at +x; the floor is the table."""
     length, inside = 2 * REACH, 2 * REACH - WALL
     walls = (
         *(Geom(Box((length, WALL, WALL_HEIGHT)), Pose(np.array([0.0, y, 0.0])), GLASS) for y in (-REACH, REACH)),
@@ -34,7 +34,7 @@ def container() -> Body:
 
 
 def spheres(seed: int) -> tuple[Body, ...]:
-    """On a jittered grid, nearer to the far wall than to the open side."""
+    """The spheres, on a grid with random offsets, nearer to the far wall than to the open side."""
     jitter = np.random.default_rng(seed).uniform(-JITTER, JITTER, (ROWS, COLUMNS, 2))
     row, column = np.mgrid[:ROWS, :COLUMNS]
     x = CONTAINER[0] + 0.015 + (row - (ROWS - 1) / 2) * PITCH + jitter[..., 0]
@@ -67,7 +67,7 @@ class GatherSpheres(Task):
         return Scene((floor(), table(), container(), *spheres(seed)))
 
     def reward(self, start: State, end: State) -> Array:
-        """Of each sphere, how much of the way from its rest to the wanted height is done; the mean of them."""
+        """The mean over the spheres: the fraction of the way from rest to the wanted height."""
         rest = np.stack([start.position(name)[..., 2] for name in NAMES], axis=-1)
         height = np.stack([end.position(name)[..., 2] for name in NAMES], axis=-1)
         reward: Array = np.clip((height - rest) / (WANTED_HEIGHT - rest), 0.0, 1.0).mean(axis=-1)

@@ -1,4 +1,4 @@
-"""HighObject: a cube lies on a shelf where the arm can't reach it, and is wanted in the bin in front of the shelf."""
+"""HighObject: bring a cube from a shelf, out of reach, into the bin in front of the shelf."""
 
 import numpy as np
 
@@ -11,12 +11,12 @@ SIDE = 0.05
 START = (1.2, 0.0, 0.925)
 
 SHELF_X, SHELF_DEPTH, SHELF_WIDTH, BOARD = 1.3, 0.4, 1.2, 0.03
-BOARD_HEIGHTS = (0.435, 0.885)  # of the boards' middles: the upper one's top face is at z = 0.9
+BOARD_HEIGHTS = (0.435, 0.885)  # of the boards' middles; the upper board's top face is at z = 0.9
 SHELF_TOP = 0.9
 
 BIN_CENTER = (0.8, 0.0, 0.05)
 BIN_LENGTH, BIN_WIDTH, BIN_HEIGHT, BIN_WALL = 0.38, 1.2, 0.1, 0.015  # along x, y, z
-OFF_THE_SHELF = 0.85  # metres, the height below which the cube has left the upper board
+OFF_THE_SHELF = 0.85  # below this height the cube has left the upper board
 
 
 def shelf() -> Body:
@@ -47,8 +47,8 @@ class HighObject(Task):
         return Scene((floor(0.0), shelf(), the_bin, cube))
 
     def reward(self, start: State, end: State) -> Array:
-        """1 in the bin; else the share of the way to its centre that is done (sum of absolute differences), and 0.2
-        more for a cube that has left the shelf's upper board.
+        """1 in the bin; otherwise the fraction of the way to its centre (sum of absolute differences), plus 0.2 for a
+        cube that has left the shelf's upper board.
         """
         cube = end.position("cube")
         offset = np.abs(cube - BIN_CENTER)

@@ -1,4 +1,4 @@
-"""LiftBox: an open cardboard box stands on the table, too wide for a gripper; its flaps are what can be held."""
+"""LiftBox: lift an open cardboard box that is too wide for a gripper; it can be held by its flaps."""
 
 import numpy as np
 
@@ -6,10 +6,10 @@ from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 
-WIDTH, HEIGHT, WALL = 0.25, 0.20, 0.004  # outside, along x and y; up to the edge that the flaps hang on; cardboard
-FLAP, SLANT = 0.10, np.radians(25.0)  # how long a flap is, and by how much it rises outward
+WIDTH, HEIGHT, WALL = 0.25, 0.20, 0.004  # outer width along x and y; height of the walls; their thickness
+FLAP, SLANT = 0.10, np.radians(25.0)  # length of a flap, and the angle by which it rises outward
 MASS = 0.3
-CENTER = (0.68, 0.0, 0.12)  # of the box with its flaps: the body's frame
+CENTER = (0.68, 0.0, 0.12)  # of the box with its flaps; the origin of the body's frame
 WANTED_HEIGHT = 0.25  # for the same point
 
 CARDBOARD = (0.72, 0.53, 0.34, 1.0)
@@ -17,7 +17,7 @@ FLAP_COLOR = (0.80, 0.62, 0.42, 1.0)
 
 
 def cardboard_box() -> Body:
-    """A bottom, four walls and four flaps, all boards. Each side is the same, turned about the vertical."""
+    """A bottom, four walls and four flaps, all boards. The four sides are equal, rotated about z."""
     inside = WIDTH - 2 * WALL
     middle = HEIGHT / 2 - CENTER[2]
     boards = [Geom(Box((inside, inside, WALL)), Pose(np.array([0.0, 0.0, WALL / 2 - CENTER[2]])), CARDBOARD)]
@@ -46,7 +46,7 @@ class LiftBox(Task):
         return Scene((floor(), table(), cardboard_box()))
 
     def reward(self, start: State, end: State) -> Array:
-        """How much of the way straight up to the wanted height is done (sum of absolute differences): 1 there."""
+        """The fraction of the way straight up to the wanted height (sum of absolute differences): 1 at the goal."""
         wanted = start.position("box").copy()
         wanted[..., 2] = WANTED_HEIGHT
         whole = np.abs(wanted - start.position("box")).sum(axis=-1)

@@ -1,4 +1,4 @@
-"""MoveBall: a ball is to go from the robot's left to its right, and to lie still there."""
+"""MoveBall: move a ball from the robot's left to its right, and bring it to rest there."""
 
 import numpy as np
 
@@ -9,15 +9,15 @@ from core.scene import Body, Camera, Goal, Scene, Sphere, State, floor, table
 RADIUS = 0.08
 START = (0.6, 0.3, RADIUS)
 TARGET = (0.6, -0.3, RADIUS)
-ROLLING_FRICTION = 0.003  # metres; a soft ball on wood: pushed at 0.5 m/s, it comes to rest within 3 s
+ROLLING_FRICTION = 0.003  # metres; a soft ball on wood: from 0.5 m/s it comes to rest within 3 s
 
 
 class MoveBall(Task):
     name = "MoveBall"
     description = (
         "A red ball with a radius of 0.08 m and a mass of 1 kg lies on the table 0.3 m to the robot's left. It rolls "
-        "easily and far. Bring it to the blue mark 0.3 m to the robot's right, 0.6 m away, and leave it there: the "
-        "ball counts as it is when the motion is over, and its speed, in m/s, is subtracted from the reward."
+        "easily and far. Bring it to the blue mark 0.3 m to the robot's right, 0.6 m away, and leave it there. The "
+        "reward is measured when the motion is over, and the ball's speed, in m/s, is subtracted from it."
     )
     goals = (Goal(bodies=("ball",), place=TARGET),)
     camera = Camera(position=(1.6, -1.2, 1.05), target=(0.5, 0.0, 0.2), fov_deg=52.0)
@@ -30,7 +30,7 @@ class MoveBall(Task):
         return Scene((floor(), table(), ball, mark))
 
     def reward(self, start: State, end: State) -> Array:
-        """How much of the way from the start to the target is done (sum of absolute differences), less the speed."""
+        """The fraction of the way from the start to the target (sum of absolute differences), minus the speed."""
         left = np.abs(end.position("ball") - TARGET).sum(axis=-1)
         whole = np.abs(start.position("ball") - TARGET).sum(axis=-1)
         speed = np.linalg.norm(end.linear_velocity("ball"), axis=-1)

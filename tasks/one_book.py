@@ -1,4 +1,4 @@
-"""OneBook: five books stand side by side, and only the one in the middle is wanted."""
+"""OneBook: pull the middle one of five books out of its row."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ LENGTH, THICKNESS, PITCH = 0.27, 0.039, 0.04  # along x, along y, and from one b
 HEIGHTS = (0.17, 0.168, 0.172, 0.21, 0.22)  # from the robot's right to its left
 CENTER_X = 0.6
 DENSITY = 600.0  # kg/m^3, paper and board with some air
-PULLED_OUT = float(np.hypot(0.14, 0.044))  # metres that the third book has to move
+PULLED_OUT = float(np.hypot(0.14, 0.044))  # metres that the third book must move
 OTHERS = ("book_1", "book_2", "book_4", "book_5")
 
 PAGES = (0.95, 0.93, 0.86, 1.0)
@@ -24,7 +24,7 @@ COVERS = (
 
 
 def book(number: int) -> Body:
-    """Two boards and a spine (toward the robot) around a block of pages; it collides as one box around them all."""
+    """Two boards and a spine (toward the robot) around a block of pages; the collision shape is one box."""
     height, board, inset = HEIGHTS[number - 1], 0.002, 0.002
     cover, y = COVERS[number - 1], (number - 3) * PITCH
     side = Box((LENGTH, board, height))
@@ -67,7 +67,7 @@ class OneBook(Task):
         return Scene((floor(), table(), *books, holder("holder_right", -1.0), holder("holder_left", 1.0)))
 
     def reward(self, start: State, end: State) -> Array:
-        """1 for the third book pulled out and the others untouched; what the others moved is subtracted."""
+        """1 if the third book is out and the others have not moved; less for a shorter way or for moved neighbours."""
 
         moved = {name: np.linalg.norm(end.position(name) - start.position(name), axis=-1) for name in end.names}
         pulled = moved["book_3"]

@@ -1,4 +1,4 @@
-"""ScoreGoal: a puck lies on ice to the robot's left, and belongs in a goal that is far out of reach."""
+"""ScoreGoal: shoot a puck, which lies on ice to the robot's left, into a goal that is far out of reach."""
 
 from functools import cache
 
@@ -14,9 +14,9 @@ PUCK_RADIUS, PUCK_HEIGHT, PUCK_MASS = 0.038, 0.025, 0.17
 START = (0.8, 0.6, PUCK_HEIGHT / 2)
 CENTER_X, CENTER_Y = 2.0, 0.0  # the goal's middle; its mouth faces the robot
 DEPTH, WIDTH, HEIGHT = 0.254, 0.457, 0.305  # inside the goal, along x, y, z
-BAR = 0.019  # radius of the goal's bars, which stand around that inside
-NET, THREAD = 2 * BAR, 0.004  # thickness of the net as it is felt, so that no shot gets through, and of its strings
-RUBBER, ICE = 0.5, 0.02  # friction: a contact has the geometric mean of both, so that anything of 0.5 meets ice at 0.1
+BAR = 0.019  # radius of the goal's bars, which are around the inside
+NET, THREAD = 2 * BAR, 0.004  # thickness of the net's collision shape, against tunnelling, and of its strings
+RUBBER, ICE = 0.5, 0.02  # friction; a contact has the geometric mean of both, so 0.5 on ice gives 0.1
 
 RED: Color = (0.80, 0.14, 0.14, 1.0)
 STRING: Color = (0.62, 0.67, 0.74, 1.0)
@@ -32,7 +32,7 @@ def bar(start: tuple[float, float, float], end: tuple[float, float, float]) -> G
 
 
 def strings(net: Geom) -> Geom:
-    """Crossed strings, to be seen, in the middle of a piece of net that is a thin board."""
+    """Visual crossed strings in the middle of a piece of net, which is a thin board."""
     size = np.array(net.shape.to_trimesh().extents)
     thin = int(np.argmin(size))
     pieces = []
@@ -49,8 +49,8 @@ def strings(net: Geom) -> Geom:
 
 @cache
 def hockey_goal() -> Body:
-    """A frame of bars: two posts and a crossbar in front, a bar along the ground behind and on both sides. The net
-    hangs on both sides, behind and above.
+    """A frame of bars: two posts and a crossbar in front, and bars on the ground behind and on both sides. The net is
+    on both sides, behind and above.
     """
     front, back, side, top = -DEPTH / 2, DEPTH / 2 + BAR, WIDTH / 2 + BAR, HEIGHT + BAR
     posts = (bar((front, -side, 0.0), (front, -side, top + BAR)), bar((front, side, 0.0), (front, side, top + BAR)))
@@ -68,8 +68,8 @@ def hockey_goal() -> Body:
         board((length, NET, top), (middle, -side, top / 2), CLEAR),
         board((length, NET, top), (middle, side, top / 2), CLEAR),
     )
-    felt = (*bars, *net)
-    return Body("goal", Pose.xyz_rpy((CENTER_X, CENTER_Y, 0.0)), 0.0, (*felt, *map(strings, net)), felt)
+    collisions = (*bars, *net)
+    return Body("goal", Pose.xyz_rpy((CENTER_X, CENTER_Y, 0.0)), 0.0, (*collisions, *map(strings, net)), collisions)
 
 
 class ScoreGoal(Task):
@@ -95,7 +95,7 @@ class ScoreGoal(Task):
         return Scene((floor(0.0, ICE), hockey_goal(), puck))
 
     def reward(self, start: State, end: State) -> Array:
-        """1 for the puck's middle inside the goal, else how much nearer it has come to the goal's middle."""
+        """1 if the puck's centre is inside the goal, otherwise the fraction of its way to the goal's middle."""
         x, y, z = np.moveaxis(end.position("puck") - (CENTER_X, CENTER_Y, 0.0), -1, 0)
         inside = (np.abs(x) < DEPTH / 2) & (np.abs(y) < WIDTH / 2) & (z > 0) & (z < HEIGHT)
         began = start.position("puck") - (CENTER_X, CENTER_Y, 0.0)

@@ -1,4 +1,4 @@
-"""SnatchCookie: cookies lie deep in a jar, and one of them is wanted."""
+"""SnatchCookie: take one cookie out of a deep jar."""
 
 from functools import cache
 
@@ -7,7 +7,7 @@ import numpy as np
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, floor, table
-from tasks.assets import round_wall, turned
+from tasks.assets import revolved, round_wall
 
 JAR = (0.58, 0.0)  # x, y of its middle
 BOTTOM, WALL = 0.008, 0.005  # thickness
@@ -16,7 +16,7 @@ BODY_TOP, NECK_BOTTOM, MOUTH = 0.17, 0.205, 0.25  # heights; between the first t
 
 COOKIES = 12
 RADIUS, THICKNESS = 0.04, 0.014
-COLUMN_X = (-0.0445, 0.0445)  # from the jar's middle, six cookies in each
+COLUMN_X = (-0.0445, 0.0445)  # of the two columns, from the jar's middle; six cookies in each
 OUT_Z = 0.3  # a cookie whose centre is above this is out
 
 GLASS = (0.62, 0.80, 0.86, 0.3)
@@ -37,14 +37,16 @@ def jar() -> Body:
     )
     outer = [(0.0, 0.0)] + [(r + WALL, h) for r, h in zip(inside, (0.0, *heights[1:]), strict=True)]
     inner = [(r, h) for r, h in zip(reversed(inside), reversed(heights), strict=True)] + [(0.0, BOTTOM)]
-    return Body("jar", Pose.xyz_rpy((*JAR, 0.0)), 0.0, (turned(outer + inner, GLASS),), (bottom, *walls), friction=0.3)
+    return Body(
+        "jar", Pose.xyz_rpy((*JAR, 0.0)), 0.0, (revolved(outer + inner, GLASS),), (bottom, *walls), friction=0.3
+    )
 
 
 @cache
 def look() -> tuple[Geom, ...]:
-    """A cookie to be seen: a disc with a worn edge, and chocolate chips."""
+    """Visual shapes of a cookie: a disc with a rounded edge, and chocolate chips."""
     edge, half = RADIUS - 0.002, THICKNESS / 2
-    disc = turned(
+    disc = revolved(
         [(0, -half), (edge, -half), (RADIUS, 0.002 - half), (RADIUS, half - 0.002), (edge, half), (0, half)], DOUGH
     )
     spots = [(radius, angle) for radius, count in ((0.013, 3), (0.028, 6)) for angle in np.arange(count) * 6.3 / count]
@@ -54,9 +56,9 @@ def look() -> tuple[Geom, ...]:
 
 
 def cookie(number: int, position: Array, yaw: float) -> Body:
-    felt = (Geom(Cylinder(RADIUS, THICKNESS)),)
+    collisions = (Geom(Cylinder(RADIUS, THICKNESS)),)
     pose = Pose.xyz_rpy(position, (0.0, 0.0, yaw))
-    return Body(f"cookie_{number}", pose, 0.02, look(), felt, friction=0.8)
+    return Body(f"cookie_{number}", pose, 0.02, look(), collisions, friction=0.8)
 
 
 class SnatchCookie(Task):
@@ -73,7 +75,7 @@ class SnatchCookie(Task):
     camera = Camera(position=(1.15, -0.62, 0.68), target=(0.42, 0.0, 0.3))
 
     def scene(self, seed: int) -> Scene:
-        """The columns stand a little askew: each off its place, and each cookie off its column."""
+        """Each column has a small random offset, and so has each cookie in its column."""
         random = np.random.default_rng(seed)
         cookies = []
         for column, x in enumerate(COLUMN_X):
@@ -86,7 +88,7 @@ class SnatchCookie(Task):
         return Scene((floor(), table(), jar(), *cookies))
 
     def reward(self, start: State, end: State) -> Array:
-        """1 if a cookie is out; else how far the highest one has come from where it lay to where it would be out."""
+        """The fraction of the highest cookie's way from its rest to above the mouth: 1 if it is out."""
         highest = end.positions[..., 2].argmax(axis=-1)[..., None]
         now = np.take_along_axis(end.positions[..., 2], highest, axis=-1)[..., 0]
         rest = np.take_along_axis(start.positions[..., 2], highest, axis=-1)[..., 0]

@@ -1,4 +1,4 @@
-"""TurkeyLegs: five turkey legs lie in a pot and are wanted in the chef's box, without the pot."""
+"""TurkeyLegs: bring five turkey legs from a pot into the chef's box, without the pot."""
 
 from functools import cache
 
@@ -8,7 +8,7 @@ import trimesh
 from core.geometry import Array
 from core.interfaces import Task
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Mesh, Pose, Scene, Sphere, State, floor, table
-from tasks.assets import board, open_box, round_wall, turned
+from tasks.assets import board, open_box, revolved, round_wall
 
 POT = (0.75, -0.2)  # x, y of its middle
 POT_RADIUS, POT_HEIGHT, POT_WALL = 0.12, 0.0875, 0.004  # inside; the bottom is as thick as the wall
@@ -22,13 +22,13 @@ BOX = (0.8, 0.25)  # x, y of its middle
 BOX_LENGTH, BOX_WIDTH, BOX_HEIGHT, BOX_WALL = 0.525, 0.265, 0.105, 0.006  # along x, y, z
 
 LEGS = tuple(f"leg_{i}" for i in range(1, 6))
-MEAT_X = (-0.059, -0.055, -0.048, -0.038, -0.008, 0.004, 0.013, 0.02)  # along the leg, and how thick it is there
+MEAT_X = (-0.059, -0.055, -0.048, -0.038, -0.008, 0.004, 0.013, 0.02)  # along the leg; MEAT_RADIUS is its radius there
 MEAT_RADIUS = (0.004, 0.011, 0.018, 0.022, 0.022, 0.0185, 0.013, 0.006)
 BONE_RADIUS, BONE_LENGTH, BONE_X = 0.006, 0.04, 0.03
 KNOB_RADIUS, KNOB_X = 0.009, 0.051
-FACETS = 10  # of the meat as it is felt: it lies on one of them
+FACETS = 10  # of the meat's collision shape: it lies on one of them
 FACET_RADIUS = 0.022 * np.cos(np.pi / FACETS)
-RING = 0.072  # radius of the ring that the legs lie in
+RING = 0.072  # radius of the ring in which the legs lie
 
 METAL, STEEL = (0.75, 0.77, 0.80, 1.0), (0.50, 0.53, 0.57, 1.0)
 ROAST, BONE = (0.72, 0.40, 0.18, 1.0), (0.93, 0.90, 0.82, 1.0)
@@ -36,10 +36,10 @@ ROAST, BONE = (0.72, 0.40, 0.18, 1.0), (0.93, 0.90, 0.82, 1.0)
 
 @cache
 def pot() -> Body:
-    """A round pot, open on top, with a handle on either side; its frame is below its bottom's middle."""
+    """A round pot, open on top, with a handle on both sides; its frame is below, in the middle of the bottom."""
     bottom = Geom(Cylinder(OUTSIDE, POT_WALL), Pose(np.array([0.0, 0.0, POT_WALL / 2])), METAL)
     wall = round_wall((POT_RADIUS, POT_RADIUS), (OUTSIDE, OUTSIDE), POT_WALL, POT_HEIGHT, METAL, 20)
-    shell = turned(
+    shell = revolved(
         [
             (0.0, 0.0),
             (OUTSIDE, 0.0),
@@ -74,17 +74,17 @@ def chefs_box() -> Body:
 
 
 def leg(name: str, pose: Pose) -> Body:
-    """Meat around a bone along x, 0.12 long, that ends in a knob at +x; what is felt of the meat has flat sides."""
+    """Meat around a bone along x, 0.12 m long, with a knob at +x. The meat's collision shape has flat sides."""
     along_x = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
     outline = [(0.0, MEAT_X[0]), *zip(MEAT_RADIUS, MEAT_X, strict=True), (0.0, MEAT_X[-1])]
-    seen = Geom(turned(outline, ROAST).shape, along_x, ROAST)
+    visual = Geom(revolved(outline, ROAST).shape, along_x, ROAST)
     angles = (np.arange(FACETS) + 0.5) * 2 * np.pi / FACETS - np.pi / 2
     rings = [(x, r * np.cos(a), r * np.sin(a)) for r, x in zip(MEAT_RADIUS, MEAT_X, strict=True) for a in angles]
-    felt = Geom(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(rings))))
+    collision = Geom(Mesh.from_trimesh(trimesh.convex.convex_hull(np.array(rings))))
     bone = Geom(Cylinder(BONE_RADIUS, BONE_LENGTH), Pose.xyz_rpy((BONE_X, 0.0, 0.0), along_x.rpy), BONE)
     knob = Geom(Sphere(KNOB_RADIUS), Pose.xyz_rpy((KNOB_X, 0.0, 0.0)), BONE)
     knobs = tuple(Geom(Sphere(KNOB_RADIUS - 0.002), Pose.xyz_rpy((KNOB_X, y, 0.0)), BONE) for y in (-0.003, 0.003))
-    return Body(name, pose, 0.06, (seen, bone, *knobs), (felt, bone, knob), friction=0.2, rolling_friction=0.002)
+    return Body(name, pose, 0.06, (visual, bone, *knobs), (collision, bone, knob), friction=0.2, rolling_friction=0.002)
 
 
 class TurkeyLegs(Task):
@@ -102,7 +102,7 @@ class TurkeyLegs(Task):
     camera = Camera(position=(1.45, -0.7, 0.95), target=(0.52, 0.02, 0.17))
 
     def scene(self, seed: int) -> Scene:
-        """The legs lie in a ring, one behind the other, turned at random as a whole, and each a little by itself."""
+        """The legs lie in a ring, one behind the other; the ring's angle and small offsets of each leg are random."""
         random = np.random.default_rng(seed)
         start = random.uniform(-np.pi, np.pi)
         height = POT_WALL + FACET_RADIUS + 0.0005
@@ -116,10 +116,10 @@ class TurkeyLegs(Task):
         return Scene((floor(), table(), chefs_box(), pot(), *legs))
 
     def reward(self, start: State, end: State) -> Array:
-        """The share of the legs that is inside the box; 0.7 of it if any of the pot's edges is in there too."""
+        """The fraction of the legs that is inside the box, times 0.7 if any of the pot's edges is inside too."""
         legs = sum(inside_box(end.position(name)).astype(np.float64) for name in LEGS) / len(LEGS)
         w, xyz = np.split(end.quaternion("pot")[..., None, :], [1], axis=-1)
-        edges = POT_EDGES + 2 * np.cross(xyz, w * POT_EDGES + np.cross(xyz, POT_EDGES))  # turned as the pot is
+        edges = POT_EDGES + 2 * np.cross(xyz, w * POT_EDGES + np.cross(xyz, POT_EDGES))  # rotated with the pot
         pot = inside_box(end.position("pot")[..., None, :] + edges).any(axis=-1)
         reward: Array = legs * np.where(pot, 0.7, 1.0)
         return reward

@@ -26,7 +26,7 @@ def test_the_scene():
     assert (START, TARGET, SIDE) == ((1.0, 0.0, 0.035), (0.6, 0.0, 0.035), 0.07)
 
 
-def test_the_share_of_the_way_that_is_done():
+def test_the_reward_is_the_fraction_of_the_way():
     x = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4]
     np.testing.assert_allclose(reward(*[(at, 0, 0.035) for at in x]), [0, 0.25, 0.5, 0.75, 1, 0.75, 0.5], atol=1e-12)
 
@@ -38,7 +38,7 @@ def test_a_miss_to_the_side_or_in_height_counts_as_much():
 @pytest.mark.parametrize(
     "place", [(1.2, 0, 0.035), (1.0, 0.3, 0.035), (1.0, 0, 0.4), (2.0, 0.5, -0.6), (0.6, 0.2, -0.6)]
 )
-def test_a_cube_flung_away_earns_nothing(place):
+def test_a_cube_thrown_away_earns_nothing(place):
     assert reward(place) == [0]
 
 

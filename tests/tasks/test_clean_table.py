@@ -14,13 +14,13 @@ MIDDLE = np.array([1.1, 0.0, SIDE / 2])
 
 
 def reward(*ends, start=BEFORE):
-    """Of the cubes' positions (8, 3)."""
+    """The reward for positions (8, 3) of the cubes."""
     states = [replace(start, positions=np.asarray(end, dtype=float)) for end in ends]
     return TASK.reward(State.stack([start] * len(states)), State.stack(states))
 
 
 def corners(x, y, yaw):
-    """Of a cube seen from above, (4, 2)."""
+    """The corners (4, 2) of a cube in the top view."""
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     return np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * SIDE / 2 @ turn.T + (x, y)
 
@@ -50,7 +50,7 @@ def test_the_scene():
 
 
 @pytest.mark.parametrize("block", range(4))
-def test_no_two_cubes_touch_wherever_the_seed_puts_them(block):
+def test_no_two_cubes_touch_with_any_seed(block):
     for seed in range(50 * block, 50 * (block + 1)):
         places = litter(seed)
         assert len(places) == 8
@@ -91,7 +91,7 @@ def test_inside_is_a_centimetre_more_than_the_circle():
     np.testing.assert_allclose(reward(end, almost), [1, 7 / 8 + (1 - 0.1601 / whole) / 8])
 
 
-def test_cubes_swept_off_the_table_or_flung_far_earn_nothing():
+def test_cubes_swept_off_the_table_or_thrown_far_earn_nothing():
     under_the_circle = np.tile([1.1, 0, -0.61], (8, 1))
     far = np.tile([3.0, 1.0, -0.61], (8, 1))
     nearer_the_robot = BEFORE.positions - (0.1, 0, 0)

@@ -19,7 +19,7 @@ def reward(*places):
 
 
 def gap(place, side=SIDE):
-    """Metres between an upright cube at a place and the pipe; negative is how deep it is in a wall."""
+    """Metres between an upright cube and the pipe; negative: penetration of a wall."""
     cube, at = coal.Box(side, side, side), coal.Transform3s(np.eye(3), np.array(place, dtype=float))
     gaps = []
     for part in SCENE["pipe"].collisions:

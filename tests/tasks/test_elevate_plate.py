@@ -41,7 +41,7 @@ def test_reward_counts_from_where_the_plate_settled():
 
 
 def heights(mesh, x, y):
-    """Where a vertical line through (x, y) passes through the mesh's faces."""
+    """The heights at which a vertical line through (x, y) crosses the mesh's faces."""
     corner, side, other = (mesh.triangles[:, i] - (mesh.triangles[:, 0] if i else 0.0) for i in range(3))
     area = side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]
     upright = np.abs(area) < 1e-12
@@ -52,16 +52,16 @@ def heights(mesh, x, y):
     return (corner[:, 2] + u * side[:, 2] + v * other[:, 2])[hit]
 
 
-def test_the_plate_is_felt_where_it_is_seen():
-    """Along a few spokes beyond the foot, upper and lower face of what is felt are those of what is seen."""
+def test_the_plates_collision_shapes_match_its_visual_shape():
+    """Upper and lower faces are equal along a few radial lines outside the foot."""
     body = TASK.scene(0)["plate"]
-    seen = [body.visuals[0].shape.to_trimesh()]
-    felt = [part.shape.to_trimesh().convex_hull.apply_transform(part.pose.matrix) for part in body.collisions]
+    visual = [body.visuals[0].shape.to_trimesh()]
+    collision = [part.shape.to_trimesh().convex_hull.apply_transform(part.pose.matrix) for part in body.collisions]
     for angle in np.radians([1.0, 8.0, 40.0, 91.0]):
         for radius in np.linspace(FOOT_RADIUS + 0.003, RIM_RADIUS - 0.006, 12):
             x, y = radius * np.cos(angle), radius * np.sin(angle)
-            see, feel = (np.concatenate([heights(mesh, x, y) for mesh in meshes]) for meshes in (seen, felt))
-            assert feel.max() == pytest.approx(see.max(), abs=0.002)
-            assert feel.min() == pytest.approx(see.min(), abs=0.002)
-            assert see.min() > FOOT_HEIGHT - 1e-6  # the gap beyond the foot
-    assert seen[0].bounds[:, 2] == pytest.approx([0.0, RIM_TOP])
+            shown, solid = (np.concatenate([heights(mesh, x, y) for mesh in meshes]) for meshes in (visual, collision))
+            assert solid.max() == pytest.approx(shown.max(), abs=0.002)
+            assert solid.min() == pytest.approx(shown.min(), abs=0.002)
+            assert shown.min() > FOOT_HEIGHT - 1e-6  # the gap beyond the foot
+    assert visual[0].bounds[:, 2] == pytest.approx([0.0, RIM_TOP])

@@ -12,7 +12,7 @@ START = TASK.scene(0).state()
 
 
 def raised(heights):
-    """The start with its spheres at these heights, one for all or one for each."""
+    """The start state with the spheres at other heights, one for all or one for each."""
     positions = START.positions.copy()
     positions[:, 2] = heights
     return replace(START, positions=positions)
@@ -34,12 +34,12 @@ def test_each_sphere_counts_the_same_and_higher_than_wanted_is_no_better():
     assert rewards == pytest.approx(np.arange(1, 31) / 30)
 
 
-def test_spheres_on_the_table_earn_nothing_wherever_they_are():
+def test_spheres_anywhere_on_the_table_earn_nothing():
     away = replace(START, positions=START.positions - np.array([0.3, 0.1, 0.0]))
     assert TASK.reward(START, away) == 0.0
 
 
-def test_a_sphere_on_the_floor_takes_nothing_from_the_others():
+def test_a_sphere_on_the_floor_does_not_change_the_others_reward():
     heights = np.full(len(NAMES), WANTED_HEIGHT)
     heights[0] = -0.6
     assert TASK.reward(START, raised(heights)) == pytest.approx(29 / 30)

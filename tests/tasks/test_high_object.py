@@ -13,7 +13,7 @@ TASK = HighObject()
 
 
 def rewards(positions: Array) -> Array:
-    """Of the cube at positions (N, 3), N worlds at once."""
+    """The rewards (N,) for positions (N, 3) of the cube."""
     start = TASK.scene(0).state()
     ends = [replace(start, positions=position[None]) for position in positions]
     return TASK.reward(State.stack([start] * len(ends)), State.stack(ends))
@@ -28,7 +28,7 @@ def test_the_reward_rises_from_0_to_1_on_the_way_into_the_bin() -> None:
     assert 0.1 < reward[30] < 0.9
 
 
-def test_many_worlds_are_judged_as_each_alone() -> None:
+def test_a_batch_gets_the_rewards_of_single_worlds() -> None:
     way = np.linspace(START, BIN_CENTER, 7)
     start = TASK.scene(0).state()
     alone = [float(TASK.reward(start, replace(start, positions=position[None]))) for position in way]
@@ -43,7 +43,7 @@ def test_many_worlds_are_judged_as_each_alone() -> None:
         pytest.param((3.0, 0.0, 0.025), 0.2, id="flung off, but down from the board"),
     ],
 )
-def test_a_cube_that_moved_the_wrong_way_earns_no_share_of_it(
+def test_a_cube_that_moved_the_wrong_way_earns_nothing_for_it(
     where: tuple[float, float, float], expected: float
 ) -> None:
     assert rewards(np.array([where]))[0] == expected

@@ -12,7 +12,7 @@ BEFORE = TASK.scene(0).state()
 
 
 def reward(**shifts):
-    """Of a world in which books have moved by (3,)."""
+    """The reward of a world in which books have moved by (3,)."""
     positions = BEFORE.positions.copy()
     for name, shift in shifts.items():
         positions[BEFORE.names.index(name)] += shift
@@ -48,7 +48,7 @@ def test_part_of_the_way():
 
 
 @given(st.floats(0, 0.5))
-def test_what_the_others_moved_is_taken_off(shift):
+def test_motion_of_the_others_is_subtracted(shift):
     due = np.exp(-2 * shift)
     assert reward(book_3=(-0.2, 0, 0), book_2=(shift, 0, 0), book_4=(0, 0, shift)) == pytest.approx(due)
     partial = np.clip(0.1 / PULLED_OUT - (1 - due), 0, 1)

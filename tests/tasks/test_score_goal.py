@@ -30,7 +30,7 @@ def reward(*places):
 
 
 def gap(puck):
-    """Metres between a puck and the goal it is given in the frame of; negative is how deep it is in a bar or a net."""
+    """Metres between a puck, in the goal's frame, and the goal; negative: penetration of a bar or a net."""
     disc, at = coal.Cylinder(PUCK_RADIUS, PUCK_HEIGHT), coal.Transform3s(puck.rotation.as_matrix(), puck.position)
     gaps = []
     for part in GOAL.collisions:
@@ -123,7 +123,7 @@ class Shot(Task):
 
 
 def flight(aim, direction, speed, rpy):
-    """Where the puck is (S, 3) in the goal's frame, at each step until 0.3 s after it should have hit."""
+    """Positions (S, 3) of the puck in the goal's frame, at each step until 0.3 s after the expected hit."""
     task = Shot(aim, direction / np.linalg.norm(direction), speed, rpy)
     still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.zeros(1))
     job = Rollout(Tool(), still, settle_s=0.0, hold_s=speed / 9.81 + 0.3, record_hz=500.0)
@@ -134,13 +134,13 @@ def flight(aim, direction, speed, rpy):
 
 
 def has_room(aim, direction, rpy):
-    """Whether a puck can come to a point of the goal from this direction."""
+    """Whether a puck can reach a point of the goal from this direction."""
     steps = np.linspace(0.15, 1.5, 60)[:, None] * direction / np.linalg.norm(direction)
     return all(gap(Pose.xyz_rpy(place, rpy)) > 0.001 for place in aim - steps)
 
 
 def through_nets(places):
-    """Which nets a way (S, 3) in the goal's frame goes through."""
+    """The nets that a path (S, 3) in the goal's frame crosses."""
     passed = []
     for net in NETS:
         at, half = net.pose.inverse().apply(places), np.array(net.shape.size) / 2
@@ -153,7 +153,7 @@ def through_nets(places):
 
 
 def nearest_to_a_bar(places):
-    """Metres from a way (S, 3) in the goal's frame to the nearest axis of a bar."""
+    """Metres from a path (S, 3) in the goal's frame to the nearest axis of a bar."""
     fine = np.concatenate([places[:-1] + share * np.diff(places, axis=0) for share in (0.0, 0.25, 0.5, 0.75)])
     nearest = []
     for part in BARS:
@@ -208,7 +208,7 @@ def test_no_shot_gets_through_the_net(net, at, mouth, aside, speed, rpy):
     bar=st.sampled_from(BARS), at=SHARES, aside=st.tuples(*[st.floats(-1.0, 1.0)] * 3), speed=SPEEDS, lies=st.booleans()
 )
 def test_no_shot_gets_through_a_bar(bar, at, aside, speed, lies):
-    """Aimed at its axis, from wherever there is room."""
+    """Aimed at its axis, from every direction with enough room."""
     along = bar.pose.rotation.apply([0.0, 0.0, 1.0])
     direction = np.array(aside) - 0.9 * np.dot(aside, along) * along
     assume(np.linalg.norm(direction) > 0.2)

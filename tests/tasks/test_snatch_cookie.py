@@ -26,7 +26,7 @@ def moved(name: str, position: Array) -> State:
 
 
 def lifted(name: str, to: float) -> list[State]:
-    """One cookie on its way up to a height."""
+    """The layout of seed 0 with one cookie raised to a height."""
     here = START.position(name)
     return [moved(name, np.array([here[0], here[1], z])) for z in np.linspace(here[2], to, 60)]
 
@@ -49,7 +49,7 @@ def test_half_the_way_up_earns_half() -> None:
     assert TASK.reward(START, end) == pytest.approx(0.5)
 
 
-def test_many_worlds_are_judged_as_each_alone() -> None:
+def test_a_batch_gets_the_rewards_of_single_worlds() -> None:
     ends = lifted("cookie_6", 0.31) + lifted("cookie_7", 0.25)
     assert rewards(ends).tolist() == [float(TASK.reward(START, end)) for end in ends]
 
@@ -87,7 +87,7 @@ def test_the_layout_follows_the_seed() -> None:
 
 @pytest.mark.slow
 def test_the_columns_stand_still() -> None:
-    """Stacks on stacks are what a contact solver is worst at."""
+    """Contact solvers are at their worst with stacks."""
     still = JointTrajectory(np.zeros(1), arm().home_for(TASK.home)[None], np.array([FINGER_OPEN]))
     jobs = [Rollout(Tool(), still, seed, settle_s=0.5, hold_s=5.0) for seed in (5, 6, 7)]
     for outcome in installed().create("sim", "pybullet").rollout(TASK, jobs):

@@ -1,4 +1,4 @@
-"""What must hold for every task that is installed, whoever wrote it."""
+"""Requirements for every installed task, of any origin."""
 
 import hashlib
 import itertools
@@ -129,7 +129,7 @@ def test_all_that_matters_is_in_the_picture(name):
 
 
 def layout(name, seed):
-    """A digest of where everything stands and what it is."""
+    """A digest of all bodies and their poses."""
     digest = hashlib.sha256()
     for body in task_of(name).scene(seed).bodies:
         digest.update(f"{body.name} {body.mass} {body.friction} {body.rolling_friction} {body.restitution}".encode())
@@ -158,7 +158,7 @@ def test_a_seed_gives_the_same_scene_in_every_process():
 
 
 def solids(body):
-    """What can be felt of a body, for Coal: geometry, transform, centre and radius of a ball around it."""
+    """Collision shapes of a body for Coal: geometry, transform, centre and radius of a bounding sphere."""
     found = []
     for part in body.collisions:
         match part.shape:
@@ -184,14 +184,14 @@ def solids(body):
 
 @every_task
 @pytest.mark.parametrize("seed", [0, 1])
-def test_nothing_stands_inside_another(name, seed):
+def test_no_body_penetrates_another(name, seed):
     scene = task_of(name).scene(seed)
-    felt = {body.name: solids(body) for body in scene.bodies if body.collisions}
+    shapes = {body.name: solids(body) for body in scene.bodies if body.collisions}
     pairs = 0
-    for one, other in itertools.combinations(felt, 2):
+    for one, other in itertools.combinations(shapes, 2):
         if scene[one].fixed and scene[other].fixed:
             continue
-        for (a, at_a, c_a, r_a), (b, at_b, c_b, r_b) in itertools.product(felt[one], felt[other]):
+        for (a, at_a, c_a, r_a), (b, at_b, c_b, r_b) in itertools.product(shapes[one], shapes[other]):
             if np.linalg.norm(c_a - c_b) > r_a + r_b:
                 continue
             pairs += 1
@@ -203,7 +203,7 @@ def test_nothing_stands_inside_another(name, seed):
 @every_simulator
 @every_task
 def test_the_bare_arm_starts_clear_of_the_scene(name, engine):
-    """Otherwise it would push things aside in the first instant, or be pushed."""
+    """Otherwise it would push bodies aside in the first instant, or be pushed."""
     placed, start = task_of(name).scene(0).state(), idle(name, engine).start
     assert np.linalg.norm(start.positions - placed.positions, axis=-1).max() < 5e-3
     assert idle(name, engine).tracking_error_rad < 2e-3
@@ -211,7 +211,7 @@ def test_the_bare_arm_starts_clear_of_the_scene(name, engine):
 
 @every_simulator
 @every_task
-def test_what_is_left_alone_stays_where_it_is(name, engine):
+def test_bodies_that_nothing_touches_stay_in_place(name, engine):
     start, end = idle(name, engine).start, idle(name, engine).end
     assert np.linalg.norm(end.positions - start.positions, axis=-1).max() < 2e-3
     turned = [(start.pose(body).rotation.inv() * end.pose(body).rotation).magnitude() for body in start.names]
@@ -231,7 +231,7 @@ def moved(state, shifts):
 
 
 def ways(task, start):
-    """For each goal the shifts that lead its bodies straight there."""
+    """For each goal, the shifts that bring its bodies straight there."""
     for goal in task.goals:
         if goal.place is None:
             yield dict.fromkeys(goal.bodies, np.array([-1.05 * goal.away, 0.0, 0.0]))
@@ -273,7 +273,7 @@ def test_the_reward_rises_from_0_to_1_on_the_way_to_the_goal(name, data):
 @every_task
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_many_worlds_earn_what_each_would_alone_and_between_0_and_1(name, seed):
+def test_a_batch_gets_the_rewards_of_single_worlds_between_0_and_1(name, seed):
     task, rng = task_of(name), np.random.default_rng(seed)
     start = task.scene(0).state()
     ends = []
@@ -294,7 +294,7 @@ def test_many_worlds_earn_what_each_would_alone_and_between_0_and_1(name, seed):
 
 
 @every_task
-def test_everything_flung_far_away_earns_little(name):
+def test_everything_thrown_far_away_earns_little(name):
     task = task_of(name)
     start = task.scene(0).state()
     far = moved(start, dict.fromkeys(start.names, np.array([50.0, -50.0, -0.6])))
@@ -326,7 +326,7 @@ def test_the_reference_solution_solves_it(name, engine):
 @every_simulator
 @pytest.mark.parametrize("name", ["OneBook", "ScoreGoal"])
 def test_the_same_seed_gives_the_same_result(name, engine):
-    """In a simulator that has done other things, and in a new one."""
+    """In a simulator that has run other rollouts, and in a new one."""
     ours, new = simulator(engine), installed().create("sim", engine)
     first, again = (evaluate_batch(task_of(name), sim, solutions(name), 1, RolloutSettings()) for sim in (ours, new))
     for one, other in zip(first, again, strict=True):

@@ -57,7 +57,7 @@ def test_the_reward_rises_from_0_to_1_leg_by_leg() -> None:
     assert sorted(set(reward.round(6))) == [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
 
 
-def test_many_worlds_are_judged_as_each_alone() -> None:
+def test_a_batch_gets_the_rewards_of_single_worlds() -> None:
     ends = [end(), end(leg_1=IN_THE_BOX), end(**dict.fromkeys(LEGS, IN_THE_BOX)), end(pot=IN_THE_BOX, leg_5=IN_THE_BOX)]
     assert rewards(ends).tolist() == [float(TASK.reward(START, each)) for each in ends]
 
@@ -127,7 +127,7 @@ def test_legs_lie_on_the_pots_bottom(seed: int) -> None:
         assert 0 < lowest - POT_WALL < 0.001
 
 
-def test_a_leg_is_as_long_as_told() -> None:
+def test_a_leg_is_as_long_as_described() -> None:
     assert KNOB_X + KNOB_RADIUS - MEAT_X[0] == pytest.approx(0.12, abs=0.002)
 
 

@@ -1,4 +1,4 @@
-"""Nothing hollow leaks: a thin rod, driven fast and hard at every thin wall from inside, never comes out."""
+"""Tests for tunnelling: a thin rod, driven fast and hard at every thin wall from inside, never comes out."""
 
 from dataclasses import replace
 
@@ -56,7 +56,7 @@ class Walled(Task):
 
 
 def exit_distance(inside: tuple[float, ...], ahead: np.ndarray) -> float:
-    """How far it is from the middle to the inner wall in a direction."""
+    """The distance from the middle to the inner wall in a direction."""
     if len(inside) == 1:
         return inside[0]
     return float(np.min(np.array(inside) / np.maximum(np.abs(ahead), 1e-9)))
@@ -106,7 +106,7 @@ TIP = np.array([BAR_LONG, 0.0, -0.06 + THICK / 2])
 @settings(max_examples=6)
 @given(aside=st.sampled_from([-0.12, 0.0, 0.12]), up=st.sampled_from([0.0, 0.12]), ahead=st.sampled_from([0.0, 0.1]))
 def test_bar_stays_in_the_pipe(engine, aside, up, ahead):
-    """Put in at the near opening, then driven aside, up, or on."""
+    """The bar enters at the near opening, then is driven aside, up, or on."""
     if not (aside or up or ahead):
         return
     task = installed().create("task", "DislodgeCube")
@@ -130,7 +130,7 @@ def test_bar_stays_in_the_pipe(engine, aside, up, ahead):
 
 
 class Alone(Walled):
-    """A body where it stands."""
+    """A scene of one body."""
 
     def __init__(self, body) -> None:
         self.body = body
