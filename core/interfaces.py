@@ -1,7 +1,9 @@
-"""The parts that a plugin can be. Each is small; `core.hooks` says how one is offered, `core.plugins` how one is found.
+"""Define the parts that a plugin can offer, and the data that passes between them and the program.
 
-A part is made by calling what its plugin registered with the part's settings as keyword arguments: their names, types
-and defaults in that signature are what the configuration may set.
+`core.hooks` says how a plugin offers a part, `core.plugins` finds it. A part is made by calling its factory with the
+part's settings as keyword arguments. The names, types and defaults in the factory's signature are what a configuration
+may set. `core.conformance` checks parts of every kind. Covered by `tests/core/conformance/test_suites.py` and, where a
+part breaks these contracts, by `tests/core/plugins/test_wrong_parts.py`.
 """
 
 from __future__ import annotations
@@ -20,7 +22,12 @@ import numpy.typing as npt
 from core.design import TIE, Candidate, Evaluation, Tool
 from core.errors import UsageError, UserError
 from core.geometry import Array, Pose
-from core.jobs import JointTrajectory, Outcome, Recording, Rollout, RolloutSettings, World
+from core.jobs import JointTrajectory as JointTrajectory
+from core.jobs import Outcome as Outcome
+from core.jobs import Recording as Recording
+from core.jobs import Rollout as Rollout
+from core.jobs import RolloutSettings as RolloutSettings
+from core.jobs import World as World
 from core.scene import Camera, Goal, Scene, State
 
 Image = npt.NDArray[np.uint8]
@@ -32,27 +39,28 @@ B = TypeVar("B")
 
 
 class Task(ABC):
-    """A manipulation task: a scene, a goal, and a reward. Its source file is shown to the model as it stands."""
+    """A manipulation task: a scene, a goal, and a reward. The model reads its source file as it is."""
 
     name: ClassVar[str]
     description: ClassVar[str]  # one paragraph, for the model
-    goals: ClassVar[tuple[Goal, ...]]  # the same for programs; several: any one of them is enough
-    home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))  # the end-effector's, at spawn
+    goals: ClassVar[tuple[Goal, ...]]  # the same, for programs; of several goals one is enough
+    home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))  # the end-effector's pose in the world at the start
     camera: ClassVar[Camera] = Camera()
-    success_reward: ClassVar[float] = 0.95
+    success_reward: ClassVar[float] = 0.95  # from here on the task counts as solved
 
     @abstractmethod
     def scene(self, seed: int) -> Scene:
-        """What stands in the world. The same seed gives the same layout; only random layouts look at it."""
+        """Return the bodies of the world. The same seed gives the same layout; a fixed layout ignores the seed."""
 
     @abstractmethod
     def reward(self, start: State, end: State) -> Array:
-        """In [0, 1], for one world or many: states (..., B, 3) in, (...) out. ``start`` is after settling, before the
-        motion.
+        """Compute rewards from 0 to 1, of one world or of many: from states (..., B, 3) of B bodies, rewards (...).
+
+        ``start`` is after settling and before the motion, ``end`` is after it.
         """
 
     def source(self) -> str:
-        """The text of the file that defines the task."""
+        """Return the text of the file that defines the task."""
         return inspect.getsource(sys.modules[type(self).__module__])
 
 
@@ -60,15 +68,16 @@ class Task(ABC):
 
 
 class Simulator(ABC):
-    """A physics engine. Batch first: many jobs in, as many outcomes out, in order. One thread uses it at a time."""
+    """A physics engine. It takes a batch of jobs and returns as many outcomes. One thread uses it at a time."""
 
-    batch: ClassVar[int] = 1  # jobs it likes at once; more than one: it steps them together, whatever their tools
-    drawn_by: str = ""  # what drew the last picture, for people, where an engine has more than one way
+    batch: ClassVar[int] = 1  # the best size of a batch; above 1, jobs with different tools are stepped together
+    drawn_by: str = ""  # the name of what drew the last picture, if the engine has several renderers
 
     @abstractmethod
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        """Try each job in a world of its own. A job that breaks gives an outcome with an error; its neighbours are
-        unharmed.
+        """Play each job in a world of its own, and return the outcomes in the order of the jobs.
+
+        A job that fails gives an outcome with an error. It raises nothing, and the other jobs are not affected.
         """
 
     @abstractmethod
@@ -85,15 +94,19 @@ class Simulator(ABC):
         width: int = 640,
         height: int = 480,
     ) -> Image:
-        """A picture (height, width, 3) of the scene and the robot; what is left out is as at spawn.
+        """Draw the layout of ``seed`` and the robot, as a picture (height, width, 3) of red, green and blue.
+
+        None stands for the start: the bare arm at the task's home, ``arm`` (7,) in radians, ``fingers`` (2,) open, in
+        metres, the bodies as the scene has them, and the task's camera.
 
         Raises:
-            NoPicture: nothing here can draw one (see `core.errors`).
+            NoPicture: nothing on this machine can draw (see `core.errors`).
         """
 
     def world(self, task: Task, tool: Tool, seed: int = 0) -> World:
-        """A world to be stepped from outside: the scene of ``seed``, and the arm at the task's home with its fingers
-        open. An engine may keep one only: the next world or rollout ends it.
+        """Make a world that the caller steps: the layout of ``seed``, the arm at the task's home, its fingers open.
+
+        An engine may have one world only: the next call of `world` or `rollout` may end this one.
 
         Raises:
             UserError: this engine plays whole rollouts only.
@@ -106,28 +119,30 @@ class Simulator(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Brief:
-    """What an agent is asked, for programs. ``elites`` (best first) are there for an evolution request, else empty."""
+    """What one agent is asked for, as data: an agent is one call of the model, without shared history."""
 
     task: Task
-    scene_seed: int
+    scene_seed: int  # the seed of the layout
     representation: ToolRepresentation
-    gripper: bool
-    n_tool: int
-    n_action: int
+    gripper: bool  # ask for attachments to the fingers; else for one rigid tool
+    n_tool: int  # tools that are asked for
+    n_action: int  # action plans that are asked for with each tool
     generation: int
-    agent: int
-    seed: int
-    elites: tuple[Evaluation, ...] = ()
+    agent: int  # its number in the generation
+    seed: int  # for a model that draws random numbers
+    elites: tuple[Evaluation, ...] = ()  # the best first; empty: the agent starts from nothing
 
 
 @dataclass(frozen=True)
 class Text:
+    """A piece of a message."""
+
     text: str
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG file's bytes. ``name`` is how the file is called where a request is kept."""
+    """A piece of a message: the bytes of a PNG file, and the file's name, without suffix, beside the stored request."""
 
     png: bytes
     name: str = "scene"
@@ -135,15 +150,17 @@ class Picture:
 
 @dataclass(frozen=True)
 class Message:
+    """One message of a request, its pieces in order."""
+
     role: Literal["system", "user", "assistant"]
     parts: tuple[Text | Picture, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """One call of the model: the brief, and what was rendered from it (messages, JSON schema of the answer)."""
+    """One call of the model: the brief, and what was composed from it (messages, JSON schema of the answer)."""
 
-    id: str
+    id: str  # for example g0-a3: generation 0, agent 3
     brief: Brief
     messages: tuple[Message, ...]
     schema: dict[str, Any]
@@ -152,7 +169,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Reply:
-    """What came back for a request: the raw text, or ``error``. Token counts and cost are None where nobody knows."""
+    """The answer to a request: the raw text, or ``error``. Token counts and cost are None where they are unknown."""
 
     request_id: str
     text: str
@@ -165,8 +182,10 @@ class Reply:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a request is reckoned to take before anybody is asked: tokens of its messages, US dollars per token in and
-    out (None: nobody knows), and where the figures are from.
+    """An estimate of a request's size and cost, made without calling a model.
+
+    It has the tokens of the messages, the US dollars for each token of prompt and answer (None: unknown), and the
+    sources of these figures.
     """
 
     prompt_tokens: int
@@ -181,16 +200,16 @@ TOKENS_PER_PICTURE = 800  # of 640 x 480 pixels; models differ between some 250 
 
 
 class VLM(ABC):
-    """A vision-language model, or what answers in its place.
+    """A vision-language model, or a program that answers in its place.
 
-    One that implements some of `core.hooks.Events` with ``hookimpl`` hears what happens in the run.
+    A class that implements some of `core.hooks.Events` with ``hookimpl`` receives the events of the run.
     """
 
-    model: str  # as shown to people and kept with each reply
+    model: str  # the name that is printed and stored with each reply
 
     @classmethod
     def estimate(cls, request: Request, model: str) -> Estimate:
-        """Without asking anybody, hence without a key. Here by a rule of thumb, whatever the model."""
+        """Estimate the size and cost of a request. It calls no model and needs no key; here by a rule of thumb."""
         parts = [part for message in request.messages for part in message.parts]
         characters = sum(len(part.text) for part in parts if isinstance(part, Text))
         pictures = sum(isinstance(part, Picture) for part in parts)
@@ -200,51 +219,53 @@ class VLM(ABC):
 
     @abstractmethod
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
-        """One reply per request, as they arrive. A request that fails gives a reply with an error, never an
-        exception.
+        """Yield one reply for each request, in the order in which they arrive.
+
+        A request that fails gives a reply with an error, never an exception.
 
         Raises:
-            LimitReached: after the replies that there are, if what may be spent is spent and requests are left.
+            LimitReached: a limit on cost or tokens left requests unanswered; raised after the last reply.
         """
 
 
 class ToolRepresentation(ABC):
-    """How a model writes a tool down, and how it is read: the fields of a strategy that say what the tool is."""
+    """How a model writes a tool: the fields of a design that describe the tool, and how they are read."""
 
     @abstractmethod
     def instructions(self, brief: Brief) -> str:
-        """Its part of the prompt: the rules a tool must keep."""
+        """Return the part of the prompt that explains the fields and the rules for a tool."""
 
     @abstractmethod
     def schema(self) -> dict[str, Any]:
-        """JSON schema of its fields, as the ``properties`` of an object; all are required."""
+        """Return the JSON schema of the fields, as the ``properties`` of an object; all of them are required."""
 
     @abstractmethod
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
-        """Read a strategy's fields, which nobody has checked.
+        """Read a tool from the fields of a design. A model wrote them: they may hold anything.
 
         Raises:
-            DesignError: what is wrong, where, and how to mend it.
+            DesignError: says what is wrong, where, and how to mend it.
         """
 
     @abstractmethod
     def dump(self, tool: Tool) -> dict[str, Any]:
-        """The fields that `parse` reads back as the same tool."""
+        """Return the fields that `parse` reads back as the same tool."""
 
     def given(self, task: Task) -> Tool | None:
-        """The tool that is there already, so that only action plans are asked for; None: tools are designed.
+        """Return the tool to use, so that the model is asked for action plans only; None: the model designs tools.
 
         Raises:
-            UserError: there is none for this task; says for which there are.
+            UserError: there is no tool for this task; names the tasks that have one.
         """
         return None
 
 
 class GivenTools(ToolRepresentation):
-    """Tools that are there already: nothing is asked about them, nothing is written, nothing is read."""
+    """A representation whose tools are given: a subclass implements `given` alone."""
 
     @abstractmethod
-    def given(self, task: Task) -> Tool: ...
+    def given(self, task: Task) -> Tool:
+        """See `ToolRepresentation.given`."""
 
     def instructions(self, brief: Brief) -> str:
         return ""
@@ -264,28 +285,29 @@ class GivenTools(ToolRepresentation):
 
 @dataclass(frozen=True)
 class Budget:
-    """How much is tried, and what survives (the paper's parameters)."""
+    """How many candidates are tried, and which of them become elites (the paper's parameters)."""
 
-    n_agent: int
-    n_tool: int
-    n_action: int
-    n_iteration: int
-    k_top: int
-    reward_save: float
-    stop_reward: float | None = None
+    n_agent: int  # requests in a generation
+    n_tool: int  # tools in a request
+    n_action: int  # action plans for each tool
+    n_iteration: int  # generations after the first
+    k_top: int  # candidates that may become elites
+    reward_save: float  # an elite earns more than this
+    stop_reward: float | None = None  # the run ends when the highest reward reaches it; None: never
 
     @property
     def population(self) -> int:
-        """Candidates per generation."""
+        """The number of candidates in a generation."""
         return self.n_agent * self.n_tool * self.n_action
 
 
 class Designer(Protocol):
-    """Where candidates come from; `core.search.designer` has the one there is."""
+    """The source of candidates, which the program gives to a strategy (`core.search.designer`)."""
 
     def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
-        """A population: a fresh sampling, or with elites their offspring. Candidates come as replies arrive, the ones
-        that break a rule among them (`Candidate.problem`).
+        """Ask the model for a population, with ``elites`` for their offspring, and yield it as replies arrive.
+
+        Candidates that break a rule are among them (`Candidate.problem`). The best elite comes first.
         """
         ...
 
@@ -314,91 +336,63 @@ class EvolutionStrategy(ABC):
 
     @abstractmethod
     def ask(self) -> Iterator[Candidate]:
-        """The next generation's candidates, as they come."""
+        """Yield the candidates of the next generation as they arrive."""
 
     @abstractmethod
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """What the whole generation earned, in the order of `Candidate.key`."""
+        """Take the evaluations of the whole generation, in the order of `Candidate.key`."""
 
 
 class Evaluate(Protocol):
-    """Candidates in, their evaluations out, in order. ``batch`` is how many candidates it takes at once; more than one
-    means that they need not share a tool.
-    """
+    """A function that evaluates candidates."""
 
     @property
-    def batch(self) -> int: ...
+    def batch(self) -> int:
+        """The best number of candidates in a call; above 1 they need not share a tool."""
+        ...
 
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]: ...
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        """Return one evaluation for each candidate, in order."""
+        ...
 
 
 class Fitness(ABC):
-    """Decide what a candidate's rollouts are worth. It is picklable, and called in workers.
+    """What counts of a candidate's rollouts. It is picklable, and called in workers.
 
-    Besides its settings the factory is given ``evaluator``, which tries candidates in the chosen engine (a
+    Its factory takes its settings, and ``evaluator``, which evaluates candidates in the chosen engine (a
     `core.simulation.rollout.Evaluator`).
     """
 
     @property
     def batch(self) -> int:
-        """Candidates that it takes at once; with 1 they come grouped by tool."""
+        """The best number of candidates in a call; with 1 the candidates of a call share a tool."""
         return 1
 
     @abstractmethod
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        """One evaluation for each candidate, in order."""
+        """Return one evaluation for each candidate, in order."""
 
 
 # --- the machine ------------------------------------------------------------------------------------------------
 
 
 class Executor(ABC):
-    """Runs a picklable function over chunks, somewhere. A context manager: leaving it ends its workers."""
+    """Where work is done: it calls a picklable function with chunks. As a context manager it ends its workers."""
 
     @abstractmethod
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        """Each chunk with its result, as they finish; with an exception where the function raised or its worker died.
-        ``chunks`` is read no faster than workers need them. A function with a ``batch`` greater than 1 takes large
-        chunks, and one worker is as fast as many.
+        """Yield each chunk with its result, in the order in which they finish.
+
+        The result is an exception where the function raised one or its worker died. ``chunks`` is read no faster than
+        workers need chunks. For a function with a ``batch`` above 1 chunks are large, and one worker is enough.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Ends the workers, at once."""
+        """End the workers at once."""
 
     def __enter__(self) -> Executor:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-__all__ = [
-    "CHARACTERS_PER_TOKEN",
-    "TOKENS_PER_PICTURE",
-    "VLM",
-    "Brief",
-    "Budget",
-    "Designer",
-    "Estimate",
-    "Evaluate",
-    "EvolutionStrategy",
-    "Executor",
-    "Fitness",
-    "GivenTools",
-    "Image",
-    "JointTrajectory",
-    "Message",
-    "Outcome",
-    "Picture",
-    "Recording",
-    "Reply",
-    "Request",
-    "Rollout",
-    "RolloutSettings",
-    "Simulator",
-    "Task",
-    "Text",
-    "ToolRepresentation",
-    "World",
-]

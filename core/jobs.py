@@ -1,6 +1,7 @@
-"""Define what a simulator is handed and what it hands back: joint trajectories, rollouts, recordings and outcomes.
+"""Define what a simulator takes and returns: joint trajectories, rollouts, recordings and outcomes.
 
-`core.interfaces` offers all of it under its own name as well.
+Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/test_trajectory.py` and
+`tests/core/simulation/test_rendering.py`.
 """
 
 from __future__ import annotations
@@ -18,11 +19,10 @@ from core.scene import State
 
 @dataclass(frozen=True, eq=False)
 class JointTrajectory:
-    """What every engine plays: joint targets over time.
+    """The joint targets over time that every engine plays.
 
-    ``times`` (T,) from 0, rising, in seconds; ``arm`` (T, 7) in radians; ``fingers`` (T,) how far each finger is from
-    the middle, in metres (0 closed, 0.04 open). Between instants, and before and after, targets are linear and
-    constant.
+    ``times`` (T,) rises from 0, in seconds; ``arm`` (T, 7) is in radians; ``fingers`` (T,) is each finger's distance
+    from the middle, in metres (0 closed, 0.04 open). Targets are linear between instants, and constant after the last.
     """
 
     times: Array
@@ -34,18 +34,19 @@ class JointTrajectory:
         return float(self.times[-1])
 
     def sample(self, times: Array) -> tuple[Array, Array]:
-        """Arm targets (S, 7) and finger targets (S,) at instants (S,)."""
+        """Return arm targets (S, 7) and finger targets (S,) at instants (S,)."""
         arm = np.stack([np.interp(times, self.times, joint) for joint in self.arm.T], axis=-1)
         return arm, np.interp(times, self.times, self.fingers)
 
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """One job for a simulator: spawn the scene of ``seed`` and the robot with ``tool`` at the trajectory's first
-    targets, let ``settle_s`` pass, note the start state, play the trajectory, hold its last targets for ``hold_s``,
-    note the end state.
+    """One job for a simulator.
 
-    With ``record_hz`` > 0 the whole is recorded at that rate."""
+    It spawns the layout of ``seed``, and the robot with ``tool`` at the trajectory's first targets. It lets
+    ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for ``hold_s``, and notes the
+    end state. With ``record_hz`` > 0 all of it is recorded at that rate.
+    """
 
     tool: Tool
     trajectory: JointTrajectory
@@ -60,11 +61,12 @@ PENETRATION_MODES = ("forbid", "warn", "ignore")
 
 @dataclass
 class RolloutSettings:
-    """How a plan is executed: the least time of a segment, the pauses before and after the motion, the share of the
-    arm's velocity and acceleration limits that is used, and the longest motion, beyond which a plan is rejected.
+    """How a plan is executed. Times are in seconds.
 
-    ``penetration``: what a rollout earns in which solids passed through one another (see
-    `core.simulation.penetration`). With ``forbid`` it earns nothing, with ``warn`` the task's reward; both add a
+    ``segment_s`` is the shortest time of a segment; ``settle_s`` and ``hold_s`` are the pauses before and after the
+    motion. ``speed`` is the share of the arm's velocity and acceleration limits that is used. A plan whose motion lasts
+    longer than ``max_motion_s`` is rejected. ``penetration`` says what a rollout earns in which solids passed through
+    one another (`core.simulation.penetration`): with ``forbid`` nothing, with ``warn`` the task's reward; both add a
     warning. With ``ignore`` nothing is checked.
     """
 
@@ -88,9 +90,7 @@ class RolloutSettings:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A film without pictures: instants (T,) in seconds, arm joints (T, 7), fingers (T, 2), and the states, stacked
-    over T.
-    """
+    """A rollout over time: instants (T,) in seconds, arm joints (T, 7), fingers (T, 2), and states stacked over T."""
 
     times: Array
     arm: Array
@@ -100,10 +100,10 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a rollout did: states (one world) after settling and at the end, and the largest lag of an arm joint
-    behind its target.
+    """The result of a rollout: the states of its world after settling and at the end.
 
-    ``error`` says how it broke, if it did; then the states are None.
+    ``tracking_error_rad`` is the largest lag of an arm joint behind its target. ``error`` says why the rollout failed;
+    then the states are None.
     """
 
     start: State | None
@@ -115,20 +115,18 @@ class Outcome:
 
 
 class World(Protocol):
-    """An engine's world with scene and robot in it, stepped from outside (`core.simulation.playback`)."""
+    """An engine's world with a scene and the robot, stepped by its caller (`core.simulation.playback`)."""
 
     time_step: float
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
-        """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one
-        time step.
-        """
+        """Drive the joints to targets (7,) and a finger opening at these speeds, and advance by one time step."""
         ...
 
     def joints(self) -> tuple[Array, Array]:
-        """Arm (7,) and fingers (2,) as they are; fingers are 0 where there are none."""
+        """Return the arm's joints (7,) and the fingers (2,), which are 0 on a robot without fingers."""
         ...
 
     def state(self) -> State:
-        """Of the free bodies."""
+        """Return the state of the free bodies."""
         ...
