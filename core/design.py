@@ -1,4 +1,4 @@
-"""What is invented and what came of it: tools, candidates, evaluations."""
+"""Define tools, candidates (a tool with an action plan) and their evaluations, and how these are ranked."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 class DesignError(ValueError):
-    """A design breaks a rule. The message is for a person: what is wrong, where, and how to mend it."""
+    """A design breaks a rule. The message says what is wrong, where, and how to mend it."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,12 @@ class Component:
 
 @dataclass(frozen=True)
 class Tool:
-    """Boxes rigidly joined: one rigid tool on `RIGID_MOUNT`, or with ``gripper`` attachments to the fingers
-    `GRIPPER_MOUNTS`.
+    """Rigidly joined boxes: one tool on `RIGID_MOUNT`, or with ``gripper`` attachments to the fingers `GRIPPER_MOUNTS`.
 
-    No components at all is the bare arm (with ``gripper``: the bare hand). Parents stand before their children.
+    Without components it is the bare arm (with ``gripper``: the bare hand). Parents come before their children.
 
     Raises:
-        DesignError: names that are taken twice, a parent that is unknown or stands later, or a mount that is not this
-        kind's.
+        DesignError: a name is used twice, or a parent is neither a component before it nor a mount.
     """
 
     components: tuple[Component, ...] = ()
@@ -78,11 +76,11 @@ class Tool:
 
     @cached_property
     def content(self) -> str:
-        """Names what is simulated: the same for equal tools, whatever they are called."""
+        """A hash of what is simulated: equal for tools that differ in name and description only."""
         return _digest(_content(replace(self, name="", description="")))
 
     def placed(self) -> dict[str, tuple[str, Pose]]:
-        """For each component its mount and its pose in that mount's frame."""
+        """Return for each component its mount and its pose in the mount's frame."""
         placed: dict[str, tuple[str, Pose]] = {mount: (mount, Pose()) for mount in self.mounts}
         for component in self.components:
             mount, pose = placed[component.parent]
@@ -92,12 +90,11 @@ class Tool:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A tool and one action plan: what is tried in one rollout.
+    """A tool and one action plan, which are tried in one rollout.
 
     ``plan`` is (N, 6): x, y, z, roll, pitch, yaw of `RIGID_MOUNT`'s frame in the world; or (N, 7) with the gripper, 0
-    open to 1 closed. ``problem`` says why it can't be tried (the design breaks a rule); then ``tool`` may be missing
-    and ``plan`` empty. ``agent``, ``strategy`` and ``action`` number it within its generation: they and
-    ``generation`` make up its `id`.
+    open to 1 closed. ``problem`` says which rule the design breaks, so that it can't be tried; then ``tool`` may be
+    None and ``plan`` empty. `id` is made of ``generation``, ``agent``, ``strategy`` and ``action``.
     """
 
     tool: Tool | None
@@ -114,7 +111,7 @@ class Candidate:
 
     @property
     def key(self) -> tuple[int, int, int, int]:
-        """Orders candidates the same way however they arrived."""
+        """Sorts candidates in one order, however they arrived."""
         return (self.generation, self.agent, self.strategy, self.action)
 
     @property
@@ -124,9 +121,7 @@ class Candidate:
 
     @cached_property
     def content(self) -> str:
-        """Names what is tried: the same for candidates whose tools and plans are the same to the last bit, whatever
-        else is said about them, in every process.
-        """
+        """A hash of what is tried: equal where tools and plans are equal to the last bit, in every process."""
         return _digest((self.tool and self.tool.content, _content(self.plan)))
 
 
@@ -135,11 +130,11 @@ def _digest(content: object) -> str:
 
 
 def _content(value: object) -> object:
-    """A value as nested tuples. Fields that have their default are left out, so that a new one changes nothing."""
+    """Write a value as nested tuples. Fields with their default are left out, so that a new field changes no hash."""
     if is_dataclass(value):
         named = [(field, getattr(value, field.name)) for field in fields(value)]
-        told = [(f.name, _content(v)) for f, v in named if not (type(v) is type(f.default) and v == f.default)]
-        return type(value).__name__, *told
+        given = [(f.name, _content(v)) for f, v in named if not (type(v) is type(f.default) and v == f.default)]
+        return type(value).__name__, *given
     if isinstance(value, np.ndarray):
         return value.shape, value.dtype.str, value.tobytes()
     if isinstance(value, tuple):
@@ -149,13 +144,14 @@ def _content(value: object) -> object:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What a candidate earned.
+    """The outcome of trying a candidate.
 
-    ``status``: ``ok``; ``rejected``, the design breaks a rule; or ``failed``, the rollout broke. ``reason`` tells
-    why, else is empty. ``distance_m`` is the way of the end-effector's origin from the first waypoint to the last.
-    ``ik_error_m`` and ``ik_error_rad`` are the largest misses of the inverse kinematics along the plan,
-    ``tracking_error_rad`` how far a joint fell behind its target. ``moved_m`` is how far each free body ended from
-    where it started. Without a rollout, numbers are nan. ``details`` is what else a fitness has to say, for JSON.
+    ``status`` is ``ok``; ``rejected``: the design breaks a rule; or ``failed``: the rollout failed. ``reason`` says
+    why, or is empty. ``distance_m`` is the way of the end-effector's origin from home through all waypoints.
+    ``ik_error_m`` and ``ik_error_rad`` are the largest misses of the inverse kinematics along the plan;
+    ``tracking_error_rad`` is the largest lag of a joint behind its target. ``moved_m`` is the distance of each free
+    body's end from its start. Without a rollout, numbers are nan. ``details`` holds further figures of a fitness, as
+    JSON.
     """
 
     candidate: Candidate

@@ -1,4 +1,4 @@
-"""What events carry: what a run is, its generations, and what it came to."""
+"""Define what events carry: the run, its generations, its result. Covered by `tests/core/search/test_evolution.py`."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ INTERRUPTED = "interrupted"
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What listeners are told of a run. ``parts`` are the names chosen, by kind; ``config`` is all of it, resolved.
+    """A run, as listeners receive it. ``parts`` are the chosen names by kind; ``config`` is the resolved configuration.
 
-    ``simulator`` is the main process's own, idle while listeners are told something: with ``settings`` a listener can
-    play a candidate again, to see what it does.
+    ``simulator`` is the main process's own, and idle while a listener works. With it and ``settings`` a listener can
+    play a candidate again.
     """
 
     folder: Path
@@ -66,6 +66,7 @@ class Generation:
         return sum(rewards) / len(rewards) if rewards else None
 
     def count(self, status: str) -> int:
+        """Count the evaluations with this status."""
         return sum(e.status == status for e in self.evaluations)
 
 
@@ -94,5 +95,5 @@ class Result:
 
     @property
     def n_evaluations(self) -> int:
-        """Candidates that were tried, the ones that broke included."""
+        """The number of candidates that were tried, the failed ones included."""
         return sum(g.count("ok") + g.count("failed") for g in self.generations)

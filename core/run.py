@@ -32,11 +32,11 @@ def _job(cfg: DictConfig) -> None:
     from omegaconf.errors import OmegaConfBaseException
 
     from core.config.compose import explain
-    from core.search.orchestration import run, tell
+    from core.search.orchestration import print_outcome, run
 
     folder = Path(HydraConfig.get().runtime.output_dir)
     try:
-        tell(run(cfg, folder), folder)
+        print_outcome(run(cfg, folder), folder)
     except UserError as error:
         _failures.append(error)
     except OmegaConfBaseException as error:  # a setting without a value

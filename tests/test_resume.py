@@ -16,7 +16,7 @@ from omegaconf import OmegaConf
 
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from core.search.orchestration import resume, run, tell
+from core.search.orchestration import print_outcome, resume, run
 from core.store.database import _STEPS, FILE, LOCK, SCHEMA_VERSION
 from core.store.recorder import RunStore
 from tests import toys
@@ -268,7 +268,7 @@ def test_a_limit_before_anything_came(toy, tmp_path):
     result = run(cfg, tmp_path / "run")
     assert (result.generations, result_of(tmp_path / "run")["best"]) == ((), None)
     with pytest.raises(UserError, match=r"no candidate could be tried: 0 replies are .*; to go on: python -m core.run"):
-        tell(result, tmp_path / "run")
+        print_outcome(result, tmp_path / "run")
 
 
 REFUSED = [
@@ -454,7 +454,7 @@ def test_a_store_that_cannot_be_used_is_left_as_it_is(toy, tmp_path, how):
     begin(toy, folder, vlm_limit=6)
     damaged(folder, how)
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    said = "form is 99, this version knows up to" if how == "newer" else "run.sqlite is damaged: "
+    said = "schema version is 99, this version reads up to" if how == "newer" else "run.sqlite is damaged: "
     for _ in range(2):
         with pytest.raises(UserError, match=said) as error:
             resume(folder)

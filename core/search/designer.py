@@ -1,4 +1,4 @@
-"""From a brief to candidates: compose the requests, ask the model, read its replies."""
+"""Design candidates: compose requests, ask the model, and read its replies."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from core.text import shorten
 
 ToolKind = Literal["rigid", "gripper"]
 TOOL_KINDS: tuple[ToolKind, ...] = get_args(ToolKind)
-DEFAULT_KINDS: tuple[ToolKind, ...] = ("rigid",)  # of a task that names none
+DEFAULT_KINDS: tuple[ToolKind, ...] = ("rigid",)  # for a task that names none
 
 
 class ModelDesigner:
-    """The `core.interfaces.Designer`: agents without shared history, all asked at once.
+    """A `core.interfaces.Designer` that sends the requests of all agents at once.
 
-    Agents' seeds, temperatures and kinds of tool follow from ``seed``, the generation and the agent's number alone.
-    Of two ``tool_kinds`` each agent is given one by lot. Where the representation has a tool to give, agents are asked
-    for plans only. ``show`` draws what an elite did, and is called if the prompts' feedback is ``full``.
+    An agent's seed, temperature and kind of tool follow from ``seed``, the generation and the agent's number alone. Of
+    two ``tool_kinds`` each agent gets one at random. Where the representation gives a tool, agents are asked for plans
+    only. ``show`` draws an elite's rollout; it is called if the prompts' feedback is ``full``.
     """
 
     def __init__(
@@ -69,13 +69,13 @@ class ModelDesigner:
         """See `core.interfaces.Designer`.
 
         Raises:
-            LimitReached: after the candidates that there are; see `VLM.complete`.
+            LimitReached: after the last candidate; see `VLM.complete`.
         """
         requests = self.requests(generation, elites, range(self.budget.n_agent))
         yield from self._candidates(requests, repair=self.prompts.settings.repair)
 
     def requests(self, generation: int, elites: Sequence[Evaluation], agents: Iterable[int]) -> list[Request]:
-        """What each of the ``agents`` is asked."""
+        """Compose the request of each of the ``agents``."""
         pictures: dict[str, Picture] = {}
         if self.show is not None and self.prompts.settings.feedback == "full":
             drawn = {elite.candidate.id: self.show(elite.candidate) for elite in elites}
@@ -83,7 +83,7 @@ class ModelDesigner:
         return [self._request(generation, agent, elites, pictures) for agent in agents]
 
     def _candidates(self, requests: Sequence[Request], *, repair: bool) -> Iterator[Candidate]:
-        """Of all replies, as they arrive; with ``repair`` the unreadable ones are asked for once more at the end."""
+        """Yield the candidates of all replies; with ``repair``, ask once more where a reply can't be read."""
         repairs: list[Request] = []
         missing = {request.id: request for request in requests}
         for reply in self._replies(requests):
@@ -101,30 +101,33 @@ class ModelDesigner:
             yield from self._candidates(repairs, repair=False)
 
     def _replies(self, requests: Sequence[Request]) -> Iterator[Reply]:
-        """Replies as they arrive. Each is told to the listeners at once, so that it is on disk even if nobody comes
-        to read it; for that they are listened for in a thread of their own, while candidates of earlier ones are
-        tried.
+        """Yield replies as they arrive.
+
+        A thread of its own receives them and passes each on to the listeners. So a reply is on disk at once, while
+        candidates of earlier replies are tried.
         """
         arrived: queue.SimpleQueue[Reply | Exception | None] = queue.SimpleQueue()
-        asked = {request.id: request for request in requests}
-        missing = set(asked)
+        by_id = {request.id: request for request in requests}
+        missing = set(by_id)
 
-        def listen() -> None:
+        def receive() -> None:
             try:
                 for reply in self.vlm.complete(requests):
                     if not isinstance(reply, Reply) or reply.request_id not in missing:
-                        sys.stderr.write(f"{describe_part(self.vlm)}: complete gave {_told(reply)}; it is left out\n")
+                        sys.stderr.write(
+                            f"{describe_part(self.vlm)}: complete gave {_describe(reply)}; it is left out\n"
+                        )
                         continue
                     missing.remove(reply.request_id)
-                    self.events.hook.reply_received(request=asked[reply.request_id], reply=reply)
+                    self.events.hook.reply_received(request=by_id[reply.request_id], reply=reply)
                     arrived.put(reply)
-            except Exception as error:  # to be raised where somebody sees it
+            except Exception as error:  # raised again in the main thread
                 arrived.put(error)
             arrived.put(None)
 
         for request in requests:
             self.events.hook.request_composed(request=request)
-        threading.Thread(target=listen, name="replies", daemon=True).start()
+        threading.Thread(target=receive, name="replies", daemon=True).start()
         while (reply := arrived.get()) is not None:
             if isinstance(reply, Exception):
                 raise reply
@@ -154,11 +157,11 @@ class ModelDesigner:
         return Request(f"g{generation}-a{agent}", brief, messages, schema, float(np.clip(temperature, 0.0, 2.0)))
 
     def _repair(self, request: Request, reply: Reply, problem: str) -> Request:
-        """A request of its own, for the same brief."""
+        """Compose a request that shows the reply and what is wrong with it."""
         return replace(request, id=f"{request.id}-repair", messages=self.prompts.repair(request, reply, problem))
 
     def _read(self, brief: Brief, reply: Reply) -> list[Candidate]:
-        """The candidates of a reply, no more than were asked for.
+        """Read the candidates of a reply, at most as many as the brief asks for.
 
         Raises:
             DesignError: the reply can't be read.
@@ -177,15 +180,15 @@ class ModelDesigner:
         )
 
 
-def _told(reply: object) -> str:
-    """What is wrong with a reply that answers no request."""
+def _describe(reply: object) -> str:
+    """Say what is wrong with a reply that answers no request."""
     if isinstance(reply, Reply):
-        return f"a reply to {reply.request_id!r}, which was not asked or had its reply"
+        return f"a reply to {reply.request_id!r}, which was not sent or has its reply already"
     return f"{shorten(repr(reply))}, which is no Reply"
 
 
 def _lost(brief: Brief, problem: str) -> Candidate:
-    """Stands for all that an agent would have designed."""
+    """Make a candidate that stands for all that an agent would have designed."""
     return Candidate(None, np.zeros((0, 6)), brief.generation, brief.agent, problem=problem)
 
 
@@ -202,11 +205,12 @@ def make_designer(
     tool_kinds: Sequence[str],
     events: pluggy.PluginManager,
 ) -> ModelDesigner:
-    """A designer that shows pictures which ``simulator`` draws: of the scene, and of what elites did. Where nothing can
-    draw any, standard error says why, and the model has the words.
+    """Make a designer that shows the model pictures, drawn by ``simulator``, of the scene and of the elites' rollouts.
+
+    Where nothing can draw, standard error says why, and the model gets text alone.
 
     Raises:
-        UserError: a tool kind that there is not, no given tool for the task, or one that breaks a rule.
+        UserError: an unknown tool kind, no given tool for the task, or one that breaks a rule.
     """
     for name in tool_kinds:
         if name not in TOOL_KINDS:

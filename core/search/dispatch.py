@@ -1,4 +1,4 @@
-"""Chunks dealt to workers that take one at a time and answer when it is done: what executors of that kind share."""
+"""Dispatch chunks to workers that take one at a time: what the executors share."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TypeVar
 A = TypeVar("A")
 B = TypeVar("B")
 
-CHUNK = 10  # candidates that travel together, as many as the method has plans for a tool; none has less time than one
+CHUNK = 10  # candidates that travel together: the method has as many plans for a tool
 
 
 @dataclass(frozen=True)
@@ -20,22 +20,24 @@ class _Raised:
 
 
 def time_limit(timeout_s: float | None, chunk: object) -> float | None:
-    """Seconds that a chunk may take: ``timeout_s`` for every ten candidates. One that needs more is broken up, and
-    each of them then has all of it: what hangs is found after one limit instead of ten, and what is slow is not lost.
+    """Return the seconds that a chunk may take: ``timeout_s`` for every ten candidates begun; None: no limit.
+
+    A chunk that needs more is tried again one by one, with ``timeout_s`` for each candidate. So one that hangs is found
+    after one limit instead of ten, and a slow one is not lost.
     """
     count = len(chunk) if isinstance(chunk, Sized) else 1
     return None if timeout_s is None else timeout_s * max(1, -(-count // CHUNK))
 
 
 def dispatch(workers: Sequence[Callable[[A], B | Exception]], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-    """Each chunk with what a worker made of it, as they finish.
+    """Yield each chunk with a worker's result, in the order in which they finish.
 
-    ``chunks`` is read in a thread of its own, so that results come while the next chunk is awaited, and never more than
-    two for each worker are on their way. What a worker raises, or the chunks do, is raised here.
+    ``chunks`` is read in a thread of its own, so that results come while the next chunk is awaited. At most two chunks
+    for each worker are read and not yet taken. What a worker or ``chunks`` raises is raised here.
     """
     ready: queue.SimpleQueue[tuple[A] | None] = queue.SimpleQueue()
     results: queue.SimpleQueue[tuple[A, B | Exception] | _Raised | None] = queue.SimpleQueue()
-    room = threading.Semaphore(2 * len(workers))  # for chunks from being read to their results being taken
+    room = threading.Semaphore(2 * len(workers))  # a chunk holds it until its result is taken
     stop = threading.Event()
 
     def read() -> None:
@@ -45,7 +47,7 @@ def dispatch(workers: Sequence[Callable[[A], B | Exception]], chunks: Iterable[A
                 ready.put((next(source),))
         except StopIteration:
             pass
-        except Exception as error:  # to be raised where somebody sees it
+        except Exception as error:  # raised again in the main thread
             results.put(_Raised(error))
         for _ in workers:
             ready.put(None)

@@ -1,4 +1,4 @@
-"""The loop: ask for candidates, evaluate them, tell what they earned; until the budget or the goal is reached."""
+"""Run the loop: ask for candidates, evaluate them, report to the strategy; until the budget or the goal is reached."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from core.plugins.blame import PluginError
 from core.search.dispatch import CHUNK
 from core.text import shorten
 
-LINGER_S = 0.2  # that a chunk for an engine which takes many waits for one more
+LINGER_S = 0.2  # how long a chunk waits for one more candidate, for an engine with large batches
 
 Evaluate = Callable[[Sequence[Candidate]], list[Evaluation]]
 Known = Callable[[Candidate], Evaluation | None]
@@ -37,37 +37,37 @@ def evolve(
 ) -> Result:
     """Run ``budget.n_iteration`` + 1 generations, fewer if the highest reward reaches ``budget.stop_reward``.
 
-    ``evaluate`` is called in the executor's workers, with candidates of one tool, or if it has a ``batch`` greater than
-    1 with as many as have come; not for those whose evaluation is ``known``. A limit that is reached while candidates
-    are asked for, and an interrupt, end the loop with what there is (`Result.stopped`).
+    ``evaluate`` is called in the executor's workers with candidates of one tool. If it has a ``batch`` above 1, it is
+    called with all candidates that have arrived. Candidates whose evaluation is ``known`` are not evaluated. A limit
+    that the strategy runs into, or an interrupt, ends the loop early (`Result.stopped`).
     """
     began = time.monotonic()
     trials = Trials(evaluate, executor, known)
-    asked = _UntilLimit(strategy)
-    came: list[list[Evaluation]] = []  # by generation
+    candidates = _UntilLimit(strategy)
+    arrived: list[list[Evaluation]] = []  # by generation
     generations: list[Generation] = []
     try:
         for index in range(budget.n_iteration + 1):
             events.hook.generation_started(index=index)
-            came.append([])
-            for evaluation in trials(asked):
+            arrived.append([])
+            for evaluation in trials(candidates):
                 events.hook.candidate_evaluated(evaluation=evaluation)
-                came[-1].append(evaluation)
-            if asked.limit is not None:
+                arrived[-1].append(evaluation)
+            if candidates.limit is not None:
                 break
-            generation = _generation(index, came[-1], strategy.tie)
+            generation = _generation(index, arrived[-1], strategy.tie)
             strategy.tell(generation.evaluations)
             generations.append(generation)
             events.hook.generation_finished(generation=generation)
             reached = generation.best_reward
             if budget.stop_reward is not None and reached is not None and reached >= budget.stop_reward:
                 break
-        stopped = asked.limit
-    except KeyboardInterrupt:  # whoever called sees it in the result
+        stopped = candidates.limit
+    except KeyboardInterrupt:  # the caller finds it in the result
         stopped = INTERRUPTED
-    for index in range(len(generations), len(came)):  # the one that was cut short
-        if came[index]:
-            generations.append(_generation(index, came[index], strategy.tie))
+    for index in range(len(generations), len(arrived)):  # the one that was cut short
+        if arrived[index]:
+            generations.append(_generation(index, arrived[index], strategy.tie))
     return Result(tuple(generations), time.monotonic() - began, stopped, strategy.tie)
 
 
@@ -76,7 +76,7 @@ def _generation(index: int, evaluations: Iterable[Evaluation], tie: float) -> Ge
 
 
 class _UntilLimit:
-    """A strategy's candidates, again and again, until a limit is reached, which is kept."""
+    """A strategy's candidates, one generation for each iteration; ``limit`` says which limit ended the last one."""
 
     def __init__(self, strategy: EvolutionStrategy) -> None:
         self._strategy = strategy
@@ -84,23 +84,22 @@ class _UntilLimit:
         self._sound: Tool | None = None  # the last that was checked; candidates in a row share one
 
     def __iter__(self) -> Iterator[Candidate]:
-        """Raises UserError where the strategy gives no candidates; says whose it is."""
+        """Raise UserError where the strategy gives something else; it names the strategy."""
+        name = describe_part(self._strategy)
         try:
-            asked = self._strategy.ask()
-            if not isinstance(asked, Iterable):
-                raise UserError(
-                    f"{describe_part(self._strategy)}: ask gave {asked!r}; expected an iterator of Candidate"
-                )
-            for candidate in asked:
+            candidates = self._strategy.ask()
+            if not isinstance(candidates, Iterable):
+                raise UserError(f"{name}: ask gave {candidates!r}; expected an iterator of Candidate")
+            for candidate in candidates:
                 if not isinstance(candidate, Candidate):
-                    told = f"ask gave {shorten(repr(candidate))} among its candidates"
-                    raise UserError(f"{describe_part(self._strategy)}: {told}; expected a Candidate")
+                    wrong = f"ask gave {shorten(repr(candidate))} among its candidates"
+                    raise UserError(f"{name}: {wrong}; expected a Candidate")
                 yield self._checked(candidate)
         except LimitReached as limit:
             self.limit = str(limit)
 
     def _checked(self, candidate: Candidate) -> Candidate:
-        """The candidate, with a problem if the strategy built a tool that breaks a rule; a designer's keep them."""
+        """Add a problem to a candidate whose tool breaks a rule: a strategy may build tools without the designer."""
         tool = candidate.tool
         if candidate.problem is None and tool is not None and tool.components and tool is not self._sound:
             try:
@@ -112,16 +111,16 @@ class _UntilLimit:
 
 
 def evaluate_all(candidates: Iterable[Candidate], evaluate: Evaluate, executor: Executor) -> Iterator[Evaluation]:
-    """Of all candidates, as they finish."""
+    """Yield the evaluations of all candidates as they finish."""
     return Trials(evaluate, executor)(candidates)
 
 
 class Trials:
     """Evaluates candidates in an executor's workers.
 
-    Of candidates with the same `Candidate.content`, however far apart they come, one is tried; the others earn what it
-    earned. Where a chunk breaks, its candidates are tried again in smaller ones, at last one by one. What is ``known``
-    is not tried at all.
+    Of candidates with the same `Candidate.content` one is tried, and all get its evaluation. Where a chunk fails, its
+    candidates are tried again in smaller chunks, at last one by one. A candidate whose evaluation is ``known`` is not
+    tried.
     """
 
     def __init__(self, evaluate: Evaluate, executor: Executor, known: Known | None = None) -> None:
@@ -134,7 +133,7 @@ class Trials:
         self._waiting: dict[str, list[Candidate]] = {}  # for the one of the same content that is being tried
 
     def __call__(self, candidates: Iterable[Candidate]) -> Iterator[Evaluation]:
-        """Of all candidates, as they finish."""
+        """Yield the evaluations of all candidates as they finish."""
         settled: deque[Evaluation] = deque()
         broken: list[list[Candidate]] = []
         untried = self._untried(candidates, settled)
@@ -160,7 +159,7 @@ class Trials:
             raise UserError(f"{describe_part(self._executor)}: map gave no result for {len(self._waiting)} candidates")
 
     def _untried(self, candidates: Iterable[Candidate], settled: deque[Evaluation]) -> Iterator[Candidate]:
-        """Those that have to be tried; the others' evaluations go to ``settled``, now or with `_results`."""
+        """Yield the candidates to try; evaluations of the others go to ``settled`` at once, or come from `_results`."""
         for candidate in candidates:
             known = self._known(candidate)
             if known is not None:
@@ -185,7 +184,7 @@ class Trials:
 
     def _results(self, chunk: Sequence[Candidate], result: Sequence[Evaluation]) -> Iterator[Evaluation]:
         for candidate, evaluation in zip(chunk, result, strict=True):
-            earned = replace(evaluation, candidate=candidate)  # not the copy that travelled
+            earned = replace(evaluation, candidate=candidate)  # not the copy that a worker sent back
             with self._lock:
                 self._earned[candidate.content] = earned
                 waiting = self._waiting.pop(candidate.content)
@@ -203,7 +202,7 @@ def _drained(settled: deque[Evaluation]) -> Iterator[Evaluation]:
 
 
 def _chunks(candidates: Iterable[Candidate]) -> Iterator[list[Candidate]]:
-    """Candidates in a row that share a tool, at most `CHUNK` of them."""
+    """Group candidates in a row that share a tool, at most `CHUNK` of them."""
     chunk: list[Candidate] = []
     for candidate in candidates:
         if chunk and (len(chunk) == CHUNK or candidate.tool is not chunk[-1].tool):
@@ -215,31 +214,30 @@ def _chunks(candidates: Iterable[Candidate]) -> Iterator[list[Candidate]]:
 
 
 def _gathered(candidates: Iterable[Candidate], most: int) -> Iterator[list[Candidate]]:
-    """Those that have come since the last chunk was taken, at most that many, and at least one.
+    """Group the candidates that have arrived since the last chunk was taken, at most ``most`` of them.
 
-    They are read in a thread of its own, so that replies go on coming while a chunk is tried. What reading them raises
-    is raised here.
+    A thread of its own reads them, so that replies arrive while a chunk is tried. What reading raises is raised here.
     """
-    came: queue.Queue[Candidate | Exception | None] = queue.Queue(maxsize=most)
+    arrived: queue.Queue[Candidate | Exception | None] = queue.Queue(maxsize=most)
 
     def read() -> None:
         try:
             for candidate in candidates:
-                came.put(candidate)
-            came.put(None)
-        except Exception as error:  # to be raised where somebody sees it
-            came.put(error)
+                arrived.put(candidate)
+            arrived.put(None)
+        except Exception as error:  # raised again in the main thread
+            arrived.put(error)
 
     threading.Thread(target=read, name="candidates", daemon=True).start()
     while True:
-        item = came.get()
+        item = arrived.get()
         chunk: list[Candidate] = []
         while isinstance(item, Candidate):
             chunk.append(item)
             if len(chunk) == most:
                 break
             try:
-                item = came.get(timeout=LINGER_S)
+                item = arrived.get(timeout=LINGER_S)
             except queue.Empty:
                 break
         if chunk:

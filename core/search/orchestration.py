@@ -1,5 +1,6 @@
-"""A whole run: a config in, a run folder out. The parts are made, the loop runs, and what is left is written; or a run
-that was cut short goes on. ``python -m core.run`` is this, from a command line.
+"""Make a run from a configuration, or resume one: what ``python -m core.run`` does.
+
+Covered by `tests/test_resume.py` and `tests/test_commands.py`.
 """
 
 from __future__ import annotations
@@ -36,12 +37,16 @@ from core.store.recorder import RunStore, best_figures
 
 
 def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
-    """Make the parts that ``cfg`` names, run the loop, and leave everything in ``folder``; ``store`` is that of a run
-    which goes on there.
+    """Make the parts that ``cfg`` names, run the loop, and leave everything in ``folder``.
+
+    Args:
+        cfg: the configuration.
+        folder: the run's folder.
+        store: the store of the run in ``folder`` that is resumed; None: a new run.
 
     Raises:
-        UserError: a part or setting that can't be had, or a folder that holds a run already or can't be written.
-        KeyboardInterrupt: during anything but the loop (`Result.stopped`); says how to go on.
+        UserError: a part or setting that can't be used, or a folder that holds a run already or can't be written.
+        KeyboardInterrupt: outside of the loop (inside: `Result.stopped`); says how to go on.
     """
     config = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True))
     budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
@@ -93,14 +98,14 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
             save_best(result, this, simulator, settings, film=cfg.film)
         events.hook.run_finished(run=this, result=result)
     except UserError as error:
-        raise UserError(f"{error}; {to_go_on(folder)}") from error
+        raise UserError(f"{error}; {resume_hint(folder)}") from error
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(to_go_on(folder)) from None
+        raise KeyboardInterrupt(resume_hint(folder)) from None
     except Exception as error:
-        blamed = describe_failure(error)
-        if blamed is not None:
-            error.add_note(blamed)
-        error.add_note(to_go_on(folder))
+        failure = describe_failure(error)
+        if failure is not None:
+            error.add_note(failure)
+        error.add_note(resume_hint(folder))
         raise
     finally:
         events.hook.run_ended()
@@ -108,11 +113,11 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
 
 
 def save_best(result: Result, this: Run, simulator: Simulator, settings: RolloutSettings, *, film: bool) -> None:
-    """What a person takes away, in ``best/``; a film of it unless there is no time for one."""
+    """Write the best design to ``best/``, with a film of its rollout unless the run was interrupted."""
     best, folder = result.best, this.folder / "best"
     if best is None:
         return
-    shutil.rmtree(folder, ignore_errors=True)  # of a run that went on, the best so far
+    shutil.rmtree(folder, ignore_errors=True)  # a resumed run has one of an earlier best
     save_design(best.candidate, this.representation, folder)
     if film and result.stopped != INTERRUPTED:
         try:
@@ -121,20 +126,20 @@ def save_best(result: Result, this: Run, simulator: Simulator, settings: Rollout
             report_missing("film", error)
 
 
-def to_go_on(folder: Path) -> str:
-    """What to type."""
+def resume_hint(folder: Path) -> str:
+    """Say what to type to resume the run."""
     return f"to go on: python -m core.run resume={shlex.quote(str(folder))}"
 
 
 def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
-    """Go on with the run in ``folder``, and say what it came to.
+    """Go on with the run in ``folder``, and print its outcome.
 
     Raises:
-        UserError: there is none, its store can't be used, or ``overrides`` change what can't be changed.
+        UserError: there is no run, its store can't be used, or ``overrides`` change what can't be changed.
     """
     store = RunStore.open(folder)
     if store is None:
-        tell(run(changed(hydra_config(folder), overrides), folder), folder)
+        print_outcome(run(changed(hydra_config(folder), overrides), folder), folder)
         return
     try:
         cfg = changed(store.config, overrides)
@@ -142,35 +147,35 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         more = any(cfg.budget[key] != before[key] for key in ("n_iteration", "stop_reward"))
         if ended is not None and ended["stopped"] is None and not more:
             sys.stdout.write(f"{folder} holds a run that has come to its end\n")
-            tell_best(ended["best"], folder)
+            print_best(ended["best"], folder)
             return
         store.overrides = overrides
         there = f"{len(store.past.replies)} replies and {len(store.past.candidates)} evaluated candidates are there"
         sys.stderr.write(f"{folder} goes on: {there}\n")
-        tell(run(cfg, folder, store), folder)
+        print_outcome(run(cfg, folder, store), folder)
     finally:
         store.run_ended()
 
 
-def tell(result: Result, folder: Path) -> None:
-    """Say what a run came to.
+def print_outcome(result: Result, folder: Path) -> None:
+    """Print the best candidate of a run, and why the run was stopped early, if it was.
 
     Raises:
-        UserError: to nothing.
-        KeyboardInterrupt: it was interrupted.
+        UserError: no candidate could be tried.
+        KeyboardInterrupt: the run was interrupted.
     """
     if result.stopped == INTERRUPTED:
-        raise KeyboardInterrupt(to_go_on(folder))
+        raise KeyboardInterrupt(resume_hint(folder))
     if result.best is None and result.stopped is not None:
-        raise UserError(f"no candidate could be tried: {result.stopped}; {to_go_on(folder)}")
+        raise UserError(f"no candidate could be tried: {result.stopped}; {resume_hint(folder)}")
     reasons = [e.reason for g in result.generations for e in g.evaluations]
-    tell_best(best_figures(result), folder, reasons[0] if reasons else "no candidate came")
+    print_best(best_figures(result), folder, reasons[0] if reasons else "no candidate came")
     if result.stopped is not None:
-        sys.stderr.write(f"stopped: {result.stopped}\n{to_go_on(folder)}\n")
+        sys.stderr.write(f"stopped: {result.stopped}\n{resume_hint(folder)}\n")
 
 
-def tell_best(best: dict[str, Any] | None, folder: Path, why: str = "") -> None:
-    """The best candidate, as in ``result.json``.
+def print_best(best: dict[str, Any] | None, folder: Path, why: str = "") -> None:
+    """Print the best candidate, given as in ``result.json``.
 
     Raises:
         UserError: there is none.
@@ -182,10 +187,10 @@ def tell_best(best: dict[str, Any] | None, folder: Path, why: str = "") -> None:
 
 
 def check_budget(budget: Budget) -> None:
-    """Refuse counts that make no population.
+    """Check the counts of a budget.
 
     Raises:
-        UsageError: says which.
+        UsageError: a count is too small; says which.
     """
     for name, least in (("n_agent", 1), ("n_tool", 1), ("n_action", 1), ("k_top", 1), ("n_iteration", 0)):
         if getattr(budget, name) < least:

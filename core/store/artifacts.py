@@ -1,4 +1,4 @@
-"""The files that a person takes away: the best tool to print, the motion to run, and a film of it."""
+"""Write a design as files to use elsewhere: the tool to print, the motion to run, the robot with the tool."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def save_design(candidate: Candidate, representation: ToolRepresentation, folder
 
 
 def _mounts(tool: Tool) -> str:
-    """The mount links, so that a tool's file stands alone: one root, and a second mount fixed to it."""
+    """Write the mount links: one root and, for a second mount, a fixed joint, so that the file is a whole robot."""
     first, *others = tool.mounts
     joints = (
         f'<joint name="{name}_joint" type="fixed"><parent link="{first}"/><child link="{name}"/></joint>\n'
@@ -52,8 +52,9 @@ def _mounts(tool: Tool) -> str:
 
 
 class MeshCopier:
-    """Copies the arm's small collision meshes to ``meshes/`` beside a URDF, to be seen and felt, and names them
-    relatively.
+    """Copy the arm's small collision meshes to ``meshes/`` beside a URDF, and give their relative paths.
+
+    They serve as visual and as collision shapes.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -68,8 +69,9 @@ class MeshCopier:
 
 
 def tool_mesh(tool: Tool) -> trimesh.Trimesh:
-    """The boxes as one mesh in millimetres, as slicers expect; each mount's parts in that mount's frame, two mounts
-    side by side.
+    """Join the boxes to one mesh in millimetres, as slicers expect, in the frame of their mount.
+
+    With two mounts, the attachments lie apart as on an open gripper.
     """
     import trimesh
 

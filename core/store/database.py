@@ -1,4 +1,4 @@
-"""A run's SQLite file: one writer at a time, a form that grows with versions, one line for whatever goes wrong."""
+"""Open a run's SQLite file: one writer at a time, any number of readers, upgrades, and one line for each failure."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FILE = "run.sqlite"
 LOCK = "run.lock"
 
-# What each version adds to the one before. A store is made by all of them, an older one gets those that it lacks.
+# What each schema version adds to the one before. A new store gets all steps, an older one those that it lacks.
 _STEPS: tuple[tuple[str, ...], ...] = (
     (
         "CREATE TABLE run (schema_version INTEGER NOT NULL, config TEXT NOT NULL)",
@@ -66,15 +66,15 @@ _REFUSALS = {
     sqlite3.SQLITE_CORRUPT,
     sqlite3.SQLITE_NOTADB,
 }
-_PATIENCE_S = 10.0  # with whoever else has the file open, such as a person's SQLite shell
+_PATIENCE_S = 10.0  # with another process that has the file open, such as a SQLite shell
 
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Say in one line what keeps a run's folder from being written.
+    """Turn errors of the disk or of SQLite into one line that says why a run's folder can't be written.
 
     Raises:
-        UserError: the disk is full, the folder can't be written...
+        UserError: the disk is full, the folder is read-only...
     """
     try:
         yield
@@ -118,11 +118,11 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
 
 
 class Database:
-    """``run.sqlite``, open to be written by this process and no other until it is closed.
+    """``run.sqlite``, open for writing by this process alone until `close`.
 
     Raises:
-        UserError: another process writes it; it is damaged, or a newer version's; the folder can't be written. Then
-            it is left as it was.
+        UserError: another process writes it; it is damaged, or a newer version wrote it; the folder can't be written.
+            The file is left as it was.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -144,7 +144,7 @@ class Database:
             raise
 
     def _check(self, file: Path) -> None:
-        """Look before anything is touched."""
+        """Check the file before anything is written."""
         if not file.exists() or file.stat().st_size == 0:
             return
         try:
@@ -158,19 +158,19 @@ class Database:
             raise UserError(f"{file} is damaged: {why}; it is left as it is, and so are the replies beside it")
         if version > SCHEMA_VERSION:
             raise UserError(
-                f"{file} was written by a newer version: its form is {version}, this version knows up to "
-                f"{SCHEMA_VERSION}; it is left as it is"
+                f"{file} was written by a newer version: its schema version is {version}, this version reads up "
+                f"to {SCHEMA_VERSION}; it is left as it is"
             )
 
     def begun(self) -> bool:
-        """Whether there is a run in it."""
+        """Say if a run has begun in it."""
         with self._using, writing(self.folder):
             return (
                 _version(self._connection) > 0 and self._connection.execute("SELECT 1 FROM run").fetchone() is not None
             )
 
     def upgrade(self) -> None:
-        """Bring the tables to this version's form; within a `transaction`."""
+        """Bring the tables to this version's schema; within a `transaction`."""
         version = _version(self._connection)
         for statements in _STEPS[version:]:
             for statement in statements:
@@ -180,8 +180,10 @@ class Database:
 
     @contextmanager
     def transaction(self, *, paid: bool = False) -> Iterator[None]:
-        """All of it, or nothing, outlives the process. What was ``paid`` for outlives a power cut too, which costs some
-        milliseconds; of the rest a power cut may take the last few, in order.
+        """Write all of what is done within, or nothing.
+
+        It survives the end of the process. With ``paid`` it survives a power cut too, which takes some milliseconds
+        more; else a power cut may lose the last few transactions, in order.
 
         Raises:
             UserError: it can't be written.
@@ -198,13 +200,13 @@ class Database:
                 raise
 
     def insert(self, table: str, *, replacing: bool = False, **values: Any) -> None:
-        """A row, within a `transaction`."""
+        """Insert a row, within a `transaction`."""
         columns, marks = ", ".join(values), ", ".join("?" * len(values))
         verb = "REPLACE" if replacing else "INSERT"
         self._connection.execute(f"{verb} INTO {table} ({columns}) VALUES ({marks})", list(values.values()))
 
     def execute(self, statement: str, *values: Any) -> list[sqlite3.Row]:
-        """Any statement, within a `transaction`."""
+        """Execute a statement, within a `transaction`."""
         return self._connection.execute(statement, values).fetchall()
 
     def rows(self, query: str) -> list[sqlite3.Row]:
@@ -218,7 +220,7 @@ class Database:
 
 
 def _lock(file: Path) -> FileLock:
-    """Held until it is released or the process ends, however it does."""
+    """Take the lock, which is held until it is released or the process ends in any way."""
     from filelock import FileLock, Timeout
 
     lock = FileLock(file, timeout=0, thread_local=False)
@@ -232,12 +234,12 @@ def _lock(file: Path) -> FileLock:
 
 
 def _version(database: sqlite3.Connection) -> int:
-    """Of a store's form; 0: there is nothing in it.
+    """Return the schema version; 0: the file is empty.
 
     Raises:
-        sqlite3.Error: it is something else.
+        sqlite3.Error: it is no store.
     """
     if database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0:
         return 0
     row = database.execute("SELECT schema_version FROM run").fetchone()
-    return int(row[0]) if row is not None else 1  # which made its tables before it noted anything in them
+    return int(row[0]) if row is not None else 1  # version 1 made its tables before it wrote a row

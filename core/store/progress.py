@@ -1,4 +1,7 @@
-"""What a run has come to so far, so that it goes on without asking or trying again."""
+"""Hold what an interrupted run has stored, so that nothing is asked or tried twice.
+
+Covered by `tests/test_resume.py` and `tests/core/store/test_recorder.py`.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +18,12 @@ from core.store.database import Database
 
 
 class StoredProgress:
-    """What is stored: ``requests`` (their digests by id, None where an older version kept none), ``replies`` by
-    request, and the ids of ``candidates`` that were evaluated.
+    """The stored requests, replies and evaluations of a run.
+
+    Attributes:
+        requests: digests by request id; None where an older version stored none.
+        replies: replies by request id.
+        candidates: the ids of the evaluated candidates.
     """
 
     def __init__(self, database: Database) -> None:
@@ -31,10 +38,10 @@ class StoredProgress:
         self._by_content = {row["content"]: row for row in self._evaluations.values() if row["content"] is not None}
 
     def evaluation(self, candidate: Candidate) -> Evaluation | None:
-        """What the candidate, or an identical one, earned; None if that isn't known.
+        """Return the stored evaluation of the candidate, or of an identical one; None: there is none.
 
         Raises:
-            UserError: one of this name was evaluated, but it was another one.
+            UserError: another candidate was evaluated under this id.
         """
         row = self._evaluations.get(candidate.id)
         if row is not None and not _same(row, candidate):
@@ -74,7 +81,7 @@ def _number(stored: float | None) -> float:
 
 
 class CachedVLM(VLM):
-    """A model that is not asked again what it has answered."""
+    """A model that gives stored replies first, and asks another model for the rest."""
 
     def __init__(self, vlm: VLM, replies: Mapping[str, Reply]) -> None:
         self.model = vlm.model
@@ -90,7 +97,7 @@ class CachedVLM(VLM):
 
 
 def digest(request: Request) -> str:
-    """Names what a model is asked; pictures by their names, since not every engine draws the same pixels twice."""
-    told = [[part.text if isinstance(part, Text) else part.name for part in m.parts] for m in request.messages]
-    asked = json.dumps([told, request.schema, request.temperature], sort_keys=True)
-    return hashlib.blake2b(asked.encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()
+    """Return a hash of a request, with pictures by name: not every engine draws the same pixels twice."""
+    parts = [[part.text if isinstance(part, Text) else part.name for part in m.parts] for m in request.messages]
+    content = json.dumps([parts, request.schema, request.temperature], sort_keys=True)
+    return hashlib.blake2b(content.encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()

@@ -1,4 +1,4 @@
-"""What a run's store holds, read back."""
+"""Read what a run's store holds. Covered by `tests/core/store/test_database.py` and `tests/core/test_transfer.py`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _query(folder: Path, query: str) -> list[Row]:
 
 
 def stored_config(folder: Path) -> dict[str, Any]:
-    """The configuration of a run.
+    """Return the configuration of a run.
 
     Raises:
         UserError: the folder holds no run, or one that this version can't read.
@@ -34,7 +34,7 @@ def stored_config(folder: Path) -> dict[str, Any]:
     found = rows[0]["schema_version"]
     if not 1 <= found <= SCHEMA_VERSION:
         raise UserError(
-            f"{folder} was written by another version: its store is of form {found}, this one reads up to "
+            f"{folder} was written by another version: its schema version is {found}, this one reads up to "
             f"{SCHEMA_VERSION}"
         )
     config: dict[str, Any] = json.loads(rows[0]["config"])
@@ -42,8 +42,9 @@ def stored_config(folder: Path) -> dict[str, Any]:
 
 
 def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: SpawnRules) -> list[Evaluation]:
-    """Of all candidates that were tried without a fault, in the order of `Candidate.key`: what they are, their rewards
-    and distances. The candidates of a strategy share one tool.
+    """Return the evaluations with status ``ok``, in the order of `Candidate.key`: candidates, rewards and distances.
+
+    The candidates of a strategy share one tool.
 
     Raises:
         UserError: the folder holds no run.

@@ -1,6 +1,6 @@
-"""A run's SQLite store, and the plain files beside it. Each thing is on disk before the loop goes on.
+"""Write a run's SQLite store and the plain files beside it, each thing before the loop goes on.
 
-The store is a listener like any other; the loop does not know it.
+The store is a listener; the loop does not know it.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ _log = logging.getLogger(__name__)
 
 
 class RunStore:
-    """Writes ``run.sqlite``, ``requests/``, ``replies/`` and ``result.json`` of a run folder, which it keeps to itself
-    until the run has ended. `create` and `open` make one.
+    """A listener that writes ``run.sqlite``, ``requests/``, ``replies/`` and ``result.json`` of a run's folder.
 
-    What is in it already, told once more as a run goes on, is left as it is.
+    `create` and `open` make one. It holds the folder's lock until the run ends. Events that a resumed run repeats
+    change nothing in it.
 
     Attributes:
-        config: the run's, resolved.
-        past: what the run had come to when the store was opened.
-        result: what `report` said when the run last came to an end, or was stopped; None: it did neither.
-        seconds: how long it has been worked on before.
-        overrides: what the command line changed of the configuration as the run went on; kept as a note.
+        config: the run's configuration, resolved.
+        past: what was stored when the store was opened.
+        result: the last outcome (`report`); None: the run has neither ended nor been stopped.
+        seconds: the time that earlier sessions took.
+        overrides: what the command line changed of the configuration on resume; stored as a note.
     """
 
     def __init__(self, database: Database) -> None:
@@ -63,10 +63,10 @@ class RunStore:
 
     @classmethod
     def create(cls, folder: Path, config: dict[str, Any]) -> RunStore:
-        """Of a new run.
+        """Make the store of a new run.
 
         Raises:
-            UserError: the folder holds a run already, is in another process's hands, or can't be written.
+            UserError: the folder holds a run already, another process uses it, or it can't be written.
         """
         database = Database(folder)
         with ExitStack() as on_error:
@@ -85,10 +85,10 @@ class RunStore:
 
     @classmethod
     def open(cls, folder: Path) -> RunStore | None:
-        """Of a run that was begun; None: nothing of it is stored.
+        """Open the store of a run to resume; None: the run had stored nothing.
 
         Raises:
-            UserError: the store is damaged, in another process's hands, a newer version's, or can't be written.
+            UserError: the store is damaged, another process uses it, a newer version wrote it, or it can't be written.
         """
         if not (folder / FILE).exists():
             return None
@@ -118,7 +118,7 @@ class RunStore:
                 overrides=json.dumps(list(self.overrides)),
                 versions=json.dumps(found),
             )
-            # Until it ends again it has not ended, whatever befalls it.
+            # A session that is killed leaves no result of an earlier one behind.
             self._database.execute("UPDATE run SET config = ?, result = NULL", json.dumps(run.config))
 
     def _compare(self, before: dict[str, str], now: dict[str, str]) -> None:
@@ -129,8 +129,8 @@ class RunStore:
 
     @hookimpl
     def request_composed(self, request: Request) -> None:
-        asked, known = digest(request), request.id in self.past.requests
-        if known and self.past.requests[request.id] in (None, asked):
+        found, known = digest(request), request.id in self.past.requests
+        if known and self.past.requests[request.id] in (None, found):
             return
         if request.id in self.past.replies:
             _log.warning("%s is composed differently now than when it was asked; its reply is kept", request.id)
@@ -152,13 +152,13 @@ class RunStore:
                 gripper=brief.gripper,
                 temperature=request.temperature,
                 elites=json.dumps([elite.candidate.id for elite in brief.elites]),
-                digest=asked,
+                digest=found,
             )
 
     @hookimpl
     def reply_received(self, reply: Reply) -> None:
         try:
-            # One that comes after the end of an interrupted run is kept as a file only.
+            # A reply that arrives after an interrupted run has ended becomes a file only.
             if self._open and reply.request_id not in self.past.replies:
                 with self._database.transaction(paid=True):
                     self._database.insert("replies", **vars(reply))
@@ -199,7 +199,7 @@ class RunStore:
             self._count_time()
 
     def _insert_strategy(self, candidate: Candidate) -> None:
-        """Once for all of its candidates: the design as a strategy of a designs file, without action plans."""
+        """Insert the design, without action plans, once for all of its candidates."""
         key = candidate.key[:3]
         if key in self._strategies or candidate.tool is None or self._run is None:
             return
@@ -231,11 +231,11 @@ class RunStore:
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
-        told = report(run, result)
+        outcome = report(run, result)
         with writing(self.folder):
-            _write(self.folder / "result.json", json.dumps(told, indent=2) + "\n")
+            _write(self.folder / "result.json", json.dumps(outcome, indent=2) + "\n")
         with self._database.transaction():
-            self._database.execute("UPDATE run SET result = ?", json.dumps(told))
+            self._database.execute("UPDATE run SET result = ?", json.dumps(outcome))
             self._count_time()
 
     @hookimpl
@@ -245,14 +245,14 @@ class RunStore:
 
 
 def _write(file: Path, text: str) -> None:
-    """All of it or nothing, whenever the process ends."""
+    """Write the whole text or nothing, whenever the process ends."""
     part = file.with_name(f"{file.name}.part")
     part.write_text(text, encoding="utf-8")
     part.replace(file)
 
 
 def report(run: Run, result: Result) -> dict[str, Any]:
-    """The content of ``result.json``."""
+    """Return the content of ``result.json``."""
     return {
         **{kind: run.parts[kind] for kind in ("task", "sim", "vlm", "tool", "evolution")},
         "budget": run.config["budget"]["name"],
@@ -269,7 +269,7 @@ def report(run: Run, result: Result) -> dict[str, Any]:
 
 
 def best_figures(result: Result) -> dict[str, Any] | None:
-    """The best candidate, as in ``result.json``."""
+    """Return the figures of the best candidate, as in ``result.json``; None: no candidate could be tried."""
     best = result.best
     if best is None:
         return None
@@ -292,7 +292,7 @@ def versions() -> dict[str, str]:
 
 
 def summary(generation: Generation) -> dict[str, Any]:
-    """A generation's figures, as in ``result.json``."""
+    """Return a generation's figures, as in ``result.json``."""
     return {
         "index": generation.index,
         "best_reward": generation.best_reward,
@@ -304,13 +304,13 @@ def summary(generation: Generation) -> dict[str, Any]:
 
 
 def _pictures(request: Request) -> list[Picture]:
-    """But for the run's ``scene.png``, which is there."""
+    """Return the pictures of a request but for the scene's, which the run's folder has already."""
     parts = [part for message in request.messages for part in message.parts]
     return [part for part in parts if isinstance(part, Picture) and part.name != "scene"]
 
 
 def _readable(request: Request) -> str:
-    """The messages as one Markdown text, with links to the pictures."""
+    """Write the messages as one Markdown text with links to the pictures."""
     blocks = []
     for message in request.messages:
         parts = [part.text if isinstance(part, Text) else _link(part) for part in message.parts]

@@ -80,7 +80,7 @@ def test_a_simulator_that_gives_something_else(play, part, said):
 def test_replies_without_a_request_are_left_out(play, capfd):
     play("vlm", "toy", Chatty)
     said = [line for line in capfd.readouterr().err.splitlines() if line.startswith("vlm 'toy' of shoddy-parts")]
-    assert "complete gave a reply to 'g0-a0', which was not asked or had its reply; it is left out" in said[0]
+    assert "complete gave a reply to 'g0-a0', which was not sent or has its reply already; it is left out" in said[0]
     assert any("complete gave \"'that is all'\", which is no Reply" in line for line in said)
 
 
