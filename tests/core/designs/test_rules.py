@@ -9,7 +9,6 @@ from core.design import Component, DesignError, Tool
 from core.designs.rules import SpawnRules, check_plan, check_tool
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
 from core.interfaces import Task
-from core.robot.solids import box_gap
 from core.scene import Body, Geom, Scene, table
 
 WAYPOINT = [0.5, 0, 0.3, 0, 0, 0]
@@ -121,12 +120,6 @@ def test_a_gap_to_a_finger(mount, outward):
         check_tool(tool(0.080))
     with pytest.raises(DesignError, match=f"away from its mount '{mount}'"):
         check_tool(tool(0.0745, y=-0.03))
-
-
-def test_box_gap():
-    cube = Box((1, 1, 1))
-    assert box_gap(cube, Pose(), cube, Pose.xyz_rpy((0, 0, 1.25))) == pytest.approx(0.25, abs=1e-6)
-    assert box_gap(cube, Pose(), cube, Pose.xyz_rpy((0, 0, 0.5))) == 0
 
 
 # --- the plan ---------------------------------------------------------------------------------------------------
