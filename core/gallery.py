@@ -1,4 +1,4 @@
-"""``python -m core.gallery RUN_DIR... output=DIR``: the best tools of each task, to look at, to turn, and to print."""
+"""``python -m core.gallery FOLDER... output=DIR``: write a page of the best tools of each task, and files to print."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ from core.config.compose import load
 from core.design import ranked
 from core.errors import UsageError, UserError
 from core.report.drawing import draw, painted
-from core.report.figures import told
+from core.report.formats import number
 from core.report.methods import label
-from core.report.page import in_viewer, picture_address, render
+from core.report.page import data_address, in_viewer, render
 from core.report.printing import Piece, Printer, grams, pieces, to_3mf
 from core.report.runs import FinishedRun, LeftOutRun, find_runs
-from core.report.tables import number
 from core.report.tools import Shape, Winner, another, size, winners
 from core.simulation.pictures import png
 
@@ -33,7 +32,9 @@ PICTURE = (640, 480)
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A tool of the gallery: ``place`` is 1 for the best of its task, ``folder`` is where its files are in it."""
+    """A tool of the gallery: ``place`` is 1 for the best of its task, ``folder`` is that of its files, relative to the
+    gallery's.
+    """
 
     place: int
     method: str
@@ -47,7 +48,7 @@ class Entry:
 
     @property
     def faults(self) -> list[str]:
-        """What speaks against printing it as it is."""
+        """The checks that failed."""
         return [
             f"✗ {check.name}: {check.found}" + (f" ({piece.name})" if len(self.pieces) > 1 else "")
             for piece in self.pieces
@@ -60,35 +61,30 @@ def gallery(
     folders: Sequence[Path], output: Path, top: int, printer: Printer, apart_mm: float = 10.0
 ) -> tuple[list[Entry], list[LeftOutRun]]:
     """Write pictures, STL, 3MF and designs files of the ``top`` best tools of each task, and a page of them, to
-    ``output``. Of tools with as many parts and no corner ``apart_mm`` elsewhere the best is taken. They come back, and
-    the runs that were not looked at, since they failed or are unfinished.
+    ``output``. Tools with equally many components and all corners within ``apart_mm`` count as one: the best of them.
+
+    Returns:
+        The tools, and the runs that were left out since they failed or are unfinished.
 
     Raises:
         UserError: a folder holds no run, the tools of a run can't be read, or nothing can be written.
     """
     finished, left_out = find_runs(folders)
     entries = []
-    for task, runs in _by_task(finished).items():
+    methods = label([(run.task, run.config) for run in finished])
+    by_task: dict[str, list[tuple[str, FinishedRun]]] = {run.task: [] for run in finished}
+    for run, method in zip(finished, methods, strict=True):
+        by_task[run.task].append((method, run))
+    for task, runs in sorted(by_task.items()):
         for place, (method, winner) in enumerate(_best(runs, top, apart_mm / 1000), 1):
             folder = Path(_name(task)) / f"{place}_{_name(winner.name)}"
             entries.append(Entry(place, method, winner, tuple(pieces(winner.tool, printer)), folder))
     if not entries:
         raise UserError(f"no tool to show: {len(finished)} finished runs, all with the bare hand")
-    pictures = {}
-    for entry in entries:
-        pictures[entry.folder] = _write(entry, output)
+    pictures = {entry.folder: _write(entry, output) for entry in entries}
     write_bytes(output / "gallery.json", (json.dumps([_record(e) for e in entries], indent=2) + "\n").encode())
     write_bytes(output / "index.html", _page(entries, left_out, pictures, output, printer).encode())
     return entries, left_out
-
-
-def _by_task(runs: Sequence[FinishedRun]) -> dict[str, list[tuple[str, FinishedRun]]]:
-    """Runs with their method's name, by task in alphabetical order."""
-    labels = label([(run.task, run.config) for run in runs])
-    found: dict[str, list[tuple[str, FinishedRun]]] = {run.task: [] for run in sorted(runs, key=lambda run: run.task)}
-    for run, method in zip(runs, labels, strict=True):
-        found[run.task].append((method, run))
-    return found
 
 
 def _best(runs: Sequence[tuple[str, FinishedRun]], top: int, apart: float) -> list[tuple[str, Winner]]:
@@ -101,12 +97,12 @@ def _best(runs: Sequence[tuple[str, FinishedRun]], top: int, apart: float) -> li
 
 
 def _name(text: str) -> str:
-    """A file's name of a text that anybody may have written."""
+    """A file name made of any text."""
     return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:40] or "tool"
 
 
 def _write(entry: Entry, output: Path) -> bytes:
-    """The entry's files; the picture comes back."""
+    """Write the entry's files, and return its picture."""
     folder = output / entry.folder
     picture = png(draw(painted(entry.winner.tool), *PICTURE))
     write_bytes(folder / "picture.png", picture)
@@ -155,20 +151,17 @@ def _page(
     folder: Path,
     printer: Printer,
 ) -> str:
-    names = [f"{e.winner.run.task}, {e.place}: {e.winner.name}" for e in entries]
-    captions = [f"{e.winner.tool.description} ({told(e.winner)})" for e in entries]
-    tools = [in_viewer(e.winner, name, caption) for e, name, caption in zip(entries, names, captions, strict=True)]
     return render(
         "gallery.html.j2",
         folder,
-        tools,
+        [in_viewer(e.winner, f"{e.winner.run.task}, {e.place}: {e.winner.name}") for e in entries],
         title="Tools to print",
         tasks=list(dict.fromkeys(entry.winner.run.task for entry in entries)),
         entries=entries,
         grams=grams,
         size=size,
         root=folder,
-        pictures={where: picture_address(data) for where, data in pictures.items()},
+        pictures={where: data_address(png) for where, png in pictures.items()},
         left_out=len(left_out),
         printer=printer,
     )

@@ -1,5 +1,5 @@
-"""``python -m core.prompt task=NAME [prompt=NAME] [designs=FILE] [output=FOLDER]``: what a model would be sent; nobody
-is asked.
+"""``python -m core.prompt task=NAME [prompt=NAME] [designs=FILE] [output=FOLDER]``: write the prompt of a run to files,
+without a request to a model.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ USAGE = (
 )
 
 
-class Nobody(VLM):
-    """Is asked nothing."""
+class NoModel(VLM):
+    """A model that receives no request."""
 
-    model = "nobody"
+    model = "none"
 
     def complete(self, requests: Sequence[Request]) -> Any:
         raise TypeError("prompts are composed here, not sent")
 
 
 def compose(cfg: DictConfig) -> Request:
-    """What agent ``cfg.agent`` of a run with this configuration would be asked first, or with ``cfg.designs`` when
-    these are the elites.
+    """Compose the first request of agent ``cfg.agent`` in a run with this configuration; with ``cfg.designs`` the one
+    after a generation in which these were the elites.
 
     Raises:
-        UserError: a part, a setting or the designs can't be had.
+        UserError: a part, a setting or the designs file is wrong.
     """
     check_seed(cfg.seed)
     if cfg.agent < 0:
@@ -60,7 +60,7 @@ def compose(cfg: DictConfig) -> Request:
     designer = make_designer(
         task,
         part("sim", cfg.sim).create(),
-        Nobody(),
+        NoModel(),
         representation,
         PromptComposer(node(cfg.prompt, PromptConfig), settings),
         Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)}),
@@ -77,7 +77,7 @@ def compose(cfg: DictConfig) -> Request:
 def elites_of(cfg: DictConfig, task: Task, representation: ToolRepresentation) -> list[Evaluation]:
     """The best plan of each tool in ``cfg.designs``, at most ``cfg.budget.k_top`` of them, the best first.
 
-    A strategy with a ``reward`` (and perhaps ``distance_m``) is taken at its word, for its first plan; the others are
+    Where a strategy states its ``reward`` (and perhaps ``distance_m``), that counts for its first plan; the others are
     tried.
 
     Raises:
@@ -85,14 +85,13 @@ def elites_of(cfg: DictConfig, task: Task, representation: ToolRepresentation) -
     """
     document: Any = load_designs(Path(cfg.designs))
     candidates = read_designs(document, representation, SpawnRules(task, cfg.seed))
-    told = {number: _told(strategy, number, cfg.designs) for number, strategy in enumerate(document["strategies"])}
+    stated = {number: _stated(strategy, number, cfg.designs) for number, strategy in enumerate(document["strategies"])}
     evaluations = [
         Evaluation(candidate, "ok", *figures)
         for candidate in candidates
-        if (figures := told[candidate.strategy]) is not None and candidate.action == 0 and candidate.problem is None
+        if (figures := stated[candidate.strategy]) is not None and candidate.action == 0 and candidate.problem is None
     ]
-    untold = [candidate for candidate in candidates if told[candidate.strategy] is None]
-    evaluations += _tried(cfg, untold)
+    evaluations += _tried(cfg, [candidate for candidate in candidates if stated[candidate.strategy] is None])
     best: dict[int, Evaluation] = {}
     for evaluation in best_first(evaluations):
         best.setdefault(evaluation.candidate.strategy, evaluation)
@@ -102,8 +101,8 @@ def elites_of(cfg: DictConfig, task: Task, representation: ToolRepresentation) -
     return list(best.values())[: cfg.budget.k_top]
 
 
-def _told(strategy: object, number: int, file: str) -> tuple[float, float] | None:
-    """Reward and distance (nan: not told) that a strategy of a designs file gives of itself."""
+def _stated(strategy: object, number: int, file: str) -> tuple[float, float] | None:
+    """The reward and distance (nan: not stated) that a strategy of a designs file states."""
     if not isinstance(strategy, dict) or strategy.get("reward") is None:
         return None
     most = {"reward": 1.0, "distance_m": math.inf}
@@ -120,13 +119,13 @@ def _tried(cfg: DictConfig, candidates: Sequence[Candidate]) -> list[Evaluation]
     if not candidates:
         return []
     task_part, sim_part = part("task", cfg.task), part("sim", cfg.sim)
-    bench = Evaluator(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
+    evaluator = Evaluator(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
     with part("executor", cfg.executor).create() as executor:
-        return list(evaluate_all(candidates, bench, executor))
+        return list(evaluate_all(candidates, evaluator, executor))
 
 
 def reckon(cfg: DictConfig, request: Request) -> tuple[str, Estimate]:
-    """The model that the configuration names, and what the request takes of it."""
+    """The model that the configuration names, and its estimate of the request's tokens and cost."""
     factory = installed().factory("vlm", cfg.vlm.name)
     count = getattr(factory, "estimate", VLM.estimate)
     model = str(cfg.vlm.get("model") or cfg.vlm.name)
@@ -134,8 +133,8 @@ def reckon(cfg: DictConfig, request: Request) -> tuple[str, Estimate]:
 
 
 def write(request: Request, model: str, estimate: Estimate, folder: Path) -> None:
-    """``system.md``, ``user.md``, the pictures that the latter names, ``schema.json``, and ``request.json`` with the
-    rest.
+    """Write ``system.md``, ``user.md``, the pictures that the latter names, ``schema.json``, and ``request.json`` with
+    the rest.
 
     Raises:
         UserError: the folder can't be written.

@@ -1,5 +1,6 @@
-"""``python -m core.render task=NAME [designs=FILE] [output=FILE.png]``: a picture of a task's scene, with or without
-a tool.
+"""``python -m core.render task=NAME [designs=FILE] [output=FILE.png]``: draw a task's scene, with or without a tool.
+
+Covered by `tests/test_commands.py`.
 """
 
 from __future__ import annotations
@@ -23,10 +24,13 @@ USAGE = "usage: python -m core.render task=NAME [designs=FILE strategy=N] [seed=
 
 
 def render(cfg: DictConfig) -> tuple[Image, str]:
-    """The picture (H, W, 3), and what drew it if there was a choice.
+    """Draw the picture.
+
+    Returns:
+        The picture (H, W, 3), and the renderer's name if there was a choice.
 
     Raises:
-        UserError: a part, a setting, or the tool can't be had.
+        UserError: a part, a setting or the design is wrong.
     """
     check_seed(cfg.seed)
     for name, pixels in (("width", cfg.width), ("height", cfg.height)):

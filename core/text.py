@@ -8,8 +8,9 @@ def clean(text: str, longest: int, *, lines: bool = False) -> str:
 
     It becomes one line, or keeps its own ``lines``.
     """
-    rows = [" ".join(row.split()) for row in (text.splitlines() if lines else [text])]
-    kept = "\n".join(filter(None, ("".join(filter(str.isprintable, row)) for row in rows)))
+    visible = "".join(character for character in text if character.isprintable() or character.isspace())
+    rows = [" ".join(row.split()) for row in (visible.splitlines() if lines else [visible])]
+    kept = "\n".join(filter(None, rows))
     return kept if len(kept) <= longest else kept[: longest - 3] + "..."
 
 

@@ -1,5 +1,5 @@
-"""``python -m core.view RUN_DIR [web=true] [port=N]``: a run's recording in Rerun's viewer; in a window, or with
-``web=true`` in the browser. Whatever listens, listens on this machine only.
+"""``python -m core.view FOLDER [web=true] [port=N]``: show a run's recording in Rerun's viewer, in a window, or with
+``web=true`` in the browser. All ports are open to this machine only.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _END_S = 5.0
 
 
 def recordings(run: Path) -> list[Path]:
-    """That of a run's folder, those of a multirun's, or ``run`` itself, if it is one.
+    """The recordings in the folder of a run or a multirun; or ``run`` itself, if it is a recording.
 
     Raises:
-        UserError: there is none.
+        UserError: there is no recording.
     """
     if run.suffix == ".rrd" and run.is_file():
         return [run]
@@ -41,13 +41,13 @@ def recordings(run: Path) -> list[Path]:
         raise UserError(f"no run folder {run}")
     found = sorted(run.glob("recording.rrd")) or sorted(run.glob("*/recording.rrd"))
     if not found:
-        raise UserError(f"{run} holds no recording.rrd; a run to which the listener rerun was chosen leaves one")
+        raise UserError(f"{run} holds no recording.rrd; runs with the listener rerun write one")
     return found
 
 
 def start_viewer(*arguments: str, output: IO[bytes] | int = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
-    """Rerun's viewer, bound to this machine, in a process group of its own, so that the terminal's Ctrl-C does not
-    reach it.
+    """Start Rerun's viewer, bound to this machine, in a process group of its own, which the terminal's Ctrl-C does not
+    reach.
 
     Raises:
         UserError: Rerun is not installed.
@@ -61,7 +61,7 @@ def start_viewer(*arguments: str, output: IO[bytes] | int = subprocess.DEVNULL) 
 
 
 def end(viewer: subprocess.Popen[bytes]) -> None:
-    """End a viewer and what it has started."""
+    """End a viewer and its child processes."""
     for number in (signal.SIGTERM, signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(viewer.pid, number)
@@ -71,7 +71,7 @@ def end(viewer: subprocess.Popen[bytes]) -> None:
 
 
 def listens(port: int, host: str = HERE) -> bool:
-    """Whether somebody does."""
+    """True if a server listens on the port."""
     try:
         with socket.create_connection((host, port), timeout=1.0):
             return True
@@ -80,25 +80,28 @@ def listens(port: int, host: str = HERE) -> bool:
 
 
 def free_port(wanted: int = 0) -> int:
-    """``wanted``, or with 0 any that nobody listens on.
+    """The port ``wanted``, or with 0 any free port.
 
     Raises:
-        UserError: it is taken.
+        UserError: the port is taken.
     """
-    with socket.socket() as door:
-        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    with socket.socket() as server:
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            door.bind((HERE, wanted))
+            server.bind((HERE, wanted))
         except (OSError, OverflowError) as error:
             raise UserError(
-                f"port {wanted} of {HERE} can't be had ({error}); choose another with port=N, or any with port=0"
+                f"port {wanted} of {HERE} is not free ({error}); choose another with port=N, or any with port=0"
             ) from error
-        return int(door.getsockname()[1])
+        return int(server.getsockname()[1])
 
 
 @contextlib.contextmanager
 def served(files: Sequence[Path], port: int) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """The web viewer with recordings in it: its address, and the process that serves it until the end of the block.
+    """Serve recordings in the web viewer until the end of the block.
+
+    Returns:
+        The viewer's address and process.
 
     Raises:
         UserError: the port is taken, or the viewer does not start.
@@ -139,11 +142,11 @@ def window(files: Sequence[Path]) -> None:
 def _last_line(output: IO[bytes]) -> str:
     output.seek(0)
     lines = output.read().decode(errors="replace").strip().splitlines()
-    return lines[-1] if lines else "it said nothing"
+    return lines[-1] if lines else "it printed nothing"
 
 
 def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
-    """Show recordings until the window is closed or an interrupt comes, which is how a server is meant to be ended.
+    """Show recordings until the window is closed or an interrupt comes, which is the usual end of a server.
 
     Raises:
         UserError: they can't be shown.
@@ -153,7 +156,7 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
             window(files)
             return
         with served(files, port) as (address, viewer):
-            sys.stderr.write("Ctrl-C ends it\n")  # first: whoever reads the address may interrupt at once
+            sys.stderr.write("Ctrl-C ends it\n")  # before the address, whose reader may interrupt at once
             sys.stdout.write(f"{address}\n")
             sys.stdout.flush()
             raise UserError(f"the web viewer ended by itself, with status {viewer.wait()}")
@@ -162,7 +165,7 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
 def main() -> None:
     folders, options = folders_and_overrides(USAGE)
     if len(folders) != 1:
-        raise UsageError(f"{len(folders)} run folders given, where one is needed; {USAGE}")
+        raise UsageError(f"{len(folders)} run folders given; one is needed; {USAGE}")
     settings = check_settings(view, dict(option.split("=", 1) for option in options), "core.view", {"files": None})
     view(recordings(folders[0]), **settings)
 

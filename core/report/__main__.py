@@ -1,4 +1,4 @@
-"""``python -m core.report RUN_DIR...|MULTIRUN_DIR output=DIR``: runs in, tables, figures and a page out."""
+"""``python -m core.report FOLDER... output=DIR``: write tables, figures and a page from the runs in folders."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from pathlib import Path
 from core.cli import command, folders_and_overrides, write_bytes
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
-from core.report.figures import FORMATS, Picture, pictures, told
+from core.report.figures import pictures
+from core.report.formats import Table, to_csv, to_markdown
 from core.report.page import in_viewer, inline, render
+from core.report.plots import FORMATS, Picture
 from core.report.results import Results
 from core.report.runs import find_runs
 from core.report.statistics import Resampling
-from core.report.tables import Table, tables, to_csv, to_markdown
+from core.report.tables import tables
 from core.report.terminal import show
 from core.report.tools import Tools, collect
 
@@ -27,7 +29,7 @@ DATA = "data"  # the folder of tables and figures, beside the page
 
 @dataclass(frozen=True)
 class Section:
-    """What stands together on the page."""
+    """A section of the page."""
 
     id: str
     title: str
@@ -44,31 +46,27 @@ def report(folders: list[Path], output: Path, formats: list[str], how: Resamplin
     finished, left_out = find_runs(folders)
     results = Results(tuple(finished), tuple(left_out), how)
     shown = collect(results)
-    made = tables(results, shown)
-    drawn = pictures(results, shown)
-    for table in made:
+    listed, drawn = tables(results, shown), pictures(results, shown)
+    for table in listed:
         write_bytes(output / DATA / f"{table.name}.csv", to_csv(table, output / DATA).encode())
         write_bytes(output / DATA / f"{table.name}.md", to_markdown(table).encode())
     for picture in drawn:
         for format_ in formats:
             write_bytes(output / DATA / f"{picture.name}.{format_}", picture.render(format_))
-    write_bytes(output / "index.html", page(results, shown, made, drawn, formats, output).encode())
+    write_bytes(output / "index.html", page(results, shown, listed, drawn, formats, output).encode())
     return results
 
 
 def page(
-    results: Results, shown: Tools, made: list[Table], drawn: list[Picture], formats: list[str], folder: Path
+    results: Results, shown: Tools, listed: list[Table], drawn: list[Picture], formats: list[str], folder: Path
 ) -> str:
-    """All of it on one page."""
+    """The page with all tables and figures, as it will lie in ``folder``."""
     tools = []
     for (task, method), winner in shown.best.items():
-        tools.append(
-            in_viewer(winner, f"{task}, {method}: {winner.name}", f"{winner.tool.description} ({told(winner)})")
-        )
+        tools.append(in_viewer(winner, f"{task}, {method}: {winner.name}"))
         first = (shown.courses.get(method, {}).get(task) or [None])[0]
         if first is not None and winner.generation > 0:
-            name = f"{task}, {method}, before evolution: {first.name}"
-            tools.append(in_viewer(first, name, f"{first.tool.description} ({told(first)})"))
+            tools.append(in_viewer(first, f"{task}, {method}, before evolution: {first.name}"))
     sections = (
         Section("results", "Rewards", ("rewards", "deviations"), ("rewards",)),
         Section("methods", "Over all tasks", ("intervals",), ("methods", "improvements")),
@@ -78,7 +76,7 @@ def page(
         Section("runs", "Runs", (), ("left_out", "runs")),
         Section("parameters", "Parameters, costs, versions", (), ("parameters", "costs", "versions")),
     )
-    there = {table.name for table in made} | {picture.name for picture in drawn}
+    there = {table.name for table in listed} | {picture.name for picture in drawn}
     methods, tasks = results.methods, results.tasks
     return render(
         "report.html.j2",
@@ -91,7 +89,7 @@ def page(
         ),
         warnings=[f"Tools that can't be shown: {problem}" for problem in shown.problems],
         sections=[section for section in sections if there & {*section.pictures, *section.tables}],
-        tables={table.name: table for table in made},
+        tables={table.name: table for table in listed},
         pictures={picture.name: picture for picture in drawn},
         drawings={
             p.name: inline(p.render("svg", ground="none", titled=False), p.name, f"{p.title}. {p.caption}")

@@ -1,4 +1,4 @@
-"""Pictures of solids without an engine: parallel projection, a depth buffer, flat shading, drawn edges."""
+"""Pictures of solids without an engine or OpenGL: parallel projection, a depth buffer, flat shading, drawn edges."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Pixels = npt.NDArray[np.uint8]
 Color = tuple[float, float, float, float]
 
-AZIMUTH, ELEVATION = np.deg2rad(-55.0), np.deg2rad(25.0)  # where the eye is: before the tool, to its right, above
+AZIMUTH, ELEVATION = np.deg2rad(-55.0), np.deg2rad(25.0)  # of the eye: in front of the tool, to its right, above
 ROBOT: Color = (0.62, 0.64, 0.68, 1.0)
 FINGER = Box((0.021, 0.012, 0.054))  # about the Panda's
 
@@ -28,9 +28,9 @@ _OVER = 2  # samples per pixel, along each side
 _MARGIN = 0.06  # of the picture's smaller side
 _LIGHT = np.array([0.35, -0.45, 0.82])
 _EDGE = 0.25  # of the colour, where a face ends
-_STEP = 0.004  # of the picture's size: where one of two parallel faces stands out more, there is an edge
+_STEP = 0.004  # of the picture's size: an edge is drawn where one of two parallel faces stands out more
 _SMOOTH = 0.9  # cosine of the angle between two faces up to which no edge is drawn
-_BEHIND = 0.05  # pixels by which a face must be nearer to cover what is there: of two in one plane the first stays
+_BEHIND = 0.05  # pixels by which a face must be nearer to cover another: of two in one plane the first stays
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Painted:
 
 
 def painted(tool: Tool) -> list[Painted]:
-    """A tool as the arm holds it at home, with the flange or the fingers that bear it in grey."""
+    """A tool as the arm holds it at home, with the flange or the fingers that carry it in grey."""
     if tool.gripper:
         at = [Pose(np.array([0.0, side * (FINGER_OPEN + 0.006), -0.085])) for side in (1, -1)]
         bearing = [Painted(FINGER.to_trimesh().apply_transform(pose.matrix), ROBOT) for pose in at]
@@ -52,7 +52,7 @@ def painted(tool: Tool) -> list[Painted]:
 
 
 def draw(solids: Sequence[Painted], width: int = 480, height: int = 360) -> Pixels:
-    """A picture (height, width, 4) that the solids fill, on a transparent ground."""
+    """Draw a picture (height, width, 4) that the solids fill, on a transparent ground."""
     toward = np.array([np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)])
     right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
     axes = np.stack([right, np.cross(toward, right), toward])  # right, up, toward the eye
@@ -62,13 +62,13 @@ def draw(solids: Sequence[Painted], width: int = 480, height: int = 360) -> Pixe
     room = fine - 2 * _MARGIN * fine.min()
     scale = float((room / np.maximum(high - low, 1e-9)[:2]).min())
     canvas = _Canvas(int(fine[0]), int(fine[1]))
-    for number, (each, seen) in enumerate(zip(solids, corners, strict=True)):
-        seen = (seen - (low + high) / 2) * scale
-        seen[:, :2] += fine / 2
+    for number, (each, points) in enumerate(zip(solids, corners, strict=True)):
+        points = (points - (low + high) / 2) * scale
+        points[:, :2] += fine / 2
         normals = np.asarray(each.solid.face_normals)
         for face, normal in zip(np.asarray(each.solid.faces), normals, strict=True):
             if normal @ toward > 1e-6:
-                canvas.triangle(seen[face], _shade(each.color, normal), axes @ normal, number)
+                canvas.triangle(points[face], _shade(each.color, normal), axes @ normal, number)
     return canvas.picture(_STEP * float(fine.min()))
 
 
@@ -81,7 +81,7 @@ _NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :]))  # 
 
 
 class _Canvas:
-    """By pixel the colour, depth, normal and number of the solid in front; row 0 is the lowest."""
+    """The colour, depth, normal and number of the solid in front, by pixel; row 0 is the lowest."""
 
     def __init__(self, width: int, height: int) -> None:
         self.color = np.zeros((height, width, 3))
@@ -90,7 +90,7 @@ class _Canvas:
         self.number = np.full((height, width), -1)
 
     def triangle(self, corners: Array, color: Array, normal: Array, number: int) -> None:
-        """Corners (3, 3) and normal (3,): column, row, and depth toward the eye."""
+        """Draw a triangle; corners (3, 3) and normal (3,) are column, row, and depth toward the eye."""
         (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners.tolist()
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         if abs(area) < 1e-9:
@@ -110,7 +110,7 @@ class _Canvas:
         self.number[window][front] = number
 
     def picture(self, step: float) -> Pixels:
-        """With edges, in the size asked for, row 0 on top."""
+        """The picture with edges, at its final size, row 0 on top."""
         solid = self.number >= 0
         edge = np.zeros_like(solid)
         for along, (here, there) in enumerate(_NEIGHBOURS):

@@ -1,25 +1,25 @@
-"""What differs between runs: runs that were configured alike are one method's, and a short name tells methods apart."""
+"""Methods: runs with the same configuration are one method's, with a short name that distinguishes it."""
 
 from __future__ import annotations
 
 import itertools
 import json
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from core.report.runs import FinishedRun, LeftOutRun, short
 
-TELLING = ("tool", "evolution", "vlm", "prompt", "sim", "budget")
-"""The choices that tell most of a method, in order; others follow."""
+CHOICES = ("tool", "evolution", "vlm", "prompt", "sim", "budget")
+"""The choices that describe a method best, in this order; others follow."""
 
 _NO_METHOD = ("seed", "film", "listener", "executor", "task.name", "task.paper")
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """The runs of one method on one task; ``left_out`` is how many more of them failed or are unfinished."""
+    """The runs of one method on one task; ``left_out`` counts those that failed or are unfinished."""
 
     task: str
     method: str
@@ -28,28 +28,24 @@ class Group:
 
     @property
     def rewards(self) -> list[float]:
-        """Each run's best."""
+        """The best reward of each run."""
         return [run.best.reward for run in self.runs]
 
     @property
     def best(self) -> FinishedRun:
         """The run with the highest reward; of two with the same, the one with the shorter distance."""
-        return min(self.runs, key=lambda run: (-run.best.reward, _or_infinite(run.best.distance_m)))
-
-
-def _or_infinite(distance: float | None) -> float:
-    return float("inf") if distance is None else distance
+        return min(self.runs, key=lambda run: (-run.best.reward, run.best.distance_m is None, run.best.distance_m))
 
 
 def group(finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun] = ()) -> list[Group]:
-    """Finished runs by task, in alphabetical order, and method, in the order in which methods appear."""
-    told = [run for run in left_out if run.task and run.config]
-    labels = label([(run.task, run.config) for run in finished] + [(run.task, run.config) for run in told])
+    """Group runs by task, in alphabetical order, and method, in the order in which methods appear."""
+    known = [run for run in left_out if run.task and run.config]
+    labels = label([(run.task, run.config) for run in finished] + [(run.task, run.config) for run in known])
     order = list(dict.fromkeys(labels))
     found: dict[tuple[str, int], list[FinishedRun]] = defaultdict(list)
     for run, name in zip(finished, labels, strict=False):
         found[run.task, order.index(name)].append(run)
-    lost = Counter((run.task, name) for run, name in zip(told, labels[len(finished) :], strict=True))
+    lost = Counter((run.task, name) for run, name in zip(known, labels[len(finished) :], strict=True))
     return [
         Group(task, order[method], tuple(found[task, method]), lost[task, order[method]])
         for task, method in sorted(found)
@@ -57,15 +53,15 @@ def group(finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun] = ()) 
 
 
 def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
-    """A name for the method of each (task, configuration): the shortest list of settings that tells it from the others.
+    """Name the method of each (task, configuration): the shortest list of settings that distinguishes it.
 
-    Choices (``tool=none``) tell methods apart wherever they differ. Any other setting does where two runs of one task
-    that made the same choices differ in it: what follows from a choice, or from the task as the paper's parameters
-    do, makes no method of its own. The seed, where rollouts ran and who listened never do.
+    Choices (``tool=none``) distinguish methods wherever they differ. Another setting does where two runs of one task
+    with the same choices differ in it, so that a setting that follows from a choice or from the task makes no method
+    of its own. The seed, the executor and the listeners never do.
     """
     settings = [flatten(config) for _, config in configs]
     named = {key for of in settings for key in of if key.endswith(".name") and key.count(".") == 1}
-    first = [f"{choice}.name" for choice in TELLING]
+    first = [f"{choice}.name" for choice in CHOICES]
     choices = [*first, *sorted(named - set(first))]
     varying = [key for key in choices if len(_values(settings, key)) > 1]
     alike = defaultdict(list)
@@ -81,19 +77,14 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """The settings that can make a method, as text by dotted key."""
-    return dict(_flatten(config, prefix))
-
-
-def _flatten(config: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
+    """The settings that can distinguish methods, as text by dotted key."""
+    found: dict[str, str] = {}
     for key, value in config.items():
         name = f"{prefix}{key}"
-        if name in _NO_METHOD:
-            continue
-        if isinstance(value, Mapping):
-            yield from _flatten(value, f"{name}.")
-        else:
-            yield name, value if isinstance(value, str) else json.dumps(value)
+        if name not in _NO_METHOD:
+            below = flatten(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
+            found |= {k: v if isinstance(v, str) else json.dumps(v) for k, v in below.items()}
+    return found
 
 
 def _values(settings: Sequence[Mapping[str, str]], key: str) -> set[str | None]:
@@ -104,17 +95,12 @@ def _shortest(methods: list[tuple[str | None, ...]], keys: list[str]) -> dict[tu
     names = {}
     for method in methods:
         others = [other for other in methods if other != method]
-        for chosen in _subsets(len(keys)):
+        every = (itertools.combinations(range(len(keys)), length) for length in range(1, len(keys) + 1))
+        for chosen in itertools.chain.from_iterable(every):
             if all(any(other[i] != method[i] for i in chosen) for other in others):
                 names[method] = " ".join(_say(keys[i], method[i]) for i in chosen)
                 break
     return names
-
-
-def _subsets(size: int) -> Iterator[tuple[int, ...]]:
-    """Of the numbers below ``size``, the smaller ones first."""
-    for length in range(1, size + 1):
-        yield from itertools.combinations(range(size), length)
 
 
 def _say(key: str, value: str | None) -> str:

@@ -1,5 +1,5 @@
-"""Pages that stand alone: one file, nothing loaded from anywhere, every text escaped, and a policy that says so to the
-browser.
+"""Self-contained HTML pages: one file, nothing loaded from elsewhere, every text escaped, and a content security policy
+that makes the browser enforce it.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ import base64
 import hashlib
 import importlib.metadata
 import importlib.resources
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,19 +20,19 @@ from lxml import etree
 from markupsafe import Markup
 
 from core.report.drawing import painted
-from core.report.figures import INK
-from core.report.tables import Cell, Link, number, printed, relative
+from core.report.formats import Cell, links, number, printed, relative
+from core.report.plots import INK
 from core.report.tools import Winner
 from core.text import clean
 
 _LONGEST = 20_000  # characters of any text
-_SHARP = np.deg2rad(20.0)  # between two faces: an edge is drawn
+_SHARP = np.deg2rad(20.0)  # angle between two faces above which an edge is drawn
 _WIDE = 700  # points: such a figure is not shrunk to a phone's width
 _HREF = "{http://www.w3.org/1999/xlink}href"
 
 
 def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = (), **values: Any) -> str:
-    """A template as a page that will lie in ``folder``; ``viewer`` are tools to turn around (`in_viewer`)."""
+    """Render a template as a page that will lie in ``folder``; ``viewer`` are tools to turn around (`in_viewer`)."""
     style, script = _text("page.css"), _text("tables.js") + (_text("viewer.js") if viewer else "")
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
@@ -47,15 +46,15 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(
-        printed=printed, links=_links, sort_key=_sort_key, number=number, href=lambda to: href(to, folder)
-    )
+    environment.filters |= {"printed": printed, "links": links, "sort_key": _sort_key, "number": number}
+    environment.filters["href"] = lambda target: href(target, folder)
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
     return environment.get_template(template).render(
         **values,
         policy=Markup(policy),  # noqa: S704
         style=Markup(style),  # noqa: S704
         script=Markup(script),  # noqa: S704
-        viewer=_json(viewer) if viewer else "",
+        viewer=viewer,
         version=importlib.metadata.version("vlmgineer"),
     )
 
@@ -69,20 +68,8 @@ def _hash(text: str) -> str:
 
 
 def _printable(value: Any) -> Any:
-    """Without control characters, whoever wrote it; what is markup already passes."""
+    """``value`` without control characters; what is markup already passes."""
     return clean(value, _LONGEST) if isinstance(value, str) and not isinstance(value, Markup) else value
-
-
-def _json(value: Any) -> Markup:
-    """To stand in a script element: no character that could end it."""
-    text = json.dumps(value, separators=(",", ":"))
-    for mark in "<>&":
-        text = text.replace(mark, f"\\u{ord(mark):04x}")
-    return Markup(text)  # noqa: S704
-
-
-def _links(cell: Cell) -> tuple[Link, ...]:
-    return (cell,) if isinstance(cell, Link) else cell if isinstance(cell, tuple) else ()
 
 
 def _sort_key(cell: Cell) -> str:
@@ -90,7 +77,7 @@ def _sort_key(cell: Cell) -> str:
 
 
 def href(target: Path, folder: Path) -> str:
-    """A relative address, whatever a file is called."""
+    """The relative address of a file, quoted."""
     return quote(relative(target, folder))
 
 
@@ -98,9 +85,8 @@ def href(target: Path, folder: Path) -> str:
 
 
 def inline(svg: bytes, name: str, label: str) -> Markup:
-    """A figure to stand in a page: names of its own, no style sheet, and the page's ink for its own.
-
-    What Matplotlib writes into style attributes, which the policy forbids, becomes attributes.
+    """A figure as an element of a page: its ids begin with ``name``, its ink is the page's, and what Matplotlib writes
+    into style attributes, which the policy forbids, becomes attributes.
     """
     parser = etree.XMLParser(resolve_entities=False, remove_comments=True, huge_tree=True)
     root = cast(Any, etree.fromstring(svg, parser))
@@ -112,7 +98,7 @@ def inline(svg: bytes, name: str, label: str) -> Markup:
             if value:
                 element.set(key.strip(), value.strip())
         if etree.QName(element).localname == "image":
-            element.attrib.pop("id", None)  # of the same picture twice it is the same
+            element.attrib.pop("id", None)  # equal for equal images, which would give two elements one id
         if "id" in element.attrib:
             element.set("id", f"{name}-{element.get('id')}")
         link = element.attrib.pop(_HREF, None)
@@ -136,18 +122,18 @@ def inline(svg: bytes, name: str, label: str) -> Markup:
     return Markup(etree.tostring(root, encoding="unicode"))  # noqa: S704
 
 
-def picture_address(png: bytes) -> Markup:
-    """A PNG file as an address that holds it."""
+def data_address(png: bytes) -> Markup:
+    """The data address of a PNG file."""
     return Markup("data:image/png;base64," + base64.b64encode(png).decode())  # noqa: S704
 
 
-def in_viewer(winner: Winner, name: str, caption: str) -> dict[str, Any]:
+def in_viewer(winner: Winner, name: str) -> dict[str, Any]:
     """A tool for the viewer: triangles and sharp edges in tenths of millimetres."""
-    parts = []
+    solids = []
     for each in painted(winner.tool):
         mesh = each.solid
         sharp = mesh.face_adjacency_edges[mesh.face_adjacency_angles > _SHARP]
-        parts.append(
+        solids.append(
             {
                 "color": [round(float(channel), 3) for channel in each.color[:3]],
                 "vertices": np.round(mesh.vertices * 1e4).astype(int).ravel().tolist(),
@@ -155,4 +141,5 @@ def in_viewer(winner: Winner, name: str, caption: str) -> dict[str, Any]:
                 "edges": np.asarray(sharp).ravel().tolist(),
             }
         )
-    return {"name": clean(name, 200), "caption": clean(caption, 1000), "parts": parts}
+    caption = f"{winner.tool.description} ({winner.summary})"
+    return {"name": clean(name, 200), "caption": clean(caption, 1000), "solids": solids}

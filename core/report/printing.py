@@ -1,4 +1,4 @@
-"""Tools as solids that a printer can make: one closed body per mount, laid on the plate, and what speaks against it.
+"""Tools as solids that a printer can make: one closed body per mount, laid on the plate, with what speaks against it.
 
 Lengths are millimetres, as slicers expect.
 """
@@ -24,20 +24,20 @@ if TYPE_CHECKING:
 NAMES = {GRIPPER_MOUNTS[0]: "left", GRIPPER_MOUNTS[1]: "right"}  # of the pieces; a rigid tool is one, "tool"
 PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
 
-# How much each side of a part is moved out so that parts which touch, or nearly do, become one body. A design may have
-# gaps of up to 1 mm (`core.designs.rules`), hence 0.5 mm at most; of these the least that does it.
+# By how much each side of a component is moved out, so that components that touch, or nearly do, become one body: the
+# least that does it. A design may have gaps of up to 1 mm (`core.designs.rules`), so that 0.5 mm is enough.
 WELDS_MM = (0.01, 0.05, 0.1, 0.25, 0.5)
 
 _SAMPLES = 3000  # points at which walls are measured
-_SKIN_MM = 1e-4  # nearer than this is where the ray began
-_SLIVER_MM2 = 1e-3
+_SKIN_MM = 1e-4  # a hit nearer than this is the face where the ray began
+_SLIVER_MM2 = 1e-3  # smaller faces have no reliable direction
 _FLAT = 0.999  # cosine up to which two faces lie in one plane
-_SIDES = 24  # on which a piece is tried to be laid, the largest first
+_SIDES = 24  # on which a piece may be laid; the largest are tried first
 
 
 @dataclass(frozen=True)
 class Printer:
-    """What is printed on. The defaults are a Prusa MK4's: its build volume (x, y, z), and two lines of a 0.4 mm nozzle.
+    """A printer. The defaults are a Prusa MK4's: its build volume (x, y, z), and two lines of a 0.4 mm nozzle.
 
     Raises:
         UsageError: a length that is not positive, or not three of them.
@@ -55,7 +55,7 @@ class Printer:
 
 @dataclass(frozen=True)
 class Check:
-    """``name`` of what was looked at, whether it is well, and what was found."""
+    """A check of a piece: its name, whether it passed, and what was found."""
 
     name: str
     passed: bool
@@ -64,7 +64,7 @@ class Check:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One body to print: ``mesh`` in millimetres, as it lies on the plate, centred, its lowest point at 0."""
+    """A body to print: ``mesh`` in millimetres, as it lies on the plate, centred, its lowest point at 0."""
 
     name: str
     mesh: trimesh.Trimesh
@@ -81,10 +81,11 @@ class Piece:
 
 def pieces(tool: Tool, printer: Printer) -> list[Piece]:
     """The bodies of a tool, one per mount; none for the bare hand."""
-    made = []
-    for mount, parts in solids(tool).items():
-        mesh, weld = fused([component for component, _ in parts], tool)
-        joined, joint = _joined([component for component, _ in parts], tool, weld, printer)
+    found = []
+    for mount, placed in solids(tool).items():
+        components = [component for component, _ in placed]
+        mesh, weld = fused(components, tool)
+        joined, joint = _joined(components, tool, weld, printer)
         lying, fits = lay(mesh, printer.plate_mm)
         wall = thinnest(mesh) - 2 * weld
         size = " × ".join(f"{side:.0f}" for side in lying.extents)
@@ -95,8 +96,8 @@ def pieces(tool: Tool, printer: Printer) -> list[Piece]:
             Check("walls", wall >= printer.min_wall_mm, f"thinnest {wall:.2f} mm, at least {printer.min_wall_mm:g} mm"),
             Check("fits the plate", fits, f"{size} mm as it lies, the plate is {plate} mm"),
         )
-        made.append(Piece(NAMES.get(mount, "tool"), lying, checks))
-    return made
+        found.append(Piece(NAMES.get(mount, "tool"), lying, checks))
+    return found
 
 
 def fused(components: Sequence[Component], tool: Tool) -> tuple[trimesh.Trimesh, float]:
@@ -125,87 +126,73 @@ def _grown(components: Sequence[Component], tool: Tool, by: float) -> list[trime
 
 
 def _joined(components: Sequence[Component], tool: Tool, weld: float, printer: Printer) -> tuple[bool, str]:
-    """Whether the parts hang together by joints that are as wide as a wall, in two directions at least."""
+    """Check that all components are connected by joints as wide as a wall, in two directions at least."""
+    import networkx
     import trimesh.boolean
 
     grown = _grown(components, tool, weld)
-    group = list(range(len(grown)))
+    joints = networkx.empty_graph(len(grown))
     for a, b in itertools.combinations(range(len(grown)), 2):
-        low, high = (
-            np.maximum(grown[a].bounds[0], grown[b].bounds[0]),
-            np.minimum(grown[a].bounds[1], grown[b].bounds[1]),
-        )
-        if group[a] == group[b] or (low > high).any():
+        (low_a, high_a), (low_b, high_b) = grown[a].bounds, grown[b].bounds
+        if (np.maximum(low_a, low_b) > np.minimum(high_a, high_b)).any() or networkx.has_path(joints, a, b):
             continue
         shared = trimesh.boolean.intersection([grown[a], grown[b]], engine="manifold")
-        if shared.is_empty or sorted(shared.bounding_box_oriented.extents)[1] < printer.min_wall_mm:
-            continue
-        group = [group[a] if of == group[b] else of for of in group]
+        if not shared.is_empty and sorted(shared.bounding_box_oriented.extents)[1] >= printer.min_wall_mm:
+            joints.add_edge(a, b)
     closed = f", gaps closed by {weld:g} mm on each side" if weld > WELDS_MM[0] else ""
-    if len(set(group)) == 1:
-        return True, f"{len(grown)} part{'s' if len(grown) > 1 else ''}{closed}"
-    loose = [component.name for component, of in zip(components, group, strict=True) if of != group[0]]
+    loose = [components[i].name for i in range(len(grown)) if not networkx.has_path(joints, 0, i)]
+    if not loose:
+        return True, f"{len(grown)} component{'s' if len(grown) > 1 else ''}{closed}"
     return False, f"held by a joint thinner than a wall, or by none: {', '.join(loose[:3])}{closed}"
 
 
 def thinnest(mesh: trimesh.Trimesh) -> float:
-    """The least thickness of a wall: from points of the surface straight in, to where the other side is."""
+    """The least thickness of a wall: from points of the surface straight in, to where the ray leaves the body."""
+    import manifold3d
     import trimesh.sample
 
-    sound = np.flatnonzero(mesh.area_faces > _SLIVER_MM2)  # the others have no direction to speak of
+    areas, normals = np.asarray(mesh.area_faces), np.asarray(mesh.face_normals)
+    sound = np.flatnonzero(areas > _SLIVER_MM2)
     points, faces = trimesh.sample.sample_surface(mesh, _SAMPLES, seed=0)
-    points, faces = points[mesh.area_faces[faces] > _SLIVER_MM2], faces[mesh.area_faces[faces] > _SLIVER_MM2]
-    points, faces = np.vstack([points, mesh.triangles_center[sound]]), np.concatenate([faces, sound])
-    normals = np.asarray(mesh.face_normals)
-    return float(_to_the_other_side(points, -normals[faces], np.asarray(mesh.triangles)[sound], normals[sound]).min())
-
-
-def _to_the_other_side(origins: Array, directions: Array, triangles: Array, normals: Array) -> Array:
-    """Along each ray (N, 3) to the first of the triangles (F, 3, 3) where it leaves: lengths (N,), inf where there is
-    none.
-
-    T. Moeller and B. Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", Journal of Graphics Tools, 1997.
-    """
-    corner, first, second = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    lengths = np.full(len(origins), np.inf)
-    for start in range(0, len(origins), 256):  # some tens of megabytes at a time
-        o, d = origins[start : start + 256, None], directions[start : start + 256, None]
-        p = np.cross(d, second[None])
-        t = o - corner
-        q = np.cross(t, first[None])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            determinant = (first * p).sum(axis=-1)
-            u, v = (t * p).sum(axis=-1) / determinant, (d * q).sum(axis=-1) / determinant
-            along = (second * q).sum(axis=-1) / determinant
-            hit = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (along > _SKIN_MM)
-        hit &= (d * normals).sum(axis=-1) > 1e-6
-        lengths[start : start + 256] = np.where(hit, along, np.inf).min(axis=1)
-    return lengths
+    kept = areas[faces] > _SLIVER_MM2
+    points = np.vstack([points[kept], mesh.triangles_center[sound]])
+    inward = -normals[np.concatenate([faces[kept], sound])]
+    solid = manifold3d.Manifold(
+        manifold3d.Mesh64(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.uint64))
+    )
+    least = math.inf
+    for start, direction in zip(points, inward, strict=True):
+        for hit in solid.ray_cast(start, start + mesh.scale * direction):
+            length = float((np.asarray(hit.position) - start) @ direction)
+            if length > _SKIN_MM and np.dot(hit.normal, direction) > 1e-6:
+                least = min(least, length)
+                break
+    return least
 
 
 def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> tuple[trimesh.Trimesh, bool]:
-    """The mesh laid on one of its sides, turned so that it fits the plate: of the ways that fit the one that touches
-    the plate most; failing that, the one that exceeds it least. And whether it fits.
+    """Lay a mesh on one of its sides and turn it so that it fits the plate; of the ways that fit, the one that touches
+    the plate most, else the one that exceeds it least.
+
+    Returns:
+        The mesh as it lies, and whether it fits.
     """
     import trimesh
 
     hull = mesh.convex_hull
-    by_area = sorted(range(len(hull.facets)), key=lambda i: -hull.facets_area[i])[:_SIDES]
-    downs = [hull.facets_normal[i] for i in by_area] or [np.array([0.0, 0.0, -1.0])]
-    best: tuple[tuple[bool, float, float], Array] | None = None
-    for down in downs:
+    by_area = np.argsort(-hull.facets_area, kind="stable")[:_SIDES]
+    ways: list[tuple[tuple[bool, float, float], Array]] = []
+    for down in [hull.facets_normal[i] for i in by_area] or [np.array([0.0, 0.0, -1.0])]:
         turned = trimesh.geometry.align_vectors(down, [0.0, 0.0, -1.0])
-        corners = hull.vertices @ turned[:3, :3].T
-        angle, excess = _turn(corners, plate)
+        angle, excess = _turn(hull.vertices @ turned[:3, :3].T, plate)
         touching = float(mesh.area_faces[np.asarray(mesh.face_normals) @ down > _FLAT].sum())
-        rank = (excess > 0, max(excess, 0.0), -touching)
-        if best is None or rank < best[0]:
-            best = rank, trimesh.transformations.rotation_matrix(angle, [0, 0, 1]) @ turned
-    assert best is not None
-    lying = mesh.copy().apply_transform(best[1])
+        matrix = trimesh.transformations.rotation_matrix(angle, [0, 0, 1]) @ turned
+        ways.append(((excess > 0, max(excess, 0.0), -touching), matrix))
+    (exceeds, *_), matrix = min(ways, key=lambda way: way[0])
+    lying = mesh.copy().apply_transform(matrix)
     low, high = lying.bounds
     lying.apply_translation([-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2]])
-    return lying, not best[0][0]
+    return lying, not exceeds
 
 
 def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:
@@ -215,31 +202,26 @@ def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:
     y = np.outer(np.sin(angles), corners[:, 0]) + np.outer(np.cos(angles), corners[:, 1])
     excess = np.maximum(np.ptp(x, axis=1) - plate[0], np.ptp(y, axis=1) - plate[1])
     excess = np.maximum(excess, np.ptp(corners[:, 2]) - plate[2])
-    fitting = np.flatnonzero(excess <= 0)
-    chosen = int(fitting[0]) if len(fitting) else int(np.argmin(excess))
+    chosen = int(np.argmin(np.maximum(excess, 0.0)))  # the first that fits, if any
     return float(angles[chosen]), float(excess[chosen])
 
 
-def to_3mf(made: Sequence[Piece]) -> bytes:
+def to_3mf(pieces: Sequence[Piece]) -> bytes:
     """All pieces as one 3MF file, side by side."""
     import trimesh
 
     scene = trimesh.Scene()
     at = 0.0
-    for piece in made:
+    for piece in pieces:
         width = float(piece.mesh.extents[0])
-        scene.add_geometry(
-            piece.mesh,
-            geom_name=piece.name,
-            node_name=piece.name,
-            transform=trimesh.transformations.translation_matrix([at + width / 2, 0, 0]),
-        )
+        place = trimesh.transformations.translation_matrix([at + width / 2, 0, 0])
+        scene.add_geometry(piece.mesh, geom_name=piece.name, node_name=piece.name, transform=place)
         at += width + 10
     data = scene.export(file_type="3mf")
     assert isinstance(data, bytes)
     return data
 
 
-def grams(made: Sequence[Piece]) -> float:
-    """What the pieces weigh, printed solid in PLA."""
-    return PLA_G_PER_CM3 * math.fsum(piece.volume_cm3 for piece in made)
+def grams(pieces: Sequence[Piece]) -> float:
+    """The mass of the pieces, printed solid in PLA."""
+    return PLA_G_PER_CM3 * math.fsum(piece.volume_cm3 for piece in pieces)

@@ -1,4 +1,4 @@
-"""The runs of a report, grouped by task and method."""
+"""The runs of a report, grouped by task and method. Covered by `tests/core/report/test_methods.py`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from core.report.statistics import Resampling
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Finished runs, which are counted; the others, which are not; and how intervals are drawn."""
+    """Finished runs, which are counted; runs that are left out; and how bootstrap intervals are drawn."""
 
     runs: tuple[FinishedRun, ...]
     left_out: tuple[LeftOutRun, ...] = ()
@@ -29,12 +29,12 @@ class Results:
 
     @cached_property
     def methods(self) -> list[str]:
-        """In the order in which they appear among the runs."""
+        """The methods, in the order in which they appear among the runs."""
         of = {run: g.method for g in self.groups for run in g.runs}
         return list(dict.fromkeys(of[run] for run in self.runs))
 
     def of(self, method: str, tasks: Sequence[str] | None = None) -> list[Group]:
-        """The groups of a method, on ``tasks`` or on all that it has."""
+        """The groups of a method, on ``tasks`` or on all its tasks."""
         return [g for g in self.groups if g.method == method and (tasks is None or g.task in tasks)]
 
     def get(self, task: str, method: str) -> Group | None:

@@ -1,7 +1,7 @@
-"""Run folders, read and not touched: what a run came to, or why it came to nothing.
+"""Run folders, read without a change: the result of a run, or why it has none.
 
-Figures are ``result.json``'s. Designs, requests and the configuration are ``run.sqlite``'s; its tables are read by
-column name, so that a later version may add to them.
+Figures are from ``result.json``. Designs, requests and the configuration are from ``run.sqlite``, read by column name,
+so that a later version may add columns.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Best:
 
 @dataclass(frozen=True)
 class GenerationFigures:
-    """A generation as ``result.json`` has it; rewards are None where nothing could be tried."""
+    """A generation in ``result.json``; rewards are None where nothing could be tried."""
 
     index: int
     best_reward: float | None
@@ -53,8 +53,8 @@ class GenerationFigures:
 
 @dataclass(frozen=True)
 class Figures:
-    """What this program reads of a ``result.json``. ``stopped`` says why a run ended before its budget was spent;
-    ``tie`` is the difference between rewards that counted as none.
+    """The content of a ``result.json``; ``stopped`` says why a run ended before its budget was spent, ``tie`` up to
+    which difference rewards counted as equal.
     """
 
     task: str
@@ -75,7 +75,7 @@ class Figures:
 
 @dataclass(frozen=True)
 class Spending:
-    """What a run asked of its model. Tokens and dollars are None where no reply told."""
+    """The requests of a run and their cost. Tokens and dollars are None where no reply reports them."""
 
     requests: int
     replies: int
@@ -115,15 +115,20 @@ class FinishedRun:
             course.append(best)
         return course
 
+    def course(self, length: int) -> list[float]:
+        """`best_so_far` made ``length`` long: a run that stopped early keeps its last."""
+        so_far = self.best_so_far or [0.0]
+        return (so_far + so_far[-1:] * length)[:length]
+
     def recordings(self) -> dict[str, Path]:
-        """The films that it left, by what they are."""
+        """The recordings that it left, by kind."""
         files = {"recording": self.folder / "recording.rrd", "film": self.folder / "best" / "rollout.gif"}
         return {what: file for what, file in files.items() if file.exists()}
 
 
 @dataclass(frozen=True, eq=False)
 class LeftOutRun:
-    """A run that no figure counts, and why."""
+    """A run that no figure counts, and the reason."""
 
     folder: Path
     status: Literal["unfinished", "failed", "unreadable"]
@@ -132,18 +137,13 @@ class LeftOutRun:
     config: dict[str, Any] = field(default_factory=dict)
 
 
-Runs = tuple[list[FinishedRun], list[LeftOutRun]]
-
-
-def find_runs(folders: Sequence[Path]) -> Runs:
-    """The runs in ``folders``, each a run's own or one that holds runs, in the order given; a multirun's by number.
+def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutRun]]:
+    """Find the runs in ``folders``, each a run's own or one that holds runs, in order; those of a multirun by number.
 
     Raises:
         UserError: a folder is missing, or holds no run.
     """
-    finished: list[FinishedRun] = []
-    left_out: list[LeftOutRun] = []
-    seen: set[Path] = set()
+    runs: dict[Path, FinishedRun | LeftOutRun] = {}
     for folder in folders:
         if not folder.is_dir():
             raise UserError(f"no folder {folder}; give the folder of a run or of a multirun")
@@ -151,19 +151,14 @@ def find_runs(folders: Sequence[Path]) -> Runs:
         if not found:
             raise UserError(f"{folder} holds no run: neither {RESULT} nor {STORE} is in it or below it")
         for path in found:
-            if path.resolve() in seen:
-                continue
-            seen.add(path.resolve())
-            run = read_run(path)
-            if isinstance(run, FinishedRun):
-                finished.append(run)
-            else:
-                left_out.append(run)
-    return finished, left_out
+            if path.resolve() not in runs:
+                runs[path.resolve()] = read_run(path)
+    finished = [run for run in runs.values() if isinstance(run, FinishedRun)]
+    return finished, [run for run in runs.values() if isinstance(run, LeftOutRun)]
 
 
 def run_folders(folder: Path, depth: int = MAX_DEPTH) -> Iterator[Path]:
-    """The run folders at or below ``folder``. A folder that has Hydra's notes and nothing else is a run that failed."""
+    """Yield the run folders at or below ``folder``; one with Hydra's files and nothing else is of a run that failed."""
     names = {entry.name: entry for entry in os.scandir(folder)}
     if RESULT in names or STORE in names:
         yield folder
@@ -184,12 +179,12 @@ def run_folders(folder: Path, depth: int = MAX_DEPTH) -> Iterator[Path]:
 
 
 def natural(name: str) -> list[tuple[int, int | str]]:
-    """Sorts numbers in names by their size."""
+    """A sort key that orders numbers in names by their size."""
     return [(0, int(word)) if word.isdigit() else (1, word) for word in re.split(r"(\d+)", name) if word]
 
 
 def read_run(folder: Path) -> FinishedRun | LeftOutRun:
-    """A run as it stands on disk."""
+    """Read a run from its folder."""
     store, result = folder / STORE, folder / RESULT
     if not store.exists() and not result.exists():
         config = _hydra_config(folder)
@@ -231,10 +226,10 @@ def _name(config: dict[str, Any], kind: str) -> str:
 
 
 def _hydra_config(folder: Path) -> dict[str, Any]:
-    """What Hydra noted of a run that has no store; empty if that can't be read."""
+    """The configuration that Hydra wrote for a run without a store; empty if it can't be read."""
     try:
         config = OmegaConf.to_container(OmegaConf.load(folder / HYDRA / "config.yaml"), resolve=True)
-    except Exception:  # whatever a damaged file makes the parser raise: the run is listed without its task
+    except Exception:  # anything that a damaged file makes the parser raise: the run is listed without its task
         return {}
     return cast(dict[str, Any], config) if isinstance(config, dict) else {}
 
@@ -246,7 +241,7 @@ def _config(store: Path) -> dict[str, Any]:
     with reading(store.parent) as database:
         row = database.execute("SELECT config FROM run").fetchone()
     if row is None:
-        return {}  # it was killed before it noted anything
+        return {}  # it was killed before it wrote anything
     config = json.loads(row["config"])
     if not isinstance(config, dict):
         raise ValueError("its configuration is no object")  # noqa: TRY004
@@ -254,7 +249,7 @@ def _config(store: Path) -> dict[str, Any]:
 
 
 def _progress(store: Path) -> str:
-    """How far an unfinished run has come."""
+    """The progress of an unfinished run, in words."""
     try:
         with reading(store.parent) as database:
             generations = database.execute("SELECT count(*) FROM generations").fetchone()[0]
@@ -268,7 +263,7 @@ def _progress(store: Path) -> str:
 
 
 def _why_nothing(store: Path) -> str:
-    """Why a run that ended has no best candidate."""
+    """The reason why a run that ended has no best candidate."""
     try:
         with reading(store.parent) as database:
             row = database.execute("SELECT reason FROM evaluations WHERE status != 'ok' ORDER BY rowid").fetchone()
@@ -278,7 +273,7 @@ def _why_nothing(store: Path) -> str:
 
 
 def spending(run: FinishedRun) -> Spending | None:
-    """What a run asked of its model; None if its store is gone."""
+    """The requests of a run and their cost; None if its store is missing."""
     if not (run.folder / STORE).exists():
         return None
     with reading(run.folder) as database:

@@ -1,4 +1,4 @@
-"""What is said of several runs in one number, and how sure it is.
+"""Statistics of several runs, with confidence intervals.
 
 The interquartile mean and its stratified bootstrap interval are those of R. Agarwal et al., "Deep Reinforcement
 Learning at the Edge of the Statistical Precipice", NeurIPS 2021 (the package rliable): the mean of the middle half of
@@ -18,7 +18,7 @@ from core.geometry import Array
 
 Statistic = Literal["mean", "interquartile mean"]
 
-LEAST_DIVISOR = 0.01  # of a normalised improvement: nobody is a hundred times better for a hundredth more
+LEAST_DIVISOR = 0.01  # of a normalised improvement: below it a hundredth of reward would count as a hundredfold gain
 
 _BATCH = 1000  # resamples in memory at a time
 
@@ -37,7 +37,7 @@ def mean(values: Sequence[float]) -> float:
 
 
 def deviation(values: Sequence[float]) -> float | None:
-    """The sample standard deviation (n - 1); None of fewer than two."""
+    """The sample standard deviation (n - 1); None for fewer than two values."""
     return float(np.std(values, ddof=1)) if len(values) > 1 else None
 
 
@@ -60,11 +60,11 @@ def interval(tasks: Sequence[Sequence[float]], statistic: Statistic, how: Resamp
         how: confidence, number of resamples, seed.
 
     Returns:
-        Low and high; None if a task has one run only, for then nothing is known of its spread.
+        Low and high; None if a task has one run only, so that its deviation is unknown.
     """
     if not tasks or any(len(runs) < 2 for runs in tasks):
         return None
-    done = scipy.stats.bootstrap(
+    result = scipy.stats.bootstrap(
         [np.asarray(runs, dtype=np.float64) for runs in tasks],
         _STATISTICS[statistic],
         n_resamples=how.resamples,
@@ -75,7 +75,7 @@ def interval(tasks: Sequence[Sequence[float]], statistic: Statistic, how: Resamp
         method="percentile",
         rng=np.random.default_rng(how.seed),
     )
-    return float(done.confidence_interval.low), float(done.confidence_interval.high)
+    return float(result.confidence_interval.low), float(result.confidence_interval.high)
 
 
 def _pooled(*tasks: Array, axis: int = -1) -> Any:
@@ -91,11 +91,11 @@ _STATISTICS = {"mean": _averaged, "interquartile mean": _pooled}
 
 @dataclass(frozen=True)
 class Improvement:
-    """By how much A is better than B over the tasks that both have, in the two ways in which it can be normalised.
+    """The improvement of A over B on the tasks that both have, normalised in two ways.
 
-    ``of_shortfall`` is the mean over tasks of (A - B) / (1 - B): which part of what B lacks A makes up.
+    ``of_shortfall`` is the mean over tasks of (A - B) / (1 - B), the share of B's shortfall that A makes up.
     ``of_value`` is the mean over tasks of (A - B) / B. Each is over the ``shortfall_tasks`` and ``value_tasks`` tasks
-    where the divisor is at least `LEAST_DIVISOR`; None if that is nowhere.
+    where the divisor is at least `LEAST_DIVISOR`; None where there is no such task.
     """
 
     tasks: int
@@ -106,7 +106,7 @@ class Improvement:
 
 
 def improvement(a: Sequence[float], b: Sequence[float]) -> Improvement:
-    """Of A over B: their scores task by task."""
+    """The improvement of A over B, from their scores task by task."""
     pairs = list(zip(a, b, strict=True))
     shortfall = [(x - y) / (1 - y) for x, y in pairs if 1 - y >= LEAST_DIVISOR]
     value = [(x - y) / y for x, y in pairs if y >= LEAST_DIVISOR]

@@ -1,4 +1,7 @@
-"""The summary of a multirun, printed when its last job has ended: a callback of Hydra's, for every launcher."""
+"""The summary of a multirun, printed when its last job has ended: a callback of Hydra's, for every launcher.
+
+Covered by `tests/plugins/listeners/test_summary.py`.
+"""
 
 from __future__ import annotations
 

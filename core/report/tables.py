@@ -1,20 +1,15 @@
-"""The tables of a report. Cells are values; how they are printed is the format's: in CSV in full, elsewhere rounded."""
+"""The tables of a report."""
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
-import math
-import os
 from collections import Counter, defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+from core.report.formats import Cell, Link, Table, columns
 from core.report.results import Results
-from core.report.runs import FinishedRun, Spending, spending
+from core.report.runs import Spending, spending
 from core.report.statistics import (
     LEAST_DIVISOR,
     deviation,
@@ -25,69 +20,22 @@ from core.report.statistics import (
     mean_of_tasks,
 )
 from core.report.tools import Tools, size
-from core.text import clean
-
-BUDGET = ("n_agent", "n_tool", "n_action", "n_iteration", "k_top", "reward_save", "stop_reward")
-
-
-@dataclass(frozen=True)
-class Link:
-    """A cell that leads to a file."""
-
-    text: str
-    target: Path
-
-
-Cell = str | int | float | None | Link | tuple[Link, ...]
-
-
-@dataclass(frozen=True)
-class Column:
-    """Its name, with the unit; ``digits`` after the point make it a column of numbers."""
-
-    name: str
-    digits: int | None = None
-
-
-@dataclass(frozen=True)
-class Table:
-    """``name`` is its file's, ``note`` says how its numbers are made."""
-
-    name: str
-    title: str
-    columns: tuple[Column, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    note: str = ""
-
-    def __post_init__(self) -> None:
-        for row in self.rows:
-            if len(row) != len(self.columns):
-                raise ValueError(f"table {self.name}: a row of {len(row)} cells under {len(self.columns)} columns")
 
 
 def tables(results: Results, shown: Tools) -> list[Table]:
-    """All that there is something to say in."""
-    made = [
-        rewards(results),
-        methods(results),
-        improvements(results),
-        generations(results),
-        tools(results, shown),
-        runs(results),
-        left_out(results),
-        parameters(results),
-        costs(results),
-        versions(results),
+    """All tables that have rows."""
+    every = [
+        *(rewards(results), methods(results), improvements(results), generations(results), tools(results, shown)),
+        *(runs(results), left_out(results), parameters(results), costs(results), versions(results)),
     ]
-    return [table for table in made if table.rows]
+    return [table for table in every if table.rows]
 
 
 def rewards(results: Results) -> Table:
-    """Best, average and spread, by task and method."""
-    columns = (
-        *(Column("task"), Column("method"), Column("runs", 0), Column("left out", 0), Column("best", 3)),
-        *(Column("average", 3), Column("standard deviation", 3), Column("interquartile mean", 3)),
-        *(Column("distance of the best (m)", 2), Column("candidate")),
+    """Best, average and deviation of rewards, by task and method."""
+    head = columns(
+        "task|method|runs:0|left out:0|best:3|average:3|standard deviation:3|interquartile mean:3"
+        "|distance of the best (m):2|candidate"
     )
     rows = [
         (
@@ -102,16 +50,14 @@ def rewards(results: Results) -> Table:
         "interquartile mean, which below four runs is the average. Distance: metres that the end-effector's origin "
         "travelled in the best run's best plan. Left out: runs that failed or are unfinished; they are in no figure."
     )
-    return Table("rewards", "Rewards by task and method", columns, tuple(rows), note)
+    return Table("rewards", "Rewards by task and method", head, tuple(rows), note)
 
 
 def methods(results: Results) -> Table:
-    """One line per method: the paper's mean, and the interquartile mean, with intervals."""
-    confidence = f"{100 * results.how.confidence:g} %"
-    columns = (
-        *(Column("method"), Column("tasks", 0), Column("runs", 0), Column("mean of the best", 3), Column("mean", 3)),
-        *(Column("mean, low", 3), Column("mean, high", 3), Column("interquartile mean", 3)),
-        *(Column("IQM, low", 3), Column("IQM, high", 3), Column("which tasks")),
+    """The paper's mean and the interquartile mean of each method, with intervals."""
+    head = columns(
+        "method|tasks:0|runs:0|mean of the best:3|mean:3|mean, low:3|mean, high:3|interquartile mean:3"
+        "|IQM, low:3|IQM, high:3|which tasks"
     )
     rows = []
     for method in results.methods:
@@ -130,104 +76,90 @@ def methods(results: Results) -> Table:
     note = (
         "Mean: over tasks, of each task's average over runs, as the paper has it; mean of the best: over tasks, of "
         "each task's best run. Interquartile mean (IQM): of all runs of all tasks the middle half (Agarwal et al. "
-        "2021). "
-        f"Low and high: {confidence} percentiles of {results.how.resamples} bootstrap samples, drawn within each task; "
-        "none where a task has one run only. Methods with different tasks can't be compared by these."
+        f"2021). Low and high: {100 * results.how.confidence:g} % percentiles of {results.how.resamples} bootstrap "
+        "samples, drawn within each task; none where a task has one run only. Methods with different tasks can't be "
+        "compared by these."
     )
-    return Table("methods", "Methods over all their tasks", columns, tuple(rows), note)
+    return Table("methods", "Methods over all their tasks", head, tuple(rows), note)
 
 
 def improvements(results: Results) -> Table:
     """Each method against those that are worse on the tasks that both have."""
-    columns = (
-        *(Column("method A"), Column("over method B"), Column("tasks", 0), Column("mean of A", 3)),
-        *(Column("mean of B", 3), Column("of B's shortfall (%)", 1), Column("tasks with a shortfall", 0)),
-        *(Column("of B's value (%)", 1), Column("tasks with a value", 0)),
+    head = columns(
+        "method A|over method B|tasks:0|mean of A:3|mean of B:3|of B's shortfall (%):1|tasks with a shortfall:0"
+        "|of B's value (%):1|tasks with a value:0"
     )
     rows: list[tuple[Cell, ...]] = []
     for a, b in itertools.permutations(results.methods, 2):
         tasks = results.shared(a, b)
         scores = [[mean(g.rewards) for g in results.of(method, tasks)] for method in (a, b)]
-        if not tasks or mean(scores[0]) < mean(scores[1]):
-            continue
-        gain = improvement(*scores)
-        rows.append(
-            (
-                *(a, b, gain.tasks, mean(scores[0]), mean(scores[1]), _percent(gain.of_shortfall)),
-                *(gain.shortfall_tasks, _percent(gain.of_value), gain.value_tasks),
-            )
-        )
+        if tasks and mean(scores[0]) >= mean(scores[1]):
+            gain = improvement(*scores)
+            shortfall, value = (share and 100 * share for share in (gain.of_shortfall, gain.of_value))
+            means = (mean(scores[0]), mean(scores[1]))
+            rows.append((a, b, gain.tasks, *means, shortfall, gain.shortfall_tasks, value, gain.value_tasks))
     note = (
         "Average normalised improvement of A over B, from the averages over runs: the mean over tasks of (A - B) / "
         "(1 - B), the share of B's shortfall that A makes up, and of (A - B) / B. Tasks where the divisor is below "
         f"{LEAST_DIVISOR} can't be counted; how many are counted stands beside it."
     )
-    return Table("improvements", "Improvement of one method over another", columns, tuple(rows), note)
-
-
-def _percent(share: float | None) -> float | None:
-    return None if share is None else 100 * share
+    return Table("improvements", "Improvement of one method over another", head, tuple(rows), note)
 
 
 def generations(results: Results) -> Table:
-    """How rewards grow."""
-    columns = (
-        *(Column("task"), Column("method"), Column("generation", 0), Column("runs", 0)),
-        *(Column("best so far", 3), Column("standard deviation", 3), Column("best of the generation", 3)),
-        *(Column("mean of the generation", 3), Column("rejected (%)", 1), Column("failed (%)", 1)),
+    """Rewards by generation."""
+    head = columns(
+        "task|method|generation:0|runs:0|best so far:3|standard deviation:3|best of the generation:3"
+        "|mean of the generation:3|rejected (%):1|failed (%):1"
     )
     rows: list[tuple[Cell, ...]] = []
     for g in results.groups:
         for index in range(max(len(run.figures.generations) for run in g.runs)):
-            so_far = [course(run, index + 1)[index] for run in g.runs]
+            so_far = [run.course(index + 1)[index] for run in g.runs]
             there = [run.figures.generations[index] for run in g.runs if index < len(run.figures.generations)]
             candidates = sum(f.n_candidates for f in there)
+            lost = (sum(f.n_rejected for f in there), sum(f.n_failed for f in there))
             rows.append(
                 (
                     *(g.task, g.method, index, len(there), mean(so_far), deviation(so_far)),
-                    _mean_of_some([f.best_reward for f in there]),
-                    _mean_of_some([f.mean_reward for f in there]),
-                    100 * sum(f.n_rejected for f in there) / candidates if candidates else None,
-                    100 * sum(f.n_failed for f in there) / candidates if candidates else None,
+                    _over_known(mean, [f.best_reward for f in there]),
+                    _over_known(mean, [f.mean_reward for f in there]),
+                    *(100 * count / candidates if candidates else None for count in lost),
                 )
             )
     note = (
         "Means over runs. Best so far: up to and with the generation; a run that stopped early keeps its last. Runs: "
         "those that came as far. Mean of the generation: over the candidates that were tried."
     )
-    return Table("generations", "Rewards by generation", columns, tuple(rows), note)
+    return Table("generations", "Rewards by generation", head, tuple(rows), note)
 
 
-def course(run: FinishedRun, length: int) -> list[float]:
-    """`FinishedRun.best_so_far` made ``length`` long: a run that stopped early keeps its last."""
-    so_far = run.best_so_far or [0.0]
-    return (so_far + so_far[-1:] * length)[:length]
-
-
-def _mean_of_some(values: Sequence[float | None]) -> float | None:
+def _over_known(function: Any, values: Iterable[float | None]) -> float | None:
+    """``function`` of the values that are known, None where none is."""
     known = [value for value in values if value is not None]
-    return mean(known) if known else None
+    return function(known) if known else None
 
 
 def parameters(results: Results) -> Table:
-    """What was spent on what."""
-    columns = (
-        *(Column("task"), Column("method")),
-        *(Column(name, 2 if "reward" in name else 0) for name in BUDGET),
-        *(Column("candidates per generation"), Column("workers"), Column("seeds"), Column("model")),
+    """The configured budget and the model of each method."""
+    head = columns(
+        "task|method|n_agent:0|n_tool:0|n_action:0|n_iteration:0|k_top:0|reward_save:2|stop_reward:2"
+        "|candidates per generation|workers|seeds|model"
     )
+    names = [column.name for column in head[2:9]]
     rows = []
     for g in results.groups:
         budgets = [run.config.get("budget", {}) for run in g.runs]
         population = sorted({f.n_candidates for run in g.runs for f in run.figures.generations})
         workers = {str(run.config.get("executor", {}).get("workers", "")) for run in g.runs}
         models = {str(run.config.get("vlm", {}).get("model") or run.figures.vlm) for run in g.runs}
+        seeds = Counter(run.seed for run in g.runs)
         rows.append(
             (
-                *(g.task, g.method, *(_same([budget.get(name) for budget in budgets]) for name in BUDGET)),
+                *(g.task, g.method, *(_same([budget.get(name) for budget in budgets]) for name in names)),
                 " to ".join(str(n) for n in dict.fromkeys([population[0], population[-1]])) if population else "",
                 ", ".join(sorted("one per core" if name == "None" else name for name in workers)),
-                _counted(run.seed for run in g.runs),
+                ", ".join(f"{seed}" + (f" ({n} times)" if n > 1 else "") for seed, n in sorted(seeds.items())),
                 ", ".join(sorted(models)),
             )
         )
@@ -235,72 +167,60 @@ def parameters(results: Results) -> Table:
         "As configured; candidates per generation as counted: with a given tool n_tool is 1. Workers are the rollouts "
         "that run at the same time (the paper's k_sim)."
     )
-    return Table("parameters", "Parameters", columns, tuple(rows), note)
+    return Table("parameters", "Parameters", head, tuple(rows), note)
 
 
 def _same(values: Sequence[Any]) -> Cell:
-    """What all agree on; several as a text."""
+    """The value that all share, or all values as a text."""
     found = list(dict.fromkeys(values))
     if len(found) == 1 and (found[0] is None or isinstance(found[0], int | float)):
         return found[0]
     return ", ".join(str(value) for value in found)
 
 
-def _counted(seeds: Any) -> str:
-    """Seeds in order; one that was run several times says so."""
-    counts = Counter(seeds)
-    return ", ".join(f"{seed}" + (f" ({n} times)" if n > 1 else "") for seed, n in sorted(counts.items()))
-
-
 def costs(results: Results) -> Table:
-    """What runs took: time, tokens, dollars."""
-    columns = (
-        *(Column("task"), Column("method"), Column("runs", 0), Column("rollouts per run", 0)),
-        *(Column("wall time per run (s)", 0), Column("rollouts per second", 1), Column("requests per run", 1)),
-        *(Column("failed requests", 0), Column("prompt tokens", 0), Column("completion tokens", 0)),
-        Column("cost (USD)", 2),
+    """Time, tokens and dollars that runs took."""
+    head = columns(
+        "task|method|runs:0|rollouts per run:0|wall time per run (s):0|rollouts per second:1|requests per run:1"
+        "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2"
     )
     rows = []
     for g in results.groups:
-        spent = [s for s in map(spending, g.runs) if s is not None]
+        spent: list[Spending] = [s for s in map(spending, g.runs) if s is not None]
         seconds = sum(run.figures.wall_time_s for run in g.runs)
         tried = sum(run.figures.n_evaluations for run in g.runs)
+        sums = (
+            _over_known(sum, [s.prompt_tokens for s in spent]),
+            _over_known(sum, [s.completion_tokens for s in spent]),
+        )
         rows.append(
             (
                 *(g.task, g.method, len(g.runs), tried / len(g.runs), seconds / len(g.runs)),
                 tried / seconds if seconds > 0 else None,
                 sum(s.requests for s in spent) / len(spent) if spent else None,
-                sum(s.errors for s in spent),
-                *(_sum_of_some(spent, name) for name in ("prompt_tokens", "completion_tokens", "cost_usd")),
+                *(sum(s.errors for s in spent), *sums, _over_known(sum, [s.cost_usd for s in spent])),
             )
         )
-    note = "Tokens and dollars are sums over the runs, of the replies that told them; empty where none did."
-    return Table("costs", "Time and money", columns, tuple(rows), note)
-
-
-def _sum_of_some(spent: Sequence[Spending], name: str) -> float | None:
-    known = [value for value in (getattr(s, name) for s in spent) if value is not None]
-    return sum(known) if known else None
+    note = "Tokens and dollars are sums over the runs, of the replies that report them; empty where none does."
+    return Table("costs", "Time and money", head, tuple(rows), note)
 
 
 def runs(results: Results) -> Table:
-    """Every run that is counted."""
-    columns = (
-        *(Column("task"), Column("method"), Column("seed", 0), Column("best reward", 3), Column("distance (m)", 2)),
-        *(Column("generation", 0), Column("candidate"), Column("rollouts", 0), Column("wall time (s)", 0)),
-        *(Column("folder"), Column("recordings")),
+    """All runs that are counted."""
+    head = columns(
+        "task|method|seed:0|best reward:3|distance (m):2|generation:0|candidate|rollouts:0|wall time (s):0"
+        "|folder|recordings"
     )
     rows = [
         (
             *(g.task, g.method, run.seed, run.best.reward, run.best.distance_m, run.best.generation),
             *(run.best.candidate, run.figures.n_evaluations, run.figures.wall_time_s),
-            Link(run.folder.name, run.folder),
-            tuple(Link(what, file) for what, file in run.recordings().items()),
+            *(Link(run.folder.name, run.folder), tuple(Link(what, file) for what, file in run.recordings().items())),
         )
         for g in results.groups
         for run in g.runs
     ]
-    return Table("runs", "Runs", columns, tuple(rows), _repeats(results))
+    return Table("runs", "Runs", head, tuple(rows), _repeats(results))
 
 
 def _repeats(results: Results) -> str:
@@ -309,19 +229,17 @@ def _repeats(results: Results) -> str:
     for g in results.groups:
         for seed, n in Counter(run.seed for run in g.runs).items():
             if n > 1:
-                again[g.task, g.method].append(f"seed {seed} {n} times")
+                again[f"{g.task}, {g.method}"].append(f"seed {seed} {n} times")
     if not again:
         return ""
-    told = "; ".join(f"{task}, {method}: {', '.join(seeds)}" for (task, method), seeds in again.items())
-    return f"Seeds that were run more than once are counted as often as they were run ({told})."
+    listed = "; ".join(f"{what}: {', '.join(seeds)}" for what, seeds in again.items())
+    return f"Seeds that were run more than once are counted as often as they were run ({listed})."
 
 
 def tools(results: Results, shown: Tools) -> Table:
-    """The best tools, and what the model says of them."""
-    columns = (
-        *(Column("task"), Column("method"), Column("tool"), Column("reward", 3), Column("distance (m)", 2)),
-        *(Column("size"), Column("mass (g)", 0), Column("parts", 0), Column("what it is"), Column("how it is used")),
-        *(Column("candidate"), Column("run")),
+    """The best tools, with the model's descriptions."""
+    head = columns(
+        "task|method|tool|reward:3|distance (m):2|size|mass (g):0|components:0|description|how it is used|candidate|run"
     )
     rows = [
         (
@@ -333,11 +251,11 @@ def tools(results: Results, shown: Tools) -> Table:
         for (task, method), winner in shown.best.items()
     ]
     note = " ".join(f"Not shown: {problem}." for problem in shown.problems)
-    return Table("tools", "The best tools", columns, tuple(rows), note)
+    return Table("tools", "The best tools", head, tuple(rows), note)
 
 
 def versions(results: Results) -> Table:
-    """What the runs were made with."""
+    """The packages that the runs were made with."""
     found: dict[str, Counter[str]] = defaultdict(Counter)
     for run in results.runs:
         for name, version in run.figures.versions.items():
@@ -346,95 +264,13 @@ def versions(results: Results) -> Table:
         (name, ", ".join(f"{v} ({n} runs)" if len(counts) > 1 else v for v, n in sorted(counts.items())))
         for name, counts in sorted(found.items())
     ]
-    differ = [name for name, counts in sorted(found.items()) if len(counts) > 1]
-    note = f"Runs differ in {', '.join(differ)}: rewards need not be comparable." if differ else ""
-    return Table("versions", "Versions", (Column("package"), Column("version")), tuple(rows), note)
+    differ = ", ".join(name for name, counts in sorted(found.items()) if len(counts) > 1)
+    note = f"Runs differ in {differ}: rewards need not be comparable." if differ else ""
+    return Table("versions", "Versions", columns("package|version"), tuple(rows), note)
 
 
 def left_out(results: Results) -> Table:
     """The runs that no figure counts."""
-    columns = (Column("folder"), Column("task"), Column("status"), Column("reason"))
     rows = [(Link(run.folder.name, run.folder), run.task, run.status, run.reason) for run in results.left_out]
-    return Table("left_out", "Runs that failed or are unfinished", columns, tuple(rows), "None of them is averaged in.")
-
-
-# --- formats ----------------------------------------------------------------------------------------------------
-
-
-def printed(cell: Cell, column: Column) -> str:
-    """A cell for people; nothing is rounded up to 1."""
-    match cell:
-        case None:
-            return "–"
-        case Link(text, _):
-            return clean(text, 300)
-        case tuple():
-            return ", ".join(clean(link.text, 300) for link in cell)
-        case str():
-            return clean(cell, 1000)
-        case int() | float() if column.digits is None:
-            return str(cell)
-        case _:
-            return number(cell, column.digits or 0)
-
-
-def number(value: float | None, digits: int) -> str:
-    """``value`` with ``digits`` after the point; a value just below 1 stays below it."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    text = f"{value:.{digits}f}"
-    if digits and value < 1 and float(text) >= 1:
-        return f"{math.floor(value * 10**digits) / 10**digits:.{digits}f}"
-    return text
-
-
-def to_csv(table: Table, folder: Path) -> str:
-    """In full precision; links as paths from ``folder``, where the table will lie."""
-
-    def plain(cell: Cell) -> Any:
-        match cell:
-            case Link(_, target):
-                return _no_formula(relative(target, folder))
-            case tuple():
-                return _no_formula(" ".join(relative(link.target, folder) for link in cell))
-            case str():
-                return _no_formula(clean(cell, 10_000))
-            case _:
-                return "" if cell is None else cell
-
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([column.name for column in table.columns])
-    writer.writerows([plain(cell) for cell in row] for row in table.rows)
-    return text.getvalue()
-
-
-def relative(target: Path, folder: Path) -> str:
-    """The way from ``folder`` to ``target``, with forward slashes."""
-    return Path(os.path.relpath(target.resolve(), folder.resolve())).as_posix()
-
-
-def _no_formula(text: str) -> str:
-    """A spreadsheet must not take a text for a formula, nor a terminal for an order."""
-    text = "".join(character for character in text if character.isprintable())
-    return f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
-
-
-def to_markdown(table: Table) -> str:
-    """With its title and note."""
-    lines = [
-        "| " + " | ".join(_markdown(column.name) for column in table.columns) + " |",
-        "|" + "|".join("---" if column.digits is None else "---:" for column in table.columns) + "|",
-    ]
-    for row in table.rows:
-        cells = (_markdown(printed(cell, column)) for cell, column in zip(row, table.columns, strict=True))
-        lines.append("| " + " | ".join(cells) + " |")
-    note = f"\n{_markdown(table.note)}\n" if table.note else ""
-    return f"## {table.title}\n\n" + "\n".join(lines) + f"\n{note}"
-
-
-def _markdown(text: str) -> str:
-    """What a model or a folder is called must not be read as markup."""
-    for mark in "\\`*_[]<>|#":
-        text = text.replace(mark, f"\\{mark}")
-    return text
+    title = "Runs that failed or are unfinished"
+    return Table("left_out", title, columns("folder|task|status|reason"), tuple(rows), "None of them is averaged in.")

@@ -1,4 +1,4 @@
-"""Results as lines for the terminal."""
+"""Results as lines for the terminal. Covered by `tests/core/report/test_main.py`."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import sys
 from typing import TextIO
 
 from core.cli import print_table
+from core.report.formats import number
 from core.report.results import Results
 from core.report.runs import short
 from core.report.statistics import deviation, mean
-from core.report.tables import number
 
 
 def show(results: Results, file: TextIO | None = None) -> None:

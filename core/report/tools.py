@@ -18,6 +18,7 @@ from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Task, ToolRepresentation
+from core.report.formats import number
 from core.report.results import Results
 from core.report.runs import STORE, FinishedRun
 from core.robot.description import FINGER_OPEN
@@ -27,14 +28,14 @@ from core.text import clean
 if TYPE_CHECKING:
     import trimesh
 
-SAME = 1e-4  # metres by which tools may differ and still be one
-Shape = list[Array]  # corners (V, 3) of each part, as the arm holds it
+SAME = 1e-4  # metres by which corners of equal tools may differ
+Shape = list[Array]  # corners (V, 3) of each component, as the arm holds it
 _FINGER_BASE = 0.0584  # of the finger joints below the hand, in the Panda's description
 
 
 @dataclass(frozen=True, eq=False)
 class Winner:
-    """A tool and what its best action plan earned. Texts are the model's, on one line, without control characters;
+    """A tool with the reward of its best action plan. Texts are the model's, on one line, without control characters;
     ``design`` is tool and plan as a strategy of a designs file.
     """
 
@@ -50,22 +51,26 @@ class Winner:
 
     @property
     def name(self) -> str:
-        """Never empty."""
+        """The tool's name, else the strategy's, else the candidate's; never empty."""
         return self.tool.name or self.strategy_name or self.candidate
 
-
-@lru_cache(maxsize=256)
-def _made(kind: str, settings: str) -> Any:
-    config = OmegaConf.create(json.loads(settings))
-    return part(kind, config).create()
+    @property
+    def summary(self) -> str:
+        """Reward and size in a line."""
+        return f"reward {number(self.reward, 3)}, {size(self.tool)}"
 
 
 def _part(run: FinishedRun, kind: str) -> Any:
-    return _made(kind, json.dumps(run.config.get(kind, {}), sort_keys=True))
+    return _created(kind, json.dumps(run.config.get(kind, {}), sort_keys=True))
+
+
+@lru_cache(maxsize=256)
+def _created(kind: str, settings: str) -> Any:
+    return part(kind, OmegaConf.create(json.loads(settings))).create()
 
 
 def given_tool(run: FinishedRun) -> Tool | None:
-    """The tool that was there already, be it none but the bare hand; None: the run designed its tools.
+    """The tool that the run was given, which may be the bare hand; None where the run designed its tools.
 
     Raises:
         UserError: the run's task or tool representation is not installed here.
@@ -78,11 +83,11 @@ def given_tool(run: FinishedRun) -> Tool | None:
 def winners(
     run: FinishedRun, count: int | None = None, generation: int | None = None, apart: float = SAME
 ) -> list[Winner]:
-    """The tools that earned most, of all generations or of one, each of another shape (see `another`), the best
-    first.
+    """The tools with the highest rewards, of all generations or of one, each of another shape (see `another`), the
+    best first.
 
     Raises:
-        UserError: a part of the run is not installed here, or its store is gone or damaged.
+        UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
     found: list[Winner] = []
     shapes: list[Shape] = []
@@ -98,8 +103,8 @@ def winners(
 
 
 def another(tool: Tool, shapes: list[Shape], apart: float) -> bool:
-    """Whether its shape is none of ``shapes``; then it becomes one of them. Two are the same where they have as many
-    parts, and no corner is as far as ``apart`` metres from the other's.
+    """True if the tool's shape is none of ``shapes``, to which it is then added. Two shapes are the same where they
+    have equally many components, and all corners are less than ``apart`` metres from the other's.
     """
     shape = [np.asarray(solid.vertices) for _, solid in as_held(tool)]
     if any(_alike(shape, known, apart) for known in shapes):
@@ -109,9 +114,9 @@ def another(tool: Tool, shapes: list[Shape], apart: float) -> bool:
 
 
 def _alike(a: Shape, b: Shape, apart: float) -> bool:
-    if [part.shape for part in a] != [part.shape for part in b]:
-        return False
-    return all(float(np.linalg.norm(p - q, axis=1).max()) < apart for p, q in zip(a, b, strict=True))
+    return [p.shape for p in a] == [q.shape for q in b] and all(
+        float(np.linalg.norm(p - q, axis=1).max()) < apart for p, q in zip(a, b, strict=True)
+    )
 
 
 def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
@@ -123,23 +128,19 @@ def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
         " WHERE status = 'ok' AND generation = coalesce(:generation, generation)"
         " ORDER BY generation, agent, strategy, plan"
     )
-    seen = set()
+    strategies = set()
     with reading(run.folder) as database:
         rows = database.execute(query, {"generation": generation}).fetchall()
         for row in ranked(rows, lambda row: (row["reward"], row["distance_m"]), run.figures.tie):
             key = (row["generation"], row["agent"], row["strategy"])
-            if key not in seen:
-                seen.add(key)
-                yield _winner(run, _stored(database, row["candidate"]), given, representation)
-
-
-def _stored(database: sqlite3.Connection, candidate: str) -> sqlite3.Row:
-    row: sqlite3.Row = database.execute(
-        "SELECT evaluations.*, strategies.design FROM evaluations JOIN strategies USING (generation, agent, strategy)"
-        " WHERE candidate = ?",
-        [candidate],
-    ).fetchone()
-    return row
+            if key not in strategies:  # its best plan comes first
+                strategies.add(key)
+                stored = database.execute(
+                    "SELECT evaluations.*, strategies.design FROM evaluations"
+                    " JOIN strategies USING (generation, agent, strategy) WHERE candidate = ?",
+                    [row["candidate"]],
+                ).fetchone()
+                yield _winner(run, stored, given, representation)
 
 
 def _winner(run: FinishedRun, row: sqlite3.Row, given: Tool | None, representation: ToolRepresentation) -> Winner:
@@ -172,7 +173,7 @@ def _text(design: dict[str, Any], name: str, longest: int) -> str:
 
 
 def solids(tool: Tool) -> dict[str, list[tuple[Component, trimesh.Trimesh]]]:
-    """The components by mount, each as a solid in its mount's frame, in metres."""
+    """The components by mount, each with its solid in the mount's frame, in metres."""
     placed = tool.placed()
     found: dict[str, list[tuple[Component, trimesh.Trimesh]]] = {}
     for component in tool.components:
@@ -186,31 +187,31 @@ def as_held(tool: Tool) -> list[tuple[Component, trimesh.Trimesh]]:
     apart = {GRIPPER_MOUNTS[0]: FINGER_OPEN, GRIPPER_MOUNTS[1]: -FINGER_OPEN}
     flipped = Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, 0.0))  # the hand points down
     held = []
-    for mount, parts in solids(tool).items():
+    for mount, placed in solids(tool).items():
         pose = flipped @ Pose(np.array([0.0, apart[mount], _FINGER_BASE])) if mount in apart else Pose()
-        held += [(component, solid.apply_transform(pose.matrix)) for component, solid in parts]
+        held += [(component, solid.apply_transform(pose.matrix)) for component, solid in placed]
     return held
 
 
 def size(tool: Tool) -> str:
     """The extent along x, y and z, in millimetres."""
-    bounds = [solid.bounds for _, solid in as_held(tool)]
-    if not bounds:
+    if not tool.components:
         return "no tool"
-    extent = np.max([high for _, high in bounds], axis=0) - np.min([low for low, _ in bounds], axis=0)
+    corners = np.concatenate([solid.vertices for _, solid in as_held(tool)])
+    extent = np.ptp(corners, axis=0)
     return " × ".join(f"{1000 * side:.0f}" for side in extent) + " mm"
 
 
-# --- of a report ------------------------------------------------------------------------------------------------
+# --- a report's tools -------------------------------------------------------------------------------------------
 
 
 @dataclass(eq=False)
 class Tools:
-    """What a report shows of tools.
+    """The tools that a report shows.
 
     ``best`` is the best tool of each task and method; ``courses`` has, for each method that evolves and each task, the
-    best tool of each generation of the best run. ``given`` are the methods whose tools were there already, ``bare``
-    those that had none; ``problems`` say whose tools can't be shown, and why.
+    best tool of each generation of the best run. ``given`` are the methods that were given a tool, ``bare`` those that
+    were given the bare hand; ``problems`` say which tools can't be shown, and why.
     """
 
     best: dict[tuple[str, str], Winner] = field(default_factory=dict)
@@ -221,7 +222,7 @@ class Tools:
 
 
 def collect(results: Results) -> Tools:
-    """The tools of a report's best runs."""
+    """Collect the tools of a report's best runs."""
     tools = Tools()
     for g in results.groups:
         run = g.best
@@ -241,6 +242,6 @@ def collect(results: Results) -> Tools:
 
 
 def evolves(run: FinishedRun) -> bool:
-    """Whether any of its designs derives from others."""
+    """True if any design of the run derives from others."""
     with reading(run.folder) as database:
         return database.execute("SELECT 1 FROM strategies WHERE parents != '[]'").fetchone() is not None

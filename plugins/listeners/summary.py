@@ -97,7 +97,7 @@ def _spent(replies: list[Reply]) -> str:
 
 
 def _one_of_many() -> bool:
-    """Whether this is a job of a multirun, whose own summary names the commands."""
+    """True in a job of a multirun, whose own summary names the commands."""
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 

@@ -71,7 +71,7 @@ def test_a_taken_port_is_one_line(folder):
         out, said = viewer.communicate(timeout=60)
     assert (viewer.returncode, out) == (1, "")
     (line,) = said.splitlines()
-    assert f"port {port} of 127.0.0.1 can't be had" in line
+    assert f"port {port} of 127.0.0.1 is not free" in line
     assert "port=0" in line
 
 
@@ -87,9 +87,9 @@ def test_without_a_screen_it_says_what_to_do(folder):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "0 run folders given, where one is needed; usage: python -m core.view RUN_DIR"),
+        ([], "0 run folders given; one is needed; usage: python -m core.view FOLDER"),
         (["nowhere"], "no run folder nowhere"),
-        (["."], ". holds no recording.rrd; a run to which the listener rerun listens leaves one"),
+        (["."], ". holds no recording.rrd; runs with the listener rerun write one"),
         ([".", "wbe=true"], "no setting 'wbe' in core.view (did you mean 'web'?); possible: port, web"),
         ([".", "port=high"], "setting 'port' can't be 'high'"),
     ],

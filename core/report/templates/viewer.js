@@ -62,16 +62,16 @@
   const show = (tool) => {
     const faces = [], edges = [];
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-    for (const part of tool.parts) {
-      const corner = (i) => part.vertices.slice(3 * i, 3 * i + 3);
-      for (let i = 0; i < part.faces.length; i += 3) {
-        const [a, b, c] = [0, 1, 2].map((k) => corner(part.faces[i + k]));
+    for (const solid of tool.solids) {
+      const corner = (i) => solid.vertices.slice(3 * i, 3 * i + 3);
+      for (let i = 0; i < solid.faces.length; i += 3) {
+        const [a, b, c] = [0, 1, 2].map((k) => corner(solid.faces[i + k]));
         const normal = unit(cross(minus(b, a), minus(c, a)));
-        for (const at of [a, b, c]) faces.push(...at, ...normal, ...part.color);
+        for (const at of [a, b, c]) faces.push(...at, ...normal, ...solid.color);
       }
-      const line = part.color.map((x) => (dark() ? 0.45 + 0.55 * x : 0.35 * x));
-      for (const i of part.edges) edges.push(...corner(i), 0, 0, 0, ...line);
-      part.vertices.forEach((x, i) => { low[i % 3] = Math.min(low[i % 3], x); high[i % 3] = Math.max(high[i % 3], x); });
+      const line = solid.color.map((x) => (dark() ? 0.45 + 0.55 * x : 0.35 * x));
+      for (const i of solid.edges) edges.push(...corner(i), 0, 0, 0, ...line);
+      solid.vertices.forEach((x, i) => { low[i % 3] = Math.min(low[i % 3], x); high[i % 3] = Math.max(high[i % 3], x); });
     }
     center = low.map((x, i) => (x + high[i]) / 2);
     radius = Math.max(1, Math.hypot(...minus(high, low)) / 2);

@@ -1,4 +1,4 @@
-"""Runs made visible: a recording for the Rerun viewer (https://rerun.io)."""
+"""The ``rerun`` listener: a recording of a run for the Rerun viewer (https://rerun.io)."""
 
 from __future__ import annotations
 

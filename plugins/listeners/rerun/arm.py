@@ -1,4 +1,4 @@
-"""The arm to look at: its links' visual meshes, and where the links are at given joints."""
+"""The visual meshes of the arm's links, and the poses of the links at given joints."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Track:
 
 
 def links(gripper: bool) -> dict[str, Triangles]:
-    """What is seen of each link of the bare arm, in the link's frame; with the hand, or without."""
+    """The visual mesh of each link of the bare arm, in the link's frame; with the hand, or without."""
     robot = etree.fromstring(assemble(Tool(gripper=gripper)).encode())
     found = {}
     for link in robot.findall("link"):
@@ -60,21 +60,21 @@ def _load(file: Path) -> Triangles:
 
 
 def _merged(corners: Array, color: Bytes) -> Triangles:
-    """Triangles of corners (3 F, 3) in a row, those at one place made one vertex with the mean of the faces' normals:
-    the files have each corner on its own.
+    """Triangles of corners (3 F, 3), merged where they coincide, with the mean of the faces' normals: the files have
+    separate corners for each face.
     """
     low, high = corners.min(axis=0), corners.max(axis=0)
     grid = np.round((corners - low) / np.maximum(high - low, 1e-9) * (2**21 - 1)).astype(np.int64)
     _, first, faces = np.unique(grid @ [1 << 42, 1 << 21, 1], return_index=True, return_inverse=True)
     a, b, c = corners.reshape(-1, 3, 3).swapaxes(0, 1)
-    facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)  # as long as the face is large
-    sums = np.array([np.bincount(faces, weights) for weights in facing.T], dtype=np.float64).T
+    normals = np.repeat(np.cross(b - a, c - a), 3, axis=0)  # weighted by area
+    sums = np.array([np.bincount(faces, weights) for weights in normals.T], dtype=np.float64).T
     normals = sums / np.maximum(np.linalg.norm(sums, axis=-1, keepdims=True), 1e-12)
     return Triangles.of(corners[first], faces.reshape(-1, 3), normals, color)
 
 
 def tracks(gripper: bool, arm: Array, fingers: Array) -> dict[str, Track]:
-    """Each link over time, in the world, at arm joints (T, 7) and fingers (T, 2)."""
+    """The motion of each link in the world, at arm joints (T, 7) and fingers (T, 2)."""
     model, frames = _model(gripper)
     data = model.createData()
     joints = [*ARM_JOINTS, *(FINGER_JOINTS if gripper else ())]

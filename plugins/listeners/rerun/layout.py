@@ -1,4 +1,4 @@
-"""How the viewer arranges a recording when it is opened."""
+"""The arrangement of a recording in the viewer."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from core.scene import Camera
 
 
 @dataclass(frozen=True)
-class Parts:
-    """What there is besides the rollout: a ``row`` of tools, so many metres long (0: none), and so on."""
+class Contents:
+    """What a recording has to show beside the rollout: ``row`` is the length of the row of tools in metres, or 0."""
 
     row: float
     lineage: bool
@@ -19,27 +19,27 @@ class Parts:
     cost: bool
 
 
-def layout(camera: Camera, parts: Parts) -> rrb.Blueprint:
-    """The scene with what goes with it."""
+def layout(camera: Camera, contents: Contents) -> rrb.Blueprint:
+    """The views of the scene, the tools, the texts and the figures."""
     up = (0.0, 0.0, 1.0)
     eye = rrb.EyeControls3D(position=camera.position, look_target=camera.target, eye_up=up)
     scene = rrb.Spatial3DView(origin="/world", name="rollout", eye_controls=eye, line_grid=False)
     below = []
-    if parts.row:
-        away = 0.3 + 0.75 * parts.row
+    if contents.row:
+        away = 0.3 + 0.75 * contents.row
         place = (0.1 * away, -away, 0.25 * away)
         beside = rrb.EyeControls3D(position=place, look_target=(0.0, 0.0, -0.2), eye_up=up)
         below.append(rrb.Spatial3DView(origin="/tools", name="best tools", eye_controls=beside, line_grid=False))
-    if parts.lineage:
+    if contents.lineage:
         below.append(rrb.GraphView(origin="/lineage", name="lineage"))
-    seen = rrb.Vertical(scene, rrb.Horizontal(*below), row_shares=[3, 2]) if below else scene
+    scenes = rrb.Vertical(scene, rrb.Horizontal(*below), row_shares=[3, 2]) if below else scene
     unit = rrb.ScalarAxis(range=(-0.05, 1.05))
     counts = [rrb.TimeSeriesView(origin="/search/reward", name="reward by generation", axis_y=unit)]
-    if parts.tokens:
+    if contents.tokens:
         counts.append(rrb.TimeSeriesView(origin="/search/tokens", name="tokens"))
-    if parts.cost:
+    if contents.cost:
         counts.append(rrb.TimeSeriesView(origin="/search/cost_usd", name="cost in US$"))
-    told = rrb.Vertical(
+    figures = rrb.Vertical(
         rrb.Tabs(
             rrb.TextDocumentView(origin="/text/design", name="design"),
             rrb.TextDocumentView(origin="/text/tools", name="tools"),
@@ -51,7 +51,7 @@ def layout(camera: Camera, parts: Parts) -> rrb.Blueprint:
         row_shares=[3, 2, 2],
     )
     return rrb.Blueprint(
-        rrb.Horizontal(seen, told, column_shares=[3, 2]),
+        rrb.Horizontal(scenes, figures, column_shares=[3, 2]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="sim_time", fps=1.0, play_state="playing", loop_mode="all"),

@@ -1,4 +1,4 @@
-"""Who was mutated or crossed into whom."""
+"""The graph of designs and the designs that they derive from."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ _COLUMN, _ROW = 190.0, 46.0  # of the picture: a generation's, and a rank's
 
 @dataclass
 class Lineage:
-    """Designs by id, each with its place (generation, rank) and its reward, and edges from parent to child.
-
-    What stands in a generation's first ranks is drawn, and all that it derives from.
+    """Designs by id, each with its place (generation, rank) and its reward, and edges from parent to child: the first
+    ranks of each generation, and the designs that they derive from.
     """
 
     places: dict[str, tuple[int, int]] = field(default_factory=dict)
@@ -25,13 +24,13 @@ class Lineage:
     edges: list[tuple[str, str]] = field(default_factory=list)
 
     def add(self, generation: int, ranked: Sequence[Evaluation]) -> None:
-        """Take in a generation's best, the best first."""
+        """Add the best designs of a generation, the best first."""
         for evaluation in ranked:
             candidate = evaluation.candidate
             self._place(candidate.id, generation)
             self.rewards[candidate.id] = evaluation.reward
             for parent in candidate.parents:
-                if parent not in self.places:  # it was no elite of its generation by our count
+                if parent not in self.places:  # it was not in the first ranks of its generation
                     self._place(parent, int(re.findall(r"\d+", parent)[0]))
                 self.edges.append((parent, candidate.id))
 

@@ -1,4 +1,4 @@
-"""Hears what happens in a run and has it written down for Rerun. Nothing that fails here is the run's concern."""
+"""Receives the events of a run and records them for Rerun. No failure in here reaches the run."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ FILE = "recording.rrd"
 
 
 class RerunListener:
-    """Records what can be seen of a run in its folder, in ``recording.rrd``. The first failure is told in one line, and
-    nothing is recorded from there on.
+    """Records a run in ``recording.rrd`` in its folder. The first failure is reported in one line and ends the
+    recording.
 
     Args:
         spawn: show the recording as it grows, in a viewer on this machine that is opened if there is none.
         connect: send it to a viewer elsewhere: ``HOST:PORT``, a port of this machine, or Rerun's own address.
-        elites: play a generation's ``best`` again to be seen, or ``all`` of its best tools, at most ``k_top``.
+        elites: record the rollout of a generation's ``best`` tool, or of ``all`` of its best, at most ``k_top``.
         hz: frames per simulated second.
     """
 
@@ -51,7 +51,7 @@ class RerunListener:
         self._streams: Streams | None = None
         self._writer: Writer | None = None
         self._spent: dict[int, Spending] = {}
-        self._lock = threading.Lock()  # replies come from a thread of their own
+        self._lock = threading.Lock()  # replies come from another thread
 
     @hookimpl
     def run_started(self, run: Run) -> None:
@@ -94,24 +94,24 @@ class RerunListener:
             spent = self._spent.get(generation.index, Spending())
         self._writer.generation(generation, ranked, spent)
         shown = list(enumerate(ranked, start=1))[: None if self._elites == "all" else 1]
-        for rank, evaluation in reversed(shown):  # the best last: it is what stays to be seen
+        for rank, evaluation in reversed(shown):  # the best last: its rollout is the one that stays
             try:
                 played = replay(self._run, evaluation.candidate, self._hz)
             except ValueError as error:
-                self._writer.unseen(generation.index, evaluation, str(error))
+                self._writer.unplayable(generation.index, evaluation, str(error))
             else:
                 self._writer.rollout(generation.index, rank, evaluation, played)
 
     def _attempt(self, function: Callable[..., None], *arguments: object) -> None:
         try:
             function(*arguments)
-        except Exception as error:  # whatever Rerun, the disk or the network raises
+        except Exception as error:  # from Rerun, the disk or the network
             self._writer = None
             _say(f"no recording from here on: {_reason(error)}")
 
 
 def best_tools(generation: Generation, most: int) -> list[Evaluation]:
-    """Of each tool its best candidate, the best tools first, at most so many."""
+    """The best candidate of each tool, the best first, at most ``most``."""
     tools: dict[tuple[int, int, int], Evaluation] = {}
     for evaluation in generation.ranking:
         tools.setdefault(evaluation.candidate.key[:3], evaluation)
@@ -120,7 +120,7 @@ def best_tools(generation: Generation, most: int) -> list[Evaluation]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Rerun, imported here, writes no log lines to the terminal: what fails is raised as well."""
+    """Keep Rerun, imported in the block, from writing log lines to the terminal; failures are raised as well."""
     before = os.environ.get("RUST_LOG")
     os.environ.setdefault("RUST_LOG", "off")
     try:

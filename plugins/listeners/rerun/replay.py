@@ -1,4 +1,4 @@
-"""A candidate's rollout once more, to be looked at."""
+"""A candidate's rollout, repeated to be recorded."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from core.simulation.rollout import prepare
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """What a candidate does: the recording over instants (T,), the reward (T,) if it ended there, nan while the scene
-    settles, and the way of the end-effector's origin, (T, 3).
+    """A recorded rollout: the recording over instants (T,), the reward (T,) if it ended there, nan while the scene
+    settles, and the path of the end-effector's origin, (T, 3).
     """
 
     recording: Recording

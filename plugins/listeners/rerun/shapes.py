@@ -1,4 +1,4 @@
-"""Shapes as triangles that look right when shaded: sharp edges stay sharp, round faces round."""
+"""Shapes as triangles for shading: sharp edges stay sharp, round faces round."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Triangles:
 
     @classmethod
     def of(cls, vertices: Array, faces: npt.NDArray[np.int64], normals: Array, color: Bytes) -> Triangles:
-        """In one colour (4,)."""
+        """Triangles in one colour (4,)."""
         return cls(vertices, faces, normals, np.tile(color, (len(vertices), 1)))
 
     @classmethod
@@ -45,7 +45,7 @@ class Triangles:
         )
 
     def moved(self, pose: Pose) -> Triangles:
-        """From the frame that ``pose`` places to the one that it is given in."""
+        """The triangles, moved by ``pose``."""
         axes = pose.rotation.as_matrix()
         return Triangles(pose.apply(self.vertices), self.faces, self.normals @ axes.T, self.colors)
 
@@ -64,23 +64,23 @@ def _shaded(shape: Shape) -> trimesh.Trimesh:
     return trimesh.graph.smooth_shade(shape.to_trimesh(), angle=_SHARP_RAD)
 
 
-def tool_parts(tool: Tool) -> dict[str, Triangles]:
+def tool_by_mount(tool: Tool) -> dict[str, Triangles]:
     """The tool's components, joined by mount, in that mount's frame."""
     placed = tool.placed()
-    parts: dict[str, list[Triangles]] = {}
+    found: dict[str, list[Triangles]] = {}
     for component in tool.components:
         mount, pose = placed[component.name]
-        parts.setdefault(mount, []).append(triangles(component.shape, component.color).moved(pose))
-    return {mount: Triangles.joined(pieces) for mount, pieces in parts.items()}
+        found.setdefault(mount, []).append(triangles(component.shape, component.color).moved(pose))
+    return {mount: Triangles.joined(pieces) for mount, pieces in found.items()}
 
 
 def tool_alone(tool: Tool) -> Triangles:
     """The whole tool as it hangs from the arm at home, in axes parallel to the world's. It has components."""
-    parts = tool_parts(tool)
-    down = Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, 0.0))  # the hand's axes, and so the fingers', are upside down
+    meshes = tool_by_mount(tool)
+    down = Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, 0.0))  # the axes of the hand and the fingers are upside down
     stands = {
         RIGID_MOUNT: Pose(),
         GRIPPER_MOUNTS[0]: down @ Pose(np.array([0.0, FINGER_OPEN, 0.0])),
         GRIPPER_MOUNTS[1]: down @ Pose(np.array([0.0, -FINGER_OPEN, 0.0])),
     }
-    return Triangles.joined([part.moved(stands[mount]) for mount, part in parts.items()])
+    return Triangles.joined([mesh.moved(stands[mount]) for mount, mesh in meshes.items()])

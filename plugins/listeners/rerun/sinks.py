@@ -1,4 +1,4 @@
-"""Where a recording goes: a file, and viewers that show it as it grows. One that is opened here listens on this machine
+"""The sinks of a recording: a file, and viewers that show it as it grows. A viewer opened here listens on this machine
 only.
 """
 
@@ -22,7 +22,7 @@ _SCREEN_S = 1.0  # it listens before it looks for a screen, and ends if there is
 
 @dataclass(frozen=True)
 class Address:
-    """Where a viewer listens."""
+    """The address of a viewer."""
 
     host: str
     port: int
@@ -30,7 +30,7 @@ class Address:
 
 
 def address(where: int | str) -> Address:
-    """Of ``PORT``, ``HOST:PORT``, or ``rerun+http://HOST:PORT/proxy``.
+    """Read an address: ``PORT``, ``HOST:PORT``, or ``rerun+http://HOST:PORT/proxy``.
 
     Raises:
         UsageError: it is none of these.
@@ -52,7 +52,7 @@ def address(where: int | str) -> Address:
 
 
 def sinks(file: Path, spawn: bool, connect: Address | None, say: Callable[[str], None]) -> dict[str, Any]:
-    """The file, and the viewers that are there, by what a person is told that they are."""
+    """The file, and the viewers that listen, by their names in messages."""
     import rerun as rr
 
     found: dict[str, Any] = {str(file): rr.FileSink(file)}
@@ -61,7 +61,7 @@ def sinks(file: Path, spawn: bool, connect: Address | None, say: Callable[[str],
         if listens(connect.port, connect.host):
             viewers.append(connect)
         else:
-            say(f"nobody listens at {connect.host}:{connect.port}")
+            say(f"no viewer listens at {connect.host}:{connect.port}")
     if spawn:
         if listens(PORT) or _opened():
             viewers.append(address(PORT))
@@ -70,12 +70,12 @@ def sinks(file: Path, spawn: bool, connect: Address | None, say: Callable[[str],
     for viewer in viewers:
         name = f"the viewer at {viewer.host}:{viewer.port}"
         found[name] = rr.GrpcSink(viewer.url)
-        say(f"what is recorded goes to {name} too")
+        say(f"the recording goes to {name} too")
     return found
 
 
 def _opened() -> bool:
-    """Whether a viewer could be opened. It outlives the run."""
+    """Open a viewer, which outlives the run; True if that succeeded."""
     viewer = start_viewer("--port", str(PORT), "--expect-data-soon")
     deadline = time.monotonic() + _WAIT_S
     while not listens(PORT):

@@ -1,4 +1,4 @@
-"""What the model's replies cost."""
+"""The tokens and the cost of the model's replies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T", int, float)
 
 @dataclass(frozen=True)
 class Spending:
-    """Tokens and US dollars; None where nobody knows."""
+    """Tokens and US dollars; None where unknown."""
 
     prompt_tokens: int | None = None
     completion_tokens: int | None = None
@@ -27,8 +27,8 @@ class Spending:
 
     def __str__(self) -> str:
         counts = ((self.prompt_tokens, "in"), (self.completion_tokens, "out"))
-        said = [f"{count} {way}" for count, way in counts if count is not None]
-        return ", ".join([*said, *([f"${self.cost_usd:.4f}"] if self.cost_usd is not None else [])])
+        words = [f"{count} {way}" for count, way in counts if count is not None]
+        return ", ".join([*words, *([f"${self.cost_usd:.4f}"] if self.cost_usd is not None else [])])
 
 
 def _sum(a: T | None, b: T | None) -> T | None:

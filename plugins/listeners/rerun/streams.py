@@ -1,4 +1,4 @@
-"""The same data to several places, of which any may fail without harm to the others."""
+"""Writes the same data to several sinks, each of which may fail without harm to the others."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Path = tuple[str, ...]
 
 
 class Streams:
-    """Streams of one recording, each to a sink of its own. One that fails is told of, and dropped.
+    """Streams of one recording, each to a sink of its own. One that fails is reported and dropped.
 
     There are two timelines, ``sim_time`` in seconds and ``generation``.
 
     Args:
-        sinks: by what a person is told that they are.
+        sinks: by their names in messages.
         name: of the recording.
-        say: tells a person something.
+        say: prints a message.
     """
 
     def __init__(self, sinks: Mapping[str, Any], name: str, say: Callable[[str], None]) -> None:
@@ -44,11 +44,11 @@ class Streams:
         self._each(start)
 
     def __bool__(self) -> bool:
-        """Whether any is left."""
+        """True while any stream is left."""
         return bool(self._streams)
 
     def at(self, sim_time: float, generation: int) -> None:
-        """What is logged from here on begins then."""
+        """Set the time of what is logged next."""
 
         def move(_: str, stream: rr.RecordingStream) -> None:
             stream.set_time("sim_time", duration=sim_time)
@@ -57,29 +57,29 @@ class Streams:
         self._each(move)
 
     def log(self, path: Path, *what: rr.AsComponents, static: bool = False) -> None:
-        """Now, or with ``static`` for all times."""
+        """Log at the time that is set, or with ``static`` for all times."""
         self._each(lambda _, stream: stream.log(list(path), *what, static=static, strict=True))
 
     def columns(self, path: Path, times: Array, generation: int, columns: Any) -> None:
-        """Many rows at once, at instants (T,) of ``sim_time``, all of a generation."""
+        """Log many rows at once, at instants (T,) of ``sim_time``, all in one generation."""
         instants = rr.TimeColumn("sim_time", duration=times)
         same = rr.TimeColumn("generation", sequence=np.full(len(times), generation))
         entity = rr.new_entity_path(list(path))
         self._each(lambda _, stream: stream.send_columns(entity, [instants, same], columns, strict=True))
 
     def arrange(self, blueprint: rr.BlueprintLike) -> None:
-        """How a viewer shows it."""
+        """Send the layout of the viewer."""
         self._each(lambda _, stream: stream.send_blueprint(blueprint))
 
     def flush(self) -> None:
-        """Wait until all is where it goes."""
+        """Wait until all data have arrived."""
         self._each(lambda _, stream: stream.flush(timeout_sec=_FLUSH_S))
 
     def close(self) -> None:
         self.flush()
         for where in list(self._streams):
             if not self._ended(where):
-                self._say(f"{where} does not take what is left")
+                self._say(f"{where} does not take the last of the recording")
 
     def _each(self, function: Callable[[str, rr.RecordingStream], object]) -> None:
         for where, stream in list(self._streams.items()):
@@ -90,7 +90,7 @@ class Streams:
                 self._ended(where)
 
     def _ended(self, where: str) -> bool:
-        """End a stream. One to a viewer that hangs would hold up the process for as long, also when it exits."""
+        """End a stream; True if it ended in time. A viewer that hangs must not hold up the process at its exit."""
         ending = threading.Thread(target=self._streams.pop(where).disconnect, daemon=True)
         ending.start()
         ending.join(_END_S)

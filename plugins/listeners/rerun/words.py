@@ -1,39 +1,29 @@
-"""Texts of a recording. What a model wrote is shown as plain text, never as Markdown, which can fetch pictures and hide
-where a link leads.
+"""Texts of a recording. A model's text is shown as plain text, never as Markdown, which can fetch pictures and hide
+the targets of links.
 """
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Sequence
 
 from core.design import Candidate, Evaluation
 from core.events import Generation, Run
+from core.text import clean
 
 MAX_NAME = 200
 MAX_TEXT = 4000
-_INDENT = "    "  # before every line of a model's, so that none can pass for one of ours
-
-
-def clean(text: str, most: int, *, lines: bool = False) -> str:
-    """Without characters that are not seen or that turn the direction of reading, without needless space, and cut to
-    ``most`` characters; in one line, or with its ``lines``.
-    """
-    seen = "".join(c for c in text[: 4 * most] if c.isspace() or unicodedata.category(c)[0] != "C")
-    rows = [" ".join(row.split()) for row in seen.splitlines()]
-    kept = ("\n" if lines else " ").join(row for row in rows if row)
-    return kept if len(kept) <= most else f"{kept[: most - 1].rstrip()}…"
+_INDENT = "    "  # before every line of a model's, so that it can't be taken for one of ours
 
 
 def design_text(evaluation: Evaluation, replayed: float | None, note: str = "") -> str:
-    """What is to be read beside a candidate. ``replayed``: what the rollout that is shown earned."""
+    """The text beside a candidate; ``replayed`` is the reward of the recorded rollout."""
     candidate = evaluation.candidate
     lines = [
         f"candidate {candidate.id}, reward {evaluation.reward:.3f}, distance {evaluation.distance_m:.2f} m",
         _descent(candidate),
     ]
     if replayed is not None and abs(replayed - evaluation.reward) > 1e-6:
-        lines.append(f"the rollout that is shown earned {replayed:.3f}")
+        lines.append(f"the recorded rollout earned {replayed:.3f}")
     lines += [note] if note else []
     tool = candidate.tool
     if tool is not None and tool.components:
@@ -50,7 +40,7 @@ def design_text(evaluation: Evaluation, replayed: float | None, note: str = "") 
 
 
 def tools_text(ranked: Sequence[Evaluation], reward_save: float) -> str:
-    """What is to be read beside a generation's best tools; those that earned more than ``reward_save`` are elites."""
+    """The text beside a generation's best tools; those that earned more than ``reward_save`` are elites."""
     lines = []
     for rank, evaluation in enumerate(ranked, start=1):
         candidate = evaluation.candidate
@@ -79,7 +69,7 @@ def _quoted(*texts: str) -> list[str]:
 
 
 def run_text(run: Run, generations: Sequence[Generation], spent: Sequence[str]) -> str:
-    """The run so far, in Markdown: nothing in it is a model's. ``spent``: of each generation, tokens and cost."""
+    """The run so far, in Markdown, without any text of the model; ``spent`` is tokens and cost by generation."""
     parts = ", ".join(f"{kind}={name}" for kind, name in run.parts.items())
     lines = [
         f"# {run.task.name}",

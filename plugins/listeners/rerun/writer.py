@@ -1,8 +1,7 @@
-"""What goes into a recording, and when.
+"""The content of a recording.
 
-There are two timelines. ``sim_time`` runs through the rollouts that are shown, one after another, in their own seconds;
-``generation`` counts. What belongs to a generation begins on both where its rollouts begin, so that everything is there
-on either.
+There are two timelines. ``sim_time`` runs through the recorded rollouts, one after another, in simulated seconds;
+``generation`` counts generations. Data of a generation begin on both timelines where its rollouts begin.
 """
 
 from __future__ import annotations
@@ -16,17 +15,17 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Evaluation, Tool
 from core.events import Generation, Run
 from core.geometry import Array, Pose
 from plugins.listeners.rerun.arm import Track, links, tracks
-from plugins.listeners.rerun.layout import Parts, layout
+from plugins.listeners.rerun.layout import Contents, layout
 from plugins.listeners.rerun.lineage import Lineage
 from plugins.listeners.rerun.replay import Replay
-from plugins.listeners.rerun.shapes import Triangles, rgba, tool_alone, tool_parts, triangles
+from plugins.listeners.rerun.shapes import Triangles, rgba, tool_alone, tool_by_mount, triangles
 from plugins.listeners.rerun.spending import Spending
 from plugins.listeners.rerun.streams import Path, Streams
 from plugins.listeners.rerun.words import design_text, run_text, tools_text
 
 _PAUSE_S = 0.5  # between two rollouts
 _GAP_M = 0.08  # between two tools side by side
-_LEAST_M = 0.15  # that a tool is given of the row
+_LEAST_M = 0.15  # of the row for a tool
 _PATH_COLOR = (230, 120, 20)
 _LABEL_COLOR = (90, 90, 90)
 _ELITE_COLOR = (20, 120, 60)
@@ -36,7 +35,7 @@ _MOUNTS = (RIGID_MOUNT, *GRIPPER_MOUNTS)
 
 
 class Writer:
-    """Writes what can be seen of a run."""
+    """Writes a run to a recording."""
 
     def __init__(self, run: Run, streams: Streams) -> None:
         self._run = run
@@ -45,9 +44,9 @@ class Writer:
         self._generations: list[Generation] = []
         self._spent: list[Spending] = []
         self._lineage = Lineage()
-        self._visible: set[Path] = set()  # of what comes and goes
+        self._visible: set[Path] = set()  # of the meshes that come and go
         self._row = 0.0
-        self._arranged: Parts | None = None
+        self._arranged: Contents | None = None
         self._arrange()
         self._scene()
         self._links = links(gripper=True)
@@ -62,7 +61,7 @@ class Writer:
         streams.flush()
 
     def generation(self, generation: Generation, tools: Sequence[Evaluation], spent: Spending) -> None:
-        """A generation's figures, its best ``tools`` side by side, and whom they derive from."""
+        """Write a generation's figures, its best ``tools`` side by side, and the designs that they derive from."""
         self._generations.append(generation)
         self._spent.append(spent)
         self._streams.at(self._clock, generation.index)
@@ -87,7 +86,7 @@ class Writer:
         self._streams.flush()
 
     def rollout(self, generation: int, rank: int, evaluation: Evaluation, replay: Replay) -> None:
-        """The arm, the tool and the scene in motion, the reward, and what the model said of it."""
+        """Write the arm, the tool and the scene in motion, the reward, and the model's description."""
         candidate, recording = evaluation.candidate, replay.recording
         assert candidate.tool is not None
         self._streams.at(self._clock, generation)
@@ -112,10 +111,11 @@ class Writer:
         self._clock = float(times[-1]) + _PAUSE_S
         self._streams.flush()
 
-    def unseen(self, generation: int, evaluation: Evaluation, reason: str) -> None:
-        """Instead of a rollout that can't be shown."""
+    def unplayable(self, generation: int, evaluation: Evaluation, reason: str) -> None:
+        """Write the reason why a rollout can't be shown."""
         self._streams.at(self._clock, generation)
-        text = f"generation {generation}\n{design_text(evaluation, None, f'can not be shown: {reason}')}"
+        note = f"the rollout can't be shown: {reason}"
+        text = f"generation {generation}\n{design_text(evaluation, None, note)}"
         self._put(("text", "design"), rr.TextDocument(text, media_type=rr.MediaType.TEXT))
         self._streams.flush()
 
@@ -135,12 +135,12 @@ class Writer:
         hand = {name: self._links[name] for name in _HAND} if tool.gripper else {}
         for name in _HAND:
             self._show(("world", "robot", name), hand.get(name), once=True)
-        parts = tool_parts(tool)
+        meshes = tool_by_mount(tool)
         for mount in _MOUNTS:
-            self._show(("world", "robot", mount, "tool"), parts.get(mount))
+            self._show(("world", "robot", mount, "tool"), meshes.get(mount))
 
     def _side_by_side(self, tools: Sequence[Evaluation]) -> None:
-        """Each tool as it hangs from the arm at home, in a row along x; ranks from left to right as seen from -y."""
+        """Show each tool as it hangs from the arm at home, in a row along x, ranks from left to right from -y."""
         alone = [tool_alone(e.candidate.tool) for e in tools if e.candidate.tool is not None]
         boxes = [(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)) for mesh in alone]
         widths = [max(high[0] - low[0], _LEAST_M) + _GAP_M for low, high in boxes]
@@ -175,10 +175,10 @@ class Writer:
         """Send the layout, again where there is something new to see."""
         total = sum(self._spent, Spending())
         tokens = total.prompt_tokens is not None or total.completion_tokens is not None
-        parts = Parts(self._row, bool(self._lineage.edges), tokens, total.cost_usd is not None)
-        if parts != self._arranged:
-            self._streams.arrange(layout(self._run.task.camera, parts))
-            self._arranged = parts
+        contents = Contents(self._row, bool(self._lineage.edges), tokens, total.cost_usd is not None)
+        if contents != self._arranged:
+            self._streams.arrange(layout(self._run.task.camera, contents))
+            self._arranged = contents
 
     # --- Rerun --------------------------------------------------------------------------------------------------
 
@@ -189,7 +189,7 @@ class Writer:
         self._streams.log(path, *what, static=True)
 
     def _show(self, path: Path, mesh: Triangles | None, *, once: bool = False) -> None:
-        """What comes and goes; with ``once`` it is the same each time."""
+        """Show or clear a mesh that comes and goes; with ``once`` it is the same each time."""
         if mesh is None:
             if path in self._visible:
                 self._put(path, rr.Clear(recursive=True))

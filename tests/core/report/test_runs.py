@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from core.errors import UserError
-from core.report.methods import group, label
 from core.report.runs import FinishedRun, LeftOutRun, find_runs, natural, read_run, spending
 from core.report.tools import given_tool, winners
-from tests.core.run_folders import hook, result, write_run
+from tests.core.run_folders import result, write_run
 
 
 def folder_state(folder: Path) -> dict[str, tuple[int, int]]:
@@ -188,122 +187,3 @@ def test_a_folder_without_runs_is_refused(tmp_path):
 
 def test_numbers_in_names_sort_by_size():
     assert sorted(["a10", "a9", "10", "b", "9b"], key=natural) == ["9b", "10", "a9", "a10", "b"]
-
-
-# --- methods ------------------------------------------------------------------------------------------------------
-
-
-def config(**choices):
-    base = {
-        "task": {"name": "BringCube", "tool_kinds": ["rigid"], "paper": {"k_top": 5}},
-        "sim": {"name": "pybullet", "time_step": 0.002},
-        "vlm": {"name": "offline"},
-        "tool": {"name": "urdf"},
-        "evolution": {"name": "vlmgineer"},
-        "prompt": {"name": "vlmgineer"},
-        "budget": {"name": "quick", "n_agent": 4, "k_top": 5},
-        "executor": {"name": "local", "workers": None},
-        "listener": {"progress": {}},
-        "seed": 0,
-        "film": True,
-    }
-    for path, value in choices.items():
-        group, _, key = path.partition("__")
-        if key:
-            base[group] = base[group] | {key: value}
-        else:
-            base[group] = {"name": value} if isinstance(value, str) else value
-    return base
-
-
-def labels(*configs, tasks=None):
-    return label([((tasks or ["BringCube"] * len(configs))[i], c) for i, c in enumerate(configs)])
-
-
-def test_methods_are_named_by_the_least_that_tells_them_apart():
-    assert labels(config(), config(evolution="sampling"), config(tool="none"), config(tool="rlbench")) == [
-        "tool=urdf evolution=vlmgineer",
-        "evolution=sampling",
-        "tool=none",
-        "tool=rlbench",
-    ]
-    assert labels(config(), config(sim="sapien")) == ["sim=pybullet", "sim=sapien"]
-    assert labels(config(), config(fitness="robust")) == ["no fitness", "fitness=robust"]
-
-
-def test_seed_workers_listeners_and_films_make_no_method():
-    assert len(set(labels(config(), config(seed=3, film=False, executor="ray", listener={"rerun": {}})))) == 1
-
-
-def test_runs_that_are_all_alike_are_named_too():
-    assert labels(config(), config()) == ["tool=urdf evolution=vlmgineer vlm=offline"] * 2
-
-
-def test_a_setting_makes_a_method_where_the_choices_are_the_same():
-    assert labels(config(), config(budget__n_agent=8)) == ["budget.n_agent=4", "budget.n_agent=8"]
-    assert labels(config(), config(task__tool_kinds=["gripper"])) == [
-        'task.tool_kinds=["rigid"]',
-        'task.tool_kinds=["gripper"]',
-    ]
-
-
-def test_what_follows_from_a_choice_or_from_the_task_makes_none():
-    quick, paper = config(), config(budget={"name": "paper", "n_agent": 20, "k_top": 5})
-    other = config(budget={"name": "paper", "n_agent": 30, "k_top": 7}, task__name="LiftBox")
-    assert labels(quick, paper, other, tasks=["BringCube", "BringCube", "LiftBox"]) == [
-        "budget=quick",
-        "budget=paper",
-        "budget=paper",
-    ]
-
-
-def test_runs_are_grouped_and_left_out_ones_counted(tmp_path):
-    for seed in (0, 1):
-        write_run(tmp_path / f"ours{seed}", f"seed={seed}", rewards=[[0.5 + seed / 4]])
-    write_run(tmp_path / "ours2", "seed=2", rewards=[[0.9]], finish=False)
-    write_run(tmp_path / "ours3", "seed=3", rewards=[[None]])
-    write_run(tmp_path / "sampled", "evolution=sampling", rewards=[[0.4]])
-    write_run(tmp_path / "book", "task=OneBook", rewards=[[0.3]])
-    groups = group(*find_runs([tmp_path]))
-    assert [(g.task, g.method, g.rewards, g.left_out) for g in groups] == [
-        ("BringCube", "evolution=vlmgineer", [0.5, 0.75], 2),
-        ("BringCube", "evolution=sampling", [0.4], 0),
-        ("OneBook", "evolution=vlmgineer", [0.3], 0),
-    ]
-
-
-def test_of_equal_rewards_the_shorter_distance_is_the_best(tmp_path):
-    for seed, distance in ((0, 2.0), (1, 0.5), (2, 1.0)):
-        write_run(tmp_path / str(seed), f"seed={seed}", rewards=[[0.5]], distances=[distance])
-    (g,) = group(*find_runs([tmp_path]))
-    assert (g.best.seed, g.best.best.distance_m) == (1, 0.5)
-
-
-# --- tools --------------------------------------------------------------------------------------------------------
-
-
-def test_winners_are_the_best_of_each_shape(tmp_path):
-    tools = [hook(0.3, "long"), hook(0.2, "short"), hook(0.3, "long again")]
-    folder = write_run(tmp_path / "run", rewards=[[0.5, 0.9, 0.7], [0.8, 0.1, 0.2]], tools=tools)
-    run = read_run(folder)
-    assert [(w.name, w.reward, w.generation) for w in winners(run)] == [("short", 0.9, 0), ("long", 0.8, 1)]
-    assert [w.name for w in winners(run, 1)] == ["short"]
-    assert [(w.name, w.reward) for w in winners(run, generation=0)] == [("short", 0.9), ("long again", 0.7)]
-    assert winners(run)[0].candidate == run.best.candidate
-
-
-def test_given_tools_are_known(tmp_path):
-    bare = read_run(write_run(tmp_path / "bare", "tool=none"))
-    stick = read_run(write_run(tmp_path / "stick", "tool=rlbench"))
-    assert given_tool(bare).components == ()
-    assert given_tool(stick).name == "stick"
-    assert [w.name for w in winners(stick)] == ["stick"]
-
-
-def test_parts_that_are_not_installed_are_said_to_be(tmp_path):
-    folder = write_run(tmp_path / "run")
-    with sqlite3.connect(folder / "run.sqlite") as database:
-        text = database.execute("SELECT config FROM run").fetchone()[0]
-        database.execute("UPDATE run SET config = ?", [text.replace('"BringCube"', '"Elsewhere"')])
-    with pytest.raises(UserError, match="no task 'Elsewhere'"):
-        winners(read_run(folder))

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-import unicodedata
 from collections import defaultdict
 from dataclasses import replace
 from functools import partial
@@ -15,8 +14,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
 from core.config.compose import load
@@ -31,7 +28,7 @@ from core.robot.kinematics import arm
 from core.simulation.rollout import evaluate_batch
 from core.view import end, free_port, listens, start_viewer
 from plugins.listeners.rerun.sinks import address
-from plugins.listeners.rerun.words import MAX_NAME, MAX_TEXT, clean
+from plugins.listeners.rerun.words import MAX_TEXT
 
 SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
 TASK = installed().create("task", "BringCube")
@@ -266,24 +263,6 @@ def test_a_models_words_are_plain_text_that_can_fake_nothing(recorded):
     assert not any("evil" in path or "hook" in path for path in recording.rows)
 
 
-def test_clean():
-    assert clean("a\tb\n c", 10) == "a b c"
-    assert clean("a\x1bb\u202ec", 10, lines=True) == "abc"
-    assert clean("one\r\ntwo\u2029three", 99, lines=True) == "one\ntwo\nthree"
-    assert clean("x" * 11, 10) == "x" * 9 + "…"
-    assert MAX_NAME < MAX_TEXT
-
-
-@given(st.text(st.characters(), max_size=60), st.integers(1, 40), st.booleans())
-def test_clean_of_anything(text, most, lines):
-    cleaned = clean(text, most, lines=lines)
-    assert len(cleaned) <= most
-    assert clean(cleaned, most, lines=lines) == cleaned
-    shown = cleaned.replace("\n", "") if lines else cleaned
-    assert not any(unicodedata.category(c).startswith(("C", "Zl", "Zp")) for c in shown)
-    cleaned.encode()  # no lone surrogates
-
-
 def test_it_opens_arranged(recorded):
     recording, _ = recorded
     for view in ("rollout", "best tools", "lineage", "design", "reward by generation", "tokens", "cost in US$"):
@@ -358,10 +337,10 @@ def test_a_full_disk(tmp_path):
     assert line.startswith(f"rerun: nothing more goes to {tmp_path / 'recording.rrd'}: ")
 
 
-def test_a_rollout_that_breaks_is_told_in_its_place(tmp_path, generations, capfd):
+def test_a_rollout_that_breaks_is_reported_in_its_place(tmp_path, generations, capfd):
     play(run_in(tmp_path, None), generations)
     recording = Recording(tmp_path / "recording.rrd")
-    assert "can not be shown: the run has no simulator" in recording.values("/text/design", "text")[0]
+    assert "the rollout can't be shown: the run has no simulator" in recording.values("/text/design", "text")[0]
     assert len(recording.values("/search/reward/best", "scalars")) == 2
     assert said(capfd) == []
 
@@ -393,7 +372,7 @@ def server(tmp_path):
 def test_what_is_streamed_is_what_is_in_the_file(tmp_path, simulator, generations, server, capfd):
     port, _ = server
     play(run_in(tmp_path, simulator), generations, connect=port)
-    assert said(capfd) == [f"rerun: what is recorded goes to the viewer at 127.0.0.1:{port} too"]
+    assert said(capfd) == [f"rerun: the recording goes to the viewer at 127.0.0.1:{port} too"]
     kept = Recording(tmp_path / "recording.rrd")
     deadline = time.monotonic() + 30
     while time.monotonic() < deadline:
@@ -423,14 +402,16 @@ def test_a_viewer_that_hangs_holds_nothing_up(tmp_path, simulator, generations, 
     os.killpg(viewer.pid, signal.SIGKILL)
     _, line = said(capfd)  # it depends on how much is still taken on the way there
     where = f"the viewer at 127.0.0.1:{port}"
-    assert line.startswith((f"rerun: nothing more goes to {where}: ", f"rerun: {where} does not take what is left"))
+    assert line.startswith(
+        (f"rerun: nothing more goes to {where}: ", f"rerun: {where} does not take the last of the recording")
+    )
     assert len(Recording(tmp_path / "recording.rrd").values("/text/design", "text")) == 2
 
 
 def test_nobody_listens(tmp_path, simulator, generations, capfd):
     port = free_port()
     play(run_in(tmp_path, simulator), generations[:1], connect=f"127.0.0.1:{port}")
-    assert said(capfd) == [f"rerun: nobody listens at 127.0.0.1:{port}"]
+    assert said(capfd) == [f"rerun: no viewer listens at 127.0.0.1:{port}"]
     assert len(Recording(tmp_path / "recording.rrd").values("/text/design", "text")) == 1
 
 

@@ -14,7 +14,7 @@ from core.design import Candidate, Evaluation
 from core.events import Generation, Result, Run
 from core.interfaces import Reply
 from core.plugins import event_hub, installed
-from core.report.tables import number
+from core.report.formats import number
 from tests.core.run_folders import hook
 
 TINY = [
