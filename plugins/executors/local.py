@@ -1,7 +1,7 @@
-"""Worker processes on this machine.
+"""``executor=local``: worker processes on this machine.
 
-Each worker has a pipe of its own, and a thread here that waits at its end. Workers share no lock and no queue, so that
-one that dies, however and whenever, is noticed at once and takes nothing along but its chunk.
+Each worker has a pipe of its own, and a thread here that waits at its end. Workers share no lock and no queue. So the
+death of a worker is noticed at once, and costs nothing but its chunk.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from core.search.dispatch import dispatch, time_limit
 A = TypeVar("A")
 B = TypeVar("B")
 
-# A library's threads inside several workers only fight for the same cores; read when a worker imports it.
+# Threads of libraries in several workers would compete for the same cores. Read when a worker imports a library.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _STARTS = 3  # tries to get a chunk into a process
 _START_S = 120.0  # for each
 
 _spawn = multiprocessing.get_context("spawn")
-_reaping = threading.Lock()  # of two threads that wait for one process, one would not learn its exit code
+_reaping = threading.Lock()  # if two threads wait for one process, one does not get its exit code
 
 
 @hookimpl
@@ -44,14 +44,14 @@ def executors() -> Mapping[str, Callable[..., Executor]]:
 
 
 class LocalExecutor(Executor):
-    """Long-lived processes, started when there are chunks for them. One that dies takes along its own chunk only.
+    """Long-lived processes, started when there are chunks for them. One that dies costs its own chunk only.
 
     Args:
-        workers: how many; None: as many as there are cores, or one for an engine that steps many worlds at once.
-        timeout_s: for a candidate, and for a chunk of up to ten; one that takes longer is given up and its worker
-            replaced. None: never.
-        memory_mb: that a worker may take for its data; beyond it memory is refused, which ends the chunk and the
-            worker. None: as much as there is. Only Linux keeps to it.
+        workers: the number of processes; None: one for each core, or a single one for an engine with batches.
+        timeout_s: seconds for a candidate, and for a chunk of up to ten. A chunk that takes longer is given up, and its
+            worker is replaced. None: no limit.
+        memory_mb: megabytes for a worker's data. A worker that needs more gets no memory, which ends the chunk and the
+            worker. None: no limit. Only Linux enforces it.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class LocalExecutor(Executor):
         if workers is not None and workers < 1:
             raise UsageError(f"executor.workers must be at least 1, got {workers}")
         self.workers = workers if workers is not None else _cores()
-        self._free = workers is None  # to choose another number
+        self._choose = workers is None  # the number may follow the engine
         if timeout_s is not None:
             check_positive("executor.", timeout_s=timeout_s)
         if memory_mb is not None:
@@ -70,8 +70,8 @@ class LocalExecutor(Executor):
         self._pool: list[_Worker] = []
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        """See `Executor.map` and `core.search.dispatch.deal`."""
-        count = 1 if self._free and getattr(function, "batch", 1) > 1 else self.workers
+        """See `Executor.map` and `core.search.dispatch.dispatch`."""
+        count = 1 if self._choose and getattr(function, "batch", 1) > 1 else self.workers
         self._pool = self._pool or [_Worker(self._timeout_s, self._memory_mb) for _ in range(count)]
         return dispatch([partial(worker.call, function) for worker in self._pool], chunks)
 
@@ -84,11 +84,11 @@ class LocalExecutor(Executor):
 
 
 class _Died(Exception):
-    """A process ended; says how."""
+    """A worker process ended; says how."""
 
 
 class _Worker:
-    """One process, started when it is needed, and anew when it died."""
+    """One process, started when it is needed, and started again when it has died."""
 
     def __init__(self, timeout_s: float | None, memory_mb: int | None) -> None:
         self._timeout_s = timeout_s
@@ -100,16 +100,16 @@ class _Worker:
         self._closed = False
 
     def call(self, function: Callable[[A], B], chunk: A) -> B | Exception:
-        """What ``function`` makes of ``chunk`` in the process, or an exception that says why nothing came of it.
+        """Return the result of ``function`` for ``chunk``, or an exception that says why there is none.
 
         Raises:
-            UserError: no process could be made to take the chunk.
+            UserError: no process could be started that takes the chunk.
         """
         job = pickle.dumps((function, chunk))
         with self._calling:
             result = self._try(job, chunk)
             if self._used and not self._closed and isinstance(result, _Died | MemoryError):
-                # What was left in the process by chunks before may be to blame.
+                # Earlier chunks may have left something in the process that is to blame.
                 self._bury()
                 result = self._try(job, chunk)
             self._used = True
@@ -119,7 +119,7 @@ class _Worker:
             return RuntimeError(str(result)) if isinstance(result, _Died) else result
 
     def _try(self, job: bytes, chunk: Any) -> Any:
-        """What the process makes of the job, or an exception."""
+        """Return the process's result for the job, or an exception."""
         try:
             self._hand_over(job)
             return self._receive(time_limit(self._timeout_s, chunk))
@@ -130,10 +130,10 @@ class _Worker:
             return RuntimeError(f"the rollout took longer than executor.timeout_s={self._timeout_s:g} and was given up")
 
     def _hand_over(self, job: bytes) -> None:
-        """Until the process says that it has the job.
+        """Send the job, until a process confirms it.
 
         Raises:
-            UserError: it never does.
+            UserError: no process does.
         """
         for attempt in range(1, _STARTS + 1):
             if self._process is None or not self._process.is_alive():
@@ -161,7 +161,7 @@ class _Worker:
                 # The process inherits it: Ctrl-C is not for it, not even while it starts.
                 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             if multiprocessing.get_start_method() not in multiprocessing.get_all_start_methods():
-                # In a job of joblib's it is joblib's own, which a process is told of and does not know.
+                # In a job of joblib it is joblib's own method, whose name a new process would not know.
                 multiprocessing.set_start_method("spawn", force=True)
             self._pipe, theirs = _spawn.Pipe()
             self._process = _spawn.Process(target=_work, args=[theirs, self._memory_mb], name="worker", daemon=True)
@@ -170,10 +170,10 @@ class _Worker:
             theirs.close()
 
     def _receive(self, timeout_s: float | None) -> Any:
-        """What the process sends next.
+        """Return what the process sends next.
 
         Raises:
-            TimeoutError: nothing came in time.
+            TimeoutError: nothing arrived in time.
         """
         process, pipe = self._process, self._pipe
         assert process is not None
@@ -189,7 +189,7 @@ class _Worker:
         raise _Died(f"the worker process died (exit code {process.exitcode})")
 
     def _bury(self) -> None:
-        """End the process, whatever it does, and leave nothing of it."""
+        """End the process at once, and let go of all that belongs to it."""
         if self._process is not None:
             self._process.kill()
             with _reaping:
@@ -200,34 +200,34 @@ class _Worker:
             self._pipe = None
 
     def kill(self) -> None:
-        """End the process for good; whoever waits for it learns that it died."""
+        """End the process for good; a thread that waits for it gets `_Died`."""
         with _reaping:
             self._closed = True
             if self._process is not None:
                 self._process.kill()
 
     def close(self) -> None:
-        """See that it is gone, after `kill`."""
+        """Wait until the process is gone, after `kill`."""
         with self._calling:
             self._bury()
 
 
 def _work(pipe: Connection[Any, Any], memory_mb: int | None) -> None:
-    """A worker process's life: job after job, until the pipe ends because the other process closed it or is gone."""
+    """Do job after job in the worker process, until the other end of the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if memory_mb is not None:
         _limit_memory(memory_mb * 2**20)
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
 
-    def listen() -> None:
+    def receive() -> None:
         try:
             while True:
                 jobs.put(pipe.recv_bytes())
         except (EOFError, OSError):
             os._exit(0)
 
-    # In a thread, so that the end is heard in the middle of a job too.
-    threading.Thread(target=listen, name="jobs", daemon=True).start()
+    # In a thread, so that the pipe's end is noticed during a job too.
+    threading.Thread(target=receive, name="jobs", daemon=True).start()
     give_back = _give_back()
     while True:
         function, chunk = pickle.loads(jobs.get())  # noqa: S301  # from the process that started this one
@@ -244,7 +244,7 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None) -> None:
 
 
 def _give_back() -> Callable[[int], object]:
-    """The GNU allocator's way to give free memory back; left alone it keeps ever more of it."""
+    """Return the GNU allocator's function that returns free memory to the system; by itself it keeps ever more."""
     try:
         trim: Callable[[int], object] = ctypes.CDLL(None).malloc_trim
     except (AttributeError, OSError, TypeError):  # other systems have other allocators
@@ -253,8 +253,9 @@ def _give_back() -> Callable[[int], object]:
 
 
 def _limit_memory(limit: int) -> None:
-    """Of the process's data, that is; addresses that are only reserved, as graphics drivers do, don't count. And no
-    image of a dead worker's memory is to be left anywhere.
+    """Limit the memory of the process's data, and write no core files.
+
+    Addresses that are only reserved, as by graphics drivers, don't count.
     """
     if sys.platform == "win32":
         return
@@ -267,14 +268,14 @@ def _limit_memory(limit: int) -> None:
 
 
 def _portable(error: Exception) -> Exception:
-    """``error``, or what is left of it where it can't travel."""
+    """Return ``error``, or a RuntimeError with its text where it can't be pickled."""
     try:
         pickle.loads(pickle.dumps(error))  # noqa: S301
-    except Exception:  # whatever its class does
+    except Exception:  # its class may do anything
         return RuntimeError(f"{type(error).__name__}: {error}")
     return error
 
 
 def _cores() -> int:
-    """Cores that this process may use."""
+    """Count the cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -10,7 +10,7 @@ from core.interfaces import Evaluate, Fitness
 
 
 class Nominal(Fitness):
-    """The reward in the engine that ``sim`` names, with the scene as the task has it."""
+    """The reward in the run's engine, in the scene as the task has it."""
 
     def __init__(self, evaluator: Evaluate) -> None:
         self._evaluator = evaluator

@@ -1,4 +1,4 @@
-"""Workers on a Ray cluster."""
+"""``executor=ray``: workers on a Ray cluster."""
 
 from collections.abc import Mapping
 

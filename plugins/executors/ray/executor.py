@@ -1,7 +1,7 @@
 """Workers on a Ray cluster: actors that live as long as their node, each with one chunk at a time.
 
-A chunk has no actor of its own: it waits for whichever is free next. So nothing waits for an actor that the cluster has
-no room for, be it from the start or since a node was lost.
+A chunk waits for the next free actor. So no chunk waits for an actor that the cluster has no room for, from the start
+or since a node was lost.
 """
 
 from __future__ import annotations
@@ -28,26 +28,27 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 _REACH_S = 5.0
-_STARTS = 3  # tries to get a worker going
-_PATIENCE_S = 30.0  # until it is told that there are no workers yet
-_END_S = 10.0  # for calls under way to notice that their workers are gone
+_STARTS = 3  # attempts to start a worker
+_PATIENCE_S = 30.0  # then standard error says that no worker has started
+_END_S = 10.0  # for calls in progress to notice that their workers are gone
 
 
 class RayExecutor(Executor):
-    """Long-lived workers on the nodes of a Ray cluster, where this program has to be installed as it is here. What is
-    lost with a worker or its node is tried again elsewhere.
+    """Long-lived workers on the nodes of a Ray cluster, where the same version of this program has to be installed.
+
+    A chunk that is lost with a worker or its node is tried again elsewhere.
 
     Args:
-        address: of a cluster that is there: ``HOST:PORT``, ``ray://HOST:PORT`` or ``auto``; None: one is started on
+        address: of a running cluster: ``HOST:PORT``, ``ray://HOST:PORT`` or ``auto``; None: a cluster is started on
             this machine, and ends with the run.
-        workers: how many; None: as many as there are cores and graphics cards for, or one for an engine that steps
-            many worlds at once without a card.
-        num_cpus: cores that the cluster sets aside for each.
-        num_gpus: graphics cards that it sets aside for each; 0.5: two share one.
-        retries: of a chunk whose worker is lost.
-        timeout_s: for a candidate, and for a chunk of up to ten; one that takes longer is given up and its worker
-            replaced. None: never. Waiting for room on the cluster does not count.
-        dashboard: Ray's, on http://127.0.0.1:8265, of a cluster that is started here.
+        workers: the number of workers; None: as many as the cluster's cores and graphics cards allow, or one for an
+            engine with batches that uses no card.
+        num_cpus: cores that the cluster reserves for each worker.
+        num_gpus: graphics cards that it reserves for each worker; with 0.5 two workers share one.
+        retries: how often a chunk is tried again after its worker was lost.
+        timeout_s: seconds for a candidate, and for a chunk of up to ten. A chunk that takes longer is given up, and its
+            worker is replaced. None: no limit. Waiting for room on the cluster does not count.
+        dashboard: start Ray's dashboard on http://127.0.0.1:8265, for a cluster that is started here.
     """
 
     def __init__(
@@ -91,11 +92,11 @@ class RayExecutor(Executor):
         self._crew: _Crew | None = None
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        """See `Executor.map` and `core.search.dispatch.deal`."""
+        """See `Executor.map` and `core.search.dispatch.dispatch`."""
         if self._crew is None:
             self._connect()
             count = self._workers or self._room(getattr(function, "batch", 1) > 1)
-            actor = self._ray.remote(_Hands).options(
+            actor = self._ray.remote(_Worker).options(
                 num_cpus=self._num_cpus, num_gpus=self._num_gpus, max_restarts=0, scheduling_strategy="SPREAD"
             )
             self._crew = _Crew(self._ray, actor, count, self._retries, self._timeout_s)
@@ -103,7 +104,7 @@ class RayExecutor(Executor):
         return dispatch([partial(self._crew.call, function)] * self._crew.count, chunks)
 
     def _room(self, batches: bool) -> int:
-        """Workers that the cluster has room for, at least one; ``batches``: each has use for all of a machine.
+        """Count the workers that the cluster has room for, at least one; with ``batches`` one uses a whole machine.
 
         Raises:
             UserError: it has fewer graphics cards than one worker needs.
@@ -120,7 +121,7 @@ class RayExecutor(Executor):
         return max(1, int(room))
 
     def _connect(self) -> None:
-        """To the cluster, or start one.
+        """Connect to the cluster, or start one.
 
         Raises:
             UserError: there is no cluster, or it can't be used.
@@ -135,7 +136,7 @@ class RayExecutor(Executor):
                 "include_dashboard": self._dashboard,
                 "dashboard_host": "127.0.0.1",
             }
-        self._connected = True  # and be it in part
+        self._connected = True  # perhaps in part only
         with _signals_kept(), nullcontext() if self._address else _loopback(self._ray):
             try:
                 self._ray.init(**settings, logging_level=logging.ERROR, configure_logging=False, log_to_driver=False)
@@ -155,10 +156,10 @@ class RayExecutor(Executor):
 
 
 def _reach(address: str) -> None:
-    """Refuse an address where nobody listens; Ray itself would try for minutes.
+    """Check that something listens at the address; Ray itself would try for minutes.
 
     Raises:
-        UserError: says so.
+        UserError: nothing does.
     """
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if address in ("auto", "local"):
@@ -168,14 +169,12 @@ def _reach(address: str) -> None:
     try:
         socket.create_connection((host, int(port)), timeout=_REACH_S).close()
     except (OSError, OverflowError) as error:
-        raise UserError(f"executor.address={address}: nobody answers there ({error})") from error
+        raise UserError(f"executor.address={address}: nothing answers there ({error})") from error
 
 
 @contextmanager
 def _loopback(ray: Any) -> Iterator[None]:
-    """A cluster that is started within listens on 127.0.0.1 only, as Ray has it on macOS and Windows, and not on all
-    addresses of the machine.
-    """
+    """Let a cluster that is started within listen on 127.0.0.1 only, as on macOS and Windows, not on all addresses."""
     constants = ray._private.ray_constants
     before = constants.ENABLE_RAY_CLUSTER
     constants.ENABLE_RAY_CLUSTER = False
@@ -187,7 +186,7 @@ def _loopback(ray: Any) -> Iterator[None]:
 
 @contextmanager
 def _signals_kept() -> Iterator[None]:
-    """Ray takes over SIGTERM; how this program ends is its own business."""
+    """Keep this program's signal handlers: Ray replaces the one for SIGTERM."""
     mine = threading.current_thread() is threading.main_thread()
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)} if mine else {}
     try:
@@ -198,7 +197,7 @@ def _signals_kept() -> Iterator[None]:
 
 
 class _Crew:
-    """``count`` actors. One that is lost is replaced, on whatever node has room."""
+    """``count`` actors. One that is lost is replaced, on any node that has room."""
 
     def __init__(self, ray: Any, actor: Any, count: int, retries: int, timeout_s: float | None) -> None:
         self.count = count
@@ -206,12 +205,12 @@ class _Crew:
         self._make = actor
         self._retries = retries
         self._timeout_s = timeout_s
-        self._actors: set[Any] = set()  # ready ones, busy ones, and those that wait for room
-        # Actors, or a UserError, where there will be none; None is the end.
+        self._actors: set[Any] = set()  # ready, busy, or waiting for room
+        # Free actors; a UserError if there will be none; None at the end.
         self._free: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._lock = threading.Condition()
         self._waiting = 0  # threads in Ray's code
-        self._begun = self._told = self._closed = False
+        self._begun = self._warned = self._closed = False
 
     def gather(self, function: Callable[..., Any]) -> None:
         """Start the actors that are missing."""
@@ -221,10 +220,10 @@ class _Crew:
             self._hire(pickle.dumps(function))
 
     def call(self, function: Callable[[A], B], chunk: A) -> B | Exception:
-        """What ``function`` makes of ``chunk`` in the next free actor, or an exception: why nothing came of it.
+        """Return the result of ``function`` for ``chunk``, or an exception that says why there is none.
 
         Raises:
-            UserError: no actor could be made to work.
+            UserError: no actor could be started.
         """
         job = pickle.dumps((function, chunk))
         limit = time_limit(self._timeout_s, chunk)
@@ -247,16 +246,16 @@ class _Crew:
         return RuntimeError(f"the worker was lost {1 + self._retries} times: {why}")
 
     def _take(self, function: Callable[..., Any]) -> Any:
-        """The next actor that is free, and still there; None: the executor is closed.
+        """Take the next free actor that is still alive; None: the executor is closed.
 
         Raises:
-            UserError: there will be none.
+            UserError: no actor can be started.
         """
         while True:
             try:
                 actor = self._free.get(timeout=_PATIENCE_S)
             except queue.Empty:
-                self._tell()
+                self._warn()
                 continue
             if isinstance(actor, UserError):
                 self._free.put(actor)  # for the others
@@ -264,24 +263,24 @@ class _Crew:
             if actor is None:
                 return None
             try:
-                self._wait(actor.there.remote(), None)
+                self._wait(actor.ping.remote(), None)
             except self._ray.exceptions.RayError:  # its node was lost while it had nothing to do
                 self._replace(actor, function)
             else:
                 return actor
 
-    def _tell(self) -> None:
-        """Say, once, that nothing has begun yet: whoever waits for a cluster's room ought to know."""
+    def _warn(self) -> None:
+        """Say once that no worker has started yet: the cluster may have no room."""
         with self._lock:
-            waits, self._told = not (self._begun or self._told), True
-        if waits:
+            first, self._warned = not (self._begun or self._warned), True
+        if first:
             sys.stderr.write(f"executor=ray: no worker has started for {_PATIENCE_S:.0f} s; has the cluster room?\n")
 
     def _hire(self, function: bytes) -> None:
         threading.Thread(target=self._start, args=[function], name="hire", daemon=True).start()
 
     def _start(self, function: bytes) -> None:
-        """Start an actor and see that it can do its work."""
+        """Start an actor, and check that it can work."""
         why = ""
         for _ in range(_STARTS):
             with self._lock:
@@ -326,7 +325,7 @@ class _Crew:
             self._ray.kill(actor)
 
     def close(self) -> None:
-        """End the actors; whoever waits for one learns of it, before Ray itself goes."""
+        """End the actors. Threads that wait for one notice it before Ray itself is shut down."""
         with self._lock:
             self._closed = True
             actors = list(self._actors)
@@ -342,15 +341,15 @@ def _first_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {str(error).strip()}".splitlines()[0]
 
 
-class _Hands:
-    """The actor: takes a pickled function and chunk, and gives back what came of them, pickled."""
+class _Worker:
+    """The actor: it calls a pickled function with a pickled chunk, and returns the pickled result."""
 
     def ready(self, function: bytes) -> None:
-        """Import what ``function`` needs, which takes a while and counts for no chunk."""
+        """Import what ``function`` needs. It takes a while, and counts for no chunk's time."""
         pickle.loads(function)  # noqa: S301  # from the process that started this one
 
-    def there(self) -> None:
-        """It is."""
+    def ping(self) -> None:
+        """Do nothing: the actor is alive."""
 
     def work(self, job: bytes) -> bytes:
         try:
@@ -361,9 +360,9 @@ class _Hands:
 
 
 def _portable(error: Exception) -> bytes:
-    """``error`` pickled, or what is left of it where it can't travel."""
+    """Pickle ``error``, or a RuntimeError with its text where it can't be pickled."""
     try:
         pickle.loads(data := pickle.dumps(error))  # noqa: S301
-    except Exception:  # whatever its class does
+    except Exception:  # its class may do anything
         return pickle.dumps(RuntimeError(f"{type(error).__name__}: {error}"))
     return data

@@ -1,4 +1,4 @@
-"""``fitness=robust``: the mean reward over perturbed scenes, in that engine where it is the lowest."""
+"""Evaluate candidates in perturbed scenes and several engines."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from core.simulation.rollout import Evaluator
 
 
 class Robust(Fitness):
-    """The mean reward over perturbed scenes in that engine of ``sims`` where it is the lowest.
+    """The lowest, over the engines ``sims``, of the mean rewards over perturbed scenes.
 
     Args:
-        evaluator: the task, its layout and how plans are executed; its engine's settings hold where ``sims`` names it.
+        evaluator: the task, its layout, how plans are executed, and the settings of its engine if ``sims`` names it.
         sims: see `core.simulation.robustness.engines`.
         seeds: of the perturbations; each costs a rollout in each engine.
-        perturbation: how far they go at most.
+        perturbation: the ranges of the perturbations.
 
     Raises:
         UserError: an engine or a seed that can't be used.

@@ -234,5 +234,5 @@ def test_a_cluster_that_is_not_there():
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    with pytest.raises(UserError, match=rf"127.0.0.1:{port}: nobody answers there"):
+    with pytest.raises(UserError, match=rf"127.0.0.1:{port}: nothing answers there"):
         executor(address=f"127.0.0.1:{port}")
