@@ -1,0 +1,113 @@
+"""The lowest mean reward over perturbed scenes and engines; the engines are PyBullet with different settings."""
+
+import json
+import pickle
+import sqlite3
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from omegaconf import OmegaConf
+
+from core.config.compose import load, part
+from core.config.settings import PerturbationRange
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UserError
+from core.interfaces import RolloutSettings
+from core.plugins import installed
+from core.search.orchestration import run
+from core.simulation.robustness import engines, perturbed
+from core.simulation.rollout import Evaluator
+from tests.core.simulation.test_robustness import BENCH, COARSE, TASK
+
+ROOT = Path(__file__).parents[3]
+
+
+def solution():
+    task = TASK.create()
+    document = load_designs(ROOT / "tests" / "tasks" / "solutions" / "BringCube.json")
+    return read_designs(document, installed().create("tool", "urdf"), SpawnRules(task, 0))[0]
+
+
+def fitness(config, evaluator):
+    return part("fitness", OmegaConf.create(config)).create(evaluator=evaluator)
+
+
+def test_transfer_and_robust_begin_alike():
+    transfer = yaml.safe_load((ROOT / "conf" / "transfer.yaml").read_text())
+    robust = yaml.safe_load((ROOT / "conf" / "fitness" / "robust.yaml").read_text())
+    assert all(transfer[key] == robust[key] for key in ("sims", "seeds", "perturbation"))
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        ({"name": "robus"}, r"no fitness 'robus' \(did you mean 'robust'\?\); possible: nominal, robust"),
+        ({"name": "nominal", "seeds": [1]}, "no setting 'seeds' in fitness=nominal"),
+        ({"name": "robust", "seeds": ["a"]}, "fitness=robust: setting 'seeds' can't be"),
+        ({"name": "robust", "seeds": []}, "seeds must be one or more different numbers"),
+        ({"name": "robust", "seeds": [1, 1]}, "seeds must be one or more different numbers"),
+        ({"name": "robust", "seeds": [-1]}, "seeds must be one or more different numbers"),
+        ({"name": "robust", "perturbation": {"mass": 2}}, "perturbation.mass must be 0 or greater and less than 1"),
+        ({"name": "robust", "sims": []}, "sims: name at least one engine"),
+        ({"name": "robust", "sims": ["pybulet"]}, r"no sim 'pybulet' \(did you mean 'pybullet'\?\); possible: "),
+        ({"name": "robust", "sims": ["pybullet", "pybullet"]}, "sims: 'pybullet' is repeated"),
+        ({"name": "robust", "sims": [{"time_step": 0.1}]}, "names no engine"),
+        ({"name": "robust", "sims": [COARSE | {"timestep": 1}]}, r"'timestep' in sim=pybullet \(did you mean"),
+        ({"name": "robust", "sims": [COARSE | {"time_step": 1}]}, "sim.time_step must be at most"),
+    ],
+)  # fmt: skip
+def test_a_wrong_setting_is_reported(config, said):
+    with pytest.raises(UserError, match=said) as error:
+        fitness(config, BENCH)
+    assert "\n" not in str(error.value)
+
+
+def test_a_wrong_key_is_reported():
+    with pytest.raises(
+        UserError, match=r"no key 'weight' in fitness.perturbation; possible: friction, mass, position, yaw"
+    ):
+        load("config", ["fitness=robust", "fitness.perturbation.weight=1"])
+
+
+@pytest.mark.slow
+def test_robust_tries_every_change_in_every_engine():
+    config = {"name": "robust", "sims": ["pybullet", COARSE], "seeds": [3, 5], "perturbation": {"position": 0.02}}
+    earns = fitness(config, BENCH)
+    there = pickle.loads(pickle.dumps(earns))
+    candidate = solution()
+    slower = replace(candidate, action=1, plan=np.concatenate([candidate.plan, candidate.plan[-1:]]))
+    evaluations = there([candidate, slower])
+    assert [e.candidate for e in evaluations] == [candidate, slower]
+    for evaluation in evaluations:
+        figures = evaluation.details["engines"]
+        for (engine, sim), draw in zip(engines(config["sims"]).items(), [0, 1], strict=True):
+            bench = perturbed(replace(BENCH, sim=sim), PerturbationRange(position=0.02), [3, 5][draw])
+            (alone,) = bench([evaluation.candidate])
+            assert figures[engine]["rewards"][draw] == alone.reward
+        assert evaluation.reward == min(engine["mean"] for engine in figures.values())
+        assert json.loads(json.dumps(figures)) == figures
+        assert evaluation.distance_m > 0.3
+    rewards = np.array([engine["rewards"] for engine in evaluations[0].details["engines"].values()])
+    assert len(np.unique(rewards)) == 4
+    assert rewards.min() > 0.9
+
+
+@pytest.mark.slow
+def test_a_run_selects_by_it_and_keeps_what_each_engine_gave(tmp_path):
+    words = ["task=BringCube", "film=false", "listener=[]", "executor.workers=1", "sim.solver_iterations=30"]
+    words += ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0"]
+    words += ["fitness=robust", "fitness.sims=[pybullet]", "fitness.seeds=[4]"]
+    result = run(load("config", words), tmp_path / "run")
+    evaluations = [e for g in result.generations for e in g.evaluations]
+    sim = part("sim", load("evaluate", ["sim.solver_iterations=30"]).sim)
+    bench = perturbed(Evaluator(TASK, sim, 0, RolloutSettings()), PerturbationRange(), 4)
+    again = bench([e.candidate for e in evaluations])
+    assert [e.reward for e in evaluations] == [e.reward for e in again]
+    with sqlite3.connect(tmp_path / "run" / "run.sqlite") as database:
+        rows = dict(database.execute("SELECT candidate, details FROM evaluations").fetchall())
+    for evaluation in evaluations:
+        assert json.loads(rows[evaluation.candidate.id])["engines"]["pybullet"]["rewards"] == [evaluation.reward]
