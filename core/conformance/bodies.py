@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from scipy.integrate import solve_ivp
 
-from core.conformance.checking import expect
+from core.conformance.checking import collect, expect
 from core.conformance.worlds import (
     FAR,
     GRAVITY,
@@ -258,20 +258,4 @@ def check_tall_bodies_topple_and_flat_ones_do_not(simulator: Simulator) -> None:
             expect(turned < 0.02, f"a box 0.1 wide and {height} high turned by {turned:.3f} rad; it should stand")
 
 
-CHECKS = (
-    check_free_fall,
-    check_friction_is_the_geometric_mean,
-    check_rolling_friction_is_an_arm,
-    check_ball_rolls_without_slipping,
-    check_ball_without_rolling_friction_keeps_rolling,
-    check_restitution,
-    check_falling_bodies_turn_by_their_inertia,
-    check_hollow_body_is_hollow,
-    check_mesh_collides_as_its_convex_hull,
-    check_shapes_rest_where_they_are_put,
-    check_cylinder_is_round,
-    check_stack_stands,
-    check_states_are_those_of_frames,
-    check_velocities_are_those_of_the_frame,
-    check_tall_bodies_topple_and_flat_ones_do_not,
-)
+CHECKS = collect(globals())

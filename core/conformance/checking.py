@@ -22,6 +22,12 @@ Check = Callable[[Any], str | None]
 """Raises an AssertionError that says what is wrong; may return a remark."""
 
 
+def collect(module: dict[str, Any]) -> tuple[Check, ...]:
+    """The checks that a module defines, in order; ``module`` is its ``globals()``."""
+    own = module["__name__"]
+    return tuple(f for name, f in module.items() if name.startswith("check_") and f.__module__ == own)
+
+
 def expect(condition: object, message: str) -> None:
     """Check a condition, with ``python -O`` too.
 

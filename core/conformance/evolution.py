@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from core.conformance.checking import expect, rigid
+from core.conformance.checking import collect, expect, rigid
 from core.design import Candidate, Evaluation
 from core.errors import LimitReached
 from core.interfaces import Budget, Designer, EvolutionStrategy
@@ -93,10 +93,4 @@ def check_a_limit_is_passed_on(make: Make) -> None:
     expect(candidates, "candidates before the limit are lost")
 
 
-CHECKS = (
-    check_each_generation_has_candidates,
-    check_a_search_goes_on_when_nothing_is_earned,
-    check_generations_may_be_empty_or_broken,
-    check_the_same_again,
-    check_a_limit_is_passed_on,
-)
+CHECKS = collect(globals())

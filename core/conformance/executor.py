@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-from core.conformance.checking import expect
+from core.conformance.checking import collect, expect
 from core.interfaces import Executor
 
 Make = Callable[[], Executor]
@@ -69,9 +69,4 @@ def check_an_exception_of_the_source_is_raised(make: Make) -> None:
     expect(raised, "an exception of the chunks' source is swallowed")
 
 
-CHECKS = (
-    check_each_chunk_comes_back_with_its_result,
-    check_an_exception_belongs_to_its_chunk,
-    check_chunks_are_not_read_all_at_once,
-    check_an_exception_of_the_source_is_raised,
-)
+CHECKS = collect(globals())

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.conformance.checking import as_json, expect, some_simulator, some_task
+from core.conformance.checking import as_json, collect, expect, some_simulator, some_task
 from core.conformance.worlds import stick
 from core.design import Candidate, Evaluation
 from core.interfaces import Fitness, RolloutSettings
@@ -125,11 +125,4 @@ def check_rejected_and_failed_candidates_earn_nothing(make: Make) -> None:
     expect(figures(evaluations[1:2]) == figures(fitness([sound])), "a candidate earns otherwise beside rejected ones")
 
 
-CHECKS = (
-    check_each_candidate_has_its_evaluation,
-    check_no_candidates_have_no_evaluations,
-    check_it_travels_to_workers,
-    check_the_same_again,
-    check_a_batch_gives_what_each_alone_gives,
-    check_rejected_and_failed_candidates_earn_nothing,
-)
+CHECKS = collect(globals())

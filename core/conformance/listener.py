@@ -21,7 +21,7 @@ from omegaconf import OmegaConf
 
 from core.config.compose import load
 from core.conformance import checking
-from core.conformance.checking import LengthOnly, describe_error, fingers, request, rigid, some_simulator
+from core.conformance.checking import LengthOnly, collect, describe_error, fingers, request, rigid, some_simulator
 from core.design import Candidate, Evaluation
 from core.events import Generation, Result, Run
 from core.hooks import PROJECT, Events
@@ -153,9 +153,4 @@ def check_a_run_may_end_before_it_starts(make: Make) -> None:
         Script(make(), folder).send("run_ended")
 
 
-CHECKS = (
-    check_it_receives_a_whole_run,
-    check_odd_texts_are_no_error,
-    check_a_run_may_break_off,
-    check_a_run_may_end_before_it_starts,
-)
+CHECKS = collect(globals())

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from core.conformance.checking import expect
+from core.conformance.checking import collect, expect
 from core.conformance.worlds import BARE, GREY, Bodies, cube, end, film, start, stick, wait
 from core.geometry import Box
 from core.interfaces import Image, Simulator
@@ -85,9 +85,4 @@ def check_pictures(simulator: Simulator) -> None:
     expect(changed(draw()) == 0, "the first picture, drawn again, is another one")
 
 
-CHECKS = (
-    check_start_is_after_settling,
-    check_states_name_the_free_bodies_in_order,
-    check_recordings,
-    check_pictures,
-)
+CHECKS = collect(globals())

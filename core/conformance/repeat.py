@@ -9,7 +9,7 @@ import hashlib
 
 import numpy as np
 
-from core.conformance.checking import expect
+from core.conformance.checking import collect, expect
 from core.conformance.worlds import (
     BARE,
     GREY,
@@ -96,9 +96,4 @@ def check_pictures_do_not_affect_rollouts(simulator: Simulator) -> None:
     expect(digest(simulator) == first, "the same job gave different numbers after a picture was drawn")
 
 
-CHECKS = (
-    check_same_job_gives_same_bits,
-    check_batch_gives_what_each_job_alone_gives,
-    check_broken_job_hurts_no_other,
-    check_pictures_do_not_affect_rollouts,
-)
+CHECKS = collect(globals())

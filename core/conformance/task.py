@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.conformance.checking import expect, some_simulator
+from core.conformance.checking import collect, expect, some_simulator
 from core.design import Tool
 from core.designs.rules import SpawnRules
 from core.interfaces import JointTrajectory, Outcome, Rollout, Task
@@ -138,13 +138,4 @@ def check_doing_nothing_earns_nothing(task: Task) -> str:
     return f"in {name}"
 
 
-CHECKS = (
-    check_it_is_described,
-    check_one_seed_gives_one_layout,
-    check_goals_name_bodies_of_the_scene,
-    check_rewards_work_for_one_world_or_many,
-    check_the_arm_reaches_home_clear_of_the_scene,
-    check_nothing_overlaps_at_spawn,
-    check_what_rests_stays_at_rest,
-    check_doing_nothing_earns_nothing,
-)
+CHECKS = collect(globals())

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from core.conformance.checking import as_json, brief, expect, fingers, rigid, some_task
+from core.conformance.checking import as_json, brief, collect, expect, fingers, rigid, some_task
 from core.design import Component, DesignError, Tool
 from core.designs.rules import check_tool, given_tool
 from core.errors import UserError
@@ -116,10 +116,4 @@ def check_nonsense_is_refused_with_a_reason(representation: ToolRepresentation) 
             expect(isinstance(tool, Tool), f"parse returned a {type(tool).__name__} for {data!r}")
 
 
-CHECKS = (
-    check_given_tools_keep_the_rules,
-    check_the_schema_is_of_json,
-    check_the_instructions_name_every_field,
-    check_tools_survive_dump_and_parse,
-    check_nonsense_is_refused_with_a_reason,
-)
+CHECKS = collect(globals())

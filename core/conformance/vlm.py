@@ -6,7 +6,7 @@ checked. Covered by `tests/core/conformance/test_suites.py`.
 
 from __future__ import annotations
 
-from core.conformance.checking import LengthOnly, brief, expect, request, some_task
+from core.conformance.checking import LengthOnly, brief, collect, expect, request, some_task
 from core.interfaces import VLM, Estimate, Reply, Request
 
 
@@ -43,9 +43,4 @@ def check_a_request_has_an_estimate(vlm: VLM) -> None:
     expect(estimate.prompt_tokens > 0, f"a request is estimated to take {estimate.prompt_tokens} tokens")
 
 
-CHECKS = (
-    check_it_has_a_name,
-    check_each_request_has_its_reply,
-    check_no_requests_have_no_replies,
-    check_a_request_has_an_estimate,
-)
+CHECKS = collect(globals())
