@@ -1,15 +1,14 @@
-"""What touches what, and how a contact behaves.
+"""Define which geoms touch, and how their contacts behave.
 
 MuJoCo gives a contact the larger of two geoms' friction coefficients, and one rate at which it stops both penetration
 and slip. Ours has the geometric mean, and stops slip more slowly. An explicit pair of geoms can have both, but is
-tested at every step; so only those are made that need be: of all that can move freely, and of the arm's links where
-their friction is not the tool's.
+tested at every step. So pairs are made only where needed: for free bodies, and for the arm's links where their friction
+differs from the tool's.
 
-Why slip is stopped slowly: MuJoCo's contacts solve a convex problem, in which what slips at a speed v is also pushed
-off the surface, by friction times v times the share of the slip that is stopped within a step. At the rate that suits
-penetration, most of it is, and a box that slides at 1 m/s hops by a centimetre. Rolling friction counts turning as
-slip, of which a ball has much for as long as it rolls, so that it hops all the way: there slip is stopped more slowly
-still.
+Slip is stopped slowly because of MuJoCo's convex contact model: a body that slips at a speed v is also pushed off the
+surface, by friction times v times the share of the slip that is stopped within a step. At the rate that suits
+penetration, most of it is, and a box that slides at 1 m/s hops by a centimetre. Rolling friction counts rotation as
+slip. A rolling ball has much of it all the time and would hop all the way, so there slip is stopped more slowly still.
 """
 
 from __future__ import annotations
@@ -25,25 +24,25 @@ from core.robot.description import TOOL_FRICTION
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
-# How much of an unwanted acceleration a contact cancels, at the surface and from a penetration of 1 mm on.
+# The share of an unwanted acceleration that a contact cancels, at the surface and from a penetration of 1 mm on.
 _IMPEDANCE = [0.95, 0.99, 0.001, 0.5, 2.0]
-_REBOUND_STEPS = 10  # that a contact lasts in which something bounces: fewer, and the rebound is wrong by a tenth
-_MOST_DAMPED = 0.99  # the damping ratio of such a contact, at most; 1 still throws back with 0.135 of the speed
+_REBOUND_STEPS = 10  # time steps of a contact that bounces; with fewer, the rebound is wrong by a tenth
+_MOST_DAMPED = 0.99  # largest damping ratio of such a contact; at 1 it still returns 0.135 of the speed
 _ROLLING_SHARE = 0.25  # of the slip rate, where there is rolling friction
 
 
 class Role(Enum):
-    """A geom's (contype, conaffinity): two touch if the one's type is among the other's affinities."""
+    """A geom's (contype, conaffinity): two touch if one's type is among the other's affinities."""
 
     SCENE = (1, 15)
     ARM = (2, 0)  # its own links overlap by construction and never touch each other
-    TOOL = (4, 7)  # what is mounted touches all but its bearer
+    TOOL = (4, 7)  # touches everything but the link that bears it
     BEARER = (8, 0)
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Of a body: friction coefficient, arm of its rolling friction in metres, restitution."""
+    """A body's friction coefficient, arm of rolling friction in metres, and restitution."""
 
     friction: float
     rolling: float = 0.0
@@ -51,8 +50,8 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class Felt:
-    """A geom that is felt. ``bearer`` is the name of the spec's body that it is on."""
+class Collider:
+    """A geom that collides. ``bearer`` is the name of its body in the spec."""
 
     geom: Element
     bearer: str
@@ -62,20 +61,20 @@ class Felt:
 
 
 def bounces(surfaces: Sequence[Surface]) -> bool:
-    """Whether anything can bounce off anything: restitution is a product, so it takes two."""
+    """Check if any two bodies can bounce: restitution is a product, so it takes two."""
     return sum(surface.restitution > 0 for surface in surfaces) > 1
 
 
-def set_contacts(spec: Element, felt: Sequence[Felt], slip_rate: float) -> None:
-    """Say of each geom and of each pair that needs it how its contacts behave.
+def set_contacts(spec: Element, colliders: Sequence[Collider], slip_rate: float) -> None:
+    """Set the contact parameters of each geom, and add the pairs that are needed.
 
-    Each pair is looked at in every step, so there is none for what can't move and a tool: such geoms have what comes of
-    their friction and the tool's, and their say goes.
+    Each pair costs time in every step, so there are none of fixed geoms with the tool. Instead a fixed geom carries the
+    mean of its own friction and the tool's, and has priority.
     """
-    tools = next((one.surface.friction for one in felt if one.role is Role.TOOL), TOOL_FRICTION)
-    met = [tools if one.role is Role.SCENE else one.surface.friction for one in felt]  # that need no pair with it
+    tools = next((one.surface.friction for one in colliders if one.role is Role.TOOL), TOOL_FRICTION)
+    partners = [tools if one.role is Role.SCENE else one.surface.friction for one in colliders]  # equal: no pair needed
     reference = [2 * spec.option.timestep, 1.3]  # as stiff as the time step allows, and damped so that nothing rebounds
-    for number, one in enumerate(felt):
+    for number, one in enumerate(colliders):
         geom = one.geom
         geom.name = f"geom_{number}"
         geom.contype, geom.conaffinity = one.role.value
@@ -86,12 +85,12 @@ def set_contacts(spec: Element, felt: Sequence[Felt], slip_rate: float) -> None:
         geom.condim = _dimensions(one.surface.rolling)
         geom.solref, geom.solimp = reference, _IMPEDANCE
     covered = set()
-    for number, one in enumerate(felt):
-        for later, other in enumerate(felt[number + 1 :], start=number + 1):
+    for number, one in enumerate(colliders):
+        for later, other in enumerate(colliders[number + 1 :], start=number + 1):
             free = one.free or other.free
             if one.bearer == other.bearer or not _touch(one.role, other.role):
                 continue
-            if not free and met[number] == met[later]:
+            if not free and partners[number] == partners[later]:
                 continue
             friction = _mean(one.surface.friction, other.surface.friction)
             rolling = max(one.surface.rolling, other.surface.rolling)
@@ -120,12 +119,12 @@ def _mean(one: float, other: float) -> float:
 
 
 def _dimensions(rolling: float) -> int:
-    """Of a contact: the normal and two of slip, and with rolling friction three of turning."""
+    """Count a contact's dimensions: the normal, two of slip, and with rolling friction three of rotation."""
     return 6 if rolling > 0 else 3
 
 
 def _rebound(spec: Element, restitution: float) -> list[float] | None:
-    """A spring and a damper, as MuJoCo takes them, that throw back with a share of the speed; None for hardly any."""
+    """Make a spring and damper for MuJoCo that return ``restitution`` of the speed; None if that is hardly any."""
     if restitution <= _returned(_MOST_DAMPED):
         return None
     ratio = brentq(lambda z: _returned(z) - min(restitution, 1.0), 0.0, _MOST_DAMPED)
@@ -134,30 +133,30 @@ def _rebound(spec: Element, restitution: float) -> list[float] | None:
 
 
 def _returned(ratio: float) -> float:
-    """The share of its speed with which something leaves a spring of a damping ratio below 1 that can't hold it back.
+    """Compute the share of speed that a spring returns which can't pull, at a damping ratio below 1.
 
     T. Schwager and T. Poeschel, "Coefficient of restitution and linear-dashpot model revisited", Granular Matter 9
-    (2007): contact ends when the force does, before the spring is as long again as it was.
+    (2007): contact ends when the force does, before the spring has its full length again.
     """
     swing = np.sqrt(1 - ratio**2)
     return float(np.exp(-ratio / swing * (np.pi - np.arctan2(2 * ratio * swing, swing**2 - ratio**2))))
 
 
 def options(spec: Element, time_step: float, gravity: float, *, bouncing: bool) -> None:
-    """How the world is solved and stepped."""
+    """Set how the world is solved and stepped."""
     option = spec.option
     option.timestep = time_step
     option.gravity = [0.0, 0.0, -gravity]
-    # Servos are stiff against the arm's inertia. Only this integrator lets contacts know how stiff: with the others
-    # what the arm carries is given accelerations that the arm then doesn't have, and creeps. It is also implicit in
-    # the contacts' springs, which takes the rebound out of what is to bounce.
+    # Servos are stiff against the arm's inertia. Only the discrete integrator takes that into account in contacts; with
+    # the others, loads get accelerations that the arm does not have, and creep. But it is also implicit in the
+    # contacts' springs, which removes the rebound, so bouncing bodies get the other one.
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST if bouncing else mujoco.mjtIntegrator.mjINT_DISCRETE
     # Pyramids would be faster, but hold less across their corners, and can't have a slip rate of their own.
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = 10.0  # friction gives way ten times less than the surface: what is held does not creep
+    option.impratio = 10.0  # friction yields ten times less than the normal: held objects do not creep
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE  # the same numbers as dense, and with 30 spheres 40 times faster
-    option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP  # what lies still is left alone until something touches it
-    option.sleep_tolerance = 2.5e-4  # m/s for ten steps; with its own a ball on a slope of 0.1 degrees never starts
+    option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP  # bodies at rest are skipped until something touches them
+    option.sleep_tolerance = 2.5e-4  # m/s for ten steps; with the default a ball on a slope of 0.1 degrees never starts
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_FILTERPARENT  # a tool may touch the link before its bearer
-    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a world that explodes is not put back to its start
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a world that diverges is not reset

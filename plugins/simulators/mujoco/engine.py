@@ -1,4 +1,4 @@
-"""Imports MuJoCo, or says what is missing; keeps it from printing, writing a log file, and looking at the clock."""
+"""Import MuJoCo, or report what is missing. Keep it from printing, writing a log file, and reading the clock."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ except Exception as error:  # its package reads MUJOCO_GL when it is imported; w
 
 @contextmanager
 def warnings_caught() -> Iterator[list[str]]:
-    """Within it MuJoCo's warnings go to the list, not to the terminal and a file MUJOCO_LOG.TXT where one stands."""
+    """Collect MuJoCo's warnings in a list, instead of the terminal and MUJOCO_LOG.TXT in the working directory."""
     caught: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(caught.append)
@@ -35,8 +35,10 @@ def warnings_caught() -> Iterator[list[str]]:
 
 @contextmanager
 def timers_off() -> Iterator[None]:
-    """Within it MuJoCo does not look at the clock. Its Python package makes it do so some twenty times a step, for
-    `MjData.timer`, which nobody reads here; that is a tenth of a step of the arm alone.
+    """Keep MuJoCo from reading the clock.
+
+    Its Python package reads it some twenty times a step, for `MjData.timer`, which is not used here. That is a tenth of
+    a step of the arm alone.
     """
     clock = _clock()
     before, clock.value = clock.value, None
@@ -48,8 +50,10 @@ def timers_off() -> Iterator[None]:
 
 @cache
 def _clock() -> ctypes.c_void_p:
-    """C's ``mjcb_time``: `mujoco.set_mjcb_time` can't clear it, None brings back the package's own. Where it can't
-    be reached (Windows finds no names in what a library depends on) it is one of our own, and timers stay on.
+    """Find C's ``mjcb_time``, which `mujoco.set_mjcb_time` can't clear: None restores the package's own clock.
+
+    Where it can't be reached (Windows does not search a library's dependencies), a dummy is returned, and timers stay
+    on.
     """
     try:
         return ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._callbacks.__file__), "mjcb_time")

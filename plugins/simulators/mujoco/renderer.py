@@ -1,6 +1,4 @@
-"""Pictures by MuJoCo's own renderer, which needs OpenGL: a model of its own that holds shapes to look at and no
-physics.
-"""
+"""Draw with MuJoCo's own renderer, which needs OpenGL, in a model that holds visual shapes and no physics."""
 
 from __future__ import annotations
 
@@ -33,7 +31,7 @@ _OFF = ("disable", "disabled", "off", "false", "0")  # of MUJOCO_GL, as in MuJoC
 
 
 class Renderer:
-    """Draw one scene after another; what is loaded stays until another is asked for.
+    """Draw one scene after another; a loaded scene is kept until another one is needed.
 
     An OpenGL context serves one thread at a time. It is bound for each call and released after it, so that any thread
     can draw next.
@@ -85,7 +83,7 @@ class Renderer:
         self._loaded = (task, seed, tool)
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        """Put the robot's joints, arm (7,) and fingers (2,), and the free bodies where they are to be seen."""
+        """Set the robot's joints, arm (7,) and fingers (2,), and the poses of the free bodies."""
         for name, value in zip(self._joints, [*arm, *fingers], strict=False):
             self._data.joint(name).qpos[0] = value
         for name in state.names:
@@ -95,7 +93,7 @@ class Renderer:
         mujoco.mj_camlight(self._model, self._data)
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        """A picture (height, width, 3)."""
+        """Draw a picture (height, width, 3)."""
         w, h = width * _OVERSAMPLING, height * _OVERSAMPLING
         self._model.vis.global_.fovy = camera.fov_deg
         everything = mujoco.mjtCatBit.mjCAT_ALL
@@ -126,13 +124,13 @@ def _open_gl() -> tuple[Any, str]:
     name = chosen if chosen in libraries else found[0] if found else ""
     if not name:
         raise _no_open_gl(f"none of the libraries {', '.join(libraries.values())} is there")
-    logging.getLogger("OpenGL.acceleratesupport").setLevel(logging.WARNING)  # of a package that need not be there
+    logging.getLogger("OpenGL.acceleratesupport").setLevel(logging.WARNING)  # about an optional package
     try:
         context = importlib.import_module(f"mujoco.{name}").GLContext(640, 480)
         gl = importlib.import_module("OpenGL.GL")
         with context.as_current():
             return context, f"{gl.glGetString(gl.GL_RENDERER).decode()} ({libraries[name]})"
-    except Exception as error:  # PyOpenGL's own kinds of errors differ with what is missing
+    except Exception as error:  # PyOpenGL's errors differ with what is missing
         raise _no_open_gl(f"{libraries[name]}: {' '.join(str(error).split()) or type(error).__name__}") from error
 
 
@@ -140,7 +138,7 @@ def _no_open_gl(why: str) -> NoPicture:
     return NoPicture(f"MuJoCo's own renderer needs OpenGL without a window ({why})")
 
 
-_SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")  # for meshes that are not looked at
+_SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")  # stands for collision meshes
 
 
 def _nothing(_: Path) -> str:
@@ -148,7 +146,7 @@ def _nothing(_: Path) -> str:
 
 
 def _dress_arm(spec: Element, gripper: bool) -> None:
-    """The visual meshes of the description, in the colours of their materials."""
+    """Add the description's visual meshes, in the colours of their materials."""
     robot = etree.fromstring(assemble(Tool(gripper=gripper)).encode())
     for link in robot.findall("link"):
         for visual in link.findall("visual"):
@@ -160,10 +158,10 @@ def _dress_arm(spec: Element, gripper: bool) -> None:
 
 @lru_cache(maxsize=16)
 def _pieces(file: Path) -> tuple[tuple[Mesh, Color], ...]:
-    """What a Collada file shows."""
+    """Read a Collada file's meshes and their colours."""
     pieces: list[tuple[Mesh, Color]] = []
     for piece in trimesh.load_scene(file).dump():
-        if isinstance(piece, trimesh.Trimesh) and len(piece.faces):  # there are lines too
+        if isinstance(piece, trimesh.Trimesh) and len(piece.faces):  # not lines
             red, green, blue, opacity = (float(x) / 255 for x in piece.visual.material.main_color)
             piece.merge_vertices(merge_tex=True, merge_norm=True)
             pieces.append((Mesh.from_trimesh(piece), (red, green, blue, opacity)))
@@ -176,11 +174,11 @@ def _show(spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color
     if isinstance(shape, Mesh):
         mesh = spec.mesh(geom.meshname)
         mesh.userface = np.ravel(shape.faces).astype(np.int32)
-        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # it need not be closed
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # for open meshes
 
 
 def _light(spec: Element) -> None:
-    """One sun, with shadows, and light from everywhere; a white background."""
+    """Add one sun with shadows, ambient light, and a white background."""
     white = {"type": mujoco.mjtTexture.mjTEXTURE_SKYBOX, "builtin": mujoco.mjtBuiltin.mjBUILTIN_FLAT}
     spec.add_texture(**white, rgb1=[1, 1, 1], rgb2=[1, 1, 1], width=8, height=48)
     sun = spec.worldbody.add_light(pos=[1.5, -1.5, 3.0], dir=[-1.0, 1.0, -2.0], castshadow=True)
@@ -194,7 +192,7 @@ def _light(spec: Element) -> None:
 
 
 def _look(camera: Camera) -> Any:
-    """A camera by where it looks from and to."""
+    """Make MuJoCo's camera."""
     way = np.subtract(camera.target, camera.position)
     view = mujoco.MjvCamera()
     view.type = mujoco.mjtCamera.mjCAMERA_FREE

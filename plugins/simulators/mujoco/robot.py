@@ -1,4 +1,4 @@
-"""The assembled arm in MuJoCo: links, what they touch, and the servos."""
+"""Load the arm with a tool into MuJoCo: links, colliders and servos."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from core.robot.description import (
     TOOL_FRICTION,
     assemble,
 )
-from plugins.simulators.mujoco.contacts import Felt, Role, Surface
+from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
-# Inertia of the motors as the joints feel it, kg m^2: Franka's figures for the FR3, in the README of Drake's
-# franka_description. A description has none of it; without it 12 Nm turn the wrist's links at 600 rad/s^2.
+# Reflected inertia of the motors, kg m^2: Franka's figures for the FR3, in the README of Drake's franka_description.
+# A URDF has none of it; without it 12 Nm would accelerate the wrist's links at 600 rad/s^2.
 MOTOR_INERTIA = (0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064, 0.205544064, 0.205544064)
 FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
-_AHEAD = 3.0  # how many times faster than its position a joint's speed comes to what it should be
+_AHEAD = 3.0  # how many times faster a joint's speed converges than its position
 
 
-def load(tool: Tool, slots: int = 0) -> tuple[Element, list[Felt]]:
-    """A spec of the arm with a tool, and its geoms. Links without a joint between them are one body.
+def load(tool: Tool, slots: int = 0) -> tuple[Element, list[Collider]]:
+    """Make a spec of the arm with a tool, and list its colliders. Rigidly joined links become one body.
 
-    Each mount has at least so many boxes as there are ``slots``: those that the tool has no use for are a millimetre
-    wide, weigh nothing, and are a kilometre away, from each other too if they are on two mounts.
+    Each mount gets at least ``slots`` boxes. Unused ones are a millimetre wide, weigh nothing, and are a kilometre
+    away, also from those on another mount.
     """
     assets: dict[str, bytes] = {}
 
@@ -52,19 +52,19 @@ def load(tool: Tool, slots: int = 0) -> tuple[Element, list[Felt]]:
             spec.body(mount).add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-4] * 3, pos=away, mass=0.0)
     links = [(geom, geom.parent.name) for geom in spec.geoms]
     spec.fuse_static()
-    felt = []
+    colliders = []
     for geom, link in links:
         role = Role.TOOL if link in mounts else Role.BEARER if link == bearer else Role.ARM
         friction = FINGER_FRICTION if link in GRIPPER_MOUNTS else TOOL_FRICTION
-        felt.append(Felt(geom, geom.parent.name, role, Surface(friction)))
-    return spec, felt
+        colliders.append(Collider(geom, geom.parent.name, role, Surface(friction)))
+    return spec, colliders
 
 
 def add_servos(spec: Element) -> None:
-    """Position control with velocity feed-forward. Gains come later, see `set_gains`.
+    """Add position control with velocity feed-forward; `set_gains` sets the gains later.
 
-    The controllers hold the arm up, tool and all: the torques for that are known and are part of what a joint can
-    give. The fingers' coupling, which the description has, is a constraint.
+    Gravity of the arm and its tool is compensated: those torques are known, and count towards a joint's limit. The
+    fingers' coupling in the description becomes a constraint.
     """
     for body in spec.bodies:
         body.gravcomp = float(body.name != "world")
@@ -82,15 +82,15 @@ def add_servos(spec: Element) -> None:
 
 
 def set_gains(model: Element, tracking_rate: float) -> None:
-    """Place each joint's two poles, by its inertia at home: one at the tracking rate, one beyond.
+    """Place each joint's two poles, by its inertia at home: one at the tracking rate, one faster.
 
-    In units of the inertia M and the time step h, with a = h kv / M and b = h^2 kp / M, a step makes of the error x
-    and its rate v, where forces are those at the step's end, v' = (v - b x / h) / (1 + a + b), and, where only speeds
-    are, v' = (v - b x / h) / (1 + a); then x' = x + h v'. The product and the sum of the two factors by which errors
-    shrink, exp(-rate h), give a and b.
+    Take the inertia M, the time step h, a = h kv / M and b = h^2 kp / M. A step changes the error x and its rate v to
+    v' = (v - b x / h) / (1 + a + b) if forces are those at the step's end, and to v' = (v - b x / h) / (1 + a) if only
+    speeds are; then x' = x + h v'. The product and the sum of the two factors by which errors shrink, exp(-rate h),
+    give a and b.
 
-    A faster second pole would follow better, but a joint whose force is at its limit moves by more than it should
-    within a step, and shakes.
+    A faster second pole would follow better, but a joint at its force limit would move too far within a step, and
+    shake.
     """
     data = mujoco.MjData(model)
     data.qpos[: len(HOME_JOINTS)] = HOME_JOINTS

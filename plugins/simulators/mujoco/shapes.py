@@ -1,4 +1,4 @@
-"""A scene's shapes and bodies in MuJoCo's terms."""
+"""Add a scene's shapes and bodies to a MuJoCo spec."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Element = Any  # of an MjSpec
 
 
 def add_geom(spec: Element, bearer: Element, shape: Shape, pose: Pose) -> Element:
-    """A shape on a body of the spec, to be felt; a mesh by its vertices alone, which is its convex hull."""
+    """Add a collision shape to a body of the spec; a mesh by its vertices alone, so that it is its convex hull."""
     size, mesh = [0.0, 0.0, 0.0], ""
     match shape:
         case Box():
@@ -30,7 +30,7 @@ def add_geom(spec: Element, bearer: Element, shape: Shape, pose: Pose) -> Elemen
 
 
 def add_free_body(spec: Element, name: str, body: Body, inertia: Inertia) -> Element:
-    """A body that can move, with its exact inertia; its frame is the joint's, so that the state speaks of it."""
+    """Add a free body with its exact inertia; its frame is the joint's, and so that of the state."""
     element = spec.worldbody.add_body(
         name=name,
         pos=body.pose.position,

@@ -1,4 +1,4 @@
-"""Rollouts in MuJoCo, in one process and one thread, without a window."""
+"""Play rollouts in MuJoCo, in one process, without a window."""
 
 from __future__ import annotations
 
@@ -17,18 +17,17 @@ from plugins.simulators.mujoco.world import Stepped, World, compiled
 
 MAX_TIME_STEP = 0.005
 _STAND_IN = "pybullet"
-_KEPT = 4  # worlds: a chunk has one tool, mostly
+_KEPT = 4  # worlds: most batches have one tool
 
 
 class MuJoCoSimulator(Simulator):
-    """One world per scene and tool, compiled once and played from the start for each job.
+    """Play jobs in one world per scene and tool, compiled once and reset for each job.
 
     Args:
         time_step: seconds.
-        tracking_rate: how fast a joint closes in on its target, 1/s. It means the same at every time step.
-        slip_rate: how fast friction stops what slips slowly, 1/s; what slips fast it stops as fast as the
-            coefficient of friction lets it. Much faster, and what slides hops. Where there is rolling friction it is a
-            quarter of this.
+        tracking_rate: how fast a joint converges to its target, 1/s, independent of the time step.
+        slip_rate: how fast friction stops slow slip, 1/s; fast slip is limited by the coefficient of friction. With a
+            much higher rate, sliding bodies hop. With rolling friction a quarter of it is used.
     """
 
     def __init__(self, time_step: float = 0.0025, tracking_rate: float = 50.0, slip_rate: float = 200.0) -> None:
@@ -63,11 +62,12 @@ class MuJoCoSimulator(Simulator):
         return self._worlds[key]
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
-        """By MuJoCo's own renderer where OpenGL draws without a window, otherwise by PyBullet's; ``drawn_by`` tells
-        which it was.
+        """Draw with MuJoCo's own renderer where OpenGL can draw without a window, otherwise with PyBullet's.
+
+        ``drawn_by`` names the renderer.
 
         Raises:
-            NoPicture: there is neither.
+            NoPicture: neither is available.
         """
         picture = self._pictures.render(task, **view)
         self.drawn_by = self._pictures.drawn_by

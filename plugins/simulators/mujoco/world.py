@@ -1,4 +1,4 @@
-"""One scene and one tool, compiled, and jobs played in it."""
+"""Compile a scene with a tool, and play jobs in it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from core.robot.description import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Inertia, Scene, State
 from core.simulation.playback import LAG_EVERY, record_every, schedule, targets
 from plugins.simulators.mujoco import contacts, robot
-from plugins.simulators.mujoco.contacts import Felt, Role, Surface
+from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco, rollout, timers_off, warnings_caught
 from plugins.simulators.mujoco.shapes import Element, add_free_body, add_geom
 
@@ -26,9 +26,9 @@ _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their s
 def compiled(
     scene: Scene, inertias: dict[str, Inertia], tool: Tool, time_step: float, tracking_rate: float, slip_rate: float
 ) -> Element:
-    """The model: the arm's joints first, then those of the free bodies, in order."""
+    """Compile the model: the arm's joints first, then those of the free bodies, in order."""
     spec = described(scene, inertias, tool, time_step, slip_rate)
-    if len(scene.free) <= 1:  # the same numbers but for rounding, up to a tenth sooner; of a card nothing is known
+    if len(scene.free) <= 1:  # equal but for rounding, up to a tenth faster; not measured on a GPU
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model = spec.compile()
     robot.set_gains(model, tracking_rate)
@@ -38,11 +38,11 @@ def compiled(
 def described(
     scene: Scene, inertias: dict[str, Inertia], tool: Tool, time_step: float, slip_rate: float, slots: int = 0
 ) -> Element:
-    """The model's spec; the servos' gains are still to be set. For ``slots`` see `robot.load`.
+    """Make the model's spec, without the servos' gains. For ``slots`` see `robot.load`.
 
-    Fixed bodies are all part of the world's body: MuJoCo looks for contacts with it by a tree of boxes.
+    Fixed bodies are all part of the world's body, for which MuJoCo has a tree of bounding boxes.
     """
-    spec, felt = robot.load(tool, slots)
+    spec, colliders = robot.load(tool, slots)
     surfaces = [Surface(body.friction, body.rolling_friction, body.restitution) for body in scene.bodies]
     contacts.options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
     robot.add_servos(spec)
@@ -53,14 +53,14 @@ def described(
             bearer, frame = add_free_body(spec, f"body_{number}", body, inertias[body.name]), None
         for part in body.collisions:
             geom = add_geom(spec, bearer, part.shape, part.pose if frame is None else frame @ part.pose)
-            felt.append(Felt(geom, bearer.name, Role.SCENE, surface, not body.fixed))
-    contacts.set_contacts(spec, felt, slip_rate)
+            colliders.append(Collider(geom, bearer.name, Role.SCENE, surface, not body.fixed))
+    contacts.set_contacts(spec, colliders, slip_rate)
     return spec
 
 
 @dataclass(frozen=True, eq=False)
 class _Settled:
-    """What came of a world that was left alone for S steps, from joints (J,): states (S + 1, X), and all data now."""
+    """A world after S steps that held joints (J,): states (S + 1, X), and all data at the end."""
 
     joints: Array
     states: Array
@@ -68,9 +68,7 @@ class _Settled:
 
 
 class World:
-    """Plays one job after another, each from where the world has settled, which it does once: nothing of a motion
-    reaches the next.
-    """
+    """Play jobs one after another, each from a copy of the settled world, so that no motion affects the next."""
 
     def __init__(self, scene: Scene, tool: Tool, model: Element) -> None:
         self._names = tuple(body.name for body in scene.free)
@@ -102,23 +100,24 @@ class World:
         return Outcome(start, end, float(lag), recording=recording)
 
     def _run(self, trajectory: JointTrajectory, settle: int, times: Array) -> tuple[Array, Array]:
-        """Joint positions (S + 1, Q) and speeds (S + 1, V) before each step that begins at ``times`` (S,), and after
-        the last. In the first ``settle`` steps the joints are held where the motion begins.
+        """Step the world: joint positions (S + 1, Q) and speeds (S + 1, V) before each step, and after the last.
+
+        Steps begin at ``times`` (S,). In the first ``settle`` of them the joints are held where the motion begins.
 
         Raises:
             mujoco.FatalError: MuJoCo refuses to go on.
-            FloatingPointError: the world exploded.
+            FloatingPointError: the world diverged.
         """
         controls = self._controls(trajectory, times)
         joints = np.append(trajectory.arm[0], [trajectory.fingers[0]] * (self._joints - _ARM))
         settled = self._settle(joints, controls[:settle])
-        mujoco.mj_copyData(self._data, self._model, settled.data)  # what sleeps is in no state, but here
+        mujoco.mj_copyData(self._data, self._model, settled.data)  # which bodies sleep is not part of a state
         states = self._steps(self._data, settled.states, controls[settle:])
         _, qpos, qvel = np.split(states, [1, 1 + self._model.nq], axis=1)
         return qpos, qvel
 
     def _settle(self, joints: Array, controls: Array) -> _Settled:
-        """With joints (J,) that ``controls`` (S, 2 J) hold; remembered, since one motion after another begins so."""
+        """Settle with ``controls`` (S, 2 J) that hold joints (J,); kept, since many motions begin the same way."""
         known = self._settled
         if known is None or len(known.states) != 1 + len(controls) or not np.array_equal(known.joints, joints):
             data = mujoco.MjData(self._model)
@@ -129,7 +128,7 @@ class World:
         return known
 
     def _steps(self, data: Element, states: Array, controls: Array) -> Array:
-        """The states so far (T, X), and those after each step with ``controls`` (S, 2 J): (T + S, X)."""
+        """Append the state after each step with ``controls`` (S, 2 J) to states (T, X): (T + S, X)."""
         if not len(controls):
             return states
         states = np.concatenate([states, np.empty((len(controls), states.shape[1]))])
@@ -149,7 +148,7 @@ class World:
         return states
 
     def _controls(self, trajectory: JointTrajectory, times: Array) -> Array:
-        """For each step (S, 2 J) the joints' positions and speeds in turn."""
+        """Make the controls (S, 2 J): each joint's target position and speed."""
         arm, fingers, speeds, finger_speeds = targets(trajectory, times, self._model.opt.timestep)
         if self._model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
             arm, fingers = trajectory.sample(times)  # servos compare them with where joints are when the step begins
@@ -162,7 +161,7 @@ class World:
         return state(self._names, qpos[..., self._joints :], qvel[..., self._joints :])
 
     def stepped(self, start: JointTrajectory) -> Stepped:
-        """The same world, to be stepped from outside; the robot at the trajectory's first targets."""
+        """Make the same world for stepping from outside, with the robot at the trajectory's first targets."""
         return Stepped(self._model, self._names, start)
 
 
@@ -181,7 +180,7 @@ class Stepped:
         controls = self._data.ctrl.reshape(-1, 2)
         controls[:_ARM, 0], controls[:_ARM, 1] = arm - back * speeds, speeds
         controls[_ARM:] = fingers - back * finger_speed, finger_speed
-        with warnings_caught():  # of a world that explodes; its state tells that too
+        with warnings_caught():  # a world that diverges shows it in its state too
             mujoco.mj_step(self._model, self._data)
 
     def joints(self) -> tuple[Array, Array]:
@@ -194,7 +193,7 @@ class Stepped:
 
 
 def state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
-    """Of the free bodies, from their joints' positions (..., 7 B) and speeds (..., 6 B)."""
+    """Convert the free bodies' joint positions (..., 7 B) and speeds (..., 6 B) to a state."""
     shape = (*qpos.shape[:-1], len(names))
     poses, speeds = qpos.reshape(*shape, 7), qvel.reshape(*shape, 6)
     turning = speeds[..., 3:].copy()  # in the body's own axes

@@ -1,4 +1,4 @@
-"""A scene's body as a URDF file of one link: the one way to give PyBullet many shapes and an exact inertia."""
+"""Write a body as a URDF file of one link: the only way to give PyBullet many shapes and an exact inertia."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ from plugins.simulators.pybullet.engine import pybullet as p
 
 @dataclass(frozen=True, eq=False)
 class PreparedBody:
-    """A body as PyBullet takes it, ready to be placed in one world after another: its inertia and its file, which take
-    their time, are made once.
+    """A body ready to be placed in one world after another; its inertia and file, slow to make, are made once.
 
-    ``offset`` is its frame in the frame of its centre of mass, which is PyBullet's; None where they are the same.
+    ``offset`` is its frame in PyBullet's, which is that of the centre of mass; None if they are the same.
     """
 
     file: Path
@@ -33,7 +32,7 @@ class PreparedBody:
 
     @classmethod
     def of(cls, body: Body, folder: Path) -> PreparedBody:
-        """The files go to ``folder``."""
+        """Prepare a body; its files are written to ``folder``."""
         inertia = None if body.fixed else body.inertia()
         dynamics = {
             "lateralFriction": np.sqrt(
@@ -56,7 +55,7 @@ class PreparedBody:
         )
 
     def place(self, client: int) -> int:
-        """Its number in the world."""
+        """Place the body in a world and return its number there."""
         number = p.loadURDF(
             str(self.file),
             basePosition=self.position,
@@ -78,7 +77,7 @@ def _origin(parent: Any, pose: Pose) -> None:
 
 
 def body_urdf(body: Body, inertia: Inertia | None, folder: Path) -> str:
-    """The collision parts and the inertia (None: fixed, no mass); mesh files go to ``folder``."""
+    """Write the collision parts and the inertia (None: fixed, no mass) as URDF; mesh files go to ``folder``."""
     robot = etree.Element("robot", name="body")
     link = etree.SubElement(robot, "link", name="body")
     element = etree.SubElement(link, "inertial")
@@ -91,7 +90,7 @@ def body_urdf(body: Body, inertia: Inertia | None, folder: Path) -> str:
         _origin(element, part.pose)
         geometry = etree.SubElement(element, "geometry")
         geometry.append(_geometry(part.shape, folder))
-    etree.indent(robot)  # PyBullet's reader does not take long lines
+    etree.indent(robot)  # PyBullet can't read long lines
     return etree.tostring(robot, encoding="unicode")
 
 
@@ -108,18 +107,18 @@ def _geometry(shape: Shape, folder: Path) -> Any:
 
 
 def mesh_file(mesh: Mesh, folder: Path) -> Path:
-    """An OBJ file of the mesh in ``folder``, to be felt."""
+    """Write the mesh to ``folder`` as an OBJ file, for collisions."""
     return text_file(folder, str(mesh.to_trimesh().export(file_type="obj")), "obj")
 
 
 def facets_file(shape: Shape, folder: Path) -> Path:
-    """An OBJ file of the shape in ``folder``, to be seen: edges of less than 30 degrees are shaded as if round."""
+    """Write the shape to ``folder`` as an OBJ file, for drawing: edges of less than 30 degrees are shaded smoothly."""
     smooth = trimesh.graph.smooth_shade(shape.to_trimesh(), angle=np.radians(30.0))
     return text_file(folder, str(smooth.export(file_type="obj", include_normals=True)), "obj")
 
 
 def text_file(folder: Path, text: str, suffix: str) -> Path:
-    """A file in ``folder`` that holds ``text``, written if it is not there yet."""
+    """Return a file in ``folder`` that holds ``text``, writing it if it is not there yet."""
     file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.{suffix}"
     if not file.exists():
         file.write_text(text)

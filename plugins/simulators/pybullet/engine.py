@@ -1,4 +1,4 @@
-"""Imports PyBullet, without the line that its C code prints when it is imported."""
+"""Import PyBullet without the line that its C code prints on import."""
 
 import os
 import sys

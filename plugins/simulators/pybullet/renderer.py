@@ -1,4 +1,4 @@
-"""Pictures by PyBullet's software renderer: a world of its own that holds shapes to look at and no physics."""
+"""Draw with PyBullet's software renderer, in a world that holds visual shapes and no physics."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _OVERSAMPLING = 2  # the renderer draws hard edges; halving a picture of twice t
 
 
 class Renderer:
-    """Draws one scene after another; what is loaded stays until another is asked for."""
+    """Draw one scene after another; a loaded scene is kept until another one is needed."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -42,7 +42,7 @@ class Renderer:
         gripper = tool is None or tool.gripper
         self._joints = [numbers[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if gripper else ()))]
         self._parts: list[tuple[str, Pose, int]] = []
-        self._clear: dict[int, float] = {}  # the opacity of what can be seen through
+        self._clear: dict[int, float] = {}  # opacity of transparent parts
         for body in task.scene(seed).bodies:
             for part in body.visuals:
                 number = self._add(part)
@@ -67,7 +67,7 @@ class Renderer:
         p.resetBasePositionAndOrientation(number, pose.position.tolist(), [x, y, z, w], physicsClientId=self._client)
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        """Put the robot's joints, arm (7,) and fingers (2,), and the free bodies where they are to be seen."""
+        """Set the robot's joints, arm (7,) and fingers (2,), and the poses of the free bodies."""
         for joint, value in zip(self._joints, [*arm, *fingers], strict=False):
             p.resetJointState(self._robot, joint, float(value), physicsClientId=self._client)
         for name, offset, number in self._parts:
@@ -75,10 +75,10 @@ class Renderer:
                 self._place(number, state.pose(name) @ offset)
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        """A picture (height, width, 3).
+        """Draw a picture (height, width, 3).
 
-        The software renderer knows no transparency: what is behind see-through parts is drawn without them, and shows
-        through where they are the nearest.
+        The software renderer has no transparency. So the scene is drawn again without transparent parts, and blended in
+        where they are nearest.
         """
         w, h = width * _OVERSAMPLING, height * _OVERSAMPLING
         picture, numbers = self._draw(camera, w, h)
@@ -96,7 +96,7 @@ class Renderer:
         return np.asarray(Pillow.fromarray(picture).resize((width, height), Pillow.Resampling.LANCZOS))
 
     def _draw(self, camera: Camera, width: int, height: int) -> tuple[Image, npt.NDArray[np.int64]]:
-        """A picture (height, width, 3), and the number of the body that each pixel (height, width) shows, or -1."""
+        """Draw a picture (height, width, 3), and for each pixel (height, width) the number of its body, or -1."""
         _, _, pixels, _, numbers = p.getCameraImage(
             width,
             height,

@@ -1,4 +1,4 @@
-"""Rollouts in PyBullet, in one process, without a window."""
+"""Play rollouts in PyBullet, in one process, without a window."""
 
 from __future__ import annotations
 
@@ -22,15 +22,14 @@ MAX_TIME_STEP = 0.02
 
 
 class PyBulletSimulator(Simulator):
-    """One physics world after another, each fresh: nothing of a rollout reaches the next.
+    """Play each job in a fresh world, so that no rollout affects the next.
 
     Args:
         time_step: seconds.
         solver_iterations: of the contact solver, per step.
-        tracking_rate: how fast a joint closes in on its target, 1/s. The gain per step follows from it, so that it
-            means the same at every time step.
-        separation_rate: how fast bodies that overlap in a contact are pushed apart, 1/s. PyBullet's own default, five
-            times as much, makes what is struck bounce off a fifth faster than it was struck.
+        tracking_rate: how fast a joint converges to its target, 1/s, independent of the time step.
+        separation_rate: how fast overlapping bodies are pushed apart, 1/s. With PyBullet's own default, five times as
+            much, a struck body leaves a fifth faster than it was struck.
     """
 
     def __init__(
@@ -57,7 +56,7 @@ class PyBulletSimulator(Simulator):
         self._client = pybullet.connect(pybullet.DIRECT)
         weakref.finalize(self, pybullet.disconnect, self._client)
         self._renderer: Renderer | None = None
-        # Of the last job, since jobs in a row mostly share them; the world itself is fresh each time.
+        # Those of the last job, since consecutive jobs mostly share them; the world is fresh each time.
         self._scene: tuple[Task, int, PreparedScene] | None = None
         self._robot: tuple[Tool, Path] | None = None
 

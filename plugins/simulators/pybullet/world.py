@@ -1,4 +1,4 @@
-"""One PyBullet world: the scene, the robot with a tool, and steps."""
+"""Build and step one PyBullet world with its scene and the robot with a tool."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from plugins.simulators.pybullet.bodies import PreparedBody, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
 
 GRAVITY = 9.81
-_CONTACT_DRIFT = 0.002  # share of a shape's radius by which the bodies may have slid before a kept contact point is
-# dropped; PyBullet's own, ten times as much, lets stacks creep: the points they stand on are out of date
+# How far bodies may slide before a stored contact point is dropped, as a share of a shape's radius. PyBullet's default,
+# ten times as much, lets stacks creep on outdated points.
+_CONTACT_DRIFT = 0.002
 
 
 class PreparedScene:
-    """A scene as PyBullet takes it, for one world after another; files go to ``folder``."""
+    """A scene ready to be placed in one world after another; files go to ``folder``."""
 
     def __init__(self, scene: Scene, folder: Path) -> None:
-        felt = [body for body in scene.bodies if body.collisions]
-        self.bodies = [PreparedBody.of(body, folder) for body in felt]
+        self.bodies = [PreparedBody.of(body, folder) for body in scene.bodies if body.collisions]
         self.names = tuple(body.name for body in scene.free)
         offsets = [body.offset for body in self.bodies if not body.fixed]
         shifted = [(i, offset) for i, offset in enumerate(offsets) if offset is not None]
@@ -35,8 +35,9 @@ class PreparedScene:
         self._rotations = Rotation.from_quat(np.reshape(turns, (-1, 4)))
 
     def frames(self, centers: Array, quaternions: Array) -> tuple[Array, Array]:
-        """Positions (K, 3) and quaternions (K, 4) of the frames of the bodies in ``shifted``, from those of their
-        centres of mass. To the last bit what `Pose` gives one by one, in a tenth of the time.
+        """Convert positions (K, 3) and quaternions (K, 4) of centres of mass to the frames of ``shifted`` bodies.
+
+        The result equals that of `Pose` to the last bit, in a tenth of the time.
         """
         turns = Rotation.from_quat(_unit(quaternions)[:, [1, 2, 3, 0]])
         positions = (turns.as_matrix() @ self._positions[:, :, None])[:, :, 0] + centers
@@ -44,13 +45,13 @@ class PreparedScene:
 
 
 def _unit(quaternions: Array) -> Array:
-    """Of length one."""
+    """Normalise quaternions (K, 4)."""
     rows = np.ascontiguousarray(quaternions)
     return rows / np.sqrt(rows[:, None, :] @ rows[:, :, None])[:, 0]
 
 
 class World:
-    """A fresh world on ``client``, the robot at the trajectory's first targets; free bodies at their places."""
+    """A fresh world on ``client``: the robot at the trajectory's first targets, free bodies at their initial poses."""
 
     def __init__(
         self,
@@ -110,9 +111,7 @@ class World:
             p.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction), physicsClientId=client)
 
     def _filter_contacts(self, tool: Tool, links: dict[str, int]) -> None:
-        """The arm's own links overlap by construction and never touch each other; what is mounted touches all but its
-        bearer.
-        """
+        """Let a tool touch all links but its bearer. The arm's own links overlap by construction, and never touch."""
         mounts = set(GRIPPER_MOUNTS) if tool.gripper else {RIGID_MOUNT}
         bearers = {"panda_hand"} if tool.gripper else {"panda_link7", "panda_link8"}
         everything = {"panda_link0": -1, **links}
@@ -125,14 +124,12 @@ class World:
                 )
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
-        """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one
-        time step.
-        """
+        """Drive the joints to targets (7,) and a finger opening, approached at these speeds, for one time step."""
         targets, velocities = arm.tolist(), speeds.tolist()
         if self._gripper:
             targets += [fingers, fingers]
             velocities += [finger_speed, finger_speed]
-        if (targets, velocities) != self._driven:  # motors keep what they were told
+        if (targets, velocities) != self._driven:  # motors keep their targets
             self._driven = targets, velocities
             p.setJointMotorControlArray(
                 self.robot,
@@ -148,12 +145,12 @@ class World:
         p.stepSimulation(physicsClientId=self.client)
 
     def joints(self) -> tuple[Array, Array]:
-        """Arm (7,) and fingers (2,) as they are."""
+        """Read the joint positions: arm (7,) and fingers (2,)."""
         angles = np.array([s[0] for s in p.getJointStates(self.robot, self._joints, physicsClientId=self.client)])
         return angles[:7], angles[7:] if self._gripper else np.zeros(2)
 
     def state(self) -> State:
-        """Of the free bodies."""
+        """Read the state of the free bodies."""
         count = len(self._free)
         positions, quaternions = np.empty((count, 3)), np.empty((count, 4))
         linear, angular = np.empty((count, 3)), np.empty((count, 3))
@@ -170,18 +167,18 @@ class World:
 
 
 def robot_file(folder: Path, tool: Tool, *, visuals: bool) -> Path:
-    """The arm with its tool; PyBullet reads files only."""
+    """Write the arm with its tool to a file: PyBullet reads only files."""
     return text_file(folder, assemble(tool, fused=True, visuals=visuals), "urdf")
 
 
 def load_robot(client: int, file: Path) -> int:
-    """Its number in the world."""
+    """Load the arm and return its number in the world."""
     flags = p.URDF_USE_INERTIA_FROM_FILE | p.URDF_USE_SELF_COLLISION
     return int(p.loadURDF(str(file), useFixedBase=True, flags=flags, physicsClientId=client))
 
 
 def joint_numbers(client: int, robot: int) -> tuple[dict[str, int], dict[str, int]]:
-    """PyBullet's number of each joint, and of each link but the base, by name."""
+    """Map the names of joints, and of links but the base, to PyBullet's numbers."""
     joints, links = {}, {}
     for number in range(p.getNumJoints(robot, physicsClientId=client)):
         info = p.getJointInfo(robot, number, physicsClientId=client)

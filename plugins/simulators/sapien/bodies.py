@@ -1,4 +1,4 @@
-"""A scene's bodies as PhysX has them."""
+"""Put a scene's bodies into PhysX."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from plugins.simulators.sapien.surfaces import Surface, Surfaces
 
 GRAVITY = 9.81
 
-# How fast overlapping bodies are pushed apart, m/s at most. It also bounds the force that goes through a light body, to
-# its mass times this in each of the solver's iterations, 40 N through 10 g. Twice it pushes a rod through a thin wall.
+# How fast overlapping bodies are pushed apart, m/s at most. It also bounds the force that a light body transmits: its
+# mass times this in each of the solver's iterations, 40 N for 10 g. Twice as much pushes a rod through a thin wall.
 _SEPARATION = 2.0
-# How strongly rolling is slowed down until its torque is reached, 1/s: at once.
+# How fast rolling is stopped, up to the brake's torque, 1/s: at once.
 _BRAKE = 1e4
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]  # axes
-# Seconds between two looks at how hard a rolling body is pressed on.
+# Seconds between two updates of the normal force on a rolling body.
 _BRAKE_EVERY = 0.02
-_ALIKE = 0.98, 1.02  # it is told of what differs from what it was told by more than these shares
+_ALIKE = 0.98, 1.02  # a brake is updated if the force changed by more than these factors
 _UP = np.array([0.0, 0.0, GRAVITY], dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """A scene, with the inertias of its free bodies, which take their time to be computed."""
+    """A scene with the inertias of its free bodies, which are slow to compute."""
 
     scene: Scene
 
@@ -51,7 +51,7 @@ class Weighed:
 
 
 def weigh(component: Any, inertia: Inertia) -> None:
-    """Give a link or a free body its mass, and take away what PhysX would slow it down with."""
+    """Set the mass of a link or a free body, and switch PhysX's damping off."""
     component.mass = inertia.mass
     component.inertia = inertia.moments
     component.cmass_local_pose = to_sapien(inertia.frame)
@@ -61,7 +61,7 @@ def weigh(component: Any, inertia: Inertia) -> None:
 
 
 class Bodies:
-    """The bodies of a scene, at their places."""
+    """The bodies of a scene, at their initial poses."""
 
     def __init__(self, scene: Any, surfaces: Surfaces, weighed: Weighed, folder: Path, time_step: float) -> None:
         self._names = tuple(body.name for body in weighed.scene.free)
@@ -91,31 +91,33 @@ class Bodies:
             [self._names.index(brake.name) for brake in brakes], brakes, self._brake_every * time_step
         )
         placed = weighed.scene.state()
-        told = self._numbers([self.note()])[0, :, :7]
-        if not np.allclose(told, np.hstack([placed.quaternions, placed.positions]), atol=1e-5):
-            raise RuntimeError("this version of SAPIEN packs states in another way than 3.0.3")
+        packed = self._numbers([self.note()])[0, :, :7]
+        if not np.allclose(packed, np.hstack([placed.quaternions, placed.positions]), atol=1e-5):
+            raise RuntimeError(
+                "this version of SAPIEN packs states in another way than 3.0.3: pip install sapien==3.0.3"
+            )
 
     def stepped(self) -> None:
-        """To be called after each time step."""
+        """Update the brakes; call it after each time step."""
         self._steps += 1
         if self._brakes.each and self._steps % self._brake_every == 0:
             self._brakes.adjust(self._numbers([self.note()])[0, :, 7:10])
 
     def state(self) -> State:
-        """Of the free bodies."""
+        """Read the state of the free bodies."""
         return self.read([self.note()])[0]
 
     def note(self) -> bytes:
-        """For `read`. All in one call: asking each body for each figure takes two hundred times as long."""
+        """Take a snapshot for `read`, all in one call: reading figures one by one takes two hundred times as long."""
         noted: bytes = self._system.pack()
         return noted
 
     def read(self, notes: Sequence[bytes]) -> State:
-        """Of the free bodies at T moments."""
+        """Decode T snapshots of the free bodies."""
         numbers = self._numbers(notes).astype(np.float64)
         quaternions, positions, linear, angular = np.split(numbers, [4, 7, 10], axis=2)
         quaternions /= np.sqrt((quaternions * quaternions).sum(axis=2, keepdims=True))  # single precision until here
-        if len(self._shifted):  # PhysX tells the velocity of the centre of mass
+        if len(self._shifted):  # PhysX reports the velocity of the centre of mass
             centers, turned = self._centers, quaternions[:, self._shifted]
             w, along = turned[..., :1], turned[..., 1:]
             arms = centers + 2 * _cross(along, _cross(along, centers) + w * centers)
@@ -123,20 +125,21 @@ class Bodies:
         return State(self._names, positions, quaternions, linear, angular)
 
     def _numbers(self, notes: Sequence[bytes]) -> npt.NDArray[np.float32]:
-        """Of each moment and each free body the quaternion, position, linear and angular velocity, (T, B, 13)."""
+        """Decode each free body's quaternion, position, linear and angular velocity, (T, B, 13)."""
         count = len(self._names)
         numbers = np.frombuffer(b"".join(notes), dtype=np.float32).reshape(len(notes), -1)
         return numbers[:, : 13 * count].reshape(len(notes), count, 13)
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Of each vector (..., 3) with each; numpy's own takes ten times as long for a few."""
+    """Cross products of vectors (..., 3); numpy's own takes ten times as long for a few."""
     return a.take(_NEXT, axis=-1) * b.take(_LAST, axis=-1) - a.take(_LAST, axis=-1) * b.take(_NEXT, axis=-1)
 
 
 class _Brake:
-    """Rolling friction, which PhysX does not know: a drive that stops a body's turning with the torque of its arm times
-    the force that presses on it, at most.
+    """Rolling friction, which PhysX lacks: a drive that stops a body's rotation.
+
+    Its torque is at most the arm of rolling friction times the normal force.
     """
 
     def __init__(self, entity: Any, component: Any, body: Body, time_step: float) -> None:
@@ -147,13 +150,14 @@ class _Brake:
         entity.add_component(self._drive)
 
     def set(self, acceleration: float) -> None:
-        """By which what presses on the body is its mass's."""
+        """Set the limit for a normal force of the body's mass times ``acceleration``."""
         self._drive.set_drive_property_slerp(0.0, _BRAKE, self._impulse * acceleration, "acceleration")
 
 
 class _Brakes:
-    """Those of the free bodies with these numbers. The force that presses on a body is taken to be what makes it move
-    otherwise than in free fall.
+    """The brakes of the free bodies with these numbers.
+
+    The normal force on a body is taken to be what makes it deviate from free fall.
     """
 
     def __init__(self, numbers: list[int], each: list[_Brake], seconds: float) -> None:
@@ -165,17 +169,17 @@ class _Brakes:
         self._low, self._high = (np.full(len(each), (share * GRAVITY) ** 2, dtype=np.float32) for share in _ALIKE)
 
     def adjust(self, velocities: npt.NDArray[np.float32]) -> None:
-        """To velocities (B, 3) of all free bodies."""
+        """Update the brakes from the velocities (B, 3) of all free bodies."""
         own = velocities.take(self._numbers, axis=0)
-        felt = (own - self._velocities) / self._seconds + _UP
+        contact = (own - self._velocities) / self._seconds + _UP
         self._velocities = own
-        squares = np.einsum("bi,bi->b", felt, felt)
+        squares = np.einsum("bi,bi->b", contact, contact)
         changed = ((squares < self._low) | (squares > self._high)).nonzero()[0]
         if len(changed):
-            told = np.sqrt(squares[changed])
-            for number, acceleration in zip(changed.tolist(), told.tolist(), strict=True):
+            changed_to = np.sqrt(squares[changed])
+            for number, acceleration in zip(changed.tolist(), changed_to.tolist(), strict=True):
                 self.each[number].set(acceleration)
-            self._low[changed], self._high[changed] = (_ALIKE[0] * told) ** 2, (_ALIKE[1] * told) ** 2
+            self._low[changed], self._high[changed] = (_ALIKE[0] * changed_to) ** 2, (_ALIKE[1] * changed_to) ** 2
 
 
 def _attach(component: Any, body: Body, part: Geom, surfaces: Surfaces, folder: Path) -> None:

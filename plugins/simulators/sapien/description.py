@@ -1,4 +1,4 @@
-"""The arm with its tool as PhysX needs it: few links, each with its inertia and its shapes, from the assembled URDF."""
+"""Read the assembled URDF into what PhysX needs: few links, each with its inertia and shapes."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from core.scene import Color, Inertia
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """What is felt or seen on a link; ``part`` is the link of the URDF that it belongs to. A mesh file is felt as its
-    convex hull, and seen in colours of its own.
+    """A collision or visual shape of a link; ``part`` is its link in the URDF.
+
+    A mesh file collides as its convex hull, and is drawn in its own colours.
     """
 
     shape: Box | Sphere | Cylinder | Path
@@ -32,8 +33,10 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """How a link moves in its parent: along or about the x axis of ``in_parent``, which is ``in_child`` where the joint
-    is at 0. Limits in metres or radians, ``effort`` in newtons or newton metres.
+    """How a link moves in its parent: along or about the x axis of ``in_parent``.
+
+    At 0 the joint's frame ``in_child`` coincides with it. Limits are in metres or radians, ``effort`` in newtons or
+    newton metres.
     """
 
     name: str
@@ -47,9 +50,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """What moves as one: the number of its parent and the joint to it (the base has neither), inertia, and shapes to be
-    felt and to be seen.
-    """
+    """Rigidly joined links: the parent's number and the joint to it (the base has neither), inertia, and shapes."""
 
     name: str
     parent: int | None
@@ -61,7 +62,7 @@ class Link:
 
 @lru_cache(maxsize=16)
 def robot(tool: Tool) -> tuple[Link, ...]:
-    """The arm with a tool. Links that are joined rigidly are one; parents stand before their children."""
+    """List the links of the arm with a tool, parents first. Rigidly joined links become one."""
     document: Any = etree.fromstring(assemble(tool, fused=True))
     texts = {link.get("name"): etree.tostring(link) for link in document.findall("link")}
     joints = b"".join(etree.tostring(joint) for joint in document.findall("joint"))
@@ -73,8 +74,10 @@ def robot(tool: Tool) -> tuple[Link, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Skeleton:
-    """How links hang together: the joint to each by its child's name; the moving link (or the base) that each is joined
-    to rigidly, with its pose there; and the moving ones, parents first.
+    """The structure of the links.
+
+    ``joints`` are by the child's name; ``bearers`` give the moving link (or the base) that each link is rigidly joined
+    to, with its pose there; ``order`` lists the moving ones, parents first.
     """
 
     joints: dict[str, Any]
@@ -87,7 +90,7 @@ class _Skeleton:
 
 @lru_cache(maxsize=4)
 def _skeleton(joints: bytes, names: tuple[str, ...]) -> _Skeleton:
-    """Of a document's joints and the names of its links: the same for all tools, mostly."""
+    """Read the structure from the joints and the names of the links; mostly the same for all tools."""
     elements = {joint.find("child").get("link"): joint for joint in _elements(joints)}
     bearers = {name: _bearer(name, elements) for name in names}
     moving = [name for name in names if bearers[name][0] == name]
@@ -99,7 +102,7 @@ def _elements(text: bytes) -> list[Any]:
 
 
 def place(links: Sequence[Link], joints: Mapping[str, float]) -> list[Pose]:
-    """Where links are, in the base, with joints (by name; the others are at 0) like this."""
+    """Compute the poses of links in the base for joint values by name; the others are at 0."""
     poses: list[Pose] = []
     for link in links:
         if link.joint is None or link.parent is None:
@@ -117,12 +120,12 @@ def place(links: Sequence[Link], joints: Mapping[str, float]) -> list[Pose]:
 
 
 def _depth(name: str, joints: dict[str, Any]) -> int:
-    """How many joints there are from the base to a link."""
+    """Count the joints from the base to a link."""
     return 1 + _depth(joints[name].find("parent").get("link"), joints) if name in joints else 0
 
 
 def _bearer(name: str, joints: dict[str, Any]) -> tuple[str, Pose]:
-    """The moving link (or the base) that a link is joined to rigidly, and the link's pose in it."""
+    """Find the moving link (or the base) that a link is rigidly joined to, and the link's pose in it."""
     joint = joints.get(name)
     if joint is None or joint.get("type") != "fixed":
         return name, Pose()
@@ -132,18 +135,18 @@ def _bearer(name: str, joints: dict[str, Any]) -> tuple[str, Pose]:
 
 @lru_cache(maxsize=64)
 def _link(name: str, skeleton: _Skeleton, links: bytes) -> Link:
-    """Of a moving link and what is joined to it. Most are the same whatever the tool."""
+    """Merge a moving link with those rigidly joined to it. Most results are the same for all tools."""
     joints, bearers = skeleton.joints, skeleton.bearers
     parts = [(element.get("name"), element, bearers[element.get("name")][1]) for element in _elements(links)]
     inertia = _inertia([(element, pose) for _, element, pose in parts])
-    felt, seen = (
+    collisions, visuals = (
         tuple(shape for part, element, pose in parts for shape in _shapes(part, element.findall(tag), pose))
         for tag in ("collision", "visual")
     )
     if name not in joints:
-        return Link(name, None, None, inertia, felt, seen)
+        return Link(name, None, None, inertia, collisions, visuals)
     parent, pose = bearers[joints[name].find("parent").get("link")]
-    return Link(name, skeleton.order.index(parent), _joint(joints[name], pose), inertia, felt, seen)
+    return Link(name, skeleton.order.index(parent), _joint(joints[name], pose), inertia, collisions, visuals)
 
 
 def _joint(joint: Any, bearer: Pose) -> Joint:
@@ -156,7 +159,7 @@ def _joint(joint: Any, bearer: Pose) -> Joint:
 
 
 def _inertia(parts: list[tuple[Any, Pose]]) -> Inertia:
-    """Of URDF links together, which are at these poses."""
+    """Compute the inertia of URDF links at these poses, together."""
     masses, centers, tensors = [], [], []
     for element, pose in parts:
         inertial = element.find("inertial")

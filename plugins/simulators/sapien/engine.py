@@ -1,4 +1,4 @@
-"""Imports SAPIEN, without what it says about graphics libraries: physics needs none."""
+"""Import SAPIEN without its warnings about graphics libraries: physics needs none."""
 
 import warnings
 
@@ -12,6 +12,6 @@ try:
 except ImportError as error:
     raise UserError(f"sim=sapien needs SAPIEN: pip install 'sapien>=3.0.3' ({error})") from error
 
-sapien.set_log_level("critical")  # of graphics that are missing it says what nobody asked; errors are raised anyway
+sapien.set_log_level("critical")  # it warns of missing graphics; errors are raised anyway
 
 __all__ = ["physx", "sapien"]

@@ -1,6 +1,4 @@
-"""Pictures by SAPIEN's own renderer, which needs Vulkan: a scene of its own that holds shapes to look at and no
-physics.
-"""
+"""Draw with SAPIEN's own renderer, which needs Vulkan, in a scene that holds visual shapes and no physics."""
 
 from __future__ import annotations
 
@@ -32,7 +30,7 @@ _LIGHT_WAY = [-1.0, 1.0, -2.0]
 
 
 class Renderer:
-    """Draws one scene after another; what is loaded stays until another is asked for.
+    """Draw one scene after another; a loaded scene is kept until another one is needed.
 
     Raises:
         NoPicture: there is no Vulkan here.
@@ -62,9 +60,9 @@ class Renderer:
             self._bodies[body.name] = self._add(((p.shape, p.pose, p.color) for p in body.visuals), body.pose)
         self._loaded = (task, seed, tool)
 
-    def _add(self, seen: Iterable[tuple[Geometry | Path, Pose, Color]], pose: Pose) -> Any:
+    def _add(self, visuals: Iterable[tuple[Geometry | Path, Pose, Color]], pose: Pose) -> Any:
         component = sapien.render.RenderBodyComponent()
-        for shape, at, color in seen:
+        for shape, at, color in visuals:
             drawn = _drawn(shape, color)
             drawn.local_pose = to_sapien(at)
             component.attach(drawn)
@@ -75,7 +73,7 @@ class Renderer:
         return entity
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        """Put the robot's joints, arm (7,) and fingers (2,), and the free bodies where they are to be seen."""
+        """Set the robot's joints, arm (7,) and fingers (2,), and the poses of the free bodies."""
         joints = dict(zip((*ARM_JOINTS, *FINGER_JOINTS), [*arm, *fingers], strict=True))
         for entity, pose in zip(self._entities, place(self._links, joints), strict=True):
             entity.pose = to_sapien(pose)
@@ -83,7 +81,7 @@ class Renderer:
             self._bodies[name].pose = to_sapien(state.pose(name))
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        """A picture (height, width, 3)."""
+        """Draw a picture (height, width, 3)."""
         size = width * _OVERSAMPLING, height * _OVERSAMPLING
         if size not in self._cameras:
             self._cameras[size] = self._scene.add_camera("camera", *size, 1.0, 0.02, 10.0)
@@ -99,7 +97,7 @@ class Renderer:
 
 
 def _look(camera: Camera) -> Pose:
-    """A camera looks along its x axis, z up."""
+    """Compute a camera's pose: it looks along its x axis, z up."""
     forward = np.subtract(camera.target, camera.position)
     forward /= np.linalg.norm(forward)
     left = np.cross([0.0, 0.0, 1.0], forward)
@@ -112,7 +110,7 @@ def _drawn(shape: Geometry | Path, color: Color) -> Any:
     if isinstance(shape, Path):
         return sapien.render.RenderShapeTriangleMesh(str(shape))
     red, green, blue, opacity = color
-    linear = [red**_GAMMA, green**_GAMMA, blue**_GAMMA, opacity]  # the picture is made for a screen at the end
+    linear = [red**_GAMMA, green**_GAMMA, blue**_GAMMA, opacity]  # the renderer converts to sRGB at the end
     material = sapien.render.RenderMaterial(base_color=linear, roughness=0.6, specular=0.3)
     if isinstance(shape, Box):
         return sapien.render.RenderShapeBox(np.array(shape.size) / 2, material)

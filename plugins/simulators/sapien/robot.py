@@ -1,4 +1,4 @@
-"""The arm with its tool in a PhysX scene: an articulation with a drive in each joint."""
+"""Put the arm with its tool into a PhysX scene: an articulation with a drive in each joint."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import collision, hull, to_sapien
 from plugins.simulators.sapien.surfaces import Surface, Surfaces
 
-# A drive is a spring and a damper. The spring is so stiff that a joint presses with all its force where it is this far
-# off its target, in radians or metres; the damper, so that what is left shrinks at the tracking rate.
+# A drive is a spring and a damper. The spring reaches the joint's full force at this distance from the target, in
+# radians or metres; the damper makes the error shrink at the tracking rate.
 _GIVES_WAY = 0.001
-# The fingers are light, 15 g each, and with such a force the solver would let them into what they hold; but what moves
-# them weighs too, here this much each, in kg.
+# The fingers are light, 15 g each, and with such a force the solver would let them penetrate what they hold. But their
+# drive has a mass too: this much each, in kg.
 _FINGER_DRIVE = 0.1
 # One motor moves both fingers: a spring (N/m) and a damper (N s/m) between them keep them as far from the middle.
 _COUPLING = {"stiffness": 1e6, "damping": 1e3}
 
-# What is squeezed between two fingers, each heavier than it and pushed with all its force, takes so many times the
-# solver's iterations; with fewer, they sink into it and it shoots out.
+# A light body squeezed between two heavier fingers at full force needs so many times the solver's iterations; with
+# fewer, they sink into it and it shoots out.
 _GRIP = 4
 
 _BEARERS = {RIGID_MOUNT: ("panda_link7", "panda_link8"), **dict.fromkeys(GRIPPER_MOUNTS, ("panda_hand",))}
@@ -39,7 +39,7 @@ def surface_of(part: str) -> Surface:
 
 
 def surfaces_of(tool: Tool) -> set[Surface]:
-    return {surface_of(felt.part) for link in robot(tool) for felt in link.collisions}
+    return {surface_of(shape.part) for link in robot(tool) for shape in link.collisions}
 
 
 class Robot:
@@ -57,46 +57,47 @@ class Robot:
     ) -> None:
         self._gripper = tool.gripper
         links = robot(tool)
-        made: list[Any] = []
+        components: list[Any] = []
         for link in links:
-            component = physx.PhysxArticulationLinkComponent(None if link.parent is None else made[link.parent])
-            made.append(component)
+            component = physx.PhysxArticulationLinkComponent(None if link.parent is None else components[link.parent])
+            components.append(component)
             weigh(component, link.inertia)
-            for felt in link.collisions:
-                _attach(component, felt, tool, surfaces, folder)
+            for shape in link.collisions:
+                _attach(component, shape, tool, surfaces, folder)
             if link.joint is None:
                 component.joint.type = "fixed"
             else:
                 _drive(component.joint, link.joint, tracking_rate)
         if tool.gripper:
             fingers = [i for i, link in enumerate(links) if link.joint is not None and link.joint.name in FINGER_JOINTS]
-            chain = [made[i].parent for i in fingers[:1]] + [made[i] for i in fingers]
+            chain = [components[i].parent for i in fingers[:1]] + [components[i] for i in fingers]
             difference = [0.0, 1.0, -1.0]  # of the two joints, that is
-            made[0].articulation.create_fixed_tendon(chain, difference, difference, **_COUPLING)
-            made[0].articulation.solver_position_iterations *= _GRIP
-        # What the damper is to let through is put into the spring's target: half as many calls. And in each of the
-        # solver's n iterations a joint is driven as if that were the end of the step, with its speed coming on top: on
-        # the mean (n - 1) / 2n of a step too far ahead.
-        iterations = made[0].articulation.solver_position_iterations
+            components[0].articulation.create_fixed_tendon(chain, difference, difference, **_COUPLING)
+            components[0].articulation.solver_position_iterations *= _GRIP
+        # The target speed is added to the spring's target instead of the damper's: half as many calls. And in each of
+        # the solver's n iterations a joint is driven as if that were the end of the step, and its speed is added: on
+        # average (n - 1) / 2n of a step too far.
+        iterations = components[0].articulation.solver_position_iterations
         self._ahead = 1 / tracking_rate - time_step * (iterations - 1) / (2 * iterations)
-        for link, component in zip(links, made, strict=True):
+        for link, component in zip(links, components, strict=True):
             entity = sapien.Entity()
             entity.name = link.name
             entity.add_component(component)
             scene.add_entity(entity)
-        self._articulation = made[0].articulation
+        self._articulation = components[0].articulation
         active = {joint.name: number for number, joint in enumerate(self._articulation.active_joints)}
         self._numbers = [active[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ()))]
         joints = [self._articulation.active_joints[number] for number in self._numbers]
-        self._tell = [joint.set_drive_target for joint in joints]
-        self._told = [math.nan] * len(joints)
+        self._setters = [joint.set_drive_target for joint in joints]
+        self._orders = [math.nan] * len(joints)
         start = np.empty(len(self._numbers))
         start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * 2 if tool.gripper else ())]
         self._articulation.qpos = start
 
     def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> list[list[float]]:
-        """What `drive` takes for each of S steps: of the joints' targets (S, 7), finger openings (S,), and the speeds
-        at which these are approached.
+        """Make the orders that `drive` takes, one list for each of S steps.
+
+        Given are the joints' targets (S, 7), finger openings (S,), and the speeds at which they are approached.
         """
         if self._gripper:
             arm, speeds = np.column_stack([arm, fingers, fingers]), np.column_stack([speeds, *[finger_speeds] * 2])
@@ -104,42 +105,43 @@ class Robot:
         return orders
 
     def drive(self, orders: list[float]) -> None:
-        if orders == self._told:
-            self._tell[0](orders[0])  # keeps the arm awake
+        if orders == self._orders:
+            self._setters[0](orders[0])  # keeps the arm awake
             return
-        for tell, order, before in zip(self._tell, orders, self._told, strict=True):
-            if order != before:  # drives keep what they were told
-                tell(order)
-        self._told = orders
+        for set_target, order, before in zip(self._setters, orders, self._orders, strict=True):
+            if order != before:  # drives keep their target
+                set_target(order)
+        self._orders = orders
 
     def joints(self) -> tuple[Array, Array]:
-        """Arm (7,) and fingers (2,) as they are."""
+        """Read the joint positions: arm (7,) and fingers (2,)."""
         return self.read(self.note())
 
     def note(self) -> Any:
-        """For `read`."""
+        """Take a snapshot for `read`."""
         return self._articulation.qpos
 
     def read(self, notes: Any) -> tuple[Array, Array]:
-        """Arm (..., 7) and fingers (..., 2) of notes (..., J)."""
+        """Decode snapshots (..., J): arm (..., 7) and fingers (..., 2)."""
         values = np.asarray(notes, dtype=np.float64)[..., self._numbers]
         return values[..., :7], values[..., 7:] if self._gripper else np.zeros((*values.shape[:-1], 2))
 
 
-def _attach(component: Any, felt: Shape, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
+def _attach(component: Any, part: Shape, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
     def make(material: Any) -> Any:
-        shape = felt.shape
-        made = hull(shape, material) if isinstance(shape, Path) else collision(shape, material, folder)
-        made.local_pose = to_sapien(felt.pose)
-        return made
+        shape = part.shape
+        collider = hull(shape, material) if isinstance(shape, Path) else collision(shape, material, folder)
+        collider.local_pose = to_sapien(part.pose)
+        return collider
 
-    for shape in surfaces.copies(surface_of(felt.part), make, apart=_apart(felt.part, tool)):
+    for shape in surfaces.copies(surface_of(part.part), make, apart=_apart(part.part, tool)):
         component.attach(shape)
 
 
 def _apart(part: str, tool: Tool) -> int:
-    """Bits: parts of the robot that have one in common don't touch each other. The arm's own overlap by construction,
-    and what is mounted is in its bearer.
+    """Compute a part's bits: parts that share one don't touch each other.
+
+    The arm's links overlap by construction, and a tool overlaps the link that bears it.
     """
     bits = 0 if part in tool.mounts else 1
     for number, mount in enumerate(tool.mounts, start=1):

@@ -1,4 +1,4 @@
-"""Shapes as PhysX has them."""
+"""Make PhysX collision shapes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ def to_sapien(pose: Pose) -> Any:
 
 
 def collision(shape: Shape, material: Any, folder: Path) -> Any:
-    """The shape as it is felt. Hulls are computed once per file; the files are put in ``folder``."""
+    """Make a collision shape. Hulls are computed once per file; the files are written to ``folder``."""
     match shape:
-        case Box(size=size):  # as a hull: what PhysX does for two boxes loses an edge that leans on a thin wall's
+        case Box(
+            size=size
+        ):  # as a hull: PhysX's box-box test loses the contact of an edge that leans on a thin wall's edge
             return hull(_file(folder, "box", _cube), material, size)
         case Sphere(radius=radius):
             return physx.PhysxCollisionShapeSphere(radius, material)
@@ -35,7 +37,7 @@ def collision(shape: Shape, material: Any, folder: Path) -> Any:
 
 
 def hull(file: Path, material: Any, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Any:
-    """The convex hull of a mesh file."""
+    """Make the convex hull of a mesh file."""
     return physx.PhysxCollisionShapeConvexMesh(str(file), np.array(scale), material)
 
 
@@ -44,14 +46,15 @@ def _cube() -> trimesh.Trimesh:
 
 
 def _prism() -> trimesh.Trimesh:
-    """PhysX has no cylinders. This stands for one of radius and length 1; its corners are as far outside as its sides
-    are inside.
+    """Make a prism in place of a cylinder of radius and length 1, which PhysX lacks.
+
+    Its corners are as far outside the cylinder as its sides are inside.
     """
     return trimesh.creation.cylinder(radius=2 / (1 + np.cos(np.pi / _SIDES)), height=1.0, sections=_SIDES)
 
 
 def _file(folder: Path, name: str, make: Callable[[], trimesh.Trimesh]) -> Path:
-    """The mesh's file; made if there is none of that name."""
+    """Return the mesh's file, writing it if there is none of that name."""
     file = folder / f"{name}.obj"
     if not file.exists():
         file.write_text(str(make().export(file_type="obj")))

@@ -1,4 +1,4 @@
-"""Rollouts in SAPIEN: PhysX on the CPU, in one process; physics needs no graphics."""
+"""Play rollouts in SAPIEN: PhysX on the CPU, in one process; physics needs no graphics."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _STAND_IN = "pybullet"
 
 
 class SapienSimulator(Simulator):
-    """One PhysX scene after another, each fresh: nothing of a rollout reaches the next.
+    """Play each job in a fresh PhysX scene, so that no rollout affects the next.
 
     Args:
         time_step: seconds.
-        solver_iterations: over the positions of what touches, per step.
-        tracking_rate: how fast a joint closes in on its target, 1/s.
+        solver_iterations: position iterations of the contact solver, per step.
+        tracking_rate: how fast a joint converges to its target, 1/s.
     """
 
     def __init__(self, time_step: float = 0.005, solver_iterations: int = 10, tracking_rate: float = 50.0) -> None:
@@ -65,16 +65,18 @@ class SapienSimulator(Simulator):
         )
 
     def _weighed(self, task: Task, seed: int) -> Weighed:
-        """The scene, made once for jobs in a row that are of one task and seed."""
+        """Make the scene, once for consecutive jobs of one task and seed."""
         if self._placed is None or self._placed[0] is not task or self._placed[1] != seed:
             self._placed = (task, seed, Weighed(task.scene(seed)))
         return self._placed[2]
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
-        """By SAPIEN's own renderer where Vulkan is there, otherwise by PyBullet's; ``drawn_by`` tells which it was.
+        """Draw with SAPIEN's own renderer where Vulkan is there, otherwise with PyBullet's.
+
+        ``drawn_by`` names the renderer.
 
         Raises:
-            NoPicture: there is neither.
+            NoPicture: neither is available.
         """
         picture = self._pictures.render(task, **view)
         self.drawn_by = self._pictures.drawn_by

@@ -1,4 +1,4 @@
-"""One PhysX scene: what stands in it, the robot with a tool, and steps."""
+"""Build and step one PhysX scene with its bodies and the robot with a tool."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.robot import Robot, surfaces_of
 from plugins.simulators.sapien.surfaces import Surfaces
 
-# Contacts are seen to when shapes are this close, metres: what strikes is slowed down before it is inside.
+# Contacts begin at this distance, metres: bodies are slowed down before they penetrate.
 _CONTACT_OFFSET = 0.001
-# m/s: slower ones don't bounce.
+# Slower impacts don't bounce, m/s.
 _BOUNCE = 0.2
-# A body whose kinetic energy per mass, (m/s)^2 / 2, stays below this for 0.4 s sleeps until it is touched: 3 mm/s.
+# A body sleeps if its kinetic energy per mass, (m/s)^2 / 2, stays below this for 0.4 s: 3 mm/s.
 _SLEEP = 5e-6
 
 
 class World:
-    """A fresh scene, the robot at the trajectory's first targets; free bodies at their places."""
+    """A fresh scene: the robot at the trajectory's first targets, free bodies at their initial poses."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class World:
         tracking_rate: float,
     ) -> None:
         self.time_step = time_step
-        # These belong to the process; what is made from here on takes them over.
+        # These settings belong to the process, and apply to what is created from here on.
         physx.set_scene_config(
             gravity=[0.0, 0.0, -GRAVITY],
             bounce_threshold=_BOUNCE,
@@ -62,9 +62,7 @@ class World:
         self._robot = Robot(self._scene, surfaces, tool, trajectory, folder, tracking_rate, time_step)
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
-        """Drive the joints toward targets (7,) and a finger opening, which they approach at these speeds; then one
-        time step.
-        """
+        """Drive the joints to targets (7,) and a finger opening, approached at these speeds, for one time step."""
         next(self.follow(arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])))
 
     def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
@@ -76,11 +74,11 @@ class World:
             yield
 
     def joints(self) -> tuple[Array, Array]:
-        """Arm (7,) and fingers (2,) as they are."""
+        """Read the joint positions: arm (7,) and fingers (2,)."""
         return self._robot.joints()
 
     def state(self) -> State:
-        """Of the free bodies."""
+        """Read the state of the free bodies."""
         return self._bodies.state()
 
     def note(self) -> tuple[Any, bytes]:

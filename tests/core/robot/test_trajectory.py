@@ -29,7 +29,7 @@ def plan_of(plan, **how):
 
 
 def segments(plan, **how):
-    """For each waypoint the time at which its segment ends: plans are causal, so a plan cut short shows it."""
+    """Find the time at which each waypoint's segment ends: plans are causal, so a plan cut short shows it."""
     ends = [plan_of(plan[: k + 1], **how).trajectory.duration for k in range(len(plan))]
     return list(zip([0.0, *ends], ends, strict=False))
 

@@ -135,7 +135,7 @@ def test_a_changed_scene_is_at_rest(name):
 
 
 def digest():
-    """Of some changed scenes."""
+    """Hash some perturbed scenes."""
     found = hashlib.sha256()
     for name in ("CleanTable", "OneBook", "TurkeyLegs"):
         for body in perturb(plain(name), PerturbationRange(), 5).bodies:

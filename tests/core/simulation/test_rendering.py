@@ -1,4 +1,4 @@
-"""With renderers that note their arguments; real ones are in the simulators' tests."""
+"""Test drawing with renderers that note their arguments; real ones are in the simulators' tests."""
 
 import numpy as np
 import pytest
@@ -81,5 +81,5 @@ def test_another_simulator_stands_in(painter):
 
 
 def test_with_neither_both_reasons_are_said():
-    with pytest.raises(NoPicture, match=r"needs a pencil, and nobody's can't stand in for it: no sim 'nobody'"):
-        Pictures(nothing, "nobody").render(TASK)
+    with pytest.raises(NoPicture, match=r"needs a pencil, and missing's can't stand in for it: no sim 'missing'"):
+        Pictures(nothing, "missing").render(TASK)

@@ -1,4 +1,4 @@
-"""What is MuJoCo's own: settings, contacts, servos, the renderer, and how it does without what is not there."""
+"""Test what MuJoCo alone has: settings, contacts, servos, the renderer, and missing packages."""
 
 import json
 import math
@@ -384,8 +384,8 @@ def test_the_arm_moves_smoothly():
     trajectory = motion([[0.6, 0.2, 0.3, 0, 0.3, 0], [0.5, -0.2, 0.4, 0, 0, 0.5]])
     (outcome,) = mujoco().rollout(Bodies(), [Rollout(BARE, trajectory, settle_s=0.0, hold_s=0.1, record_hz=400)])
     dt = 0.0025
-    told, _ = trajectory.sample(film(outcome).times)
-    jumps = [np.abs(np.diff(joints, n=2, axis=0)).max() / dt for joints in (film(outcome).arm, told)]
+    wanted, _ = trajectory.sample(film(outcome).times)
+    jumps = [np.abs(np.diff(joints, n=2, axis=0)).max() / dt for joints in (film(outcome).arm, wanted)]
     assert jumps[0] < 2 * jumps[1]
 
 

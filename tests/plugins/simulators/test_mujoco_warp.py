@@ -231,4 +231,4 @@ def test_a_run_on_the_processor(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "4 rollouts in" in done.stderr
-    assert "Warp" not in done.stderr  # which would tell of kernels, and of the driver that is missing
+    assert "Warp" not in done.stderr  # it reports kernels and a missing driver by default

@@ -1,4 +1,4 @@
-"""What is PyBullet's own: its settings, and what they mean. What every engine must do is in test_conformance.py."""
+"""Test what PyBullet alone has: its settings. What every engine must do is in test_conformance.py."""
 
 import math
 
@@ -48,21 +48,21 @@ def test_what_is_kept_between_rollouts_changes_no_bit_of_them():
     assert [played(one, *job) for job in jobs] == [played(installed().create("sim", "pybullet"), *job) for job in jobs]
 
 
-def test_motors_that_are_told_nothing_new_need_not_be_told(monkeypatch):
+def test_motors_keep_targets_that_do_not_change(monkeypatch):
     from plugins.simulators.pybullet.world import World
 
     sim, step = installed().create("sim", "pybullet"), World.step
-    told = []
+    driven = []
 
     def anew(world, *targets):
-        told.append(world._driven)
+        driven.append(world._driven)
         world._driven = None
         step(world, *targets)
 
     kept = bits(move(sim, PLAN, *THINGS, tool=stick(0.25), record_hz=25))
     monkeypatch.setattr(World, "step", anew)
     assert bits(move(sim, PLAN, *THINGS, tool=stick(0.25), record_hz=25)) == kept
-    assert len(told) > 500
+    assert len(driven) > 500
 
 
 def test_frames_of_many_bodies_are_those_of_each(tmp_path):

@@ -1,4 +1,4 @@
-"""What is SAPIEN's own: its settings, the renderer, and how it does without what is not there."""
+"""Test what SAPIEN alone has: its settings, the renderer, and missing packages."""
 
 import json
 import math
@@ -129,7 +129,7 @@ def test_numbers_that_make_no_sense(setting, value):
 
 
 def test_many_coefficients_of_friction_are_their_pairs_geometric_means():
-    """Nine blocks on a slope, each with a friction of its own: those of one kind are told apart too."""
+    """Nine blocks on a slope, each with a friction of its own: those of one kind differ too."""
     tilt, frictions = 0.45, np.geomspace(0.1, 1.2, 9)
     hill = replace(slope(tilt, 0.3), mass=0.0)
     at = [hill.pose.apply([-1.8, 0.11 * (i - 4), 0.05 + 0.02]) for i in range(9)]

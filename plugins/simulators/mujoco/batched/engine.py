@@ -1,4 +1,4 @@
-"""Imports Warp and MuJoCo Warp, or says what is missing; and finds the device."""
+"""Import Warp and MuJoCo Warp, or report what is missing; and find the device."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ try:
 except ModuleNotFoundError as error:
     raise UserError("sim=mujoco_warp needs MuJoCo Warp: pip install 'mujoco-warp>=4,<5' 'warp-lang>=1.19'") from error
 
-warp.config.log_level = warp.LOG_ERROR  # it would tell of each kernel that it compiles, and of a driver that is missing
+warp.config.log_level = warp.LOG_ERROR  # otherwise it reports each kernel that it compiles, and a missing driver
 
-# On a card, several groups of threads may add up what the constraints of one world weigh, the fewer worlds the more; a
-# world's numbers would then depend on how many others there are. With many worlds it is one group each anyway.
+# On a GPU, several groups of threads may sum the terms of one world's constraints, more groups for fewer worlds. A
+# world's numbers would then depend on how many others there are. With many worlds each has one group anyway.
 solver._JTDAJ_OVERSUBSCRIBE_WAVES = 0
 
 DEVICES = ("cuda", "cpu")
 
 
 def device(name: str) -> Any:
-    """The device of that name; of several graphics cards ``cuda:1`` is the second.
+    """Find a device by name; ``cuda:1`` is the second of several GPUs.
 
     Raises:
         UserError: there is no such device here.
@@ -51,7 +51,7 @@ def device(name: str) -> Any:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Warp's own library says on the terminal that it has found no driver."""
+    """Silence Warp's library, which reports a missing driver on the terminal."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:

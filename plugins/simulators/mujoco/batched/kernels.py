@@ -1,4 +1,4 @@
-"""What happens on the device between two steps of physics: targets go to the servos, and states are noted."""
+"""Run on the device between two physics steps: set the servos' targets, and record states."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def sampled(
     joint: int,
     time: wp.float64,
 ) -> wp.float64:
-    """Linear between instants, constant before and after, as `JointTrajectory.sample`."""
+    """Interpolate linearly between times, constant before and after, as `JointTrajectory.sample` does."""
     if time <= times[world, 0]:
         return values[world, 0, joint]
     if time >= times[world, count - 1]:
         return values[world, count - 1, joint]
-    low = int(0)  # noqa: RUF046, UP018  # without the word it is a constant
+    low = int(0)  # noqa: RUF046, UP018  # without int() it would be a constant
     high = count - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -48,9 +48,7 @@ def drive(
     aim: wp.array2d[wp.float64],
     control: wp.array2d[float],
 ) -> None:
-    """Each joint's target (``aim``) at the end of the step, and what its servo is told; broken worlds stay where they
-    began.
-    """
+    """Set each joint's target at the step's end (``aim``) and its servo's input; broken worlds stay at the start."""
     world, joint = wp.tid()
     time = wp.float64(step[0] - settle[world]) * dt
     if broken[world] != 0:
@@ -89,9 +87,7 @@ def note(
     astray: wp.array[int],
     broken: wp.array[int],
 ) -> None:
-    """Before the step: one number of a world's state, to where it belongs. What comes after a world's last step is of
-    no account, but if it explodes.
-    """
+    """Record one number of a world's state before the step. After a world's last step only divergence is recorded."""
     world, number = wp.tid()
     positions = qpos.shape[1]
     value = float(0.0)  # noqa: UP018
@@ -129,8 +125,9 @@ def leave_out(
     count: wp.array[int],
     crowded: wp.array[int],
 ) -> None:
-    """Contacts of a world beyond so many as there is room for; such a world is noted. All worlds are, where contacts
-    were lost before anybody could say of which.
+    """Drop contacts of a world beyond ``most``, and mark the world as crowded.
+
+    All worlds are marked if contacts were lost before their world was known.
     """
     number = wp.tid()
     if found[0] > kind.shape[0] and number < crowded.shape[0]:
@@ -145,7 +142,7 @@ def leave_out(
 
 @wp.kernel(enable_backward=False)
 def cut(most: int, found: wp.array[int]) -> None:
-    """The number of contacts, to as many as there are."""
+    """Cut the number of contacts to the capacity."""
     found[0] = wp.min(found[0], most)
 
 
@@ -157,7 +154,7 @@ def mend(
     qvel: wp.array2d[float],
     warmstart: wp.array2d[float],
 ) -> None:
-    """A world that exploded begins anew, so that it does not hold the others up."""
+    """Reset a world that diverged, so that it does not slow down the others."""
     world = wp.tid()
     if astray[world] == 0:
         return

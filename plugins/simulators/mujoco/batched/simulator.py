@@ -1,4 +1,4 @@
-"""Rollouts in MuJoCo Warp: many worlds at once on a graphics card, or for tests on the processor."""
+"""Play rollouts in MuJoCo Warp: many worlds at once on a GPU, or for tests on the CPU."""
 
 from __future__ import annotations
 
@@ -26,21 +26,20 @@ _ARM = len(ARM_JOINTS)
 _KEPT_BATCHES = 8
 _KEPT_FIGURES = 4096  # some kilobytes each
 _MOST_CONTACTS = 8192  # in a world; beyond that something else is wrong
-_SHARE = 0.8  # of a card's free memory that a batch may take
-_WORKING = 2.0  # times what a batch holds between steps, while it steps
+_SHARE = 0.8  # share of a GPU's free memory that a batch may take
+_WORKING = 2.0  # memory while stepping, as a multiple of that between steps
 _ON_THE_PROCESSOR = 2**30  # bytes
 
 
 class MuJoCoWarpSimulator(Simulator):
-    """Worlds that share a layout's bodies, whether there is a gripper, and about the number of a tool's boxes, are
-    stepped together.
+    """Step worlds together that share the layout's bodies, the gripper or none, and roughly the tool's number of boxes.
 
     Args:
         device: ``cuda``, ``cuda:1`` and so on, or ``cpu``.
-        worlds: how many at once, at most; fewer where the device's memory is too small.
+        worlds: the largest number at once; fewer if the device's memory is too small.
         time_step: seconds.
-        tracking_rate: how fast a joint closes in on its target, 1/s.
-        slip_rate: how fast friction stops what slips slowly, 1/s, as in `sim=mujoco`.
+        tracking_rate: how fast a joint converges to its target, 1/s.
+        slip_rate: how fast friction stops slow slip, 1/s, as in `sim=mujoco`.
     """
 
     batch: ClassVar[int] = 2048
@@ -60,14 +59,14 @@ class MuJoCoWarpSimulator(Simulator):
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft")
         self.worlds = worlds
         self._rates = time_step, tracking_rate, slip_rate
-        from plugins.simulators.mujoco.batched import engine  # what needs the extra
+        from plugins.simulators.mujoco.batched import engine  # needs the extra packages
         from plugins.simulators.mujoco.batched import worlds as many
 
         self._device, self._processor = engine.device(device), engine.device("cpu")
         self._make = many.Worlds
         self._scene: tuple[Task, int, Scene, dict[str, Inertia]] | None = None
         self._figures: OrderedDict[tuple[Task, int, str], Figures] = OrderedDict()
-        self._contacts: dict[str, int] = {}  # that worlds have had room for
+        self._contacts: dict[str, int] = {}  # capacity, by digest
         self._batches: OrderedDict[tuple[str, Size], Worlds] = OrderedDict()
         self._draws: Simulator | None = None
 
@@ -82,7 +81,7 @@ class MuJoCoWarpSimulator(Simulator):
             mine[i] = self._of(task, job)
             groups.setdefault(mine[i].shared, []).append(i)
         for members in groups.values():
-            members.sort(key=lambda i: self._steps(jobs[i]))  # those that end together
+            members.sort(key=lambda i: self._steps(jobs[i]))  # so that neighbours end together
             for i, played in self._played(task, members, mine, jobs):
                 outcomes[i] = self._outcome(jobs[i], mine[i], played)
         return [outcomes[i] for i in range(len(jobs))]
@@ -108,7 +107,7 @@ class MuJoCoWarpSimulator(Simulator):
     def _played(
         self, task: Task, members: Sequence[int], mine: dict[int, Figures], jobs: Sequence[Rollout]
     ) -> Iterator[tuple[int, Played]]:
-        """Each job's number and what came of it. Those whose contacts did not find room are played again with more."""
+        """Yield each job's number and result. Jobs with too many contacts are repeated with more capacity."""
         waiting = list(members)
         while waiting:
             worlds = self._batch(task, [jobs[i] for i in waiting], mine[waiting[0]])
@@ -124,8 +123,9 @@ class MuJoCoWarpSimulator(Simulator):
                 waiting = again + waiting
 
     def _batch(self, task: Task, jobs: Sequence[Rollout], of: Figures) -> Worlds:
-        """Worlds for the first of the jobs, as many as there is memory for. Numbers are rounded up to powers of two, so
-        that few sizes are made.
+        """Make worlds for the first of the jobs, as many as fit into memory.
+
+        Sizes are rounded up to powers of two, so that few are made.
         """
         frames = [self._steps(job) // every + 1 for job in jobs if (every := record_every(job, self._rates[0]))]
         size = Size(
@@ -136,25 +136,25 @@ class MuJoCoWarpSimulator(Simulator):
         )
         known = next((key for key in self._batches if key == (of.shared, size)), None)
         if known is None:
-            made = self._model(task, jobs[0])
-            size = self._cut(made, size)
+            compiled = self._model(task, jobs[0])
+            size = self._cut(compiled, size)
             known = of.shared, size
             if known not in self._batches:
-                self._batches[known] = self._make(made, size, self._device)
+                self._batches[known] = self._make(compiled, size, self._device)
                 if len(self._batches) > _KEPT_BATCHES:
                     self._batches.popitem(last=False)
         self._batches.move_to_end(known)
         return self._batches[known]
 
-    def _cut(self, made: Element, size: Size) -> Size:
-        """The size with no more worlds than there is memory for; what is kept of other batches has to go for it."""
-        each = _WORKING * self._make(made, replace(size, worlds=1), self._processor).nbytes()
+    def _cut(self, compiled: Element, size: Size) -> Size:
+        """Reduce the number of worlds to what fits into memory; other batches are dropped if need be."""
+        each = _WORKING * self._make(compiled, replace(size, worlds=1), self._processor).nbytes()
         if self._free() < each * size.worlds:
             self._batches.clear()
         return replace(size, worlds=max(1, min(size.worlds, int(self._free() / each))))
 
     def _free(self) -> float:
-        """Bytes."""
+        """Count the bytes that a batch may take."""
         return _SHARE * self._device.free_memory if self._device.is_cuda else _ON_THE_PROCESSOR
 
     def _outcome(self, job: Rollout, of: Figures, played: Played) -> Outcome:
@@ -176,10 +176,10 @@ class MuJoCoWarpSimulator(Simulator):
         return Outcome(start, end, played.lag, recording=recording)
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
-        """As `sim=mujoco` draws it.
+        """Draw as `sim=mujoco` does.
 
         Raises:
-            NoPicture: it can't.
+            NoPicture: it can't draw here.
         """
         self._draws = self._draws or MuJoCoSimulator()
         picture = self._draws.render(task, **view)
@@ -188,5 +188,5 @@ class MuJoCoWarpSimulator(Simulator):
 
 
 def _up(count: int) -> int:
-    """The next power of two."""
+    """Round up to a power of two."""
     return 1 << max(0, count - 1).bit_length()

@@ -1,4 +1,4 @@
-"""A number of worlds on the device, stepped together."""
+"""Step a batch of worlds on the device together."""
 
 from __future__ import annotations
 
@@ -21,26 +21,30 @@ from plugins.simulators.mujoco.shapes import Element
 _ARM = len(ARM_JOINTS)
 _NO_ROOM = (
     mujoco_warp.OverflowType.ALL
-    # Neither is a lack of room, and MuJoCo goes on without a word too.
+    # Neither is a lack of capacity, and MuJoCo ignores both too.
     & ~(mujoco_warp.OverflowType.ITERATIONS | mujoco_warp.OverflowType.LS_ITERATIONS)
 )
 
 
 class Worlds:
-    """Worlds that share what `Figures.shared` says. All steps of a rollout are the same few hundred launches, which are
-    recorded once: a CUDA graph, or its like for the processor.
+    """Worlds with the same `Figures.shared`.
+
+    All steps of a rollout are the same few hundred launches. They are recorded once, as a CUDA graph or its CPU
+    equivalent.
     """
 
-    def __init__(self, made: Element, size: Size, device: Any) -> None:
+    def __init__(self, compiled: Element, size: Size, device: Any) -> None:
         self.size = size
-        self._device, self._dt = device, float(made.opt.timestep)
-        joints, numbers, count = made.nactuator, made.nq + made.nv, size.worlds
-        self._ahead = int(made.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE)
+        self._device, self._dt = device, float(compiled.opt.timestep)
+        joints, numbers, count = compiled.nactuator, compiled.nq + compiled.nv, size.worlds
+        self._ahead = int(compiled.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE)
         with warp.ScopedDevice(device):
-            self._model = mujoco_warp.put_model(made, batch_sizes=dict.fromkeys(PER_WORLD, count))
-            self._model.opt.warn_overflow = 0  # it would be printed; `Played.lost` tells
+            self._model = mujoco_warp.put_model(compiled, batch_sizes=dict.fromkeys(PER_WORLD, count))
+            self._model.opt.warn_overflow = 0  # otherwise printed; `Played.crowded` says it
             self._model.opt.deterministic = True
-            self._data = mujoco_warp.make_data(made, count, nconmax=size.contacts, njmax=_rows(made, size.contacts))
+            self._data = mujoco_warp.make_data(
+                compiled, count, nconmax=size.contacts, njmax=_rows(compiled, size.contacts)
+            )
             self._step = warp.zeros(1, dtype=int)
             self._settle, self._last, self._every, self._instants = (warp.zeros(count, dtype=int) for _ in range(4))
             self._times = warp.zeros((count, size.instants), dtype=warp.float64)
@@ -48,27 +52,27 @@ class Worlds:
             self._stiffness, self._damping, self._aim = (
                 warp.zeros((count, joints), dtype=warp.float64) for _ in range(3)
             )
-            self._first = warp.zeros((count, made.nq), dtype=float)
+            self._first = warp.zeros((count, compiled.nq), dtype=float)
             self._start, self._end = (warp.zeros((count, numbers), dtype=float) for _ in range(2))
             self._film = warp.zeros((size.frames, count, numbers), dtype=float)
             self._lag = warp.zeros(count, dtype=warp.float64)
-            self._lost, self._astray, self._broken, self._crowded, self._felt = (
+            self._lost, self._astray, self._broken, self._crowded, self._counts = (
                 warp.zeros(count, dtype=int) for _ in range(5)
             )
-            # More rows than there is room for would be written beyond it.
+            # Otherwise rows beyond the capacity would be written past its end.
             self._model.callback.contactfilter = self._leave_out
             self._graph: Any = None
 
     def nbytes(self) -> int:
-        """Of what lies on the device between steps."""
+        """Count the bytes held on the device between steps."""
         return sum(array.capacity for array in _arrays(vars(self)))
 
     def play(self, figures: Sequence[Figures], jobs: Sequence[Rollout]) -> list[Played]:
-        """One job in each world; at most `Size.worlds` of them, whose trajectories and films fit the size."""
+        """Play one job in each world; at most `Size.worlds` jobs, of trajectories and recordings that fit the size."""
         with warp.ScopedDevice(self._device):
             last = self._load(figures, jobs)
             if self._graph is None:
-                self._one()  # which compiles what is not compiled yet
+                self._one()  # compiles missing kernels
                 with warp.ScopedCapture() as capture:
                     self._one()
                 self._graph = capture.graph
@@ -92,7 +96,7 @@ class Worlds:
         ]
 
     def _load(self, figures: Sequence[Figures], jobs: Sequence[Rollout]) -> list[int]:
-        """Put all worlds to their start; gives how many steps each takes. Those that are left over do as the last."""
+        """Reset all worlds, and count the steps of each. Worlds left over repeat the last job."""
         count = self.size.worlds
         which = np.minimum(np.arange(count), len(jobs) - 1)
         mine, theirs = [figures[i] for i in which], [jobs[i] for i in which]
@@ -128,7 +132,7 @@ class Worlds:
         return [int(steps) for steps in last]
 
     def _one(self) -> None:
-        """A step of all worlds."""
+        """Step all worlds once."""
         data = self._data
         self._note()
         warp.launch(mend, self.size.worlds, [self._astray, self._first, data.qpos, data.qvel, data.qacc_warmstart])
@@ -145,11 +149,11 @@ class Worlds:
 
     def _leave_out(self, _: Any, data: Any) -> None:
         contact, most = data.contact, self.size.contacts
-        self._felt.zero_()
+        self._counts.zero_()
         warp.launch(
             leave_out,
             max(data.naconmax, self.size.worlds),
-            [most, data.nacon, contact.worldid, contact.type, self._felt, self._crowded],
+            [most, data.nacon, contact.worldid, contact.type, self._counts, self._crowded],
         )
         warp.launch(cut, 1, [data.naconmax, data.nacon])
 
@@ -166,19 +170,19 @@ class Worlds:
         )
 
 
-def _rows(made: Element, contacts: int) -> int:
-    """Of constraints, for so many contacts."""
-    most = max([int(made.geom_condim.max()), *(int(dim) for dim in made.pair_dim)])
-    return contacts * most + int(made.jnt_limited.sum()) + int(made.neq)
+def _rows(compiled: Element, contacts: int) -> int:
+    """Count the constraint rows for so many contacts."""
+    most = max([int(compiled.geom_condim.max()), *(int(dim) for dim in compiled.pair_dim)])
+    return contacts * most + int(compiled.jnt_limited.sum()) + int(compiled.neq)
 
 
 def _assign(array: Any, values: Array) -> None:
-    scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)  # of a vector, what it is made of
+    scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)  # the type of a vector's components
     array.assign(np.ascontiguousarray(values, dtype=warp.dtype_to_numpy(scalar)))
 
 
 def _arrays(part: Any) -> Iterator[Any]:
-    """Warp's arrays in a dictionary or a dataclass, and in those in it."""
+    """Yield Warp's arrays in a dictionary or a dataclass, nested ones included."""
     items = part.items() if isinstance(part, dict) else [(f.name, getattr(part, f.name)) for f in fields(part)]
     for _, value in items:
         if isinstance(value, warp.array):
