@@ -12,7 +12,7 @@ from pathlib import Path
 import jinja2
 
 from core.errors import UsageError, UserError, choices
-from core.new.existing import Package
+from core.new.existing import find_package, with_entry_point
 from core.plugins import KINDS, installed
 
 
@@ -43,7 +43,8 @@ TEMPLATES = {
 def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]:
     """Write a part into the folder ``output`` (default: one of its name, here); return the folder and its module.
 
-    A folder that holds a plugin package gets the part added; nothing in it is overwritten.
+    In a folder that holds a plugin package the part becomes a subpackage with an entry point of its own; of what is
+    there only ``pyproject.toml`` changes.
 
     Raises:
         UserError: an unknown kind, a name that can't be used, or a folder to which the part can't be added.
@@ -53,37 +54,35 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
     template = TEMPLATES[kind]
     snake = _check_name(template.group, name)
     folder = output or Path(snake)
+    project = folder / "pyproject.toml"
     cls = template.cls.format(name[0].upper() + re.sub(r"_+(\w)", lambda found: found[1].upper(), name[1:]))
-    values = {"name": name, "kind": template.group, "what": template.what, "cls": cls}
-    values |= {"hook": KINDS[template.group]}
+    values = {"name": name, "kind": template.group, "what": template.what, "cls": cls, "module": template.module}
+    values |= {"hook": KINDS[template.group], "package": snake}
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        package, module = Package.find(folder), snake
-        package.offer(values["hook"], name, f"{package.name}.{module}:{cls}")
-        values |= {"package": package.name, "module": module}
-        texts = package.texts
+        parent = find_package(folder)
+        values["package"] = f"{parent.name}.{snake}"
+        code, changed = parent / snake, with_entry_point(project, snake, values["package"])
     else:
-        package, module = Package(folder, snake, folder / snake, folder / snake / "conf"), template.module
         _check_free(name, snake)
-        values |= {"package": snake, "module": module}
-        texts = {folder / "pyproject.toml": _render("pyproject.toml", values)}
-        texts[package.code / "__init__.py"] = _render("init.py", values)
-        texts[package.config / "__init__.py"] = ""
-    code = package.code / f"{module}.py"
+        code, changed = folder / snake, _render("pyproject.toml", values)
+    module = code / f"{template.module}.py"
     new = {
-        code: _render(f"{kind}.py", values),
-        package.config / template.group / f"{name}.yaml": _render(f"{kind}.yaml", values),
+        code / "__init__.py": _render("init.py", values),
+        module: _render(f"{kind}.py", values),
+        code / "conf/__init__.py": "",
+        code / "conf" / template.group / f"{name}.yaml": _render(f"{kind}.yaml", values),
         folder / "tests" / f"test_{snake}.py": _render(template.test, values),
     }
-    for file in (*new, code.with_suffix("")):
+    for file in (*new, code, code.with_suffix(".py")):
         if file.exists():
             raise UserError(f"{file} is there already; choose another name, or another folder with output=DIR")
     try:
-        for file, text in (new | texts).items():
+        for file, text in (new | {project: changed}).items():
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UserError(f"can't write {error.filename}: {error.strerror}") from error
-    return folder, code
+    return folder, module
 
 
 def _check_name(group: str, name: str) -> str:

@@ -26,7 +26,7 @@ def test_a_package_gets_parts_of_several_kinds(tmp_path):
     """Written by this program, then extended: of a kind that it has, and of two that it has not."""
     folder, _ = write("task", "PullIt", tmp_path / "package")
     for kind, name in (("task", "PushIt"), ("fitness", "mean_layouts"), ("listener", "rows")):
-        assert write(kind, name, folder)[1].parent == folder / "pull_it"
+        assert write(kind, name, folder)[1].parents[1] == folder / "pull_it"
     done = python_m(folder, install(folder, tmp_path / "site"), "pytest", "-q", "-p", "no:cacheprovider")
     assert done.returncode == 0, done.stdout + done.stderr
     site = tmp_path / "site/site"
@@ -38,52 +38,42 @@ def test_a_package_gets_parts_of_several_kinds(tmp_path):
 
 
 def test_a_package_of_another_hand_gets_a_part(tmp_path):
-    """Its own lines stay as they are."""
+    """Its own files stay as they are."""
     folder = shutil.copytree(EXAMPLE, tmp_path / "package", ignore=shutil.ignore_patterns("__pycache__"))
-    before = (folder / "toybench/__init__.py").read_text()
+    before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
     write("task", "PullIt", folder)
     write("fitness", "mean_layouts", folder)
-    after = (folder / "toybench/__init__.py").read_text()
-    line = '    return {"PushButton": "toybench.push_button:PushButton"'
-    assert after.startswith(before.replace(f"{line}}}", f'{line}, "PullIt": "toybench.pull_it:PullIt"}}').rstrip())
-    assert (folder / "toybench/conf/fitness/mean_layouts.yaml").exists()
+    project = folder / "pyproject.toml"
+    assert {file: file.read_bytes() for file in before if file != project} == {
+        file: content for file, content in before.items() if file != project
+    }
+    assert set(before[project].splitlines()) < set(project.read_bytes().splitlines())
     done = python_m(tmp_path, install(folder, tmp_path / "site"), "core.conformance", "task=PullIt")
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.parametrize(
-    ("project", "hooks"),
+    "project",
     [
-        ('[project]\nname = "my-parts"\n', '"""Ünïcode."""\n\nfrom __future__ import annotations\n'),
-        ('[project]\nname = "my-parts"\n\n[project.scripts]\nsay = "my_parts:say"\n', ""),
-        (
-            '[project.entry-points.vlmgineer]\nmine = "my_parts"\n',
-            "from core.hooks import hookimpl\n\n\n@hookimpl\ndef tasks():\n    return {}\n",
-        ),
-        (
-            '[project.entry-points.vlmgineer]\nmine = "my_parts"\n',
-            "from core.hooks import hookimpl\n\n\n@hookimpl\ndef tasks():\n    return {\n"
-            '        "Ä": "a:b",  # umlaut\n    }\n\n\n@hookimpl\ndef config_path():\n    return "pkg://my_parts.a/conf"\n',
-        ),
+        '[project]\nname = "my-parts"\n',
+        '[project]\nname = "my-parts"\n\n[project.scripts]\nsay = "my_parts:say"\n',
+        '[project.entry-points.vlmgineer]  # ours\nmine = "my_parts"\n\n[tool.other]\n',
+        "[project.entry-points.'vlmgineer']\nmine = 'my_parts.parts'\n",
     ],
 )
-def test_what_is_missing_is_added(tmp_path, project, hooks):
-    """The entry point, the hook, the import of ``hookimpl``; in a layout with ``src`` too."""
+def test_the_entry_point_is_added(tmp_path, project):
+    """In a layout with ``src`` too."""
     for base in ("flat", "nested/src"):
         code = tmp_path / base / "my_parts"
         code.mkdir(parents=True)
-        (code / "__init__.py").write_text(hooks, encoding="utf-8")
+        (code / "__init__.py").touch()
         folder = tmp_path / base.partition("/")[0]
         (folder / "pyproject.toml").write_text(project)
         write("task", "PullIt", folder)
         entry_points = tomllib.loads((folder / "pyproject.toml").read_text())["project"]["entry-points"]["vlmgineer"]
-        assert list(entry_points.values()) == ["my_parts"]
-        found: dict[str, object] = {}
-        exec((code / "__init__.py").read_text(encoding="utf-8"), found)
-        assert found["tasks"]()["PullIt"] == "my_parts.pull_it:PullIt"
-        config = code.joinpath(*found["config_path"]().removeprefix("pkg://my_parts.").split("/"))
-        assert (config / "task/PullIt.yaml").exists()
-        assert hooks.splitlines()[:1] == (code / "__init__.py").read_text(encoding="utf-8").splitlines()[: bool(hooks)]
+        before = tomllib.loads(project).get("project", {}).get("entry-points", {}).get("vlmgineer", {})
+        assert entry_points == before | {"pull_it": "my_parts.pull_it"}
+        assert (code / "pull_it/conf/task/PullIt.yaml").exists()
 
 
 WHOLE = {"pyproject.toml": '[project.entry-points.vlmgineer]\nmine = "mine"\n', "mine/__init__.py": ""}
@@ -96,12 +86,8 @@ WHOLE = {"pyproject.toml": '[project.entry-points.vlmgineer]\nmine = "mine"\n', 
         (WHOLE | {"pyproject.toml": '[project]\nname = "other"\n'}, "holds no package 'other' with an __init__.py"),
         (WHOLE | {"pyproject.toml": "project = {name = 'mine'}\n"}, "pyproject.toml can't be extended"),
         (WHOLE | {"mine/pull_it.py": ""}, "pull_it.py is there already; choose another name"),
-        (WHOLE | {"mine/conf/task/PullIt.yaml": ""}, "PullIt.yaml is there already"),
         (WHOLE | {"tests/test_pull_it.py": ""}, "test_pull_it.py is there already"),
-        (WHOLE | {"mine/pull_it/__init__.py": ""}, "pull_it is there already"),
-        (WHOLE | {"mine/__init__.py": "def tasks():\n    return dict()\n"}, "tasks returns no mapping in braces; add"),
-        (WHOLE | {"mine/__init__.py": "def config_path():\n    return X\n"}, "config_path names no folder of mine"),
-        (WHOLE | {"mine/__init__.py": "def tasks(:\n"}, "the package's hooks can't be read: line 1"),
+        (WHOLE | {"mine/pull_it/__init__.py": ""}, "pull_it/__init__.py is there already"),
     ],
 )
 def test_nothing_is_changed_where_something_is_in_the_way(tmp_path, files, reason):

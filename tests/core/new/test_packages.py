@@ -103,7 +103,7 @@ def test_the_command_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     assert "class TopThreeStrategy(" in (tmp_path / "top_three/top_three/search.py").read_text()
     monkeypatch.setattr(sys, "argv", ["core.new", "task", "PullIt", "output=top_three"])
     command.main()
-    assert capsys.readouterr().out.startswith("top_three/top_three/pull_it.py: a task, ready to be changed\n")
+    assert capsys.readouterr().out.startswith("top_three/top_three/pull_it/task.py: a task, ready to be changed\n")
     for words in ([], ["task"], ["task", "A", "into=x"], ["task", "A", "B"], ["-x", "task"]):
         monkeypatch.setattr(sys, "argv", ["core.new", *words])
         with pytest.raises(UsageError, match="a kind and a name are needed; usage: "):
