@@ -1,7 +1,4 @@
-"""Change the configuration of a resumed run, where its past results do not depend on it.
-
-Covered by `tests/test_resume.py`.
-"""
+"""Change the configuration of a resumed run, where its past results do not depend on it."""
 
 from __future__ import annotations
 

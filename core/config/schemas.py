@@ -1,7 +1,4 @@
-"""Define the configurations as typed schemas, one for each command.
-
-Covered by `tests/core/config/test_compose.py`.
-"""
+"""Define the configurations as typed schemas, one for each command."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Settings of the core itself, as plain values that a schema can use without importing the code that reads them.
-
-Covered by `tests/core/simulation/test_perturbation.py`.
-"""
+"""Settings of the core itself, as plain values that a schema can use without importing the code that reads them."""
 
 from __future__ import annotations
 
