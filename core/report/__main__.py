@@ -11,7 +11,7 @@ from core.config.compose import load
 from core.errors import UsageError, UserError, choices
 from core.report.figures import pictures
 from core.report.formats import Table, to_csv, to_markdown
-from core.report.page import in_viewer, inline, render
+from core.report.page import figure_address, in_viewer, render
 from core.report.plots import FORMATS, Picture
 from core.report.results import Results
 from core.report.runs import find_runs
@@ -91,10 +91,7 @@ def page(
         sections=[section for section in sections if there & {*section.pictures, *section.tables}],
         tables={table.name: table for table in listed},
         pictures={picture.name: picture for picture in drawn},
-        drawings={
-            p.name: inline(p.render("svg", ground="none", titled=False), p.name, f"{p.title}. {p.caption}")
-            for p in drawn
-        },
+        drawings={p.name: figure_address(p.render("svg", ground="none", titled=False)) for p in drawn},
         formats=formats,
         files=f"{DATA}/",
     )

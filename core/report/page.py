@@ -11,12 +11,11 @@ import importlib.resources
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 from urllib.parse import quote
 
 import jinja2
 import numpy as np
-from lxml import etree
 from markupsafe import Markup
 
 from core.report.drawing import painted
@@ -27,8 +26,7 @@ from core.text import clean
 
 _LONGEST = 20_000  # characters of any text
 _SHARP = np.deg2rad(20.0)  # angle between two faces above which an edge is drawn
-_WIDE = 700  # points: such a figure is not shrunk to a phone's width
-_HREF = "{http://www.w3.org/1999/xlink}href"
+_LIGHT_INK = "#e6edf3"  # on a dark page, as in page.css
 
 
 def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = (), **values: Any) -> str:
@@ -81,50 +79,16 @@ def href(target: Path, folder: Path) -> str:
     return quote(relative(target, folder))
 
 
-# --- figures ----------------------------------------------------------------------------------------------------
+def figure_address(svg: bytes) -> Markup:
+    """The data address of a figure whose ink follows the browser's colour scheme."""
+    text = svg.decode().replace(INK, "currentColor")
+    ink = f"svg {{ color: {INK} }} @media (prefers-color-scheme: dark) {{ svg {{ color: {_LIGHT_INK} }} }}"
+    return data_address(text.replace("<defs>", f"<style>{ink}</style><defs>", 1).encode(), "svg+xml")
 
 
-def inline(svg: bytes, name: str, label: str) -> Markup:
-    """A figure as an element of a page: its ids begin with ``name``, its ink is the page's, and what Matplotlib writes
-    into style attributes, which the policy forbids, becomes attributes.
-    """
-    parser = etree.XMLParser(resolve_entities=False, remove_comments=True, huge_tree=True)
-    root = cast(Any, etree.fromstring(svg, parser))
-    for element in root.xpath("//*[local-name()='metadata' or local-name()='style']"):
-        element.getparent().remove(element)
-    for element in root.iter(etree.Element):
-        for item in (element.attrib.pop("style", "")).split(";"):
-            key, _, value = item.partition(":")
-            if value:
-                element.set(key.strip(), value.strip())
-        if etree.QName(element).localname == "image":
-            element.attrib.pop("id", None)  # equal for equal images, which would give two elements one id
-        if "id" in element.attrib:
-            element.set("id", f"{name}-{element.get('id')}")
-        link = element.attrib.pop(_HREF, None)
-        if link is not None:
-            element.set("href", f"#{name}-{link[1:]}" if link.startswith("#") else link)
-        for key, value in element.attrib.items():
-            if "url(#" in value:
-                element.set(key, value.replace("url(#", f"url(#{name}-"))
-            elif value == INK:
-                element.set(key, "currentColor")
-    width = float(root.get("viewBox").split()[2])
-    for key in ("height", "version"):
-        root.attrib.pop(key, None)
-    root.set("width", f"{width * 96 / 72:.0f}")
-    if width > _WIDE:
-        root.set("class", "wide")
-    root.set("stroke-linejoin", "round")
-    root.set("role", "img")
-    root.set("aria-label", clean(label, _LONGEST))
-    etree.cleanup_namespaces(root)
-    return Markup(etree.tostring(root, encoding="unicode"))  # noqa: S704
-
-
-def data_address(png: bytes) -> Markup:
-    """The data address of a PNG file."""
-    return Markup("data:image/png;base64," + base64.b64encode(png).decode())  # noqa: S704
+def data_address(picture: bytes, format_: str = "png") -> Markup:
+    """An address that holds a picture."""
+    return Markup(f"data:image/{format_};base64,{base64.b64encode(picture).decode()}")  # noqa: S704
 
 
 def in_viewer(winner: Winner, name: str) -> dict[str, Any]:

@@ -89,31 +89,9 @@ def _averaged(*tasks: Array, axis: int = -1) -> Any:
 _STATISTICS = {"mean": _averaged, "interquartile mean": _pooled}
 
 
-@dataclass(frozen=True)
-class Improvement:
-    """The improvement of A over B on the tasks that both have, normalised in two ways.
-
-    ``of_shortfall`` is the mean over tasks of (A - B) / (1 - B), the share of B's shortfall that A makes up.
-    ``of_value`` is the mean over tasks of (A - B) / B. Each is over the ``shortfall_tasks`` and ``value_tasks`` tasks
-    where the divisor is at least `LEAST_DIVISOR`; None where there is no such task.
+def normalised(gains: Sequence[float] | Array, divisors: Sequence[float] | Array) -> tuple[float | None, int]:
+    """The mean over tasks of gain over divisor, and the number of tasks, where the divisor is at least `LEAST_DIVISOR`;
+    None where there is no such task.
     """
-
-    tasks: int
-    of_shortfall: float | None
-    shortfall_tasks: int
-    of_value: float | None
-    value_tasks: int
-
-
-def improvement(a: Sequence[float], b: Sequence[float]) -> Improvement:
-    """The improvement of A over B, from their scores task by task."""
-    pairs = list(zip(a, b, strict=True))
-    shortfall = [(x - y) / (1 - y) for x, y in pairs if 1 - y >= LEAST_DIVISOR]
-    value = [(x - y) / y for x, y in pairs if y >= LEAST_DIVISOR]
-    return Improvement(
-        len(pairs),
-        mean(shortfall) if shortfall else None,
-        len(shortfall),
-        mean(value) if value else None,
-        len(value),
-    )
+    shares = [gain / divisor for gain, divisor in zip(gains, divisors, strict=True) if divisor >= LEAST_DIVISOR]
+    return (mean(shares) if shares else None), len(shares)

@@ -7,17 +7,19 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 from core.report.formats import Cell, Link, Table, columns
 from core.report.results import Results
 from core.report.runs import Spending, spending
 from core.report.statistics import (
     LEAST_DIVISOR,
     deviation,
-    improvement,
     interquartile_mean,
     interval,
     mean,
     mean_of_tasks,
+    normalised,
 )
 from core.report.tools import Tools, size
 
@@ -92,12 +94,10 @@ def improvements(results: Results) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for a, b in itertools.permutations(results.methods, 2):
         tasks = results.shared(a, b)
-        scores = [[mean(g.rewards) for g in results.of(method, tasks)] for method in (a, b)]
-        if tasks and mean(scores[0]) >= mean(scores[1]):
-            gain = improvement(*scores)
-            shortfall, value = (share and 100 * share for share in (gain.of_shortfall, gain.of_value))
-            means = (mean(scores[0]), mean(scores[1]))
-            rows.append((a, b, gain.tasks, *means, shortfall, gain.shortfall_tasks, value, gain.value_tasks))
+        x, y = (np.array([mean(g.rewards) for g in results.of(method, tasks)]) for method in (a, b))
+        if tasks and x.mean() >= y.mean():
+            gains = [normalised(100 * (x - y), divisors) for divisors in (1 - y, y)]
+            rows.append((a, b, len(tasks), float(x.mean()), float(y.mean()), *gains[0], *gains[1]))
     note = (
         "Average normalised improvement of A over B, from the averages over runs: the mean over tasks of (A - B) / "
         "(1 - B), the share of B's shortfall that A makes up, and of (A - B) / B. Tasks where the divisor is below "
@@ -129,7 +129,7 @@ def generations(results: Results) -> Table:
             )
     note = (
         "Means over runs. Best so far: up to and with the generation; a run that stopped early keeps its last. Runs: "
-        "those that came as far. Mean of the generation: over the candidates that were tried."
+        "those that have the generation. Mean of the generation: over the candidates that were tried."
     )
     return Table("generations", "Rewards by generation", head, tuple(rows), note)
 

@@ -38,7 +38,7 @@
   const uniform = (name) => gl.getUniformLocation(program, name);
   const places = { view: uniform("view"), turn: uniform("turn") };
   gl.enable(gl.DEPTH_TEST);
-  gl.enable(gl.POLYGON_OFFSET_FILL);  // edges lie on faces, and must be seen
+  gl.enable(gl.POLYGON_OFFSET_FILL);  // edges lie on faces, and must stay visible
   gl.polygonOffset(1, 1);
 
   const STRIDE = 9;  // numbers per vertex: place, normal, colour
@@ -142,7 +142,7 @@
   const reset = () => { [azimuth, elevation, zoom] = [-0.96, 0.44, 1]; draw(); };
 
   const fingers = new Map();
-  const spread = () => {
+  const distance = () => {
     const [a, b] = Array.from(fingers.values());
     return Math.hypot(a[0] - b[0], a[1] - b[1]);
   };
@@ -153,10 +153,10 @@
   canvas.addEventListener("pointermove", (event) => {
     const before = fingers.get(event.pointerId);
     if (!before) return;
-    const apart = fingers.size === 2 ? spread() : 0;
+    const apart = fingers.size === 2 ? distance() : 0;
     fingers.set(event.pointerId, [event.clientX, event.clientY]);
     if (fingers.size === 1) turn((event.clientX - before[0]) * 0.008, (event.clientY - before[1]) * 0.008);
-    else if (apart > 0) closer(spread() / apart);
+    else if (apart > 0) closer(distance() / apart);
   });
   for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => fingers.delete(event.pointerId));
   canvas.addEventListener("wheel", (event) => {

@@ -29,7 +29,7 @@ _LEAST_M = 0.15  # of the row for a tool
 _PATH_COLOR = (230, 120, 20)
 _LABEL_COLOR = (90, 90, 90)
 _ELITE_COLOR = (20, 120, 60)
-_SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200), "spread": (150, 150, 150)}
+_SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200), "deviation": (150, 150, 150)}
 _HAND = ("panda_hand", *GRIPPER_MOUNTS)
 _MOUNTS = (RIGID_MOUNT, *GRIPPER_MOUNTS)
 
@@ -67,7 +67,7 @@ class Writer:
         self._streams.at(self._clock, generation.index)
         rewards = [e.reward for e in generation.evaluations if e.status == "ok"]
         if rewards:
-            figures = {"best": max(rewards), "mean": float(np.mean(rewards)), "spread": float(np.std(rewards))}
+            figures = {"best": max(rewards), "mean": float(np.mean(rewards)), "deviation": float(np.std(rewards))}
             for name, figure in figures.items():
                 self._put(("search", "reward", name), rr.Scalars(figure))
         self._costs()

@@ -143,7 +143,7 @@ def test_on_a_phone_the_page_does_not_scroll_sideways(page, dark):
 
 def test_figures_take_the_inks_colour_in_the_dark(page):
     with opened(page, dark=True) as chrome:
-        figure = chrome.find_element("css selector", "#figure-rewards svg")
+        figure = chrome.find_element("css selector", "#figure-rewards img")
         pixels = screenshot(chrome, figure)
         assert pixels.mean() < 120
         assert (pixels.min(axis=-1) > 180).any()  # letters

@@ -206,7 +206,7 @@ def test_what_a_generation_came_to(recorded, generations):
     assert recording.column("/search/reward/best", "generation") == [0, 1]
     assert recording.values("/search/reward/best", "scalars") == [max(r) for r in rewards]
     assert recording.values("/search/reward/mean", "scalars") == pytest.approx([np.mean(r) for r in rewards])
-    assert recording.values("/search/reward/spread", "scalars") == pytest.approx([np.std(r) for r in rewards])
+    assert recording.values("/search/reward/deviation", "scalars") == pytest.approx([np.std(r) for r in rewards])
     assert recording.values("/search/tokens/prompt", "scalars") == [1500, 3000]
     assert recording.values("/search/tokens/completion", "scalars") == [200, 400]
     assert recording.values("/search/cost_usd", "scalars") == [0.5, 1.0]
