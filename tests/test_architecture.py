@@ -131,14 +131,12 @@ def test_every_kind_has_a_hook_and_every_event_a_word():
                 assert function.__doc__, name
 
 
-@pytest.mark.xfail(strict=False, reason="three files are still to be split")
 @pytest.mark.parametrize("folder", ["core", "plugins", "tasks"])
 def test_no_file_is_too_long(folder):
     lengths = {dotted(file): len(file.read_text(encoding="utf-8").splitlines()) for file, _ in modules(folder)}
     assert {name: lines for name, lines in lengths.items() if lines > LONGEST_FILE} == {}
 
 
-@pytest.mark.xfail(strict=True, reason="test files are still to be moved")
 def test_every_module_of_core_has_its_tests():
     """At the same place in ``tests/core``, or in the file that its docstring names."""
     missing = []

@@ -45,6 +45,7 @@ def test_bars_are_as_high_as_their_rewards(made):
     assert ratio == pytest.approx(np.full(len(ratio), ratio[0]), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_same_runs_give_the_same_report(made, tmp_path):
     root = made[0]
     report([root / "runs"], root / "again", [], QUICK)
