@@ -119,7 +119,7 @@ class Simulator(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Brief:
-    """What one agent is asked for, as data: an agent is one call of the model, without shared history."""
+    """One agent's assignment, as data. An agent is one call of the model, without shared history."""
 
     task: Task
     scene_seed: int  # the seed of the layout
@@ -261,7 +261,7 @@ class ToolRepresentation(ABC):
 
 
 class GivenTools(ToolRepresentation):
-    """A representation whose tools are given: a subclass implements `given` alone."""
+    """A representation of given tools: a subclass implements `given` alone."""
 
     @abstractmethod
     def given(self, task: Task) -> Tool:
@@ -357,7 +357,7 @@ class Evaluate(Protocol):
 
 
 class Fitness(ABC):
-    """What counts of a candidate's rollouts. It is picklable, and called in workers.
+    """The rule that turns a candidate's rollouts into one evaluation. It is picklable, and called in workers.
 
     Its factory takes its settings, and ``evaluator``, which evaluates candidates in the chosen engine (a
     `core.simulation.rollout.Evaluator`).
@@ -377,7 +377,7 @@ class Fitness(ABC):
 
 
 class Executor(ABC):
-    """Where work is done: it calls a picklable function with chunks. As a context manager it ends its workers."""
+    """Workers that call a picklable function with chunks. As a context manager it ends them."""
 
     @abstractmethod
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:

@@ -119,7 +119,7 @@ def what_is_stored(folder):
 
 
 def begin(toy, folder, **settings):
-    """A run that is cut short by what the toys are told."""
+    """A run that is cut short by the settings of the toys."""
     cfg = toys.config(toy.file)
     for name, value in settings.items():
         kind, _, setting = name.partition("_")
@@ -132,9 +132,9 @@ def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(toy, who
     folder = tmp_path / "run"
     result = begin(toy, folder, vlm_limit=6)
     assert result.stopped == "6 replies are all there may be; 2 are left without"
-    told = result_of(folder)
-    assert told["stopped"] == result.stopped
-    assert [generation["n_candidates"] for generation in told["generations"]] == [14, 7]
+    outcome = result_of(folder)
+    assert outcome["stopped"] == result.stopped
+    assert [generation["n_candidates"] for generation in outcome["generations"]] == [14, 7]
     assert (folder / "best" / "design.json").exists()
     assert rows(folder / FILE, "SELECT number FROM generations") == [(0,)]
     asked = len(toy.lines("asked"))
@@ -302,7 +302,7 @@ def test_what_has_a_bearing_on_the_past_cannot_change(toy, tmp_path, override, s
     resume(folder, ["vlm.limit=2"])  # and no lock is left
 
 
-def test_a_prompt_that_has_changed_is_told_and_the_replies_are_kept(toy, tmp_path, caplog):
+def test_a_changed_prompt_is_reported_and_the_replies_are_kept(toy, tmp_path, caplog):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_limit=6)
     with closing(sqlite3.connect(folder / FILE)) as database:
@@ -311,11 +311,11 @@ def test_a_prompt_that_has_changed_is_told_and_the_replies_are_kept(toy, tmp_pat
     with caplog.at_level(logging.WARNING):
         resume(folder, ["vlm.limit=100"])
     said = [message for message in caplog.messages if "composed differently" in message]
-    assert len(said) == 6  # the two that nobody has answered are simply asked as they are now
+    assert len(said) == 6  # the two without a reply are simply asked as they are now
     assert sorted(toy.lines("asked")) == [f"g{g}-a{a}" for g in range(2) for a in range(4)]
 
 
-def test_versions_that_have_changed_are_told(toy, tmp_path, caplog):
+def test_changed_versions_are_reported(toy, tmp_path, caplog):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_limit=6)
     with closing(sqlite3.connect(folder / FILE)) as database:

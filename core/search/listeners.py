@@ -46,7 +46,7 @@ class _Guard:
                 return
             try:
                 function(*arguments)
-            except Exception as error:  # whatever a plugin's code raises
+            except Exception as error:  # of a plugin
                 self._report(event, error)
 
         return pass_on

@@ -82,8 +82,9 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     for name, options in config["listener"].items():
         add_listener(events, installed().create("listener", name, options or {}), name)
     store = store or RunStore.create(folder, config)  # from here on the folder is this run's
-    events.register(store, "store")  # what it raises ends the run: no reply and no evaluation may be lost
     add_listener(events, vlm, "vlm")
+    # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
+    events.register(store, "store")
     parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "fitness", "executor")}
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     try:

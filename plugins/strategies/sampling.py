@@ -15,7 +15,7 @@ def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
 
 
 class Sampling(EvolutionStrategy):
-    """Ask for a fresh population in each generation, whatever the one before earned.
+    """Ask for a fresh population in each generation, and ignore what the last one earned.
 
     Args:
         designer: asks the model for candidates.

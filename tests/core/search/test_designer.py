@@ -1,4 +1,4 @@
-"""From requests to candidates: what agents are told, and what becomes of what they answer."""
+"""From requests to candidates: what agents are asked, and how their replies are read."""
 
 import json
 import threading
@@ -65,20 +65,20 @@ def designer(vlm, budget=None, kinds=("rigid",), seed=3, events=None, temperatur
 
 
 class Listener:
-    """Notes what it hears, in order."""
+    """Notes the events that it receives, in order."""
 
     def __init__(self):
-        self.heard = []
+        self.received = []
         self.hub = event_hub()
         self.hub.register(self)
 
     @hookimpl
     def request_composed(self, request):
-        self.heard.append(("asked", request.id))
+        self.received.append(("asked", request.id))
 
     @hookimpl
     def reply_received(self, request, reply):
-        self.heard.append(("answered", request.id))
+        self.received.append(("answered", request.id))
 
 
 def test_one_candidate_per_agent_tool_and_plan_named_by_where_it_came_from():
@@ -95,13 +95,13 @@ def test_more_than_was_asked_for_is_left_out():
 
 @pytest.mark.slow
 def test_agents_differ_and_follow_from_the_seed():
-    def told(seed):
+    def ask(seed):
         vlm = Canned(good)
         list(designer(vlm, Budget(40, 1, 1, 0, 5, 0.6), ("rigid", "gripper"), seed).design(1))
         return [(r.id, r.temperature, r.brief.seed, r.brief.gripper) for r in vlm.requests]
 
-    requests = told(3)
-    assert requests == told(3) != told(4)
+    requests = ask(3)
+    assert requests == ask(3) != ask(4)
     temperatures = [temperature for _, temperature, _, _ in requests]
     assert 0.5 <= min(temperatures) < 0.7 < 1.3 < max(temperatures) <= 1.5
     assert len({seed for _, _, seed, _ in requests}) == 40
@@ -149,24 +149,24 @@ def test_elites_reach_the_brief_and_parents_come_back():
     assert all(r.brief.elites == (elite,) for r in vlm.requests)
 
 
-def test_replies_are_told_while_nobody_reads_them():
+def test_listeners_receive_replies_before_they_are_read():
     """A reply that was paid for is kept although the candidates of the first one are still being tried."""
-    told = []
-    all_told = threading.Event()
+    replied = []
+    all_replied = threading.Event()
 
     class Listener:
         @hookimpl
         def reply_received(self, request, reply):
-            told.append(reply.request_id)
-            if len(told) == 3:
-                all_told.set()
+            replied.append(reply.request_id)
+            if len(replied) == 3:
+                all_replied.set()
 
     events = event_hub()
     events.register(Listener())
     candidates = designer(Canned(good), events=events).design(0)
     next(candidates)
-    assert all_told.wait(10.0)
-    assert sorted(told) == ["g0-a0", "g0-a1", "g0-a2"]
+    assert all_replied.wait(10.0)
+    assert sorted(replied) == ["g0-a0", "g0-a1", "g0-a2"]
 
 
 # --- repairs ----------------------------------------------------------------------------------------------------
@@ -183,7 +183,7 @@ def test_an_unreadable_reply_is_asked_for_once_more_if_wanted():
     listener, vlm = Listener(), Canned(chatting)
     found = list(designer(vlm, events=listener.hub, prompt=PromptSettings(repair=True)).design(0))
     assert {c.agent: c.problem for c in found} == {0: None, 1: None, 2: "the model gave no answer: quota exhausted"}
-    assert [what for what in listener.heard if what[1].startswith("g0-a1")] == [
+    assert [what for what in listener.received if what[1].startswith("g0-a1")] == [
         ("asked", "g0-a1"),
         ("answered", "g0-a1"),
         ("asked", "g0-a1-repair"),

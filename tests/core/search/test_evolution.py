@@ -62,14 +62,14 @@ class Scripted(EvolutionStrategy):
         super().__init__(None, None)
         self.generations = generations
         self.asked = 0
-        self.told = []
+        self.evaluated = []
 
     def ask(self):
         self.asked += 1
         return iter(self.generations[self.asked - 1])
 
     def tell(self, evaluations):
-        self.told.append(list(evaluations))
+        self.evaluated.append(list(evaluations))
 
 
 class Diary:
@@ -84,12 +84,12 @@ class Diary:
     @hookimpl
     def candidate_evaluated(self, evaluation):
         self.entries.append(evaluation.candidate.id)
-        assert len(self.strategy.told) == evaluation.candidate.generation  # not told yet
+        assert len(self.strategy.evaluated) == evaluation.candidate.generation  # before tell
 
     @hookimpl
     def generation_finished(self, generation):
         self.entries.append(f"finish {generation.index}")
-        assert len(self.strategy.told) == generation.index + 1  # told already
+        assert len(self.strategy.evaluated) == generation.index + 1  # after tell
 
 
 def reward_of(candidate):
@@ -122,14 +122,14 @@ def test_events_come_in_order():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_whatever_order_results_arrive_in_the_strategy_is_told_in_order(seed):
+def test_the_strategy_gets_results_in_order_however_they_arrive(seed):
     order = np.random.default_rng(seed)
     generations = [population(0, 12, 1, 9), population(1, 3, 3)]
     result, strategy, _ = run(generations, executor=Here(order))
-    for told, generation in zip(strategy.told, generations, strict=True):
-        assert [e.candidate for e in told] == generation
-    for generation, told in zip(result.generations, strategy.told, strict=True):
-        assert list(generation.evaluations) == told
+    for evaluated, generation in zip(strategy.evaluated, generations, strict=True):
+        assert [e.candidate for e in evaluated] == generation
+    for generation, evaluated in zip(result.generations, strategy.evaluated, strict=True):
+        assert list(generation.evaluations) == evaluated
 
 
 def test_one_generation_more_than_iterations():
@@ -142,7 +142,7 @@ def test_one_generation_more_than_iterations():
 def test_a_reward_that_is_enough_ends_the_run(stop_reward, generations):
     """The best of generation i is 0.02 * (i + 1)."""
     result, strategy, diary = run([population(i, 3) for i in range(4)], stop_reward=stop_reward)
-    assert len(result.generations) == strategy.asked == len(strategy.told) == generations
+    assert len(result.generations) == strategy.asked == len(strategy.evaluated) == generations
     assert diary[-1] == f"finish {generations - 1}"
 
 
@@ -192,9 +192,9 @@ def test_the_highest_reward_ends_the_run_not_the_winners(stop_reward, generation
     assert result.best.reward == 0.896
 
 
-def test_an_empty_generation_is_told_too():
+def test_the_strategy_gets_an_empty_generation_too():
     result, strategy, _ = run([[], population(1, 2)])
-    assert strategy.told[0] == []
+    assert strategy.evaluated[0] == []
     assert result.generations[0].best is None
     assert result.generations[0].mean_reward is None
     assert result.best is not None
@@ -215,9 +215,9 @@ def test_what_breaks_a_rule_is_never_tried():
     executor = Here()
     result, strategy, diary = run([mixed], executor=executor)
     assert [c for chunk in executor.chunks for c in chunk] == good
-    (told,) = strategy.told
-    assert [(e.status, e.reason) for e in told] == [("ok", "")] * 4 + [("rejected", "it has no boxes")] * 2
-    assert sorted(diary[1:-1]) == sorted(c.id for c in mixed)  # listeners hear of the rejected ones too
+    (evaluated,) = strategy.evaluated
+    assert [(e.status, e.reason) for e in evaluated] == [("ok", "")] * 4 + [("rejected", "it has no boxes")] * 2
+    assert sorted(diary[1:-1]) == sorted(c.id for c in mixed)  # listeners receive the rejected ones too
     assert result.generations[0].count("rejected") == 2
     assert result.n_evaluations == 4
 
@@ -233,10 +233,10 @@ def test_only_the_guilty_one_of_a_broken_chunk_fails():
 
     result, strategy, _ = run([population(0, 5)], burst)
     assert calls == [[0, 1, 2, 3, 4], [0], [1], [2], [3], [4]]
-    (told,) = strategy.told
-    assert [e.status for e in told] == ["ok", "ok", "failed", "ok", "ok"]
-    assert told[2].reason == "RuntimeError: it burst"
-    assert told[2].reward == 0
+    (evaluated,) = strategy.evaluated
+    assert [e.status for e in evaluated] == ["ok", "ok", "failed", "ok", "ok"]
+    assert evaluated[2].reason == "RuntimeError: it burst"
+    assert evaluated[2].reward == 0
     assert result.best.candidate.action == 4
     assert result.n_evaluations == 5
 
@@ -250,7 +250,7 @@ def test_a_chunk_that_breaks_does_not_touch_its_neighbours():
     executor = Here()
     _, strategy, _ = run([population(0, 3, 3, 3)], burst, executor)
     assert [len(chunk) for chunk in executor.chunks] == [3, 3, 3, 1, 1, 1]
-    assert [e.status for e in strategy.told[0]] == ["ok"] * 9
+    assert [e.status for e in strategy.evaluated[0]] == ["ok"] * 9
 
 
 def test_a_failed_one_is_not_the_best():
@@ -333,8 +333,8 @@ def test_what_candidates_raise_while_they_are_gathered_is_raised():
         list(evaluate_all(broken(), ManyAtOnce(100), Here()))
 
 
-def test_results_are_told_while_candidates_still_come():
-    """Listeners must not wait for a model's last reply to hear of the first evaluation."""
+def test_results_are_yielded_while_candidates_still_arrive():
+    """Listeners must not wait for a model's last reply to receive the first evaluation."""
     seen = []
 
     def slowly():
@@ -375,10 +375,12 @@ def test_identical_candidates_are_tried_once_and_earn_the_same():
     executor = Here()
     result, strategy, diary = run([first, later], executor=executor)
     assert tried(executor) == ["g0-a0-s0-p0", "g0-a1-s0-p1", "g1-a0-s0-p1"]
-    told = {e.candidate.id: e.reward for e in [*strategy.told[0], *strategy.told[1]]}
-    assert told["g0-a0-s0-p0"] == told["g0-a1-s0-p0"] == told["g0-a2-s0-p0"] == told["g1-a0-s0-p0"]
-    assert sorted(diary) == sorted(["start 0", "finish 0", "start 1", "finish 1", *told])  # each is told of once
-    assert [e.candidate.strategy_name for e in strategy.told[0]] == [c.strategy_name for c in sorted(first, key=key)]
+    evaluated = {e.candidate.id: e.reward for e in [*strategy.evaluated[0], *strategy.evaluated[1]]}
+    assert evaluated["g0-a0-s0-p0"] == evaluated["g0-a1-s0-p0"] == evaluated["g0-a2-s0-p0"] == evaluated["g1-a0-s0-p0"]
+    assert sorted(diary) == sorted(["start 0", "finish 0", "start 1", "finish 1", *evaluated])  # each is reported once
+    assert [e.candidate.strategy_name for e in strategy.evaluated[0]] == [
+        c.strategy_name for c in sorted(first, key=key)
+    ]
     assert result.n_evaluations == 6
 
 
@@ -393,7 +395,7 @@ def test_one_that_breaks_breaks_for_all_that_are_identical():
     executor = Here()
     _, strategy, _ = run([alike((0, 0, 0, 0), (0, 1, 0, 0), (0, 2, 0, 0))], burst, executor)
     assert tried(executor) == ["g0-a0-s0-p0", "g0-a0-s0-p0"]  # once in its chunk, once alone
-    assert [(e.status, e.reason) for e in strategy.told[0]] == [("failed", "RuntimeError: it burst")] * 3
+    assert [(e.status, e.reason) for e in strategy.evaluated[0]] == [("failed", "RuntimeError: it burst")] * 3
 
 
 def test_what_is_said_about_a_tool_makes_no_difference_and_what_it_is_does():
@@ -417,7 +419,7 @@ def test_what_is_known_is_not_tried():
     executor = Here()
     result, strategy, diary = run([population(0, 3)], executor=executor, known=lambda c: known.get(c.id))
     assert tried(executor) == ["g0-a0-s0-p0", "g0-a0-s0-p2"]
-    assert [e.reward for e in strategy.told[0]] == [0.0, 0.75, 0.02]
+    assert [e.reward for e in strategy.evaluated[0]] == [0.0, 0.75, 0.02]
     assert sorted(diary[1:-1]) == ["g0-a0-s0-p0", "g0-a0-s0-p1", "g0-a0-s0-p2"]
     assert result.best.reward == 0.75
 
@@ -448,11 +450,11 @@ def test_a_limit_ends_the_run_with_what_there_is(last):
     assert result.stopped == "3 dollars are spent"
     assert [len(generation.evaluations) for generation in result.generations] == [2, 3][: 1 + bool(last)]
     assert result.best.candidate.id == ("g1-a0-s0-p2" if last else "g0-a0-s0-p1")
-    assert len(strategy.told) == 1
+    assert len(strategy.evaluated) == 1
     assert "finish 1" not in diary.entries  # it may go on where the limit is raised
 
 
-@pytest.mark.parametrize("when", ["while one is tried", "while one is told of", "while a generation ends"])
+@pytest.mark.parametrize("when", ["while one is tried", "while one is reported", "while a generation ends"])
 def test_an_interrupt_ends_the_run_with_what_there_is(when):
     def interrupted(chunk):
         if when == "while one is tried" and chunk[0].generation == 1 and chunk[0].strategy == 1:
@@ -462,7 +464,7 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when):
     class Impatient(Diary):
         @hookimpl
         def candidate_evaluated(self, evaluation):
-            if when == "while one is told of" and evaluation.candidate.id == "g1-a0-s0-p1":
+            if when == "while one is reported" and evaluation.candidate.id == "g1-a0-s0-p1":
                 raise KeyboardInterrupt
 
         @hookimpl
@@ -475,8 +477,8 @@ def test_an_interrupt_ends_the_run_with_what_there_is(when):
     events.register(Impatient(strategy))
     result = evolve(strategy, interrupted, Here(), Budget(1, 1, 1, 2, 5, 0.5), events)
     assert result.stopped == INTERRUPTED
-    came = {"while one is tried": 2, "while one is told of": 1, "while a generation ends": 4}[when]
-    assert [len(generation.evaluations) for generation in result.generations] == [4, came]
+    arrived = {"while one is tried": 2, "while one is reported": 1, "while a generation ends": 4}[when]
+    assert [len(generation.evaluations) for generation in result.generations] == [4, arrived]
     assert strategy.asked == 2
 
 

@@ -87,7 +87,7 @@ HOOK = """
 
 @pytest.fixture
 def jitter(tmp_path, monkeypatch):
-    """A package of somebody's, with a model, a strategy and listeners in one module; it is installed."""
+    """Install a third-party package with a model, a strategy and listeners in one module."""
     source = MODULE.replace("HOOKS", "".join(HOOK.format(event=event) for event in EVENTS))
     (tmp_path / "jitter_parts.py").write_text(source)
     monkeypatch.syspath_prepend(tmp_path)

@@ -1,7 +1,6 @@
 """Rewards in several engines and in perturbed scenes; the engines are PyBullet with different settings."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,10 +15,9 @@ from core.interfaces import RolloutSettings
 from core.simulation.robustness import engines, perturbed, worst
 from core.simulation.rollout import Evaluator, Part
 
-ROOT = Path(__file__).parents[3]
 COARSE = {"name": "pybullet", "time_step": 0.004}
 TASK = Part("task", "BringCube")
-BENCH = Evaluator(TASK, Part("sim", "pybullet"), 0, RolloutSettings())
+EVALUATOR = Evaluator(TASK, Part("sim", "pybullet"), 0, RolloutSettings())
 
 
 # --- the choices and their settings -----------------------------------------------------------------------------
@@ -95,9 +93,9 @@ def test_a_tool_that_starts_in_a_body_that_was_moved_is_refused_there():
     SpawnRules(TASK.create(), 0).check(tool)  # clear of the scene as it is
     still = Candidate(tool, np.array([[*home.position, *home.rpy]]))
     ranges = PerturbationRange(position=0.005, yaw=0.0)
-    tried = {draw: perturbed(BENCH, ranges, draw)([still])[0] for draw in range(8)}
+    tried = {draw: perturbed(EVALUATOR, ranges, draw)([still])[0] for draw in range(8)}
     refused = {draw for draw, evaluation in tried.items() if evaluation.status == "rejected"}
-    cubes = {draw: perturbed(BENCH, ranges, draw).task.create().scene(0)["cube"].pose.position for draw in tried}
+    cubes = {draw: perturbed(EVALUATOR, ranges, draw).task.create().scene(0)["cube"].pose.position for draw in tried}
     near = {draw for draw, (x, _, _) in cubes.items() if x < 1.0 - 0.001}
     assert refused == near
     assert 0 < len(refused) < 8

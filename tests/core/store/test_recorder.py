@@ -55,11 +55,11 @@ def test_request_and_reply_are_on_disk_at_once(opened):
     assert "What is seen:" in text
     assert "../scene.png" in text
     assert json.loads((store.folder / "requests" / "g0-a1.schema.json").read_text()) == {"type": "object"}
-    reply = Reply("g0-a1", "{not json", "somebody", prompt_tokens=7)
+    reply = Reply("g0-a1", "{not json", "a model", prompt_tokens=7)
     events.hook.reply_received(request=request(), reply=reply)
     assert (store.folder / "replies" / "g0-a1.txt").read_text() == "{not json"
     assert rows(store, "SELECT model, text, prompt_tokens, cost_usd FROM replies") == [
-        ("somebody", "{not json", 7, None)
+        ("a model", "{not json", 7, None)
     ]
 
 
@@ -147,15 +147,17 @@ def test_numbers_come_back_to_the_last_bit(opened):
         "ik_error_rad": 5e-324,
     }
     candidate = Candidate(ROD, PLAN)
-    told = Evaluation(candidate, "ok", **numbers, moved_m={"cube": 1 / 7}, warnings=("a", "b"), details={"x": [1 / 9]})
-    events.hook.candidate_evaluated(evaluation=told)
+    stored = Evaluation(
+        candidate, "ok", **numbers, moved_m={"cube": 1 / 7}, warnings=("a", "b"), details={"x": [1 / 9]}
+    )
+    events.hook.candidate_evaluated(evaluation=stored)
     events.hook.run_ended()
     again = RunStore.open(store.folder)
     again.run_ended()
     back = again.past.evaluation(candidate)
     assert {name: getattr(back, name) for name in numbers} == {name: float(number) for name, number in numbers.items()}
     assert np.isnan(back.tracking_error_rad)
-    assert (back.moved_m, back.warnings, back.details) == (told.moved_m, told.warnings, told.details)
+    assert (back.moved_m, back.warnings, back.details) == (stored.moved_m, stored.warnings, stored.details)
     assert back.candidate is candidate
     assert again.past.evaluation(Candidate(ROD, PLAN, action=1)).reward == back.reward  # identical
     assert again.past.evaluation(Candidate(ROD, np.nextafter(PLAN, 1.0), action=1)) is None

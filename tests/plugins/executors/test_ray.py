@@ -165,10 +165,10 @@ def test_nodes_that_lack_the_program(cluster, monkeypatch):
 
 
 class Doomed:
-    """A bench that on one node begins and never ends, and elsewhere does not begin before that."""
+    """An evaluator that on one node begins and never ends, and elsewhere does not begin before that."""
 
-    def __init__(self, bench, node, mark):
-        self.bench = bench
+    def __init__(self, evaluator, node, mark):
+        self.evaluator = evaluator
         self.node = node
         self.mark = mark
 
@@ -180,17 +180,17 @@ class Doomed:
             time.sleep(600)
         while not self.mark.exists():
             time.sleep(0.02)
-        return self.bench(candidates)
+        return self.evaluator(candidates)
 
 
 def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
     candidates = designs("BringCube", 8, 1, 0)
-    bench = Evaluator(Part("task", "BringCube"), Part("sim", "pybullet", (("time_step", 0.004),)))
+    evaluator = Evaluator(Part("task", "BringCube"), Part("sim", "pybullet", (("time_step", 0.004),)))
     with installed().create("executor", "local", {"workers": 1}) as pool:
-        here = {e.candidate.id: (e.reward, e.distance_m, e.moved_m) for e in evaluate_all(candidates, bench, pool)}
+        here = {e.candidate.id: (e.reward, e.distance_m, e.moved_m) for e in evaluate_all(candidates, evaluator, pool)}
     there, doomed, mark = {}, cluster.add_node(num_cpus=1), tmp_path / "begun"
     with executor(address=cluster.address) as pool:
-        for evaluation in evaluate_all(iter(candidates), Doomed(bench, doomed.node_id, mark), pool):
+        for evaluation in evaluate_all(iter(candidates), Doomed(evaluator, doomed.node_id, mark), pool):
             if not there:
                 cluster.remove_node(doomed, allow_graceful=False)
             there[evaluation.candidate.id] = (evaluation.reward, evaluation.distance_m, evaluation.moved_m)

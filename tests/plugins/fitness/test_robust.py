@@ -21,7 +21,7 @@ from core.plugins import installed
 from core.search.orchestration import run
 from core.simulation.robustness import engines, perturbed
 from core.simulation.rollout import Evaluator
-from tests.core.simulation.test_robustness import BENCH, COARSE, TASK
+from tests.core.simulation.test_robustness import COARSE, EVALUATOR, TASK
 
 ROOT = Path(__file__).parents[3]
 
@@ -62,7 +62,7 @@ def test_transfer_and_robust_begin_alike():
 )  # fmt: skip
 def test_a_wrong_setting_is_reported(config, said):
     with pytest.raises(UserError, match=said) as error:
-        fitness(config, BENCH)
+        fitness(config, EVALUATOR)
     assert "\n" not in str(error.value)
 
 
@@ -76,7 +76,7 @@ def test_a_wrong_key_is_reported():
 @pytest.mark.slow
 def test_robust_tries_every_change_in_every_engine():
     config = {"name": "robust", "sims": ["pybullet", COARSE], "seeds": [3, 5], "perturbation": {"position": 0.02}}
-    earns = fitness(config, BENCH)
+    earns = fitness(config, EVALUATOR)
     there = pickle.loads(pickle.dumps(earns))
     candidate = solution()
     slower = replace(candidate, action=1, plan=np.concatenate([candidate.plan, candidate.plan[-1:]]))
@@ -85,8 +85,8 @@ def test_robust_tries_every_change_in_every_engine():
     for evaluation in evaluations:
         figures = evaluation.details["engines"]
         for (engine, sim), draw in zip(engines(config["sims"]).items(), [0, 1], strict=True):
-            bench = perturbed(replace(BENCH, sim=sim), PerturbationRange(position=0.02), [3, 5][draw])
-            (alone,) = bench([evaluation.candidate])
+            evaluator = perturbed(replace(EVALUATOR, sim=sim), PerturbationRange(position=0.02), [3, 5][draw])
+            (alone,) = evaluator([evaluation.candidate])
             assert figures[engine]["rewards"][draw] == alone.reward
         assert evaluation.reward == min(engine["mean"] for engine in figures.values())
         assert json.loads(json.dumps(figures)) == figures
@@ -104,8 +104,8 @@ def test_a_run_selects_by_it_and_keeps_what_each_engine_gave(tmp_path):
     result = run(load("config", words), tmp_path / "run")
     evaluations = [e for g in result.generations for e in g.evaluations]
     sim = part("sim", load("evaluate", ["sim.solver_iterations=30"]).sim)
-    bench = perturbed(Evaluator(TASK, sim, 0, RolloutSettings()), PerturbationRange(), 4)
-    again = bench([e.candidate for e in evaluations])
+    evaluator = perturbed(Evaluator(TASK, sim, 0, RolloutSettings()), PerturbationRange(), 4)
+    again = evaluator([e.candidate for e in evaluations])
     assert [e.reward for e in evaluations] == [e.reward for e in again]
     with sqlite3.connect(tmp_path / "run" / "run.sqlite") as database:
         rows = dict(database.execute("SELECT candidate, details FROM evaluations").fetchall())
