@@ -74,7 +74,7 @@ def _hydra() -> None:
     try:
         hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")(_job)()
     except (HydraException, OmegaConfBaseException) as error:
-        raise explain(error, "config", [word for word in words if not word.startswith("-")]) from error
+        raise explain(error, "config", [word for word in words if "=" in word and word[0] != "-"]) from error
     except OSError as error:
         if error.filename is None:
             raise

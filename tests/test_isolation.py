@@ -1,4 +1,4 @@
-"""What breaks one rollout costs that candidate alone."""
+"""A rollout that breaks costs that candidate alone."""
 
 import numpy as np
 import pytest
@@ -125,6 +125,6 @@ def test_a_run_that_a_plugin_ends_names_it_and_says_how_to_go_on(kind, part, mon
     OmegaConf.update(cfg, kind, {"name": "theirs"}, merge=False)
     with pytest.raises(ArithmeticError) as caught:
         run(cfg, tmp_path / "run")
-    whose, then = caught.value.__notes__
-    assert whose == f"{kind} 'theirs' of their-distribution raised ArithmeticError: no"
+    named, then = caught.value.__notes__
+    assert named == f"{kind} 'theirs' of their-distribution raised ArithmeticError: no"
     assert then == f"to go on: python -m core.run resume={tmp_path / 'run'}"

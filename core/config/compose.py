@@ -71,15 +71,17 @@ def prepared(name: str, overrides: Sequence[str]) -> list[str]:
     """
     new = renamed(overrides)
     register(new)
-    return [_checked_addition(word, {field.name for field in fields(SCHEMAS[name])}) for word in new]
+    elsewhere = any(word.startswith(("--config-dir", "-cd", "hydra.searchpath=")) for word in new)
+    return [_checked_addition(word, {field.name for field in fields(SCHEMAS[name])}, elsewhere) for word in new]
 
 
-def _checked_addition(word: str, known: set[str]) -> str:
+def _checked_addition(word: str, known: set[str], elsewhere: bool) -> str:
+    """Keep, drop or double the ``+`` of an override; ``elsewhere``: unknown folders may bring config groups too."""
     found = re.match(r"\+\+?(?=(\w+)([^=]*)=)", word)
     if found is None:
         return word
     top, rest = found.groups()
-    if top == "hydra" or rest[:1] in ("@", "/") or (not rest and top not in known and top in _groups()):
+    if top == "hydra" or rest[:1] in ("@", "/") or (not rest and top not in known and (elsewhere or top in _groups())):
         return word
     plain, steps = word[found.end() :], rest.split(".")[1:]
     checked = top in known and top in KINDS and not (len(steps) > 1 and steps[0] in NOT_SETTINGS.get(top, ()))
@@ -144,15 +146,15 @@ def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
             return unknown
     message = " ".join(re.sub("To append to your config use .*", "", str(error)).split())
     if isinstance(cause, OmegaConfBaseException):
-        message = f"{message}: {first_line(cause)}"
+        message = f"{message.rstrip('.')}: {first_line(cause)}"
     return UsageError(message)
 
 
 def _unknown_key(key: str, name: str, overrides: Sequence[str]) -> UsageError | None:
     """Name the unknown step of ``key``, and what is possible there; None: something else is wrong as well."""
-    words = OverridesParser.create().parse_overrides(list(overrides))
-    others = [word.input_line for word in words if word.key_or_group != key and not word.is_sweep_override()]
     try:
+        words = OverridesParser.create().parse_overrides(list(overrides))
+        others = [word.input_line for word in words if word.key_or_group != key and not word.is_sweep_override()]
         node: Any = _compose(name, others)
     except (HydraException, OmegaConfBaseException):
         return None

@@ -1,4 +1,4 @@
-"""What a run that goes on may change; `tests/test_resume.py` goes on with whole runs."""
+"""The settings that may change as a run goes on; `tests/test_resume.py` goes on with whole runs."""
 
 import pytest
 from omegaconf import OmegaConf

@@ -7,7 +7,7 @@ import yaml
 from omegaconf import OmegaConf
 
 from core.config import sources
-from core.config.compose import load, part
+from core.config.compose import load, part, prepared
 from core.errors import UsageError
 from core.hooks import hookimpl
 from core.interfaces import Task
@@ -110,6 +110,8 @@ def test_a_config_file_over_another_one_keeps_what_that_says(brought):
 def test_a_config_group_of_a_plugin_can_be_added(brought):
     assert load("config", ["+experiment=big"]).seed == 7
     assert load("config", []).seed == 0
+    words = ["--config-dir", "folder", "+other=big"]  # the group may be there
+    assert prepared("config", words) == words
 
 
 def test_settings_of_a_listener_that_its_config_file_does_not_list(found, monkeypatch):
