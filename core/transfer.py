@@ -192,7 +192,7 @@ def show(result: Mapping[str, Any]) -> None:
     print_table(("design", "engine", *numbers), rows, numbers)
     count = len(result["seeds"])
     lines = [
-        f"perturbed: mean ± standard deviation over {count} small perturbations of the scene",
+        f"perturbed: mean ± standard deviation over {count} small perturbation{'s' if count > 1 else ''} of the scene",
         "robust: the lowest of the engines' means",
     ]
     for design in result["designs"]:

@@ -146,6 +146,7 @@ def test_the_command(tmp_path):
     [
         ([], "no folder given; usage: "),
         (["nowhere"], "no folder nowhere"),
+        (["runs=nowhere"], "no folder nowhere"),
         (["run", "top=0"], "top must be at least 1, got 0"),
         (["run", "apart_mm=0"], "apart_mm must be greater than 0, got 0"),
         (["run", "plate_mm=[1,2]"], "plate_mm must be three lengths"),

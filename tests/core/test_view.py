@@ -89,6 +89,7 @@ def test_without_a_screen_it_says_what_to_do(folder):
     [
         ([], "0 run folders given; one is needed; usage: python -m core.view FOLDER"),
         (["nowhere"], "no run folder nowhere"),
+        (["runs=nowhere"], "no run folder nowhere"),
         (["."], ". holds no recording.rrd; runs with the listener rerun write one"),
         ([".", "wbe=true"], "no setting 'wbe' in core.view (did you mean 'web'?); possible: port, web"),
         ([".", "port=high"], "setting 'port' can't be 'high'"),
