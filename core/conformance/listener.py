@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -34,6 +35,13 @@ PLAIN = "a stick"
 ODD = "[bold]{0} %s </td> \x1b[31m\x00\r\n| \u202e 柄 ```" + "long " * 1000
 
 
+@lru_cache(maxsize=1)
+def _config() -> tuple[str, dict[str, Any]]:
+    """The first task's name, and the configuration of a run of it."""
+    name = installed().names("task")[0]
+    return name, cast(dict[str, Any], OmegaConf.to_container(load("config", [f"task={name}"]), resolve=True))
+
+
 class _Broken(Exception):
     """Ends a scripted run early, as an error does."""
 
@@ -52,8 +60,7 @@ class Script:
         self._hub.register(listener)
         self._text = text
         self._until = until
-        name = installed().names("task")[0]
-        config = cast(dict[str, Any], OmegaConf.to_container(load("config", [f"task={name}"]), resolve=True))
+        name, config = _config()
         budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
         parts = {kind: node["name"] for kind, node in config.items() if isinstance(node, dict) and "name" in node}
         task, writing = installed().create("task", name), LengthOnly()

@@ -22,8 +22,9 @@ from core.scene import Body, Box, Goal, Scene, Sphere, floor, table
 PARTS = [("task", name) for name in installed().names("task")]
 PARTS += [("tool", name) for name in installed().names("tool")]
 PARTS += [("evolution", name) for name in installed().names("evolution")]
-PARTS += [("fitness", name) for name in installed().names("fitness")]
-PARTS += [("listener", name) for name in installed().names("listener")]
+PARTS += [("fitness", "nominal"), pytest.param("fitness", "robust", marks=pytest.mark.slow)]
+PARTS += [("listener", "progress"), ("listener", "summary")]
+PARTS += [pytest.param("listener", "rerun", marks=pytest.mark.slow)]
 PARTS += [("vlm", "offline")]  # the others need a key, a folder or a person
 
 
