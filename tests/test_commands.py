@@ -181,7 +181,7 @@ def test_the_result(tiny):
     result = result_of(tiny[0])
     assert list(result) == [
         *("task", "sim", "vlm", "tool", "evolution", "budget", "seed", "best", "tie", "stopped"),
-        *("n_evaluations", "wall_time_s", "rollouts_per_s", "versions"),
+        *("generations", "n_evaluations", "wall_time_s", "rollouts_per_s", "versions"),
     ]
     assert [result[key] for key in ("task", "sim", "vlm", "tool", "evolution", "budget", "seed")] == [
         *("BringCube", "pybullet", "offline", "urdf", "vlmgineer", "quick", 5)
