@@ -214,6 +214,7 @@ def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
 
     run("core.new", "strategy", "Tournament")
     package = tmp_path / "tournament"
+    assert (package / "tournament/search.py").is_file()
     (package / "tournament/search.py").write_text(blocks(page, "python")[0])
     (package / "tournament/conf/evolution/Tournament.yaml").write_text(blocks(page, "yaml")[0])
     installed = package / "tournament-0.1.0.dist-info"
