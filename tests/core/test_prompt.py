@@ -36,7 +36,7 @@ def designs(tmp_path_factory):
     """Two tools: one that says what it earned, one that leaves it to be tried, with a poor and a good plan."""
     (good,) = json.loads(SOLUTION.read_text())["strategies"]
     idle = [[0.5, 0, 0.5, 0, 0, 0]]
-    document = [good | {"reward": 0.5, "distance_m": 1.5, "tool_name": "told"}]
+    document = [good | {"reward": 0.5, "distance_m": 1.5, "tool_name": "stated"}]
     document += [good | {"action_sets": [idle, *good["action_sets"]], "tool_name": "tried"}]
     document += [good | {"tool_urdf": "<link/>", "tool_name": "broken"}]
     file = tmp_path_factory.mktemp("designs") / "designs.json"
@@ -82,7 +82,7 @@ def test_evolution_shows_what_the_designs_earned(designs, kinds):
     first, second = json.loads(block[1])
     assert (first["tool_name"], first["id"]) == ("tried", "g0-a0-s1-p1")
     assert first["reward"] > 0.95
-    assert (second["tool_name"], second["reward"]) == ("told", 0.5)
+    assert (second["tool_name"], second["reward"]) == ("stated", 0.5)
     assert request.id == "g1-a0"
     assert ("of the other kind" in text_of(request)) == (kinds == "gripper")
 
@@ -149,7 +149,7 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
         [sys.executable, "-m", "core.prompt", *words], cwd=tmp_path, capture_output=True, text=True, timeout=240
     )
     assert done.returncode == 0, done.stderr
-    assert not done.stderr  # no key is needed, nobody is asked
+    assert not done.stderr  # no key is needed, no request is sent
     folder = tmp_path / "there"
     request = composed("budget.n_tool=2", "agent=3")
     system, user = request.messages
@@ -157,9 +157,9 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
     assert (folder / "user.md").read_text() == as_markdown(user)
     assert (folder / "scene.png").read_bytes() == user.parts[-1].png
     assert json.loads((folder / "schema.json").read_text()) == request.schema
-    told = json.loads((folder / "request.json").read_text())
-    assert (told["id"], told["seed"], told["temperature"]) == ("g0-a3", request.brief.seed, request.temperature)
-    estimate = told["estimate"]
+    sent = json.loads((folder / "request.json").read_text())
+    assert (sent["id"], sent["seed"], sent["temperature"]) == ("g0-a3", request.brief.seed, request.temperature)
+    estimate = sent["estimate"]
     tokens = estimate["prompt_tokens"]
     assert abs(tokens / VLM.estimate(request, "any").prompt_tokens - 1) < 0.2
     assert (estimate["usd_per_prompt_token"], estimate["counted_by"]) == (2e-6, "litellm.token_counter")
@@ -186,8 +186,8 @@ def test_an_output_that_can_not_be_written(monkeypatch, tmp_path):
 @pytest.mark.slow
 def test_a_run_shows_its_elites_as_pictures_and_keeps_them(tmp_path):
     small = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1"]
-    told = ["prompt.feedback=full", "budget.reward_save=-1", "film=false", "listener={}", "executor.workers=1"]
-    run(load("config", ["task=BringCube", *small, *told]), tmp_path)
+    words = ["prompt.feedback=full", "budget.reward_save=-1", "film=false", "listener={}", "executor.workers=1"]
+    run(load("config", ["task=BringCube", *small, *words]), tmp_path)
     text = (tmp_path / "requests" / "g1-a0.md").read_text()
     (name, *_) = names = re.findall(r"!\[(elite_g0-a0-s\d-p0)\]", text)
     assert len(names) == len(set(names)) <= 2

@@ -33,7 +33,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def hostile(tmp_path_factory):
-    """A report of a run whose texts are an attack, in a folder whose name is one."""
+    """A report of a run with texts that are an attack, in a folder with a name that is one."""
     root = tmp_path_factory.mktemp("hostile")
     folder = root / "runs" / "javascript:alert(1) <b>&\"'\x1b[31m\u202e"
     write_run(folder, rewards=[[0.5], [0.7]], tools=[hook(0.2, HOSTILE, HOSTILE)], name=HOSTILE)

@@ -110,7 +110,7 @@ def test_a_broken_result_is_said_to_be(tmp_path, text, said):
 
 def test_a_store_that_is_none(tmp_path):
     folder = write_run(tmp_path / "run")
-    (folder / "run.sqlite").write_bytes(b"this is no database, of whatever length it may be " * 100)
+    (folder / "run.sqlite").write_bytes(b"this is no database of any length " * 100)
     run = read_run(folder)
     assert run.status == "unreadable"
     assert "run.sqlite can't be read: file is not a database" in run.reason

@@ -23,12 +23,12 @@ def test_the_numbers_are_those_of_the_result_files(made):
     assert len(rows) == len(finished) == 14
     for row in rows:
         (folder,) = [f for f in finished if (root / "out" / "data" / row["folder"]).resolve() == f.resolve()]
-        told = result(folder)
-        assert (row["task"], int(row["seed"])) == (told["task"], told["seed"])
-        assert float(row["best reward"]) == told["best"]["reward"]
-        assert float(row["distance (m)"]) == told["best"]["distance_m"]
-        assert (int(row["generation"]), row["candidate"]) == (told["best"]["generation"], told["best"]["candidate"])
-        assert int(row["rollouts"]) == told["n_evaluations"]
+        stored = result(folder)
+        assert (row["task"], int(row["seed"])) == (stored["task"], stored["seed"])
+        assert float(row["best reward"]) == stored["best"]["reward"]
+        assert float(row["distance (m)"]) == stored["best"]["distance_m"]
+        assert (int(row["generation"]), row["candidate"]) == (stored["best"]["generation"], stored["best"]["candidate"])
+        assert int(row["rollouts"]) == stored["n_evaluations"]
 
 
 def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
@@ -39,8 +39,8 @@ def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
     for row in rows:
         tool = re.search(r"tool=(none|rlbench)", row["method"])
         method = f"{tool.group(1)}/vlmgineer" if tool else choices[row["method"].split()[-1]]
-        told = [result(folder) for folder in finished]
-        of = [t for t in told if t["task"] == row["task"] and f"{t['tool']}/{t['evolution']}" == method]
+        stored = [result(folder) for folder in finished]
+        of = [t for t in stored if t["task"] == row["task"] and f"{t['tool']}/{t['evolution']}" == method]
         rewards = [t["best"]["reward"] for t in of]
         best = of[int(np.argmax(rewards))]["best"]
         assert int(row["runs"]) == len(of) == 2
@@ -55,9 +55,9 @@ def test_methods_over_all_tasks(made):
     root, finished, _ = made
     (row,) = [r for r in read_csv(root / "out" / "data" / "methods.csv") if r["method"] == "evolution=sampling"]
     rewards = {task: [] for task in ("BringCube", "OneBook")}
-    for told in (result(folder) for folder in finished):
-        if told["evolution"] == "sampling":
-            rewards[told["task"]].append(told["best"]["reward"])
+    for stored in (result(folder) for folder in finished):
+        if stored["evolution"] == "sampling":
+            rewards[stored["task"]].append(stored["best"]["reward"])
     pooled = [reward for task in rewards.values() for reward in task]
     assert float(row["mean"]) == pytest.approx(np.mean([np.mean(task) for task in rewards.values()]))
     assert float(row["mean of the best"]) == pytest.approx(np.mean([max(task) for task in rewards.values()]))
@@ -70,10 +70,10 @@ def test_by_generation(made):
     root, finished, _ = made
     rows = read_csv(root / "out" / "data" / "generations.csv")
     of = [r for r in rows if r["task"] == "OneBook" and r["method"] == "evolution=sampling"]
-    told = [t for t in map(result, finished) if t["task"] == "OneBook" and t["evolution"] == "sampling"]
+    stored = [t for t in map(result, finished) if t["task"] == "OneBook" and t["evolution"] == "sampling"]
     for index, row in enumerate(of):
-        so_far = [max(g["best_reward"] for g in t["generations"][: index + 1]) for t in told]
-        means = [t["generations"][index]["mean_reward"] for t in told]
+        so_far = [max(g["best_reward"] for g in t["generations"][: index + 1]) for t in stored]
+        means = [t["generations"][index]["mean_reward"] for t in stored]
         assert int(row["generation"]) == index
         assert float(row["best so far"]) == pytest.approx(np.mean(so_far))
         assert float(row["mean of the generation"]) == pytest.approx(np.mean(means))

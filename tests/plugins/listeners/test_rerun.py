@@ -73,7 +73,7 @@ def run_in(folder, simulator) -> Run:
 
 
 def play(run, generations, replies=(), between=lambda: None, **settings):
-    """What the loop tells a listener."""
+    """The generations that a listener receives."""
     hub = event_hub()
     hub.register(installed().create("listener", "rerun", settings))
     hub.hook.run_started(run=run)
@@ -387,9 +387,9 @@ def test_what_is_streamed_is_what_is_in_the_file(tmp_path, simulator, generation
 def test_a_viewer_that_goes_away_leaves_the_file(tmp_path, simulator, generations, server, capfd):
     port, viewer = server
     play(run_in(tmp_path, simulator), generations, between=lambda: end(viewer), connect=f"127.0.0.1:{port}")
-    _, *told = said(capfd)  # now and then Rerun takes for sent what its dead connection still had room for
+    _, *lines = said(capfd)  # Rerun may count as sent what its dead connection still had room for
     where = f"the viewer at 127.0.0.1:{port}"
-    assert [line.startswith(f"rerun: nothing more goes to {where}: ") for line in told] in ([True], [])
+    assert [line.startswith(f"rerun: nothing more goes to {where}: ") for line in lines] in ([True], [])
     assert len(Recording(tmp_path / "recording.rrd").values("/text/design", "text")) == 2
 
 

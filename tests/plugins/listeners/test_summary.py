@@ -40,7 +40,7 @@ def call(folder, *words):
     )
 
 
-def tell(capsys, *rewards, replies=(), name="hook", **settings):
+def summary(capsys, *rewards, replies=(), name="hook", **settings):
     """What is printed of a run with these rewards by generation."""
     events = event_hub()
     events.register(installed().create("listener", "summary", settings))
@@ -65,7 +65,7 @@ def rows(said):
 
 
 def test_generations_and_tools(capsys):
-    said = rows(tell(capsys, [0.2, 0.4, None], [0.3, 0.1]))
+    said = rows(summary(capsys, [0.2, 0.4, None], [0.3, 0.1]))
     assert ["0", "0.400", "0.400", "0.300", "0.141", "3", "1", "0"] in said
     assert ["1", "0.300", "0.400", "0.200", "0.141", "2", "0", "0"] in said
     tools = [line for line in said if line[-1:] == ["hook"]]
@@ -74,7 +74,7 @@ def test_generations_and_tools(capsys):
 
 
 def test_as_many_tools_as_asked_for(capsys):
-    said = rows(tell(capsys, [0.2, 0.4, 0.6], top=1))
+    said = rows(summary(capsys, [0.2, 0.4, 0.6], top=1))
     assert [line[0] for line in said if line[-1:] == ["hook"]] == ["0.600"]
 
 
@@ -84,24 +84,24 @@ def test_what_the_model_took(capsys):
         Reply("b", "", "m", error="no"),
         Reply("c", "", "m", prompt_tokens=1, cost_usd=0.25),
     ]
-    assert "3 replies, 1 of them failed, 16 tokens, 0.75 USD" in tell(capsys, [0.5], replies=replies)
-    assert "1 reply\n" in tell(capsys, [0.5], replies=[Reply("a", "", "m")])
+    assert "3 replies, 1 of them failed, 16 tokens, 0.75 USD" in summary(capsys, [0.5], replies=replies)
+    assert "1 reply\n" in summary(capsys, [0.5], replies=[Reply("a", "", "m")])
 
 
 def test_a_models_words_stay_words(capsys):
-    said = tell(capsys, [0.5], name="[red]x[/]\x1b[31m\nevil")
+    said = summary(capsys, [0.5], name="[red]x[/]\x1b[31m\nevil")
     assert "[red]x[/][31m evil" in said
     assert "\x1b[31m" not in said
 
 
 def test_nothing_could_be_tried(capsys):
-    said = tell(capsys, [None])
+    said = summary(capsys, [None])
     assert ["0", "–", "0.000", "–", "–", "1", "1", "0"] in rows(said)
     assert "core.evaluate" not in said
 
 
 def test_commands_are_quoted(capsys):
-    lines = [line for line in tell(capsys, [0.5]).splitlines() if line.startswith("python -m ")]
+    lines = [line for line in summary(capsys, [0.5]).splitlines() if line.startswith("python -m ")]
     words = [shlex.split(line)[2:] for line in lines]
     folder = "runs/it's here/x=1"
     assert words == [
@@ -127,8 +127,8 @@ def swept(tmp_path_factory):
 @pytest.mark.slow
 def test_a_multirun_says_at_its_end_what_it_came_to(swept):
     folder, done = swept
-    told = [json.loads((path / "result.json").read_text()) for path in (folder / "multirun" / "of it").glob("*/")]
-    rewards = [t["best"]["reward"] for t in told]
+    stored = [json.loads((path / "result.json").read_text()) for path in (folder / "multirun" / "of it").glob("*/")]
+    rewards = [t["best"]["reward"] for t in stored]
     line = next(line for line in done.stderr.splitlines() if line.strip().startswith("BringCube"))
     runs, best, average = line.split()[-5:-2]
     assert (int(runs), best, average) == (2, number(max(rewards), 3), number(np.mean(rewards), 3))
