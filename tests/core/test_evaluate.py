@@ -45,6 +45,7 @@ def lag(record):
     return [f"{record['tracking_error_rad']:.3f}"]
 
 
+@pytest.mark.slow
 def test_a_reason_is_one_line(evaluated):
     records, lines = evaluated
     assert len(records[2]["reason"]) > 40

@@ -127,6 +127,7 @@ def test_the_best_of_a_run_under_the_runs_own_conditions(ran):
     assert [design["engines"]["pybullet"]["nominal"] for design in found] == [e.reward for e in tried[:3]]
 
 
+@pytest.mark.slow
 def test_what_the_command_line_says_goes_before_what_the_run_had(ran):
     words = [f"designs={ran[0]}", "sims=[pybullet]", "task=BringCube", "seed=1", "rollout.hold_s=2"]
     cfg = as_the_run(words)
@@ -190,11 +191,13 @@ def test_a_mistake_is_one_line(tmp_path):
     assert not done.stdout
 
 
+@pytest.mark.slow
 def test_top_must_be_a_number_of_designs(ran):
     with pytest.raises(UserError, match="top must be at least 1, got 0"):
         transfer(load("transfer", [f"designs={ran[0]}", "sims=[pybullet]", "top=0"]))
 
 
+@pytest.mark.slow
 def test_stores_that_cannot_be_read(ran, tmp_path):
     (tmp_path / "run.sqlite").write_text("no database at all, only text")
     with pytest.raises(UserError, match=r"run.sqlite can't be read: file is not a database"):
