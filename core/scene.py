@@ -269,20 +269,5 @@ def floor(height: float = -0.625, friction: float = 0.5) -> Body:
     return Body("floor", Pose(), 0.0, (slab,), (slab,), friction)
 
 
-__all__ = [
-    "Body",
-    "Box",
-    "Camera",
-    "Color",
-    "Cylinder",
-    "Geom",
-    "Goal",
-    "Inertia",
-    "Mesh",
-    "Pose",
-    "Scene",
-    "Sphere",
-    "State",
-    "floor",
-    "table",
-]
+__all__ = ["Body", "Camera", "Color", "Geom", "Goal", "Inertia", "Scene", "State", "floor", "table"]
+__all__ += ["Box", "Cylinder", "Mesh", "Pose", "Sphere"]  # of core.geometry, so that a task needs one import

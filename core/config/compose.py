@@ -17,33 +17,22 @@ from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandatoryValue, OmegaConfBaseException
 
-from core.config import sources
-from core.config.schemas import (
-    ComposeConfig,
-    ConformanceConfig,
-    EvaluateConfig,
-    GalleryConfig,
-    RenderConfig,
-    ReportConfig,
-    RunConfig,
-    TransferConfig,
-)
+from core.config import schemas, sources
 from core.errors import UsageError, UserError, choices
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Simulator, Task, ToolRepresentation
 from core.plugins import KINDS, NOT_SETTINGS, Part
 
 T = TypeVar("T")
 
-
 SCHEMAS: dict[str, type] = {
-    "config": RunConfig,
-    "evaluate": EvaluateConfig,
-    "render": RenderConfig,
-    "prompt": ComposeConfig,
-    "transfer": TransferConfig,
-    "conformance": ConformanceConfig,
-    "report": ReportConfig,
-    "gallery": GalleryConfig,
+    "config": schemas.RunConfig,
+    "evaluate": schemas.EvaluateConfig,
+    "render": schemas.RenderConfig,
+    "prompt": schemas.ComposeConfig,
+    "transfer": schemas.TransferConfig,
+    "conformance": schemas.ConformanceConfig,
+    "report": schemas.ReportConfig,
+    "gallery": schemas.GalleryConfig,
 }
 """The schema of each primary config in ``conf/``; ``config`` belongs to ``core.run``."""
 
@@ -173,11 +162,7 @@ def first_line(error: BaseException) -> str:
 
 
 def check_seed(seed: int) -> None:
-    """Refuse a negative seed, which no generator takes.
-
-    Raises:
-        UsageError: the seed is negative.
-    """
+    """Raise a UsageError if the seed is negative, which no generator takes."""
     if seed < 0:
         raise UsageError(f"seed must be 0 or greater, got {seed}")
 
@@ -215,10 +200,8 @@ def part(kind: str, config: DictConfig) -> Part:
     if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):
         raise UserError(f"{kind}: the configuration names no part; give it a 'name'")
     others = ("name", *NOT_SETTINGS.get(kind, ()))
-    given = {
-        str(k): _hashable(v) for k, v in settings.items() if k not in others and not OmegaConf.is_missing(config, k)
-    }
-    return Part(kind, settings["name"], tuple(given.items()))
+    given = [(str(k), v) for k, v in settings.items() if k not in others and not OmegaConf.is_missing(config, k)]
+    return Part(kind, settings["name"], tuple((key, _hashable(value)) for key, value in given))
 
 
 def _hashable(value: Any) -> Any:

@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from core.config.compose import explain, first_line, load, register, renamed
+from core.config.compose import explain, first_line, load, renamed
 from core.config.schemas import RunConfig
 from core.errors import UsageError, UserError
 
@@ -47,7 +47,7 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
         UserError: this version can't read the configuration.
     """
     try:
-        before = _typed(OmegaConf.create(config))
+        before = cast(DictConfig, OmegaConf.merge(OmegaConf.structured(RunConfig), config))
     except OmegaConfBaseException as error:
         raise UserError(f"the run's configuration can't be used by this version: {first_line(error)}") from error
     after = before.copy()
@@ -57,17 +57,9 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, "config", overrides) from error
     if after.budget.n_iteration < before.budget.n_iteration:
-        raise UsageError(
-            f"budget.n_iteration of a run that goes on can only be raised; it is {before.budget.n_iteration}"
-        )
+        what = "budget.n_iteration of a run that goes on can only be raised"
+        raise UsageError(f"{what}; it is {before.budget.n_iteration}")
     return after
-
-
-def _typed(config: Any) -> DictConfig:
-    register()
-    merged = OmegaConf.merge(OmegaConf.structured(RunConfig), config)
-    assert isinstance(merged, DictConfig)
-    return merged
 
 
 def _apply(config: DictConfig, override: Override) -> None:
@@ -79,6 +71,5 @@ def _apply(config: DictConfig, override: Override) -> None:
     elif (key in KEYS or key.startswith(PARTS)) and key != "vlm.name" and not override.is_delete():
         OmegaConf.update(config, key, override.value(), force_add=True)
     else:
-        raise UsageError(
-            f"{line}: a run goes on as it began; what may change: {', '.join(GROUPS)}, vlm.*, {', '.join(KEYS)}"
-        )
+        possible = ", ".join([*GROUPS, "vlm.*", *KEYS])
+        raise UsageError(f"{line}: a run goes on as it began; what may change: {possible}")

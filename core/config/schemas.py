@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 from typing import Any
 
 from omegaconf import MISSING
 
 from core.config.settings import PerturbationRange, PromptSettings, Sampling
 from core.interfaces import RolloutSettings
+from core.plugins import KINDS
 
 
 @dataclass
-class PaperConfig:
-    """The paper's parameters for a task."""
+class BudgetConfig:
+    """How many designs a run tries; ``stop_reward``: stop when the best reward reaches it (null: never)."""
 
     n_agent: int = MISSING
     n_tool: int = MISSING
@@ -21,12 +22,6 @@ class PaperConfig:
     k_top: int = MISSING
     reward_save: float = MISSING
     n_iteration: int = MISSING
-
-
-@dataclass
-class BudgetConfig(PaperConfig):
-    """How many designs a run tries; ``stop_reward``: stop when the best reward reaches it (null: never)."""
-
     name: str = MISSING
     stop_reward: float | None = None
 
@@ -108,18 +103,8 @@ class RenderConfig(SceneConfig):
     height: int = 480
 
 
-@dataclass
-class ConformanceConfig:
-    """Settings of ``python -m core.conformance``: the part of each kind to check, if any."""
-
-    task: dict[str, Any] | None = None
-    sim: dict[str, Any] | None = None
-    vlm: dict[str, Any] | None = None
-    tool: dict[str, Any] | None = None
-    evolution: dict[str, Any] | None = None
-    fitness: dict[str, Any] | None = None
-    executor: dict[str, Any] | None = None
-    listener: dict[str, Any] | None = None
+ConformanceConfig = make_dataclass("ConformanceConfig", [(kind, dict[str, Any] | None, None) for kind in KINDS])
+"""Settings of ``python -m core.conformance``: the part of each kind to check, if any."""
 
 
 @dataclass

@@ -8,25 +8,12 @@ from dataclasses import dataclass, field
 from core.errors import UsageError
 
 SYSTEM = ("system",)
-_RULES = (
-    "tool_rules",
-    "action_rules",
-    "action_diversity",
-    "workspace",
-    "spawn_rules",
-    "frames",
-    "units",
-    "output",
-    "context",
-)
+_PLANS = ("action_rules", "action_diversity", "workspace")
+_REPLY = ("frames", "units", "output", "context")
+_RULES = ("tool_rules", *_PLANS, "spawn_rules", *_REPLY)
 INITIAL = ("mission_initial", "procedure", *_RULES)
 EVOLUTION = ("mission_evolve", "elites", "procedure", "evolution_rules", *_RULES)
-GIVEN = (
-    "mission_given",
-    "elites",
-    "procedure",
-    *(rule for rule in _RULES if rule not in ("tool_rules", "spawn_rules")),
-)
+GIVEN = ("mission_given", "elites", "procedure", *_PLANS, *_REPLY)
 FEEDBACK = ("paper", "numbers", "full")
 
 

@@ -71,18 +71,16 @@ class PartConfigs(ConfigSource):  # type: ignore[misc]
             return ConfigResult(self.provider, f"{self.scheme()}://", OmegaConf.create(config), {"package": None})
         result = file.load_config(config_path)
         if isinstance(result.config, DictConfig) and "defaults" not in result.config:  # else the base's defaults hold
-            if kind == "listener":
-                for listener in map(str, result.config):
-                    self._add_defaults(kind, listener, result.config[listener], f"{kind}.{listener}.")
-            else:
-                self._add_defaults(kind, str(result.config.get("name")), result.config, f"{kind}.")
+            several = kind == "listener"
+            for part, node in result.config.items() if several else [(result.config.get("name"), result.config)]:
+                self._add_defaults(kind, str(part), node)
         return result
 
-    def _add_defaults(self, kind: str, name: str, node: object, prefix: str) -> None:
+    def _add_defaults(self, kind: str, name: str, node: object) -> None:
         """Add what the signature has and the file lacks, if an override asks for such a key."""
         if not isinstance(node, DictConfig) or (kind, name) not in installed().offers:
             return
-        overridden = self.overridden | OVERRIDDEN
+        prefix, overridden = f"{kind}.{name}." if kind == "listener" else f"{kind}.", self.overridden | OVERRIDDEN
         keys = {key.removeprefix(prefix).partition(".")[0] for key in overridden if key.startswith(prefix)}
         if not keys <= node.keys():
             for key, value in defaults(kind, name).items():
@@ -113,13 +111,9 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
         parameters = inspect.signature(installed().factory(kind, name)).parameters.values()
     except (UserError, TypeError, ValueError):
         return {}
-    settings = {p.name: MISSING if p.default is p.empty else p.default for p in parameters if _is_setting(kind, p)}
-    return {key: value for key, value in settings.items() if _is_plain(value)}
-
-
-def _is_setting(kind: str, parameter: inspect.Parameter) -> bool:
-    named = parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
-    return named and parameter.name not in PROVIDED.get(kind, ())
+    named = (p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
+    settings = {p.name: MISSING if p.default is p.empty else p.default for p in named}
+    return {k: value for k, value in settings.items() if _is_plain(value) and k not in PROVIDED.get(kind, ())}
 
 
 def _is_plain(value: object) -> bool:

@@ -9,22 +9,6 @@ from core.plugins.kinds import ATTRIBUTES, INTERFACES, KINDS, NOT_SETTINGS, PROV
 from core.plugins.registry import Part, Plugins, describe_part, installed
 from core.plugins.settings import check_settings
 
-__all__ = [
-    "ATTRIBUTES",
-    "INTERFACES",
-    "KINDS",
-    "NOT_SETTINGS",
-    "PROVIDED",
-    "Discovery",
-    "Failure",
-    "Offer",
-    "Part",
-    "PluginError",
-    "Plugins",
-    "check_settings",
-    "culprit",
-    "describe_failure",
-    "describe_part",
-    "event_hub",
-    "installed",
-]
+__all__ = ["ATTRIBUTES", "INTERFACES", "KINDS", "NOT_SETTINGS", "PROVIDED", "event_hub"]
+__all__ += ["Discovery", "Failure", "Offer", "Part", "Plugins", "check_settings", "describe_part", "installed"]
+__all__ += ["PluginError", "culprit", "describe_failure"]

@@ -43,18 +43,17 @@ def _check(name: str) -> None:
     if not chosen and not failures:
         names = {key for o in found.offers.values() for key in (o.name, o.entry_point, o.distribution)}
         raise choices("part, plugin or distribution", name, names)
-    words = [f"{offer.kind}={offer.name}" for offer in chosen]
     if failures:
         raise UserError(f"{len(failures)} of the plugin's hooks failed")
     failed = 0
     child = [sys.executable, "-P", "-m", "core.conformance"]
     paths = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}  # imports as this process does
-    for word in words:
+    for word in (f"{offer.kind}={offer.name}" for offer in chosen):
         sys.stdout.write(f"{word}\n")
         sys.stdout.flush()
         failed += subprocess.run([*child, word], env=paths).returncode != 0  # noqa: S603
     if failed:
-        raise UserError(f"{failed} of {len(words)} parts fail a check")
+        raise UserError(f"{failed} of {len(chosen)} parts fail a check")
 
 
 def _list() -> None:

@@ -64,9 +64,8 @@ class Discovery:
             try:
                 module = entry.load()
             except Exception as error:  # a third-party import may raise anything
-                self.failures.append(
-                    Failure(entry.name, distribution, f"import failed: {type(error).__name__}: {error}")
-                )
+                reason = f"import failed: {type(error).__name__}: {error}"
+                self.failures.append(Failure(entry.name, distribution, reason))
                 continue
             self.register(module, entry.name, distribution)
         for name, module in (entry_points or {}).items():
@@ -95,7 +94,6 @@ class Discovery:
             except Exception as error:  # a third-party hook may raise anything
                 reason = f"hook {hook!r} failed: {type(error).__name__}: {error}"
                 self.failures.append(Failure(name, distribution, reason))
-
         try:
             for path in manager.hook.config_path():
                 _check_config_path(path)
@@ -105,18 +103,15 @@ class Discovery:
             self.failures.append(Failure(name, distribution, reason))
 
     def _offer(self, offer: Offer) -> None:
-        if not isinstance(offer.factory, str) and not callable(offer.factory):
-            reason = (
-                f"{offer.kind} {offer.name!r} is {offer.factory!r}; it must be callable, or a text 'module:attribute'"
-            )
-            self.failures.append(Failure(offer.entry_point, offer.distribution, reason))
-            return
         taken = self.offers.get((offer.kind, offer.name))
-        if taken is not None:
-            reason = f"{offer.kind} {offer.name!r} is taken by {taken.entry_point} of {taken.distribution}"
-            self.failures.append(Failure(offer.entry_point, offer.distribution, reason))
+        if not isinstance(offer.factory, str) and not callable(offer.factory):
+            reason = f"is {offer.factory!r}; it must be callable, or a text 'module:attribute'"
+        elif taken is not None:
+            reason = f"is taken by {taken.entry_point} of {taken.distribution}"
+        else:
+            self.offers[offer.kind, offer.name] = offer
             return
-        self.offers[offer.kind, offer.name] = offer
+        self.failures.append(Failure(offer.entry_point, offer.distribution, f"{offer.kind} {offer.name!r} {reason}"))
 
 
 def _switched_on() -> list[tuple[importlib.metadata.EntryPoint, str]]:

@@ -52,8 +52,7 @@ def check_part(part: object, kind: str, offer: str) -> None:
         _check_listener(part, offer)
         return
     if not isinstance(part, interface):
-        what = f"a {type(part).__name__}, which is no core.interfaces.{interface.__name__}"
-        raise UserError(f"{offer} makes {what}")
+        raise UserError(f"{offer} makes a {type(part).__name__}, which is no core.interfaces.{interface.__name__}")
     missing = [name for name in ATTRIBUTES.get(kind, ()) if not hasattr(part, name)]
     if missing:
         raise UserError(f"{offer}: {type(part).__qualname__} has no {' and no '.join(missing)}")

@@ -48,9 +48,8 @@ class Plugins(Discovery):
         try:
             return typing.cast(Callable[..., Any], getattr(importlib.import_module(module), attribute))
         except Exception as error:  # a third-party import may raise anything
-            raise UserError(
-                f"{kind} {name!r} of {offer.distribution} can't be imported: {type(error).__name__}: {error}"
-            ) from error
+            reason = f"can't be imported: {type(error).__name__}: {error}"
+            raise UserError(f"{kind} {name!r} of {offer.distribution} {reason}") from error
 
     @overload
     def create(self, kind: Literal["task"], name: str, settings: Settings = ..., **given: Any) -> Task: ...
