@@ -330,6 +330,7 @@ NO_MODEL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", NO_MODEL)
 def test_what_needs_no_model_does_not_import_litellm(command, tmp_path):
     """In no process: a LiteLLM that fails on import precedes the real one."""
@@ -340,6 +341,7 @@ def test_what_needs_no_model_does_not_import_litellm(command, tmp_path):
     assert (done.returncode, "LiteLLM was imported" in done.stdout + done.stderr) == (0, False), done.stderr
 
 
+@pytest.mark.slow
 def test_the_mission_lacks_nothing_but_a_key(tmp_path):
     """In a plain install LiteLLM is no extra, and the only message names the variables for the key."""
     assert any(
