@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 from urllib.parse import quote
@@ -25,7 +25,6 @@ from core.plugins import check_settings
 HERE = "127.0.0.1"
 USAGE = "usage: python -m core.view FOLDER [web=true] [port=N]; FOLDER, or runs=FOLDER, is a run's or a multirun's"
 _RERUN = "import sys, rerun_cli.__main__ as rerun; sys.exit(rerun.main())"  # as its console script does
-_START_S = 30.0  # a viewer that doesn't listen by then won't
 _END_S = 5.0
 
 
@@ -96,70 +95,33 @@ def free_port(wanted: int = 0) -> int:
         return int(server.getsockname()[1])
 
 
-@contextlib.contextmanager
-def served(files: Sequence[Path], port: int) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """Serve recordings in the web viewer until the end of the block.
-
-    Returns:
-        The viewer's address and process.
-
-    Raises:
-        UserError: the port is taken, or the viewer does not start.
-    """
-    page, data = free_port(port), free_port()
-    ports = ("--web-viewer-port", str(page), "--port", str(data))
-    with tempfile.TemporaryFile() as output:
-        viewer = start_viewer(*map(str, files), "--serve-web", *ports, output=output)
-        try:
-            deadline = time.monotonic() + _START_S
-            while not (listens(page) and listens(data)):
-                if viewer.poll() is not None or time.monotonic() > deadline:
-                    raise UserError(f"the web viewer did not start: {_last_line(output)}")
-                time.sleep(0.05)
-            yield f"http://{HERE}:{page}/?url={quote(f'rerun+http://{HERE}:{data}/proxy', safe='')}", viewer
-        finally:
-            end(viewer)
-
-
-def window(files: Sequence[Path]) -> None:
-    """Show recordings in a window, until it is closed.
-
-    Raises:
-        UserError: no window can be opened.
-    """
-    with tempfile.TemporaryFile() as output:
-        viewer = start_viewer(*map(str, files), "--port", str(free_port()), output=output)
-        try:
-            status = viewer.wait()
-        finally:
-            end(viewer)
-        if status:
-            raise UserError(
-                f"the viewer ended with status {status}: {_last_line(output)}; without a screen, use web=true"
-            )
-
-
-def _last_line(output: IO[bytes]) -> str:
-    output.seek(0)
-    lines = output.read().decode(errors="replace").strip().splitlines()
-    return lines[-1] if lines else "it printed nothing"
-
-
 def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
     """Show recordings until the window is closed or an interrupt comes, which is the usual end of a server.
 
     Raises:
         UserError: they can't be shown.
     """
-    with contextlib.suppress(KeyboardInterrupt):
-        if not web:
-            window(files)
-            return
-        with served(files, port) as (address, viewer):
-            sys.stderr.write("Ctrl-C ends it\n")  # before the address, whose reader may interrupt at once
-            sys.stdout.write(f"{address}\n")
-            sys.stdout.flush()
-            raise UserError(f"the web viewer ended by itself, with status {viewer.wait()}")
+    page, data = free_port(port) if web else 0, free_port()
+    server = ("--serve-web", "--web-viewer-port", str(page)) if web else ()
+    with contextlib.suppress(KeyboardInterrupt), tempfile.TemporaryFile() as output:
+        viewer = start_viewer(*map(str, files), *server, "--port", str(data), output=output)
+        try:
+            if web:
+                while viewer.poll() is None and not (listens(page) and listens(data)):
+                    time.sleep(0.05)
+                if viewer.poll() is None:
+                    sys.stderr.write("Ctrl-C ends it\n")  # before the address, whose reader may interrupt at once
+                    stream = quote(f"rerun+http://{HERE}:{data}/proxy", safe="")
+                    sys.stdout.write(f"http://{HERE}:{page}/?url={stream}\n")
+                    sys.stdout.flush()
+            status = viewer.wait()
+        finally:
+            end(viewer)
+        output.seek(0)
+        last = (output.read().decode(errors="replace").strip() or "it printed nothing").splitlines()[-1]
+        if web or status:
+            hint = "" if web else "; without a screen, use web=true"
+            raise UserError(f"the viewer ended with status {status}: {last}{hint}")
 
 
 def main() -> None:
