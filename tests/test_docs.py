@@ -251,6 +251,7 @@ def test_example_design_is_json():
 SCENE_PAGE = ROOT / "docs/writing_a_scene.md"
 
 
+@pytest.mark.slow
 def test_the_scene_of_the_page_passes_its_checks(tmp_path):
     """As the page has it: the pieces in one file, and the last piece beside it."""
     build.page_module(tmp_path)
@@ -263,6 +264,7 @@ def test_the_scene_of_the_page_passes_its_checks(tmp_path):
     assert Image.open(tmp_path / "scene.png").size == (640, 480)
 
 
+@pytest.mark.slow
 def test_the_scene_of_the_page_becomes_a_part(tmp_path):
     """The package that the page's command writes, with the page's file in it."""
     folder, module = write_package("task", "PullTray", tmp_path / "pull_tray")
@@ -293,6 +295,7 @@ def test_the_tables_have_every_field_and_its_default(of):
         assert re.findall(r"`(\w+)`", row) == [field.name for field in dataclasses.fields(of)]
 
 
+@pytest.mark.slow
 def test_pictures_of_the_page_are_drawn(tmp_path):
     """Each is one that the page shows, of the size that it has there, and not blank."""
     build.scene(tmp_path)
