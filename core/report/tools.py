@@ -19,7 +19,6 @@ from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Task, ToolRepresentation
 from core.report.formats import number
-from core.report.results import Results
 from core.report.runs import STORE, FinishedRun
 from core.robot.description import FINGER_OPEN
 from core.store.database import reading
@@ -27,6 +26,8 @@ from core.text import clean
 
 if TYPE_CHECKING:
     import trimesh
+
+    from core.report.results import Results
 
 SAME = 1e-4  # metres by which corners of equal tools may differ
 Shape = list[Array]  # corners (V, 3) of each component, as the arm holds it

@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import collada
 import numpy as np
 import pinocchio as pin
+import trimesh
 from collada.triangleset import BoundTriangleSet
 from lxml import etree
 
 from core.design import Tool
 from core.geometry import Array, Pose
 from core.robot.description import ARM_JOINTS, FINGER_JOINTS, assemble
-from plugins.listeners.rerun.shapes import Bytes, Triangles, rgba
 
 
-@dataclass(frozen=True, eq=False)
-class Track:
-    """A frame over time: positions (T, 3) in metres and quaternions (T, 4) as (x, y, z, w), as Rerun has them."""
-
-    positions: Array
-    quaternions: Array
-
-
-def links(gripper: bool) -> dict[str, Triangles]:
+def links(gripper: bool) -> dict[str, trimesh.Trimesh]:
     """The visual mesh of each link of the bare arm, in the link's frame; with the hand, or without."""
     robot = etree.fromstring(assemble(Tool(gripper=gripper)).encode())
     found = {}
@@ -35,9 +25,10 @@ def links(gripper: bool) -> dict[str, Triangles]:
         pieces = []
         for visual in link.findall("visual"):
             pose = Pose.xyz_rpy(_numbers(visual, "string(origin/@xyz)"), _numbers(visual, "string(origin/@rpy)"))
-            pieces.append(_load(Path(str(visual.xpath("string(geometry/mesh/@filename)")))).moved(pose))
+            mesh = _load(str(visual.xpath("string(geometry/mesh/@filename)")))
+            pieces.append(mesh.copy().apply_transform(pose.matrix))
         if pieces:
-            found[str(link.get("name"))] = Triangles.joined(pieces)
+            found[str(link.get("name"))] = trimesh.util.concatenate(pieces)
     return found
 
 
@@ -46,35 +37,23 @@ def _numbers(element: Any, path: str) -> list[float]:
 
 
 @lru_cache(maxsize=16)
-def _load(file: Path) -> Triangles:
+def _load(file: str) -> trimesh.Trimesh:
     """The triangles of a Collada file, in the colours of its materials."""
-    document = collada.Collada(str(file))
-    primitives = [p for g in document.scene.objects("geometry") for p in g.primitives()]
-    pieces = []
-    for primitive in primitives:
-        if not isinstance(primitive, BoundTriangleSet):
-            continue  # lines, which the arm's files have too
-        color = rgba(primitive.material.effect.diffuse)
-        pieces.append(_merged(primitive.vertex[primitive.vertex_index.ravel()], color))
-    return Triangles.joined(pieces)
+    geometries = collada.Collada(file).scene.objects("geometry")
+    return trimesh.util.concatenate(
+        [
+            trimesh.Trimesh(piece.vertex, piece.vertex_index, vertex_colors=piece.material.effect.diffuse)
+            for geometry in geometries
+            for piece in geometry.primitives()
+            if isinstance(piece, BoundTriangleSet)  # the arm's files have lines too
+        ]
+    )
 
 
-def _merged(corners: Array, color: Bytes) -> Triangles:
-    """Triangles of corners (3 F, 3), merged where they coincide, with the mean of the faces' normals: the files have
-    separate corners for each face.
+def tracks(gripper: bool, arm: Array, fingers: Array) -> dict[str, Array]:
+    """The motion of each link in the world, at arm joints (T, 7) and fingers (T, 2): (T, 7), x, y, z in metres, then a
+    quaternion (x, y, z, w), as Rerun has them.
     """
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    grid = np.round((corners - low) / np.maximum(high - low, 1e-9) * (2**21 - 1)).astype(np.int64)
-    _, first, faces = np.unique(grid @ [1 << 42, 1 << 21, 1], return_index=True, return_inverse=True)
-    a, b, c = corners.reshape(-1, 3, 3).swapaxes(0, 1)
-    normals = np.repeat(np.cross(b - a, c - a), 3, axis=0)  # weighted by area
-    sums = np.array([np.bincount(faces, weights) for weights in normals.T], dtype=np.float64).T
-    normals = sums / np.maximum(np.linalg.norm(sums, axis=-1, keepdims=True), 1e-12)
-    return Triangles.of(corners[first], faces.reshape(-1, 3), normals, color)
-
-
-def tracks(gripper: bool, arm: Array, fingers: Array) -> dict[str, Track]:
-    """The motion of each link in the world, at arm joints (T, 7) and fingers (T, 2)."""
     model, frames = _model(gripper)
     data = model.createData()
     joints = [*ARM_JOINTS, *(FINGER_JOINTS if gripper else ())]
@@ -86,7 +65,7 @@ def tracks(gripper: bool, arm: Array, fingers: Array) -> dict[str, Track]:
         pin.framesForwardKinematics(model, data, row)
         for k, number in enumerate(frames.values()):
             poses[k, t] = pin.SE3ToXYZQUAT(data.oMf[number])
-    return {name: Track(pose[:, :3], pose[:, 3:]) for name, pose in zip(frames, poses, strict=True)}
+    return dict(zip(frames, poses, strict=True))
 
 
 @lru_cache(maxsize=2)

@@ -6,6 +6,7 @@ import contextlib
 import os
 import sys
 import threading
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Literal
 
@@ -14,7 +15,6 @@ from core.errors import check_positive
 from core.hooks import hookimpl
 from core.interfaces import Reply, Request
 from plugins.listeners.rerun.sinks import address, sinks
-from plugins.listeners.rerun.spending import Spending
 
 if TYPE_CHECKING:
     from core.events import Generation, Run
@@ -50,7 +50,7 @@ class RerunListener:
         self._run: Run | None = None
         self._streams: Streams | None = None
         self._writer: Writer | None = None
-        self._spent: dict[int, Spending] = {}
+        self._replies: dict[int, list[Reply]] = defaultdict(list)  # by generation
         self._lock = threading.Lock()  # replies come from another thread
 
     @hookimpl
@@ -61,8 +61,7 @@ class RerunListener:
     @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
         with self._lock:
-            generation = request.brief.generation
-            self._spent[generation] = self._spent.get(generation, Spending()) + reply
+            self._replies[request.brief.generation].append(reply)
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -91,8 +90,8 @@ class RerunListener:
         assert self._writer is not None
         ranked = best_tools(generation, self._run.budget.k_top)
         with self._lock:
-            spent = self._spent.get(generation.index, Spending())
-        self._writer.generation(generation, ranked, spent)
+            replies = list(self._replies[generation.index])
+        self._writer.generation(generation, ranked, replies)
         shown = list(enumerate(ranked, start=1))[: None if self._elites == "all" else 1]
         for rank, evaluation in reversed(shown):  # the best last: its rollout is the one that stays
             try:

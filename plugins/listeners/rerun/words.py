@@ -4,7 +4,7 @@ the targets of links.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from core.design import Candidate, Evaluation
 from core.events import Generation, Run
@@ -68,7 +68,7 @@ def _quoted(*texts: str) -> list[str]:
     return [f"{_INDENT}{line}" for line in lines] or [f"{_INDENT}(nothing)"]
 
 
-def run_text(run: Run, generations: Sequence[Generation], spent: Sequence[str]) -> str:
+def run_text(run: Run, generations: Sequence[Generation], spent: Iterable[str]) -> str:
     """The run so far, in Markdown, without any text of the model; ``spent`` is tokens and cost by generation."""
     parts = ", ".join(f"{kind}={name}" for kind, name in run.parts.items())
     lines = [

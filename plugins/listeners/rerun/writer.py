@@ -6,20 +6,24 @@ There are two timelines. ``sim_time`` runs through the recorded rollouts, one af
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
+import trimesh
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Evaluation, Tool
 from core.events import Generation, Run
 from core.geometry import Array, Pose
-from plugins.listeners.rerun.arm import Track, links, tracks
+from core.interfaces import Reply
+from core.report.tools import as_held, solids
+from plugins.listeners.rerun.arm import links, tracks
 from plugins.listeners.rerun.layout import Contents, layout
 from plugins.listeners.rerun.lineage import Lineage
 from plugins.listeners.rerun.replay import Replay
-from plugins.listeners.rerun.shapes import Triangles, rgba, tool_alone, tool_by_mount, triangles
-from plugins.listeners.rerun.spending import Spending
+from plugins.listeners.rerun.shapes import joined, shaded
+from plugins.listeners.rerun.spending import spent, total
 from plugins.listeners.rerun.streams import Path, Streams
 from plugins.listeners.rerun.words import design_text, run_text, tools_text
 
@@ -30,6 +34,11 @@ _PATH_COLOR = (230, 120, 20)
 _LABEL_COLOR = (90, 90, 90)
 _ELITE_COLOR = (20, 120, 60)
 _SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200), "deviation": (150, 150, 150)}
+_SPENT = {
+    "prompt_tokens": ("tokens", "prompt"),
+    "completion_tokens": ("tokens", "completion"),
+    "cost_usd": ("cost_usd",),
+}  # figures of replies, and their places
 _HAND = ("panda_hand", *GRIPPER_MOUNTS)
 _MOUNTS = (RIGID_MOUNT, *GRIPPER_MOUNTS)
 
@@ -42,7 +51,7 @@ class Writer:
         self._streams = streams
         self._clock = 0.0
         self._generations: list[Generation] = []
-        self._spent: list[Spending] = []
+        self._replies: list[list[Reply]] = []  # by generation
         self._lineage = Lineage()
         self._visible: set[Path] = set()  # of the meshes that come and go
         self._row = 0.0
@@ -60,28 +69,27 @@ class Writer:
         self._still(("search", "cost_usd"), rr.SeriesLines(names="US$, so far", widths=2.0))
         streams.flush()
 
-    def generation(self, generation: Generation, tools: Sequence[Evaluation], spent: Spending) -> None:
+    def generation(self, generation: Generation, tools: Sequence[Evaluation], replies: list[Reply]) -> None:
         """Write a generation's figures, its best ``tools`` side by side, and the designs that they derive from."""
         self._generations.append(generation)
-        self._spent.append(spent)
+        self._replies.append(replies)
         self._streams.at(self._clock, generation.index)
         rewards = [e.reward for e in generation.evaluations if e.status == "ok"]
         if rewards:
             figures = {"best": max(rewards), "mean": float(np.mean(rewards)), "deviation": float(np.std(rewards))}
             for name, figure in figures.items():
                 self._put(("search", "reward", name), rr.Scalars(figure))
-        self._costs()
+        for name, path in _SPENT.items():
+            count = self._total(name)
+            if count is not None:
+                self._put(("search", *path), rr.Scalars(count))
         designed = [e for e in tools if e.candidate.tool is not None and e.candidate.tool.components]
         self._side_by_side(designed)
-        self._put(
-            ("text", "tools"),
-            rr.TextDocument(tools_text(designed, self._run.budget.reward_save), media_type=rr.MediaType.TEXT),
-        )
+        self._write("tools", tools_text(designed, self._run.budget.reward_save))
         self._lineage.add(generation.index, tools)
         if self._lineage.places:
             self._put(("lineage",), self._lineage.nodes(), self._lineage.arrows())
-        text = run_text(self._run, self._generations, [str(s) for s in self._spent])
-        self._put(("text", "run"), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+        self._write("run", run_text(self._run, self._generations, map(spent, self._replies)), rr.MediaType.MARKDOWN)
         self._arrange()
         self._streams.flush()
 
@@ -94,17 +102,16 @@ class Writer:
         self._put(("world", "path"), rr.LineStrips3D([replay.path], colors=_PATH_COLOR, radii=0.002))
         waypoints = rr.Points3D(candidate.plan[:, :3], colors=_PATH_COLOR, radii=0.008)
         self._put(("world", "waypoints"), waypoints)
-        final = float(replay.rewards[-1])
-        text = f"generation {generation}, rank {rank}\n{design_text(evaluation, final)}"
-        self._put(("text", "design"), rr.TextDocument(text, media_type=rr.MediaType.TEXT))
+        text = design_text(evaluation, float(replay.rewards[-1]))
+        self._write("design", f"generation {generation}, rank {rank}\n{text}")
 
         times = recording.times - recording.times[0] + self._clock
-        for name, track in tracks(candidate.tool.gripper, recording.arm, recording.fingers).items():
-            self._move(("world", "robot", name), times, generation, track)
+        for name, poses in tracks(candidate.tool.gripper, recording.arm, recording.fingers).items():
+            self._move(("world", "robot", name), times, generation, poses[:, :3], poses[:, 3:])
         states = recording.states
         for k, name in enumerate(states.names):
             w_last = np.roll(states.quaternions[:, k], -1, axis=-1)
-            self._move(("world", "scene", name), times, generation, Track(states.positions[:, k], w_last))
+            self._move(("world", "scene", name), times, generation, states.positions[:, k], w_last)
         known = np.isfinite(replay.rewards)
         rewards = rr.Scalars.columns(scalars=replay.rewards[known])
         self._streams.columns(("reward", candidate.id), times[known], generation, rewards)
@@ -115,8 +122,7 @@ class Writer:
         """Write the reason why a rollout can't be shown."""
         self._streams.at(self._clock, generation)
         note = f"the rollout can't be shown: {reason}"
-        text = f"generation {generation}\n{design_text(evaluation, None, note)}"
-        self._put(("text", "design"), rr.TextDocument(text, media_type=rr.MediaType.TEXT))
+        self._write("design", f"generation {generation}\n{design_text(evaluation, None, note)}")
         self._streams.flush()
 
     # --- pieces -------------------------------------------------------------------------------------------------
@@ -127,22 +133,22 @@ class Writer:
             if body.fixed:
                 self._still(path, _transform(body.pose))
             for k, part in enumerate(body.visuals):
-                opacity = rgba(part.color)[3]
-                mesh = _mesh(triangles(part.shape, (*part.color[:3], 1.0)), opacity)
-                self._still((*path, f"part_{k}"), mesh, _transform(part.pose))
+                mesh = shaded(part.shape.to_trimesh(), (*part.color[:3], 1.0))
+                self._still((*path, f"part_{k}"), _mesh(mesh, part.color[3]), _transform(part.pose))
 
     def _mount(self, tool: Tool) -> None:
         hand = {name: self._links[name] for name in _HAND} if tool.gripper else {}
         for name in _HAND:
             self._show(("world", "robot", name), hand.get(name), once=True)
-        meshes = tool_by_mount(tool)
+        placed = solids(tool)
         for mount in _MOUNTS:
-            self._show(("world", "robot", mount, "tool"), meshes.get(mount))
+            mesh = joined(placed[mount]) if mount in placed else None
+            self._show(("world", "robot", mount, "tool"), mesh)
 
     def _side_by_side(self, tools: Sequence[Evaluation]) -> None:
         """Show each tool as it hangs from the arm at home, in a row along x, ranks from left to right from -y."""
-        alone = [tool_alone(e.candidate.tool) for e in tools if e.candidate.tool is not None]
-        boxes = [(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)) for mesh in alone]
+        alone = [joined(as_held(e.candidate.tool)) for e in tools if e.candidate.tool is not None]
+        boxes = [mesh.bounds for mesh in alone]
         widths = [max(high[0] - low[0], _LEAST_M) + _GAP_M for low, high in boxes]
         if sum(widths) > 1.2 * self._row:
             self._row = sum(widths)
@@ -154,28 +160,21 @@ class Writer:
                 self._show(path, None)
                 continue
             (low, high), middle = boxes[rank - 1], x + widths[rank - 1] / 2
-            place = Pose(np.array([middle - (low[0] + high[0]) / 2, 0.0, -high[2]]))
-            self._show(path, alone[rank - 1].moved(place))
+            alone[rank - 1].apply_translation([middle - (low[0] + high[0]) / 2, 0.0, -high[2]])
+            self._show(path, alone[rank - 1])
             reward = tools[rank - 1].reward
             color = _ELITE_COLOR if reward > self._run.budget.reward_save else _LABEL_COLOR
             label = rr.Points3D([(middle, 0.0, under)], labels=f"{rank}: {reward:.2f}", colors=color, radii=0.001)
             self._put((*path, "label"), label)
             x += widths[rank - 1]
 
-    def _costs(self) -> None:
-        total = sum(self._spent, Spending())
-        counts = {"prompt": total.prompt_tokens, "completion": total.completion_tokens}
-        for name, count in counts.items():
-            if count is not None:
-                self._put(("search", "tokens", name), rr.Scalars(count))
-        if total.cost_usd is not None:
-            self._put(("search", "cost_usd"), rr.Scalars(total.cost_usd))
+    def _total(self, name: str) -> float | None:
+        return total(itertools.chain(*self._replies), name)
 
     def _arrange(self) -> None:
         """Send the layout, again where there is something new to see."""
-        total = sum(self._spent, Spending())
-        tokens = total.prompt_tokens is not None or total.completion_tokens is not None
-        contents = Contents(self._row, bool(self._lineage.edges), tokens, total.cost_usd is not None)
+        prompt, completion, cost = (self._total(name) is not None for name in _SPENT)
+        contents = Contents(self._row, bool(self._lineage.edges), prompt or completion, cost)
         if contents != self._arranged:
             self._streams.arrange(layout(self._run.task.camera, contents))
             self._arranged = contents
@@ -188,7 +187,10 @@ class Writer:
     def _still(self, path: Path, *what: rr.AsComponents) -> None:
         self._streams.log(path, *what, static=True)
 
-    def _show(self, path: Path, mesh: Triangles | None, *, once: bool = False) -> None:
+    def _write(self, name: str, text: str, media_type: str = rr.MediaType.TEXT) -> None:
+        self._put(("text", name), rr.TextDocument(text, media_type=media_type))
+
+    def _show(self, path: Path, mesh: trimesh.Trimesh | None, *, once: bool = False) -> None:
         """Show or clear a mesh that comes and goes; with ``once`` it is the same each time."""
         if mesh is None:
             if path in self._visible:
@@ -198,8 +200,8 @@ class Writer:
             self._put(path, _mesh(mesh))
             self._visible.add(path)
 
-    def _move(self, path: Path, times: Array, generation: int, track: Track) -> None:
-        poses = rr.Transform3D.columns(translation=track.positions, quaternion=track.quaternions)
+    def _move(self, path: Path, times: Array, generation: int, positions: Array, quaternions: Array) -> None:
+        poses = rr.Transform3D.columns(translation=positions, quaternion=quaternions)
         self._streams.columns(path, times, generation, poses)
 
 
@@ -207,11 +209,11 @@ def _transform(pose: Pose) -> rr.Transform3D:
     return rr.Transform3D(translation=pose.position, quaternion=np.roll(pose.quaternion, -1))
 
 
-def _mesh(shape: Triangles, opacity: int = 255) -> rr.Mesh3D:
+def _mesh(solid: trimesh.Trimesh, opacity: float = 1.0) -> rr.Mesh3D:
     return rr.Mesh3D(
-        vertex_positions=shape.vertices,
-        triangle_indices=shape.faces,
-        vertex_normals=shape.normals,
-        vertex_colors=shape.colors,
-        albedo_factor=(255, 255, 255, opacity),
+        vertex_positions=solid.vertices,
+        triangle_indices=solid.faces,
+        vertex_normals=solid.vertex_normals,
+        vertex_colors=solid.visual.vertex_colors,
+        albedo_factor=(1.0, 1.0, 1.0, opacity),
     )
