@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from core.cli import arguments, command
 from core.config.compose import load, part
-from core.conformance.suites import SUITES, verdicts
+from core.conformance.suites import SUITES, examine, subject
 from core.errors import UsageError, UserError
 from core.plugins import Part
 
@@ -26,13 +26,25 @@ def main() -> None:
         UsageError: no part is named.
         UserError: checks failed; says how many.
     """
-    parts = list(named(load("conformance", arguments(USAGE))))
+    parts = list(_named(load("conformance", arguments(USAGE))))
     if not parts:
         raise UsageError(f"name a part to check; {USAGE}")
-    report(parts)
+    failed = count = 0
+    for one in parts:
+        if len(parts) > 1:
+            sys.stdout.write(f"{one.kind} {one.name}\n")
+        for verdict in examine(one.kind, subject(one)):
+            count += 1
+            failed += verdict.problem is not None
+            remark = f" ({verdict.remark})" if verdict.remark else ""
+            result = f"ok{remark}" if verdict.problem is None else f"FAILED: {verdict.problem}"
+            sys.stdout.write(f"{verdict.seconds:6.2f} s  {verdict.check}: {result}\n")
+            sys.stdout.flush()
+    if failed:
+        raise UserError(f"{failed} of {count} checks failed")
 
 
-def named(config: DictConfig) -> Iterator[Part]:
+def _named(config: DictConfig) -> Iterator[Part]:
     """Yield the parts that the configuration names."""
     for kind in SUITES:
         if config.get(kind) is None:
@@ -42,27 +54,6 @@ def named(config: DictConfig) -> Iterator[Part]:
                 yield part(kind, OmegaConf.create({"name": name, **(settings or {})}))
         else:
             yield part(kind, config[kind])
-
-
-def report(parts: list[Part]) -> None:
-    """Print a line for each check of each part.
-
-    Raises:
-        UserError: checks failed; says how many.
-    """
-    failed = count = 0
-    for one in parts:
-        if len(parts) > 1:
-            sys.stdout.write(f"{one.kind} {one.name}\n")
-        for verdict in verdicts(one):
-            count += 1
-            failed += verdict.problem is not None
-            remark = f" ({verdict.remark})" if verdict.remark else ""
-            result = f"ok{remark}" if verdict.problem is None else f"FAILED: {verdict.problem}"
-            sys.stdout.write(f"{verdict.seconds:6.2f} s  {verdict.check}: {result}\n")
-            sys.stdout.flush()
-    if failed:
-        raise UserError(f"{failed} of {count} checks failed")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import traceback
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -17,15 +16,6 @@ from core.geometry import Box, Pose
 from core.hooks import PROJECT
 from core.interfaces import Brief, Message, Request, Simulator, Task, Text, ToolRepresentation
 from core.plugins import Part, installed
-
-Check = Callable[[Any], str | None]
-"""Raises an AssertionError that says what is wrong; may return a remark."""
-
-
-def collect(module: dict[str, Any]) -> tuple[Check, ...]:
-    """The checks that a module defines, in order; ``module`` is its ``globals()``."""
-    own = module["__name__"]
-    return tuple(f for name, f in module.items() if name.startswith("check_") and f.__module__ == own)
 
 
 def expect(condition: object, message: str) -> None:

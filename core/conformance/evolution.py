@@ -5,11 +5,12 @@ Covered by `tests/core/conformance/test_suites.py`.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from core.conformance.checking import collect, expect, rigid
+from core.conformance.checking import expect, rigid
 from core.design import Candidate, Evaluation
 from core.errors import LimitReached
 from core.interfaces import Budget, Designer, EvolutionStrategy
@@ -34,7 +35,7 @@ class FreeDesigner:
                 yield Candidate(rigid(), plan, generation, agent, 0, action)
 
 
-def search(make: Make, earns: Callable[[Candidate], float]) -> list[list[Candidate]]:
+def search(make: Make, earns: Callable[[Candidate], float] = lambda c: float(c.plan[0, 0])) -> list[list[Candidate]]:
     """Ask and tell for three generations, as the loop does, and return their candidates."""
     strategy = make(FreeDesigner(), BUDGET)
     generations = []
@@ -48,12 +49,8 @@ def search(make: Make, earns: Callable[[Candidate], float]) -> list[list[Candida
     return generations
 
 
-def by_place(candidate: Candidate) -> float:
-    return float(candidate.plan[0, 0])
-
-
 def check_each_generation_has_candidates(make: Make) -> None:
-    generations = search(make, by_place)
+    generations = search(make)
     for number, candidates in enumerate(generations):
         expect(candidates, f"generation {number} has no candidates")
     ids = [candidate.id for candidates in generations for candidate in candidates]
@@ -76,21 +73,16 @@ def check_generations_may_be_empty_or_broken(make: Make) -> None:
 
 def check_the_same_again(make: Make) -> None:
     """The same evaluations give the same candidates, so that a run can be repeated and resumed."""
-    one, other = (search(make, by_place) for _ in range(2))
+    one, other = (search(make) for _ in range(2))
     same = [[c.content for c in generation] for generation in one] == [[c.content for c in g] for g in other]
     expect(same, "the same evaluations gave different candidates; draw from a seed that is a setting")
 
 
 def check_a_limit_is_passed_on(make: Make) -> None:
     """The designer's LimitReached is raised after the candidates before it."""
-    candidates, raised = [], False
-    try:
+    candidates = []
+    with contextlib.suppress(LimitReached):
         for candidate in make(FreeDesigner(limit=1), BUDGET).ask():
             candidates.append(candidate)
-    except LimitReached:
-        raised = True
-    expect(raised, "the designer's LimitReached is swallowed; pass it on")
+        raise AssertionError("the designer's LimitReached is swallowed; pass it on")
     expect(candidates, "candidates before the limit are lost")
-
-
-CHECKS = collect(globals())

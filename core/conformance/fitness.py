@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.conformance.checking import as_json, collect, expect, some_simulator, some_task
+from core.conformance.checking import as_json, expect, some_simulator, some_task
 from core.conformance.worlds import stick
 from core.design import Candidate, Evaluation
 from core.interfaces import Fitness, RolloutSettings
@@ -123,6 +123,3 @@ def check_rejected_and_failed_candidates_earn_nothing(make: Make) -> None:
         last.status == "ok" or (last.reward == 0 and last.reason), "a failed candidate needs the reward 0 and a reason"
     )
     expect(figures(evaluations[1:2]) == figures(fitness([sound])), "a candidate earns otherwise beside rejected ones")
-
-
-CHECKS = collect(globals())

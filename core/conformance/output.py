@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from core.conformance.checking import collect, expect
+from core.conformance.checking import expect
 from core.conformance.worlds import BARE, GREY, Bodies, cube, end, film, start, stick, wait
 from core.geometry import Box
 from core.interfaces import Image, Simulator
@@ -83,6 +83,3 @@ def check_pictures(simulator: Simulator) -> None:
     expect(changed(draw(tool=BARE)) > 20, "the arm without a hand gives the same picture as with it")
     expect(changed(draw(tool=stick(0.4))) > 20, "a tool does not show")
     expect(changed(draw()) == 0, "the first picture, drawn again, is another one")
-
-
-CHECKS = collect(globals())

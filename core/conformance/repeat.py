@@ -9,20 +9,8 @@ import hashlib
 
 import numpy as np
 
-from core.conformance.checking import collect, expect
-from core.conformance.worlds import (
-    BARE,
-    GREY,
-    HAND,
-    Bodies,
-    cube,
-    end,
-    motion,
-    start,
-    stick,
-    still,
-    wait,
-)
+from core.conformance.checking import expect
+from core.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, motion, start, stick, still, wait
 from core.geometry import Box, Cylinder, Sphere
 from core.interfaces import JointTrajectory, Outcome, Rollout, Simulator
 from core.robot.description import FINGER_OPEN
@@ -94,6 +82,3 @@ def check_pictures_do_not_affect_rollouts(simulator: Simulator) -> None:
     first = digest(simulator)
     simulator.render(_row(), tool=stick(0.25), width=32, height=24)
     expect(digest(simulator) == first, "the same job gave different numbers after a picture was drawn")
-
-
-CHECKS = collect(globals())

@@ -7,23 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.conformance.checking import collect, expect
-from core.conformance.worlds import (
-    BARE,
-    GREY,
-    HAND,
-    angle_between,
-    cube,
-    end,
-    film,
-    motion,
-    move,
-    run,
-    stick,
-    still,
-    tip,
-    wait,
-)
+from core.conformance.checking import expect
+from core.conformance.worlds import BARE, GREY, HAND, cube, end, film, motion, move, run, stick, still, turn, wait
 from core.design import Component, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Rollout, Simulator
@@ -39,6 +24,11 @@ def _lowest(tool: Tool, joints: Array) -> float:
     placed = tool.placed()
     corners = np.concatenate([placed[c.name][1].apply(c.shape.to_trimesh().vertices) for c in tool.components])
     return min(float(arm().forward(q).apply(corners)[:, 2].min()) for q in joints)
+
+
+def _tip(joints: Array, length: float) -> Array:
+    """World positions (T, 3) of the lower end of a tool of this length, over joints (T, 7)."""
+    return np.array([arm().forward(q).apply((0.0, 0.0, -length)) for q in joints])
 
 
 def _pressed_down(simulator: Simulator, tool: Tool, x: float, y: float, below: float) -> None:
@@ -74,7 +64,7 @@ def check_tool_stops_at_a_wall(simulator: Simulator) -> None:
     wall = Body.of("wall", Box((0.4, 0.02, 0.4)), (0.5, 0.2, 0.2), mass=0.0, color=GREY)
     plan = [[0.5, -0.1, 0.4, 0, 0, 0], [0.5, 0.35, 0.4, 0, 0, 0]]
     joints = film(move(simulator, plan, wall, tool=stick(0.25), record_hz=100)).arm
-    tips = tip(joints, (0.0, 0.0, -0.25))[:, 1]
+    tips = _tip(joints, 0.25)[:, 1]
     expect(tips.min() < -0.08, "the tool did not come to where its sweep begins")
     into = tips.max() - (0.2 - 0.02)  # half the wall and half the stick
     expect(into > -0.005, f"the tool stopped {-1000 * into:.0f} mm before the wall")
@@ -91,7 +81,7 @@ def check_leaning_tool_stops_at_a_thin_wall(simulator: Simulator) -> None:
         x, y = 0.55 + way * np.cos(angle), way * np.sin(angle)
         plan = [[0.55, 0, 0.66, 0, 0, 0], [0.55, 0, 0.36, 0, 0, 0], [x, y, 0.36, 0, 0, 0]]
         joints = film(move(simulator, plan, wall, tool=Tool((rod,)), record_hz=100)).arm
-        tips = tip(joints, (0.0, 0.0, -0.3))
+        tips = _tip(joints, 0.3)
         low = tips[:, 2] < 0.09
         entered = int(np.argmax(low))
         climbed = np.flatnonzero(~low[entered:])
@@ -116,7 +106,7 @@ def check_body_pushed_off_centre_turns(simulator: Simulator) -> None:
     plan = [[back - 0.03, beside, 0.35, 0, 0, 0], [back, beside, 0.35, 0, 0, 0], [back + way, beside, 0.35, 0, 0, 0]]
     body = cube(at=tuple(at), side=side)
     outcome = move(simulator, plan, table(), body, tool=Tool((finger,)))
-    turned = angle_between(end(outcome).pose("cube"), body.pose)
+    turned = turn(end(outcome).pose("cube"), body.pose)
     levers = 0.707 * side, 0.383 * side  # of friction about the middle: of the corners, and on the mean of the square
     low, high = (way * beside / (beside**2 + lever**2) for lever in levers)
     found = f"a cube of {side} m, pushed {way} m at a place {beside} m beside its middle, turned {turned:.3f} rad"
@@ -258,6 +248,3 @@ def check_gripper_squeezes_as_hard_as_the_hand_can(simulator: Simulator) -> None
             expect(height > 0.06, f"the hand can hold {mass} kg; the cube is at {height:.3f} m instead of 0.1")
         else:
             expect(height < 0.04, f"the hand can't hold {mass} kg, and lifted it to {height:.3f} m")
-
-
-CHECKS = collect(globals())

@@ -3,25 +3,41 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
-from core.conformance import evolution, executor, fitness, listener, simulator, task, tool, vlm
-from core.conformance.checking import Check, describe_error
+from core.conformance import bodies, evolution, executor, fitness, listener, output, repeat, robot, task, tool, vlm
+from core.conformance.checking import describe_error
 from core.plugins import Part
 
-SUITES: dict[str, tuple[Check, ...]] = {
-    "sim": simulator.CHECKS,
-    "task": task.CHECKS,
-    "vlm": vlm.CHECKS,
-    "tool": tool.CHECKS,
-    "evolution": evolution.CHECKS,
-    "fitness": fitness.CHECKS,
-    "executor": executor.CHECKS,
-    "listener": listener.CHECKS,
+Check = Callable[[Any], str | None]
+"""Raises an AssertionError that says what is wrong; may return a remark."""
+
+
+def _checks(*modules: ModuleType) -> tuple[Check, ...]:
+    """The checks that the modules define, in order."""
+    named = ((module, name, f) for module in modules for name, f in vars(module).items())
+    return tuple(f for module, name, f in named if name.startswith("check_") and f.__module__ == module.__name__)
+
+
+SUITES = {
+    "sim": _checks(repeat, robot, bodies, output),
+    "task": _checks(task),
+    "vlm": _checks(vlm),
+    "tool": _checks(tool),
+    "evolution": _checks(evolution),
+    "fitness": _checks(fitness),
+    "executor": _checks(executor),
+    "listener": _checks(listener),
 }
-"""The checks of each kind. They take what `subject` returns."""
+"""The checks of each kind. They take what `subject` returns. With pytest::
+
+    @pytest.mark.parametrize("check", SUITES["sim"], ids=lambda check: check.__name__)
+    def test_conforms(check):
+        check(subject(Part("sim", "mine")))
+"""
 
 
 @dataclass(frozen=True)
@@ -35,7 +51,11 @@ class Verdict:
 
 
 def subject(part: Part) -> Any:
-    """The argument of the checks of the part's kind: the part itself, or a function that makes one."""
+    """The argument of the checks of the part's kind: the part itself, or a function that makes one.
+
+    Raises:
+        UserError: the part can't be made.
+    """
     if part.kind == "evolution":
         return lambda designer, budget: part.create(designer=designer, budget=budget)
     if part.kind == "fitness":
@@ -43,17 +63,8 @@ def subject(part: Part) -> Any:
     return part.create if part.kind in ("executor", "listener") else part.create()
 
 
-def verdicts(part: Part) -> Iterator[Verdict]:
-    """Yield the verdict of each check of the part's kind, as they end.
-
-    Raises:
-        UserError: the part can't be made.
-    """
-    return examine(part.kind, subject(part))
-
-
 def examine(kind: str, checked: Any) -> Iterator[Verdict]:
-    """Yield the verdict of each check of a kind on an object, as `subject` makes it."""
+    """Yield the verdict of each check of a kind on an object, as `subject` makes it, when the check ends."""
     for check in SUITES[kind]:
         began, problem, remark = time.perf_counter(), None, None
         try:

@@ -6,9 +6,12 @@ Covered by `tests/core/conformance/test_suites.py`.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from core.conformance.checking import collect, expect, some_simulator
+from core.conformance.checking import expect, some_simulator
+from core.conformance.worlds import end, film, start
 from core.design import Tool
 from core.designs.rules import SpawnRules
 from core.interfaces import JointTrajectory, Outcome, Rollout, Task
@@ -54,24 +57,16 @@ def check_goals_name_bodies_of_the_scene(task: Task) -> None:
 
 def check_rewards_work_for_one_world_or_many(task: Task) -> None:
     """They are in [0, 1] wherever bodies end, far away too, and the same for each world alone."""
-    start = task.scene(0).state()
-    rng = np.random.default_rng(0)
-    ends = [start, *(shifted(start, rng.normal(0, reach, start.positions.shape)) for reach in (0.05, 0.3, 1.0, 30.0))]
-    starts = State.stack([start] * len(ends))
-    many = np.asarray(task.reward(starts, State.stack(ends)))
-    expect(
-        many.shape == (len(ends),), f"the reward of {len(ends)} worlds has the shape {many.shape}, not ({len(ends)},)"
-    )
+    begin, rng = task.scene(0).state(), np.random.default_rng(0)
+    shape = begin.positions.shape
+    shifts = [np.zeros(shape), *(rng.normal(0, reach, shape) for reach in (0.05, 0.3, 1.0, 30.0))]
+    ends = [replace(begin, positions=begin.positions + shift) for shift in shifts]
+    n = len(ends)
+    many = np.asarray(task.reward(State.stack([begin] * n), State.stack(ends)))
+    expect(many.shape == (n,), f"the reward of {n} worlds has the shape {many.shape}, not ({n},)")
     expect(np.isfinite(many).all() and (many >= 0).all() and (many <= 1).all(), f"rewards {many} are not in [0, 1]")
-    each = np.array([float(np.asarray(task.reward(start, end))) for end in ends])
+    each = np.array([float(np.asarray(task.reward(begin, last))) for last in ends])
     expect(np.allclose(each, many, atol=1e-9), f"worlds earn {each} one by one and {many} together")
-
-
-def shifted(state: State, by: np.ndarray) -> State:
-    """The state with each free body moved by ``by`` (B, 3), metres."""
-    return State(
-        state.names, state.positions + by, state.quaternions, state.linear_velocities, state.angular_velocities
-    )
 
 
 def check_the_arm_reaches_home_clear_of_the_scene(task: Task) -> None:
@@ -101,25 +96,20 @@ def idle(task: Task) -> tuple[str, Outcome]:
     job = Rollout(Tool(), still, SEEDS[0], hold_s=REST_S, record_hz=SAMPLE_HZ)
     outcome, again = simulator.rollout(task, [job, job])
     expect(outcome.error is None, f"in {name} the scene breaks by itself: {outcome.error}")
-    assert outcome.start is not None
-    assert again.start is not None
-    same = np.array_equal(outcome.start.positions, again.start.positions)
+    same = np.array_equal(start(outcome).positions, start(again).positions)
     expect(same, f"in {name} one seed gave two layouts")
     return name, outcome
 
 
 def check_what_rests_stays_at_rest(task: Task) -> str:
     name, outcome = idle(task)
-    assert outcome.start is not None
-    assert outcome.end is not None
-    assert outcome.recording is not None
     try:
-        found = findings(task.scene(SEEDS[0]), Tool(), outcome.recording)
+        found = findings(task.scene(SEEDS[0]), Tool(), film(outcome))
     except Explosion as error:
         raise AssertionError(f"in {name} the scene explodes by itself: {error}") from error
     expect(not found, f"in {name}, while the arm waits: {'; '.join(finding.text for finding in found)}")
-    ways = np.linalg.norm(outcome.end.positions - outcome.start.positions, axis=-1)
-    body, way = outcome.start.names[int(ways.argmax())], float(ways.max())
+    ways = np.linalg.norm(end(outcome).positions - start(outcome).positions, axis=-1)
+    body, way = start(outcome).names[int(ways.argmax())], float(ways.max())
     what = f"in {name} {body!r} moves {1000 * way:.0f} mm within {REST_S:g} s while the arm waits at home"
     expect(way < MAX_DRIFT_M, f"{what}; put it where it can rest, or give it friction")
     return f"in {name}"
@@ -129,13 +119,9 @@ def check_doing_nothing_earns_nothing(task: Task) -> str:
     """At spawn, and after the arm has waited at home: a scene must not solve itself."""
     state = task.scene(SEEDS[0]).state()
     name, outcome = idle(task)
-    for what, start, end in (("at spawn", state, state), (f"after {REST_S:g} s in {name}", outcome.start, outcome.end)):
-        assert start is not None
-        assert end is not None
-        reward = float(np.asarray(task.reward(start, end)))
+    after = f"after {REST_S:g} s in {name}"
+    for what, first, last in (("at spawn", state, state), (after, start(outcome), end(outcome))):
+        reward = float(np.asarray(task.reward(first, last)))
         expect(np.isfinite(reward) and 0 <= reward <= 1, f"doing nothing earns {reward} {what}, not in [0, 1]")
         expect(reward < MAX_IDLE_REWARD, f"doing nothing earns {reward:.2f} {what}; it must be under {MAX_IDLE_REWARD}")
     return f"in {name}"
-
-
-CHECKS = collect(globals())

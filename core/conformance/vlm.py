@@ -6,7 +6,7 @@ checked. Covered by `tests/core/conformance/test_suites.py`.
 
 from __future__ import annotations
 
-from core.conformance.checking import LengthOnly, brief, collect, expect, request, some_task
+from core.conformance.checking import LengthOnly, brief, expect, request, some_task
 from core.interfaces import VLM, Estimate, Reply, Request
 
 
@@ -41,6 +41,3 @@ def check_a_request_has_an_estimate(vlm: VLM) -> None:
     estimate = vlm.estimate(requests()[0], vlm.model)
     expect(isinstance(estimate, Estimate), f"estimate returned a {type(estimate).__name__}, not an Estimate")
     expect(estimate.prompt_tokens > 0, f"a request is estimated to take {estimate.prompt_tokens} tokens")
-
-
-CHECKS = collect(globals())

@@ -90,12 +90,7 @@ def wait(
 
 
 def move(
-    simulator: Simulator,
-    plan: object,
-    *bodies: Body,
-    tool: Tool = BARE,
-    record_hz: float = 0.0,
-    hold_s: float = 0.5,
+    simulator: Simulator, plan: object, *bodies: Body, tool: Tool = BARE, record_hz: float = 0.0, hold_s: float = 0.5
 ) -> Outcome:
     """Simulate a motion through waypoints."""
     return run(simulator, bodies, Rollout(tool, motion(plan), 0, 0.1, hold_s, record_hz))
@@ -109,28 +104,23 @@ def run(simulator: Simulator, bodies: tuple[Body, ...], job: Rollout) -> Outcome
 
 
 def start(outcome: Outcome) -> State:
-    expect(outcome.start is not None, "an outcome without an error has no start state")
-    assert outcome.start is not None
+    if outcome.start is None:
+        raise AssertionError("an outcome without an error has no start state")
     return outcome.start
 
 
 def end(outcome: Outcome) -> State:
-    expect(outcome.end is not None, "an outcome without an error has no end state")
-    assert outcome.end is not None
+    if outcome.end is None:
+        raise AssertionError("an outcome without an error has no end state")
     return outcome.end
 
 
 def film(outcome: Outcome) -> Recording:
-    expect(outcome.recording is not None, "record_hz was given, and nothing was recorded")
-    assert outcome.recording is not None
+    if outcome.recording is None:
+        raise AssertionError("record_hz was given, and nothing was recorded")
     return outcome.recording
 
 
-def angle_between(one: Pose, other: Pose) -> float:
+def turn(one: Pose, other: Pose) -> float:
     """The angle between two poses, radians."""
     return float((one.rotation.inv() * other.rotation).magnitude())
-
-
-def tip(joints: Array, point: Vector) -> Array:
-    """World positions (T, 3) of a point of the end-effector's frame, over joints (T, 7)."""
-    return np.array([arm().forward(q).apply(point) for q in joints])

@@ -9,7 +9,7 @@ import pytest
 
 import core.conformance
 from core.conformance import __main__ as conformance
-from core.conformance.suites import SUITES, subject, verdicts
+from core.conformance.suites import SUITES, examine, subject
 from core.conformance.worlds import GREY
 from core.design import Component, Evaluation, Tool
 from core.errors import UsageError, UserError
@@ -239,7 +239,7 @@ def offered(monkeypatch):
 
 @pytest.mark.parametrize(("kind", "part"), WRONG)
 def test_what_is_wrong_is_reported(offered, kind, part):
-    problems = {verdict.check: verdict.problem for verdict in verdicts(offered(kind, part))}
+    problems = {verdict.check: verdict.problem for verdict in examine(kind, subject(offered(kind, part)))}
     assert len(problems) == len(SUITES[kind])
     for check, problem in WRONG[kind, part].items():
         assert problems[check] is not None, check

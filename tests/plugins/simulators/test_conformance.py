@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from core.conformance.simulator import CHECKS, digest
+from core.conformance.repeat import digest
+from core.conformance.suites import SUITES
 from core.plugins import installed
 from tests.engines import every_simulator, simulator
 
@@ -14,7 +15,7 @@ ROOT = Path(__file__).parents[3]
 
 
 @every_simulator
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__.removeprefix("check_"))
+@pytest.mark.parametrize("check", SUITES["sim"], ids=lambda check: check.__name__.removeprefix("check_"))
 def test_simulator(engine, check):
     check(simulator(engine))
 
@@ -25,7 +26,7 @@ def test_same_bits_in_every_process_and_simulator(engine):
     first = digest(simulator(engine))
     assert digest(installed().create("sim", engine)) == first
     code = (
-        "from core.conformance.simulator import digest; from core.plugins import installed;"
+        "from core.conformance.repeat import digest; from core.plugins import installed;"
         f"print(digest(installed().create('sim', {engine!r})))"
     )
     again = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
