@@ -194,9 +194,12 @@ def part(kind: str, config: DictConfig) -> Part:
     """Return the part that a config node names, with its settings.
 
     Raises:
-        UserError: the node names no part.
+        UserError: the node names no part, or refers to a key that this command lacks.
     """
-    settings = OmegaConf.to_container(config, resolve=True)
+    try:
+        settings = OmegaConf.to_container(config, resolve=True)
+    except OmegaConfBaseException as error:
+        raise UserError(f"{kind}: its configuration can't be used here: {first_line(error)}") from error
     if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):
         raise UserError(f"{kind}: the configuration names no part; give it a 'name'")
     others = ("name", *NOT_SETTINGS.get(kind, ()))

@@ -103,8 +103,10 @@ class RenderConfig(SceneConfig):
     height: int = 480
 
 
-ConformanceConfig = make_dataclass("ConformanceConfig", [(kind, dict[str, Any] | None, None) for kind in KINDS])
-"""Settings of ``python -m core.conformance``: the part of each kind to check, if any."""
+ConformanceConfig = make_dataclass(
+    "ConformanceConfig", [("seed", int, 0), *((kind, dict[str, Any] | None, None) for kind in KINDS)]
+)
+"""Settings of ``python -m core.conformance``: the part of each kind to check, if any; configs may name ``seed``."""
 
 
 @dataclass

@@ -1,9 +1,10 @@
 import sys
 
 import pytest
+from omegaconf import OmegaConf
 
 from core.config.compose import explain, load, part
-from core.errors import UsageError
+from core.errors import UsageError, UserError
 from core.plugins import Offer, installed
 from core.run import main
 
@@ -67,3 +68,13 @@ def test_a_setting_without_a_value(tmp_path, monkeypatch, capsys):
     with pytest.raises(UsageError, match=r"executor\.address has no value; give one with executor\.address=VALUE"):
         main()
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_setting_that_refers_to_another_key():
+    """Every command knows ``seed``; a key that a command lacks is one line."""
+    config = load("conformance", ["sim=mujoco", "+sim.time_step=${seed}"])
+    assert dict(part("sim", config.sim).settings)["time_step"] == 0
+    with pytest.raises(
+        UserError, match=r"^sim: its configuration can't be used here: Interpolation key 'film' not found$"
+    ):
+        part("sim", OmegaConf.create({"name": "mujoco", "time_step": "${film}"}))
