@@ -195,3 +195,11 @@ def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Eval
     """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`."""
     tried = sorted((e for e in evaluations if e.status == "ok"), key=lambda e: e.candidate.key)
     return ranked(tried, lambda e: (e.reward, e.distance_m), tie)
+
+
+def best_tools(ranking: Iterable[Evaluation]) -> list[Evaluation]:
+    """Keep the first evaluation of each tool."""
+    found: dict[tuple[int, ...], Evaluation] = {}
+    for evaluation in ranking:
+        found.setdefault(evaluation.candidate.key[:3], evaluation)
+    return list(found.values())

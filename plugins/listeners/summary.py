@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.cli import print_table
-from core.design import Evaluation
+from core.design import Evaluation, best_tools
 from core.hooks import hookimpl
+from core.report.formats import number
 from core.text import clean
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def _print_generations(generations: Iterable[Generation]) -> None:
         rewards = [e.reward for e in g.evaluations if e.status == "ok"]
         so_far = max([so_far, *rewards])
         deviation = statistics.stdev(rewards) if len(rewards) > 1 else None
-        figures = (_number(x) for x in (max(rewards, default=None), so_far, g.mean_reward, deviation))
+        figures = (number(x, 3) for x in (max(rewards, default=None), so_far, g.mean_reward, deviation))
         counts = (len(g.evaluations), g.count("rejected"), g.count("failed"))
         rows.append((str(g.index), *figures, *map(str, counts)))
     print_table(columns, rows, columns, sys.stderr)
@@ -66,17 +67,15 @@ def _print_generations(generations: Iterable[Generation]) -> None:
 
 def _print_tools(result: Result, top: int) -> None:
     numbers = ("reward", "distance m", "components", "mass g")
-    best: dict[tuple[int, ...], Evaluation] = {}
-    for evaluation in result.ranking:
-        best.setdefault(evaluation.candidate.key[:3], evaluation)
-    print_table((*numbers, "candidate", "tool"), [_row(e) for e in list(best.values())[:top]], numbers, sys.stderr)
+    rows = [_row(evaluation) for evaluation in best_tools(result.ranking)[:top]]
+    print_table((*numbers, "candidate", "tool"), rows, numbers, sys.stderr)
 
 
 def _row(evaluation: Evaluation) -> tuple[str, ...]:
     candidate, tool = evaluation.candidate, evaluation.candidate.tool
     assert tool is not None
     return (
-        _number(evaluation.reward),
+        number(evaluation.reward, 3),
         f"{evaluation.distance_m:.2f}",
         str(len(tool.components)),
         f"{1000 * tool.mass:.0f}",
@@ -123,7 +122,3 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
 def _short(path: Path) -> str:
     """``path``, or the way to it from the working directory where that is shorter."""
     return min(str(path), os.path.relpath(path), key=len)
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"

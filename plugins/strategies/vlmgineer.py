@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Literal
 
-from core.design import TIE, Candidate, Evaluation, best_first
+from core.design import TIE, Candidate, Evaluation, best_first, best_tools
 from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 
@@ -17,11 +17,7 @@ def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
 
 def select(evaluations: Sequence[Evaluation], k_top: int, reward_save: float, tie: float = TIE) -> list[Evaluation]:
     """Choose the elites: of the ``k_top`` best those that earned more than ``reward_save``, the best of each tool."""
-    elites: dict[tuple[int, int, int], Evaluation] = {}
-    for evaluation in best_first(evaluations, tie)[:k_top]:
-        if evaluation.reward > reward_save:
-            elites.setdefault(evaluation.candidate.key[:3], evaluation)
-    return list(elites.values())
+    return best_tools(e for e in best_first(evaluations, tie)[:k_top] if e.reward > reward_save)
 
 
 class VLMgineer(EvolutionStrategy):

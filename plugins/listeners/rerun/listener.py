@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Literal
 
-from core.design import Evaluation
+from core.design import best_tools
 from core.errors import check_positive
 from core.hooks import hookimpl
 from core.interfaces import Reply, Request
@@ -84,22 +84,15 @@ class RerunListener:
         self._writer = Writer(run, self._streams)
 
     def _record(self, generation: Generation) -> None:
-        from plugins.listeners.rerun.replay import replay
-
         assert self._run is not None
         assert self._writer is not None
-        ranked = best_tools(generation, self._run.budget.k_top)
+        ranked = best_tools(generation.ranking)[: self._run.budget.k_top]
         with self._lock:
             replies = list(self._replies[generation.index])
         self._writer.generation(generation, ranked, replies)
         shown = list(enumerate(ranked, start=1))[: None if self._elites == "all" else 1]
         for rank, evaluation in reversed(shown):  # the best last: its rollout is the one that stays
-            try:
-                played = replay(self._run, evaluation.candidate, self._hz)
-            except ValueError as error:
-                self._writer.unplayable(generation.index, evaluation, str(error))
-            else:
-                self._writer.rollout(generation.index, rank, evaluation, played)
+            self._writer.rollout(generation.index, rank, evaluation, self._hz)
 
     def _attempt(self, function: Callable[..., None], *arguments: object) -> None:
         try:
@@ -107,14 +100,6 @@ class RerunListener:
         except Exception as error:  # from Rerun, the disk or the network
             self._writer = None
             _say(f"no recording from here on: {_reason(error)}")
-
-
-def best_tools(generation: Generation, most: int) -> list[Evaluation]:
-    """The best candidate of each tool, the best first, at most ``most``."""
-    tools: dict[tuple[int, int, int], Evaluation] = {}
-    for evaluation in generation.ranking:
-        tools.setdefault(evaluation.candidate.key[:3], evaluation)
-    return list(tools.values())[:most]
 
 
 @contextlib.contextmanager

@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from core.design import Candidate
 from core.events import Run
 from core.geometry import Array
 from core.interfaces import Recording
-from core.robot.kinematics import arm
 from core.scene import State
 from core.simulation.rollout import prepare
 
 
-@dataclass(frozen=True, eq=False)
-class Replay:
-    """A recorded rollout: the recording over instants (T,), the reward (T,) if it ended there, nan while the scene
-    settles, and the path of the end-effector's origin, (T, 3).
-    """
-
-    recording: Recording
-    rewards: Array
-    path: Array
-
-
-def replay(run: Run, candidate: Candidate, hz: float) -> Replay:
+def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Recording, Array]:
     """Play a candidate in the run's own simulator, in this process.
+
+    Returns:
+        The recording over instants (T,), and the reward (T,) if it ended there, nan while the scene settles.
 
     Raises:
         ValueError: the rollout breaks, or the run has no simulator.
@@ -41,5 +30,4 @@ def replay(run: Run, candidate: Candidate, hz: float) -> Replay:
         raise ValueError(outcome.error or "no recording came back")
     starts = State.stack([start] * len(recording.times))
     rewards = np.asarray(run.task.reward(starts, recording.states), dtype=np.float64)
-    settled = np.where(recording.times >= 0, rewards, np.nan)
-    return Replay(recording, settled, arm().positions(recording.arm))
+    return recording, np.where(recording.times >= 0, rewards, np.nan)

@@ -7,10 +7,9 @@ from __future__ import annotations
 import subprocess
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from core.errors import UsageError
 from core.view import HERE, listens, start_viewer
@@ -20,16 +19,7 @@ _WAIT_S = 15.0
 _SCREEN_S = 1.0  # it listens before it looks for a screen, and ends if there is none
 
 
-@dataclass(frozen=True)
-class Address:
-    """The address of a viewer."""
-
-    host: str
-    port: int
-    url: str
-
-
-def address(where: int | str) -> Address:
+def address(where: int | str) -> SplitResult:
     """Read an address: ``PORT``, ``HOST:PORT``, or ``rerun+http://HOST:PORT/proxy``.
 
     Raises:
@@ -39,37 +29,36 @@ def address(where: int | str) -> Address:
     place = f"{HERE}:{text}" if text.isdigit() else text
     url = place if "://" in place else f"rerun+http://{place}/proxy"
     try:
-        parts = urlsplit(url)
-        host, port = parts.hostname, parts.port
+        found = urlsplit(url)
+        if found.hostname and found.port and found.scheme in ("rerun", "rerun+http", "rerun+https"):
+            return found
     except ValueError:
-        host, port = None, None
-    if not host or not port or parts.scheme not in ("rerun", "rerun+http", "rerun+https"):
-        raise UsageError(
-            f"listener.rerun.connect can't be {text!r}; it is HOST:PORT, a port of this machine, or "
-            "rerun+http://HOST:PORT/proxy"
-        )
-    return Address(host, port, url)
+        pass
+    raise UsageError(
+        f"listener.rerun.connect can't be {text!r}; it is HOST:PORT, a port of this machine, or "
+        "rerun+http://HOST:PORT/proxy"
+    )
 
 
-def sinks(file: Path, spawn: bool, connect: Address | None, say: Callable[[str], None]) -> dict[str, Any]:
+def sinks(file: Path, spawn: bool, connect: SplitResult | None, say: Callable[[str], None]) -> dict[str, Any]:
     """The file, and the viewers that listen, by their names in messages."""
     import rerun as rr
 
     found: dict[str, Any] = {str(file): rr.FileSink(file)}
     viewers = []
     if connect is not None:
-        if listens(connect.port, connect.host):
+        if listens(connect.port or 0, connect.hostname or HERE):
             viewers.append(connect)
         else:
-            say(f"no viewer listens at {connect.host}:{connect.port}")
+            say(f"no viewer listens at {connect.hostname}:{connect.port}")
     if spawn:
         if listens(PORT) or _opened():
             viewers.append(address(PORT))
         else:
             say("no viewer can be opened here (is there a screen?)")
     for viewer in viewers:
-        name = f"the viewer at {viewer.host}:{viewer.port}"
-        found[name] = rr.GrpcSink(viewer.url)
+        name = f"the viewer at {viewer.hostname}:{viewer.port}"
+        found[name] = rr.GrpcSink(viewer.geturl())
         say(f"the recording goes to {name} too")
     return found
 

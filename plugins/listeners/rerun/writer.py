@@ -18,10 +18,11 @@ from core.events import Generation, Run
 from core.geometry import Array, Pose
 from core.interfaces import Reply
 from core.report.tools import as_held, solids
+from core.robot.kinematics import arm
 from plugins.listeners.rerun.arm import links, tracks
 from plugins.listeners.rerun.layout import Contents, layout
 from plugins.listeners.rerun.lineage import Lineage
-from plugins.listeners.rerun.replay import Replay
+from plugins.listeners.rerun.replay import replay
 from plugins.listeners.rerun.shapes import joined, shaded
 from plugins.listeners.rerun.spending import spent, total
 from plugins.listeners.rerun.streams import Path, Streams
@@ -93,16 +94,26 @@ class Writer:
         self._arrange()
         self._streams.flush()
 
-    def rollout(self, generation: int, rank: int, evaluation: Evaluation, replay: Replay) -> None:
-        """Write the arm, the tool and the scene in motion, the reward, and the model's description."""
-        candidate, recording = evaluation.candidate, replay.recording
+    def rollout(self, generation: int, rank: int, evaluation: Evaluation, hz: float) -> None:
+        """Write the arm, the tool and the scene in motion, the reward, and the model's description; or the reason why
+        the rollout can't be shown.
+        """
+        candidate = evaluation.candidate
         assert candidate.tool is not None
         self._streams.at(self._clock, generation)
+        try:
+            recording, rewards = replay(self._run, candidate, hz)
+        except ValueError as error:
+            note = f"the rollout can't be shown: {error}"
+            self._write("design", f"generation {generation}\n{design_text(evaluation, None, note)}")
+            self._streams.flush()
+            return
         self._mount(candidate.tool)
-        self._put(("world", "path"), rr.LineStrips3D([replay.path], colors=_PATH_COLOR, radii=0.002))
+        path = rr.LineStrips3D([arm().positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
+        self._put(("world", "path"), path)
         waypoints = rr.Points3D(candidate.plan[:, :3], colors=_PATH_COLOR, radii=0.008)
         self._put(("world", "waypoints"), waypoints)
-        text = design_text(evaluation, float(replay.rewards[-1]))
+        text = design_text(evaluation, float(rewards[-1]))
         self._write("design", f"generation {generation}, rank {rank}\n{text}")
 
         times = recording.times - recording.times[0] + self._clock
@@ -112,17 +123,10 @@ class Writer:
         for k, name in enumerate(states.names):
             w_last = np.roll(states.quaternions[:, k], -1, axis=-1)
             self._move(("world", "scene", name), times, generation, states.positions[:, k], w_last)
-        known = np.isfinite(replay.rewards)
-        rewards = rr.Scalars.columns(scalars=replay.rewards[known])
-        self._streams.columns(("reward", candidate.id), times[known], generation, rewards)
+        known = np.isfinite(rewards)
+        course = rr.Scalars.columns(scalars=rewards[known])
+        self._streams.columns(("reward", candidate.id), times[known], generation, course)
         self._clock = float(times[-1]) + _PAUSE_S
-        self._streams.flush()
-
-    def unplayable(self, generation: int, evaluation: Evaluation, reason: str) -> None:
-        """Write the reason why a rollout can't be shown."""
-        self._streams.at(self._clock, generation)
-        note = f"the rollout can't be shown: {reason}"
-        self._write("design", f"generation {generation}\n{design_text(evaluation, None, note)}")
         self._streams.flush()
 
     # --- pieces -------------------------------------------------------------------------------------------------

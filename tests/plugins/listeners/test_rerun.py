@@ -419,10 +419,10 @@ def test_addresses():
     for text in ("9876", "localhost:9876", "rerun+http://somewhere.example:9876/proxy", "[::1]:9876"):
         found = address(text)
         assert found.port == 9876
-        assert found.url.startswith("rerun+http://")
-        assert found.url.endswith(":9876/proxy")
-    assert address("9876").host == "127.0.0.1"
-    assert address("[::1]:9876").host == "::1"
+        assert found.geturl().startswith("rerun+http://")
+        assert found.geturl().endswith(":9876/proxy")
+    assert address("9876").hostname == "127.0.0.1"
+    assert address("[::1]:9876").hostname == "::1"
     for wrong in ("", "somewhere", "somewhere:port", "http://somewhere:9876/proxy", "a:b:c", "1:99999999", "0"):
         with pytest.raises(UsageError, match=r"listener\.rerun\.connect can't be"):
             address(wrong)
