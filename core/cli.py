@@ -94,10 +94,7 @@ def write_bytes(file: Path, data: bytes) -> None:
 
 
 def print_table(
-    columns: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    numbers: Collection[str] = (),
-    file: TextIO | None = None,
+    columns: Sequence[str], rows: Iterable[Sequence[str]], numbers: Collection[str] = (), file: TextIO | None = None
 ) -> None:
     """Print a table: folded to the width of a terminal, elsewhere one line per row. No cell is cut.
 

@@ -17,7 +17,7 @@ when it is first used, which keeps discovery quick::
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import pluggy
 
@@ -35,51 +35,43 @@ Factory = Callable[..., Any] | str
 Factories = Mapping[str, Factory]
 
 
-class Parts:
+class Parts(Protocol):
     """One hook per kind of part."""
 
     @hookspec
     def tasks(self) -> Factories:
         """Make a `core.interfaces.Task`."""
-        raise NotImplementedError
 
     @hookspec
     def simulators(self) -> Factories:
         """Make a `core.interfaces.Simulator`."""
-        raise NotImplementedError
 
     @hookspec
     def vlms(self) -> Factories:
         """Make a `core.interfaces.VLM`."""
-        raise NotImplementedError
 
     @hookspec
     def tool_representations(self) -> Factories:
         """Make a `core.interfaces.ToolRepresentation`."""
-        raise NotImplementedError
 
     @hookspec
     def evolution_strategies(self) -> Factories:
         """Make a `core.interfaces.EvolutionStrategy`; the factory also receives ``designer`` and ``budget``."""
-        raise NotImplementedError
 
     @hookspec
     def fitness_functions(self) -> Factories:
         """Make a `core.interfaces.Fitness`; the factory also receives ``evaluator``."""
-        raise NotImplementedError
 
     @hookspec
     def executors(self) -> Factories:
         """Make a `core.interfaces.Executor`."""
-        raise NotImplementedError
 
     @hookspec
     def listeners(self) -> Factories:
         """Make an object that implements some of `Events` with `hookimpl`."""
-        raise NotImplementedError
 
 
-class Configs:
+class Configs(Protocol):
     """The configs that a plugin may bring."""
 
     @hookspec
@@ -89,7 +81,6 @@ class Configs:
         It has a folder per config group, and in it a file per part, ``sim/mine.yaml``. A part without a file has the
         defaults of its factory's signature.
         """
-        raise NotImplementedError
 
 
 class Events:

@@ -186,15 +186,14 @@ class State:
         """The pose of one body in one world."""
         return Pose(self.position(name), self.quaternion(name))
 
+    @property
+    def arrays(self) -> tuple[Array, Array, Array, Array]:
+        """Positions, quaternions, linear and angular velocities."""
+        return self.positions, self.quaternions, self.linear_velocities, self.angular_velocities
+
     def __getitem__(self, index: int) -> State:
         """One world (or time) of many."""
-        return State(
-            self.names,
-            self.positions[index],
-            self.quaternions[index],
-            self.linear_velocities[index],
-            self.angular_velocities[index],
-        )
+        return State(self.names, *(array[index] for array in self.arrays))
 
     def each(self) -> Iterator[State]:
         """Yield the worlds (or times) of the first axis, one by one."""
@@ -209,13 +208,7 @@ class State:
         """
         if not states or any(state.names != states[0].names for state in states):
             raise ValueError("only states of the same bodies can be stacked, and at least one is needed")
-        return State(
-            states[0].names,
-            np.stack([state.positions for state in states]),
-            np.stack([state.quaternions for state in states]),
-            np.stack([state.linear_velocities for state in states]),
-            np.stack([state.angular_velocities for state in states]),
-        )
+        return State(states[0].names, *map(np.stack, zip(*(state.arrays for state in states), strict=True)))
 
 
 @dataclass(frozen=True)

@@ -42,9 +42,8 @@ def evaluator() -> Evaluator:
 
 def candidates(lengths: Sequence[float] = (0.1, 0.1, 0.1), *, steps: int = 1) -> list[Candidate]:
     """A candidate for each length of a stick: from home a little to the side, in so many steps."""
-    home = some_task().home
+    home, found = some_task().home, []
     tools = {length: stick(length) for length in lengths}
-    found = []
     for number, length in enumerate(lengths):
         plan = np.tile([*home.position, *home.rpy], (steps, 1))
         plan[:, 1] += 0.01 * (number + 1) + 0.1 * (np.arange(steps) % 2)
@@ -108,18 +107,15 @@ def check_a_batch_gives_what_each_alone_gives(make: Make) -> None:
 def check_rejected_and_failed_candidates_earn_nothing(make: Make) -> None:
     """They keep their place, say why, and leave their neighbours as they are."""
     fitness = make(evaluator())
-    (sound,) = candidates((0.1,))
-    (slow,) = candidates((0.1,), steps=20)
+    sound, slow = candidates((0.1,)) + candidates((0.1,), steps=20)
     unread = Candidate(None, np.zeros((0, 6)), problem="the tool is missing")
     broken = Candidate(sound.tool, sound.plan, strategy_name=BREAKS)
     evaluations = fitness([unread, sound, slow, broken])
     expect(len(evaluations) == 4, f"4 candidates, of which 3 can't be tried, have {len(evaluations)} evaluations")
-    for number, what in ((0, "a rejected candidate"), (2, "a candidate with too long a motion")):
-        evaluation = evaluations[number]
+    rejected = {"a rejected candidate": evaluations[0], "a candidate with too long a motion": evaluations[2]}
+    for what, evaluation in rejected.items():
         expect(evaluation.status == "rejected", f"{what} has the status {evaluation.status!r}")
         expect(evaluation.reward == 0 and evaluation.reason, f"{what} needs the reward 0 and a reason")
-    last = evaluations[3]
-    expect(
-        last.status == "ok" or (last.reward == 0 and last.reason), "a failed candidate needs the reward 0 and a reason"
-    )
+    end = evaluations[3]
+    expect(end.status == "ok" or (end.reward == 0 and end.reason), "a failed candidate needs the reward 0 and a reason")
     expect(figures(evaluations[1:2]) == figures(fitness([sound])), "a candidate earns otherwise beside rejected ones")

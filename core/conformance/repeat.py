@@ -31,9 +31,7 @@ def _row() -> Bodies:
 
 def bits(outcome: Outcome) -> str:
     """A digest of all numbers of an outcome."""
-    states = (start(outcome), end(outcome))
-    numbers = [x for s in states for x in (s.positions, s.quaternions, s.linear_velocities, s.angular_velocities)]
-    numbers.append(np.array([outcome.tracking_error_rad]))
+    numbers = [*start(outcome).arrays, *end(outcome).arrays, np.array([outcome.tracking_error_rad])]
     return hashlib.sha256(np.concatenate([x.ravel() for x in numbers]).tobytes()).hexdigest()
 
 

@@ -159,8 +159,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
     def _observation(self, world: World) -> Numbers:
         state = world.state()
-        parts = state.positions, state.quaternions, state.linear_velocities, state.angular_velocities
-        return np.concatenate([*world.joints(), np.concatenate(parts, axis=-1).ravel()])
+        return np.concatenate([*world.joints(), np.concatenate(state.arrays, axis=-1).ravel()])
 
     def render(self) -> Image | None:
         """Draw a picture (height, width, 3); None without a ``render_mode``."""

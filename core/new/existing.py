@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
 
 from core.errors import UserError
 from core.hooks import PROJECT
@@ -23,7 +22,10 @@ def find_package(folder: Path) -> Path:
     if not project.is_file():
         what = "is there already and holds no pyproject.toml, so it is no package to add to"
         raise UserError(f"{folder} {what}; choose another folder with output=DIR")
-    data = _project(project, _read(project))
+    try:
+        data = tomllib.loads(_read(project)).get("project", {})
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{project} is malformed: {error}") from error
     modules = data.get("entry-points", {}).get(PROJECT, {})
     name = next(iter(modules.values()), str(data.get("name", "")).replace("-", "_").lower()).partition(".")[0]
     for base in (folder, folder / "src"):
@@ -50,13 +52,6 @@ def with_entry_point(project: Path, name: str, module: str) -> str:
         what = f"add {line.strip()} to [project.entry-points.{PROJECT}] by hand"
         raise UserError(f"{project} can't be extended ({error}); {what}") from error
     return new
-
-
-def _project(file: Path, text: str) -> dict[str, Any]:
-    try:
-        return dict(tomllib.loads(text).get("project", {}))
-    except tomllib.TOMLDecodeError as error:
-        raise UserError(f"{file} is malformed: {error}") from error
 
 
 def _read(file: Path) -> str:

@@ -63,7 +63,8 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
         values["package"] = f"{parent.name}.{snake}"
         code, changed = parent / snake, with_entry_point(project, snake, values["package"])
     else:
-        _check_free(name, snake)
+        if importlib.util.find_spec(snake) is not None:
+            raise UsageError(f"{name!r} can't be a name: a module {snake!r} is there already; choose another name")
         code, changed = folder / snake, _render("pyproject.toml", values)
     module = code / f"{template.module}.py"
     new = {
@@ -96,11 +97,6 @@ def _check_name(group: str, name: str) -> str:
     if keyword.iskeyword(snake):
         raise UsageError(f"{name!r} can't be a name: {snake!r} is a word of Python's; choose another name")
     return snake
-
-
-def _check_free(name: str, package: str) -> None:
-    if importlib.util.find_spec(package) is not None:
-        raise UsageError(f"{name!r} can't be a name: a module {package!r} is there already; choose another name")
 
 
 def _render(source: str, values: dict[str, str]) -> str:
