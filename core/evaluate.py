@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -35,41 +36,34 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     """
     check_seed(cfg.seed)
     document = load_designs(Path(cfg.designs))
-    task_part, sim_part = part("task", cfg.task), part("sim", cfg.sim)
-    sim_part.create()  # a wrong setting is reported here, once, rather than by each worker
-    representation = part("tool", cfg.tool).create()
-    candidates = read_designs(document, representation, SpawnRules(task_part.create(), cfg.seed))
-    evaluator = Evaluator(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
-    with part("executor", cfg.executor).create() as executor:
-        evaluations = list(evaluate_all(candidates, evaluator, executor))
+    part("sim", cfg.sim).create()  # a wrong setting is reported here, once, rather than by each worker
+    spawn = SpawnRules(part("task", cfg.task).create(), cfg.seed)
+    evaluations = try_all(cfg, read_designs(document, part("tool", cfg.tool).create(), spawn))
     return sorted(evaluations, key=lambda e: e.candidate.key)
+
+
+def try_all(cfg: DictConfig, candidates: Iterable[Candidate]) -> list[Evaluation]:
+    """Try candidates with the configured task, simulator and executor."""
+    settings = node(cfg.rollout, RolloutSettings)
+    evaluator = Evaluator(part("task", cfg.task), part("sim", cfg.sim), cfg.seed, settings)
+    with part("executor", cfg.executor).create() as executor:
+        return list(evaluate_all(candidates, evaluator, executor))
 
 
 def record(evaluation: Evaluation) -> dict[str, Any]:
     """One entry of the output file."""
-    candidate: Candidate = evaluation.candidate
+    names = ("reward", "distance_m", "status", "reason", "ik_error_m", "ik_error_rad", "tracking_error_rad")
+    figures = {name: getattr(evaluation, name) for name in names}
+    warnings = list(evaluation.warnings)
+    lag_rad = evaluation.tracking_error_rad
+    if lag_rad > STOPPED_RAD:
+        warnings.append(f"stopped or held back on its way: a joint of the arm fell {lag_rad:.2f} rad behind its target")
     return {
-        "strategy": candidate.strategy,
-        "plan": candidate.action,
-        "reward": evaluation.reward,
-        "distance_m": _or_none(evaluation.distance_m),
-        "status": evaluation.status,
-        "reason": evaluation.reason,
-        "ik_error_m": _or_none(evaluation.ik_error_m),
-        "ik_error_rad": _or_none(evaluation.ik_error_rad),
-        "tracking_error_rad": _or_none(evaluation.tracking_error_rad),
-        "warnings": [*evaluation.warnings, *_stopped(evaluation.tracking_error_rad)],
+        "strategy": evaluation.candidate.strategy,
+        "plan": evaluation.candidate.action,
+        **{k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in figures.items()},  # JSON: no nan
+        "warnings": warnings,
     }
-
-
-def _stopped(lag_rad: float) -> list[str]:
-    if not lag_rad > STOPPED_RAD:
-        return []
-    return [f"stopped or held back on its way: a joint of the arm fell {lag_rad:.2f} rad behind its target"]
-
-
-def _or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None  # JSON has no nan
 
 
 def main() -> None:

@@ -71,29 +71,40 @@ def gallery(
     """
     finished, left_out = find_runs(folders)
     entries = []
-    methods = label([(run.task, run.config) for run in finished])
-    by_task: dict[str, list[tuple[str, FinishedRun]]] = {run.task: [] for run in finished}
-    for run, method in zip(finished, methods, strict=True):
-        by_task[run.task].append((method, run))
-    for task, runs in sorted(by_task.items()):
-        for place, (method, winner) in enumerate(_best(runs, top, apart_mm / 1000), 1):
+    methods = dict(zip(finished, label([(run.task, run.config) for run in finished]), strict=True))
+    for task in sorted({run.task for run in finished}):
+        best = _best([run for run in finished if run.task == task], top, apart_mm / 1000)
+        for place, winner in enumerate(best, 1):
             folder = Path(_name(task)) / f"{place}_{_name(winner.name)}"
-            entries.append(Entry(place, method, winner, tuple(pieces(winner.tool, printer)), folder))
+            entries.append(Entry(place, methods[winner.run], winner, tuple(pieces(winner.tool, printer)), folder))
     if not entries:
         raise UserError(f"no tool to show: {len(finished)} finished runs, all with the bare hand")
-    pictures = {entry.folder: _write(entry, output) for entry in entries}
+    pictures = {entry.folder: data_address(_write(entry, output)) for entry in entries}
     write_bytes(output / "gallery.json", (json.dumps([_record(e) for e in entries], indent=2) + "\n").encode())
-    write_bytes(output / "index.html", _page(entries, left_out, pictures, output, printer).encode())
+    page = render(
+        "gallery.html.j2",
+        output,
+        [in_viewer(e.winner, f"{e.winner.run.task}, {e.place}: {e.winner.name}") for e in entries],
+        title="Tools to print",
+        tasks=list(dict.fromkeys(entry.winner.run.task for entry in entries)),
+        entries=entries,
+        grams=grams,
+        size=size,
+        root=output,
+        pictures=pictures,
+        left_out=len(left_out),
+        printer=printer,
+    )
+    write_bytes(output / "index.html", page.encode())
     return entries, left_out
 
 
-def _best(runs: Sequence[tuple[str, FinishedRun]], top: int, apart: float) -> list[tuple[str, Winner]]:
+def _best(runs: Sequence[FinishedRun], top: int, apart: float) -> list[Winner]:
     """The best tools of all runs, each of another shape."""
-    found = [(method, winner) for method, run in runs for winner in winners(run, top, apart=apart)]
-    found = [(method, winner) for method, winner in found if winner.tool.components]
-    found = ranked(found, lambda item: (item[1].reward, item[1].distance_m))
+    found = [winner for run in runs for winner in winners(run, top, apart=apart) if winner.tool.components]
     shapes: list[Shape] = []
-    return [item for item in found if len(shapes) < top and another(item[1].tool, shapes, apart)]
+    best = ranked(found, lambda winner: (winner.reward, winner.distance_m))
+    return [winner for winner in best if len(shapes) < top and another(winner.tool, shapes, apart)]
 
 
 def _name(text: str) -> str:
@@ -142,29 +153,6 @@ def _record(entry: Entry) -> dict[str, Any]:
             for piece in entry.pieces
         ],
     }
-
-
-def _page(
-    entries: Sequence[Entry],
-    left_out: Sequence[LeftOutRun],
-    pictures: dict[Path, bytes],
-    folder: Path,
-    printer: Printer,
-) -> str:
-    return render(
-        "gallery.html.j2",
-        folder,
-        [in_viewer(e.winner, f"{e.winner.run.task}, {e.place}: {e.winner.name}") for e in entries],
-        title="Tools to print",
-        tasks=list(dict.fromkeys(entry.winner.run.task for entry in entries)),
-        entries=entries,
-        grams=grams,
-        size=size,
-        root=folder,
-        pictures={where: data_address(png) for where, png in pictures.items()},
-        left_out=len(left_out),
-        printer=printer,
-    )
 
 
 def show(entries: Sequence[Entry]) -> None:

@@ -18,16 +18,15 @@ from core.cli import arguments, command, write_bytes
 from core.config.compose import check_seed, load, node, part
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
-from core.design import Candidate, Evaluation, best_first
+from core.design import Evaluation, best_first
 from core.designs.composer import PromptComposer, as_markdown
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
+from core.evaluate import try_all
 from core.interfaces import VLM, Budget, Estimate, Picture, Request, RolloutSettings, Task, ToolRepresentation
 from core.plugins import event_hub, installed
 from core.search.designer import DEFAULT_KINDS, make_designer
-from core.search.evolution import evaluate_all
-from core.simulation.rollout import Evaluator
 
 USAGE = (
     "usage: python -m core.prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "
@@ -91,7 +90,8 @@ def elites_of(cfg: DictConfig, task: Task, representation: ToolRepresentation) -
         for candidate in candidates
         if (figures := stated[candidate.strategy]) is not None and candidate.action == 0 and candidate.problem is None
     ]
-    evaluations += _tried(cfg, [candidate for candidate in candidates if stated[candidate.strategy] is None])
+    unknown = [candidate for candidate in candidates if stated[candidate.strategy] is None]
+    evaluations += try_all(cfg, unknown) if unknown else []
     best: dict[int, Evaluation] = {}
     for evaluation in best_first(evaluations):
         best.setdefault(evaluation.candidate.strategy, evaluation)
@@ -105,30 +105,19 @@ def _stated(strategy: object, number: int, file: str) -> tuple[float, float] | N
     """The reward and distance (nan: not stated) that a strategy of a designs file states."""
     if not isinstance(strategy, dict) or strategy.get("reward") is None:
         return None
-    most = {"reward": 1.0, "distance_m": math.inf}
-    for name in most:
+    for name, most in {"reward": 1.0, "distance_m": math.inf}.items():
         figure = strategy.get(name)
-        wrong = isinstance(figure, bool) or not isinstance(figure, int | float) or not 0 <= figure <= most[name]
+        wrong = isinstance(figure, bool) or not isinstance(figure, int | float) or not 0 <= figure <= most
         if figure is not None and wrong:
             raise UserError(f"{file}: strategy {number + 1}: {name} can't be {figure!r}")
     distance = strategy.get("distance_m")
     return float(strategy["reward"]), float(distance) if distance is not None else math.nan
 
 
-def _tried(cfg: DictConfig, candidates: Sequence[Candidate]) -> list[Evaluation]:
-    if not candidates:
-        return []
-    task_part, sim_part = part("task", cfg.task), part("sim", cfg.sim)
-    evaluator = Evaluator(task_part, sim_part, cfg.seed, node(cfg.rollout, RolloutSettings))
-    with part("executor", cfg.executor).create() as executor:
-        return list(evaluate_all(candidates, evaluator, executor))
-
-
 def reckon(cfg: DictConfig, request: Request) -> tuple[str, Estimate]:
     """The model that the configuration names, and its estimate of the request's tokens and cost."""
-    factory = installed().factory("vlm", cfg.vlm.name)
-    count = getattr(factory, "estimate", VLM.estimate)
     model = str(cfg.vlm.get("model") or cfg.vlm.name)
+    count = getattr(installed().factory("vlm", cfg.vlm.name), "estimate", VLM.estimate)
     return model, count(request, model)
 
 
@@ -169,14 +158,13 @@ def main() -> None:
     OmegaConf.resolve(cfg)
     request = compose(cfg)
     model, estimate = reckon(cfg, request)
-    folder = Path(cfg.output)
-    write(request, model, estimate, folder)
+    write(request, model, estimate, Path(cfg.output))
     sys.stdout.write(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})\n")
     prices = estimate.usd_per_prompt_token, estimate.usd_per_completion_token
     if prices[0] is not None and prices[1] is not None:
         dollars = f"{1e6 * prices[0]:g} in, {1e6 * prices[1]:g} out"
         sys.stdout.write(f"US dollars for a million tokens: {dollars} ({estimate.priced_by})\n")
-    sys.stdout.write(f"{folder}\n")
+    sys.stdout.write(f"{Path(cfg.output)}\n")
 
 
 if __name__ == "__main__":
