@@ -6,14 +6,15 @@ so that a later version may add columns.
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import pydantic
 from omegaconf import OmegaConf
@@ -73,8 +74,7 @@ class Figures:
     versions: dict[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Spending:
+class Spending(NamedTuple):
     """The requests of a run and their cost. Tokens and dollars are None where no reply reports them."""
 
     requests: int
@@ -109,11 +109,7 @@ class FinishedRun:
     @cached_property
     def best_so_far(self) -> list[float]:
         """The best reward up to and with each generation; 0 before anything could be tried."""
-        best, course = 0.0, []
-        for generation in self.figures.generations:
-            best = max(best, generation.best_reward or 0.0)
-            course.append(best)
-        return course
+        return list(itertools.accumulate((g.best_reward or 0.0 for g in self.figures.generations), max))
 
     def course(self, length: int) -> list[float]:
         """`best_so_far` made ``length`` long: a run that stopped early keeps its last."""
@@ -147,7 +143,7 @@ def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutR
     for folder in folders:
         if not folder.is_dir():
             raise UserError(f"no folder {folder}; give the folder of a run or of a multirun")
-        found = list(run_folders(folder))
+        found = run_folders(folder)
         if not found:
             raise UserError(f"{folder} holds no run: neither {RESULT} nor {STORE} is in it or below it")
         for path in found:
@@ -157,25 +153,16 @@ def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutR
     return finished, [run for run in runs.values() if isinstance(run, LeftOutRun)]
 
 
-def run_folders(folder: Path, depth: int = MAX_DEPTH) -> Iterator[Path]:
-    """Yield the run folders at or below ``folder``; one with Hydra's files and nothing else is of a run that failed."""
-    names = {entry.name: entry for entry in os.scandir(folder)}
-    if RESULT in names or STORE in names:
-        yield folder
-        return
-    below = [
-        name
-        for name, entry in names.items()
-        if entry.is_dir(follow_symlinks=False) and name not in (HYDRA, "best", "requests", "replies")
-    ]
-    found = False
-    if depth > 0:
-        for name in sorted(below, key=natural):
-            for path in run_folders(folder / name, depth - 1):
-                found = True
-                yield path
-    if HYDRA in names and not found:
-        yield folder
+def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
+    """Find the run folders at or below ``folder``; one with Hydra's files and nothing else is of a run that failed."""
+    entries = {entry.name: entry for entry in os.scandir(folder)}
+    if RESULT in entries or STORE in entries:
+        return [folder]
+    skipped = (HYDRA, "best", "requests", "replies")
+    below = [name for name, entry in entries.items() if entry.is_dir(follow_symlinks=False) and name not in skipped]
+    names = sorted(below, key=natural) if depth > 0 else []
+    found = [path for name in names for path in run_folders(folder / name, depth - 1)]
+    return found or [folder] * (HYDRA in entries)
 
 
 def natural(name: str) -> list[tuple[int, int | str]]:
@@ -188,18 +175,22 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
     store, result = folder / STORE, folder / RESULT
     if not store.exists() and not result.exists():
         config = _hydra_config(folder)
-        return LeftOutRun(folder, "failed", "it ended before it began: it has no store", _name(config, "task"), config)
+        return LeftOutRun(folder, "failed", "it ended before it began: it has no store", _task(config), config)
     try:
         config = _config(store) if store.exists() else {}
     except (UserError, ValueError) as error:
         return LeftOutRun(folder, "unreadable", short(str(error)))
     if not result.exists():
         config = config or _hydra_config(folder)
-        return LeftOutRun(folder, "unfinished", _progress(store), _name(config, "task"), config)
+        return LeftOutRun(folder, "unfinished", _progress(store), _task(config), config)
     try:
         figures = pydantic.TypeAdapter(Figures).validate_json(result.read_bytes())
     except (OSError, ValueError) as error:
-        return LeftOutRun(folder, "unreadable", short(f"{RESULT}: {_first(error)}"), _name(config, "task"), config)
+        why = str(error)
+        if isinstance(error, pydantic.ValidationError):
+            first = error.errors()[0]
+            why = f"{'.'.join(map(str, first['loc']))} {first['msg']}".strip()
+        return LeftOutRun(folder, "unreadable", short(f"{RESULT}: {why}"), _task(config), config)
     config = config or {kind: {"name": getattr(figures, kind)} for kind in CHOICES}
     if figures.stopped is not None:
         return LeftOutRun(folder, "unfinished", short(f"stopped: {figures.stopped}"), figures.task, config)
@@ -212,15 +203,8 @@ def short(text: str) -> str:
     return clean(text, _LONGEST)
 
 
-def _first(error: Exception) -> str:
-    if isinstance(error, pydantic.ValidationError):
-        first = error.errors()[0]
-        return f"{'.'.join(str(at) for at in first['loc'])} {first['msg']}".strip()
-    return str(error)
-
-
-def _name(config: dict[str, Any], kind: str) -> str:
-    chosen = config.get(kind)
+def _task(config: dict[str, Any]) -> str:
+    chosen = config.get("task")
     name = chosen.get("name") if isinstance(chosen, dict) else None
     return short(name) if isinstance(name, str) else ""
 
@@ -252,9 +236,9 @@ def _progress(store: Path) -> str:
     """The progress of an unfinished run, in words."""
     try:
         with reading(store.parent) as database:
-            generations = database.execute("SELECT count(*) FROM generations").fetchone()[0]
-            tried, best = database.execute(
-                "SELECT count(*), max(CASE status WHEN 'ok' THEN reward END) FROM evaluations"
+            generations, tried, best = database.execute(
+                "SELECT (SELECT count(*) FROM generations), count(*), max(CASE status WHEN 'ok' THEN reward END)"
+                " FROM evaluations"
             ).fetchone()
     except UserError as error:
         return short(str(error))
@@ -277,9 +261,8 @@ def spending(run: FinishedRun) -> Spending | None:
     if not (run.folder / STORE).exists():
         return None
     with reading(run.folder) as database:
-        requests = database.execute("SELECT count(*) FROM requests").fetchone()[0]
         row = database.execute(
-            "SELECT count(*) AS replies, count(error) AS errors, sum(prompt_tokens) AS prompt_tokens,"
-            " sum(completion_tokens) AS completion_tokens, sum(cost_usd) AS cost_usd FROM replies"
+            "SELECT (SELECT count(*) FROM requests), count(*), count(error), sum(prompt_tokens),"
+            " sum(completion_tokens), sum(cost_usd) FROM replies"
         ).fetchone()
-    return Spending(requests=requests, **dict(row))
+    return Spending(*row)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import sqlite3
 from collections.abc import Iterator
@@ -90,17 +91,12 @@ def winners(
     Raises:
         UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
-    found: list[Winner] = []
     shapes: list[Shape] = []
     try:
-        for winner in _winners(run, generation):
-            if len(found) == count:
-                break
-            if another(winner.tool, shapes, apart):
-                found.append(winner)
+        found = (winner for winner in _winners(run, generation) if another(winner.tool, shapes, apart))
+        return list(itertools.islice(found, count))
     except (sqlite3.Error, KeyError, ValueError, TypeError) as error:
         raise UserError(f"{run.folder / STORE} can't be read: {clean(str(error), MAX_NAME)}") from error
-    return found
 
 
 def another(tool: Tool, shapes: list[Shape], apart: float) -> bool:
@@ -129,19 +125,18 @@ def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
         " WHERE status = 'ok' AND generation = coalesce(:generation, generation)"
         " ORDER BY generation, agent, strategy, plan"
     )
-    strategies = set()
+    best: dict[tuple[int, ...], str] = {}  # candidates
     with reading(run.folder) as database:
         rows = database.execute(query, {"generation": generation}).fetchall()
         for row in ranked(rows, lambda row: (row["reward"], row["distance_m"]), run.figures.tie):
-            key = (row["generation"], row["agent"], row["strategy"])
-            if key not in strategies:  # its best plan comes first
-                strategies.add(key)
-                stored = database.execute(
-                    "SELECT evaluations.*, strategies.design FROM evaluations"
-                    " JOIN strategies USING (generation, agent, strategy) WHERE candidate = ?",
-                    [row["candidate"]],
-                ).fetchone()
-                yield _winner(run, stored, given, representation)
+            best.setdefault((row["generation"], row["agent"], row["strategy"]), row["candidate"])
+        for candidate in best.values():
+            stored = database.execute(
+                "SELECT evaluations.*, strategies.design FROM evaluations"
+                " JOIN strategies USING (generation, agent, strategy) WHERE candidate = ?",
+                [candidate],
+            ).fetchone()
+            yield _winner(run, stored, given, representation)
 
 
 def _winner(run: FinishedRun, row: sqlite3.Row, given: Tool | None, representation: ToolRepresentation) -> Winner:
@@ -198,8 +193,7 @@ def size(tool: Tool) -> str:
     """The extent along x, y and z, in millimetres."""
     if not tool.components:
         return "no tool"
-    corners = np.concatenate([solid.vertices for _, solid in as_held(tool)])
-    extent = np.ptp(corners, axis=0)
+    extent = np.ptp(np.concatenate([solid.vertices for _, solid in as_held(tool)]), axis=0)
     return " × ".join(f"{1000 * side:.0f}" for side in extent) + " mm"
 
 
@@ -231,8 +225,8 @@ def collect(results: Results) -> Tools:
             given = given_tool(run)
             if given is not None:
                 (tools.given if given.components else tools.bare).add(g.method)
-            if given is not None and not given.components:
-                continue
+                if not given.components:
+                    continue
             tools.best[g.task, g.method] = winners(run, 1)[0]
             if given is None and evolves(run):
                 course = [next(iter(winners(run, 1, f.index)), None) for f in run.figures.generations]
