@@ -9,7 +9,7 @@ where pybullet_data's copy has placeholders. `tests/core/robot/test_description.
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -91,6 +91,28 @@ def _shapes(link: Any, component: Component, pose: Pose) -> None:
             etree.SubElement(material, "color", rgba=_numbers(component.color))
 
 
+def read_numbers(element: Any, name: str) -> Array:
+    """Read the numbers of an element's attribute; three zeros without one."""
+    return np.array([float(number) for number in element.get(name, "0 0 0").split()])
+
+
+def read_origin(element: Any) -> Pose:
+    """Read the pose of a link's shape or inertia, or of a joint."""
+    origin = element.find("origin")
+    return Pose() if origin is None else Pose.xyz_rpy(read_numbers(origin, "xyz"), read_numbers(origin, "rpy"))
+
+
+def merged(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
+    """Merge rigidly joined parts: their mass, centre (3,), and inertia tensor (3, 3) about it; one frame for all."""
+    masses, centers, _ = zip(*parts, strict=True)
+    center: Array = np.average(centers, axis=0, weights=masses)
+    tensor = np.zeros((3, 3))
+    for mass, at, own in parts:
+        arm = at - center
+        tensor += own + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return sum(masses), center, tensor
+
+
 def box_inertia(component: Component) -> Array:
     """Compute a component's inertia tensor (3, 3) about its centre, in its own axes."""
     x, y, z = np.square(component.shape.size)
@@ -128,29 +150,14 @@ def _fuse(link: Any, tool: Tool, mount: str) -> None:
     parts = [(c, placed[c.name][1]) for c in tool.components if placed[c.name][0] == mount]
     if not parts:
         return
-    masses, centers, tensors = [], [], []
-    own = link.find("inertial")
-    own_mass = float(own.find("mass").get("value"))
-    if own_mass > 0:
-        diagonal = [
-            float(own.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")
-        ]  # the fingers' have no products
-        masses.append(own_mass)
-        centers.append(np.array([float(x) for x in own.find("origin").get("xyz").split()]))
-        tensors.append(np.diag(diagonal))
-    for component, pose in parts:
-        axes = pose.rotation.as_matrix()
-        masses.append(component.mass)
-        centers.append(pose.position)
-        tensors.append(axes @ box_inertia(component) @ axes.T)
-    mass = sum(masses)
-    center: Array = np.average(centers, axis=0, weights=masses)
-    tensor = np.zeros((3, 3))
-    for m, c, i in zip(masses, centers, tensors, strict=True):
-        arm = c - center
-        tensor += i + m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    own, inertias = link.find("inertial"), []
+    if (own_mass := float(own.find("mass").get("value"))) > 0:
+        diagonal = [float(own.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")]  # no finger has products
+        inertias.append((own_mass, read_numbers(own.find("origin"), "xyz"), np.diag(diagonal)))
     link.remove(own)
-    _inertial(link, mass, center, tensor)
+    turned = [pose.rotation.as_matrix() for _, pose in parts]
+    inertias += [(c.mass, at.position, r @ box_inertia(c) @ r.T) for (c, at), r in zip(parts, turned, strict=True)]
+    _inertial(link, *merged(inertias))
     for component, pose in parts:
         _shapes(link, component, pose)
 

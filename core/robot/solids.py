@@ -17,7 +17,7 @@ from lxml import etree
 
 from core.design import Tool
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
-from core.robot.description import assemble
+from core.robot.description import assemble, read_numbers, read_origin
 from core.scene import Body
 
 
@@ -105,18 +105,12 @@ def robot_solids(gripper: bool) -> tuple[Solid, ...]:
         for collision in link.findall("collision"):
             box, mesh = collision.find("geometry/box"), collision.find("geometry/mesh")
             if box is not None:
-                geometry = coal.Box(*_floats(box.get("size")))
+                geometry = coal.Box(*read_numbers(box, "size"))
             elif mesh is not None:
                 geometry = hull(trimesh.load_mesh(mesh.get("filename")))
             else:
                 raise ValueError(
                     f"the robot's description: {link.get('name')} has a shape that is neither box nor mesh"
                 )
-            origin = collision.find("origin")
-            pose = Pose() if origin is None else Pose.xyz_rpy(_floats(origin.get("xyz")), _floats(origin.get("rpy")))
-            solids.append(Solid(str(link.get("name")), geometry, pose))
+            solids.append(Solid(str(link.get("name")), geometry, read_origin(collision)))
     return tuple(solids)
-
-
-def _floats(text: str | None) -> list[float]:
-    return [float(number) for number in (text or "0 0 0").split()]

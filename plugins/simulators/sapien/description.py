@@ -13,8 +13,8 @@ from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.geometry import Array, Box, Cylinder, Pose, Sphere
-from core.robot.description import assemble
+from core.geometry import Box, Cylinder, Pose, Sphere
+from core.robot.description import assemble, merged, read_numbers, read_origin
 from core.scene import Color, Inertia
 
 
@@ -64,41 +64,25 @@ class Link:
 def robot(tool: Tool) -> tuple[Link, ...]:
     """List the links of the arm with a tool, parents first. Rigidly joined links become one."""
     document: Any = etree.fromstring(assemble(tool, fused=True))
-    texts = {link.get("name"): etree.tostring(link) for link in document.findall("link")}
-    joints = b"".join(etree.tostring(joint) for joint in document.findall("joint"))
-    skeleton = _skeleton(joints, tuple(texts))
-    return tuple(
-        _link(name, skeleton, b"".join(texts[part] for part in skeleton.parts(name))) for name in skeleton.order
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Skeleton:
-    """The structure of the links.
-
-    ``joints`` are by the child's name; ``bearers`` give the moving link (or the base) that each link is rigidly joined
-    to, with its pose there; ``order`` lists the moving ones, parents first.
-    """
-
-    joints: dict[str, Any]
-    bearers: dict[str, tuple[str, Pose]]
-    order: tuple[str, ...]
-
-    def parts(self, name: str) -> list[str]:
-        return [part for part, (bearer, _) in self.bearers.items() if bearer == name]
-
-
-@lru_cache(maxsize=4)
-def _skeleton(joints: bytes, names: tuple[str, ...]) -> _Skeleton:
-    """Read the structure from the joints and the names of the links; mostly the same for all tools."""
-    elements = {joint.find("child").get("link"): joint for joint in _elements(joints)}
-    bearers = {name: _bearer(name, elements) for name in names}
-    moving = [name for name in names if bearers[name][0] == name]
-    return _Skeleton(elements, bearers, tuple(sorted(moving, key=lambda name: _depth(name, elements))))
-
-
-def _elements(text: bytes) -> list[Any]:
-    return list(etree.fromstring(b"<robot>" + text + b"</robot>"))
+    links = {link.get("name"): link for link in document.findall("link")}
+    joints = {joint.find("child").get("link"): joint for joint in document.findall("joint")}
+    bearers = {name: _bearer(name, joints) for name in links}
+    moving = [name for name in links if bearers[name][0] == name]
+    order = sorted(moving, key=lambda name: _depth(name, joints))
+    made = []
+    for name in order:
+        parts = [(part, links[part], pose) for part, (bearer, pose) in bearers.items() if bearer == name]
+        collisions, visuals = (
+            tuple(shape for part, element, pose in parts for shape in _shapes(part, element.findall(tag), pose))
+            for tag in ("collision", "visual")
+        )
+        parent, joint = None, None
+        if name in joints:
+            bearer, pose = bearers[joints[name].find("parent").get("link")]
+            parent, joint = order.index(bearer), _joint(joints[name], pose)
+        inertia = _inertia([(element, pose) for _, element, pose in parts])
+        made.append(Link(name, parent, joint, inertia, collisions, visuals))
+    return tuple(made)
 
 
 def place(links: Sequence[Link], joints: Mapping[str, float]) -> list[Pose]:
@@ -130,70 +114,48 @@ def _bearer(name: str, joints: dict[str, Any]) -> tuple[str, Pose]:
     if joint is None or joint.get("type") != "fixed":
         return name, Pose()
     bearer, pose = _bearer(joint.find("parent").get("link"), joints)
-    return bearer, pose @ _origin(joint)
-
-
-@lru_cache(maxsize=64)
-def _link(name: str, skeleton: _Skeleton, links: bytes) -> Link:
-    """Merge a moving link with those rigidly joined to it. Most results are the same for all tools."""
-    joints, bearers = skeleton.joints, skeleton.bearers
-    parts = [(element.get("name"), element, bearers[element.get("name")][1]) for element in _elements(links)]
-    inertia = _inertia([(element, pose) for _, element, pose in parts])
-    collisions, visuals = (
-        tuple(shape for part, element, pose in parts for shape in _shapes(part, element.findall(tag), pose))
-        for tag in ("collision", "visual")
-    )
-    if name not in joints:
-        return Link(name, None, None, inertia, collisions, visuals)
-    parent, pose = bearers[joints[name].find("parent").get("link")]
-    return Link(name, skeleton.order.index(parent), _joint(joints[name], pose), inertia, collisions, visuals)
+    return bearer, pose @ read_origin(joint)
 
 
 def _joint(joint: Any, bearer: Pose) -> Joint:
-    axis = _numbers(joint.find("axis"), "xyz")
+    axis = read_numbers(joint.find("axis"), "xyz")
     turn, _ = Rotation.align_vectors([axis], [[1.0, 0.0, 0.0]])
     in_child = Pose.from_rotation(np.zeros(3), turn)
     lower, upper, effort = (float(joint.find("limit").get(name)) for name in ("lower", "upper", "effort"))
-    in_parent = bearer @ _origin(joint) @ in_child
+    in_parent = bearer @ read_origin(joint) @ in_child
     return Joint(joint.get("name"), joint.get("type"), in_parent, in_child, lower, upper, effort)
 
 
 def _inertia(parts: list[tuple[Any, Pose]]) -> Inertia:
     """Compute the inertia of URDF links at these poses, together."""
-    masses, centers, tensors = [], [], []
+    inertias = []
     for element, pose in parts:
         inertial = element.find("inertial")
-        mass = float(inertial.find("mass").get("value"))
-        if mass > 0:
-            own = pose @ _origin(inertial)
+        if (mass := float(inertial.find("mass").get("value"))) > 0:
+            own = pose @ read_origin(inertial)
             axes = own.rotation.as_matrix()
             names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
             xx, xy, xz, yy, yz, zz = (float(inertial.find("inertia").get(name)) for name in names)
-            masses.append(mass)
-            centers.append(own.position)
-            tensors.append(axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T)
-    center: Array = np.average(centers, axis=0, weights=masses)
-    whole = np.zeros((3, 3))
-    for mass, at, tensor in zip(masses, centers, tensors, strict=True):
-        arm = at - center
-        whole += tensor + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            inertias.append((mass, own.position, axes @ tensor @ axes.T))
+    mass, center, whole = merged(inertias)
     moments, axes = np.linalg.eigh(whole)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
-    return Inertia(sum(masses), Pose.from_rotation(center, Rotation.from_matrix(axes)), moments)
+    return Inertia(mass, Pose.from_rotation(center, Rotation.from_matrix(axes)), moments)
 
 
 def _shapes(part: str, elements: list[Any], pose: Pose) -> Iterator[Shape]:
     for element in elements:
-        at = pose @ _origin(element)
+        at = pose @ read_origin(element)
         color = element.find("material/color")
-        r, g, b, a = (0.9, 0.9, 0.9, 1.0) if color is None else _numbers(color, "rgba")
+        r, g, b, a = (0.9, 0.9, 0.9, 1.0) if color is None else read_numbers(color, "rgba")
         yield Shape(_geometry(element.find("geometry")[0]), at, part, (r, g, b, a))
 
 
 def _geometry(element: Any) -> Box | Sphere | Cylinder | Path:
     match element.tag:
         case "box":
-            x, y, z = _numbers(element, "size")
+            x, y, z = read_numbers(element, "size")
             return Box((x, y, z))
         case "sphere":
             return Sphere(float(element.get("radius")))
@@ -201,12 +163,3 @@ def _geometry(element: Any) -> Box | Sphere | Cylinder | Path:
             return Cylinder(float(element.get("radius")), float(element.get("length")))
         case _:
             return Path(element.get("filename"))
-
-
-def _origin(element: Any) -> Pose:
-    origin = element.find("origin")
-    return Pose() if origin is None else Pose.xyz_rpy(_numbers(origin, "xyz"), _numbers(origin, "rpy"))
-
-
-def _numbers(element: Any, name: str) -> Array:
-    return np.array([float(number) for number in element.get(name, "0 0 0").split()])
