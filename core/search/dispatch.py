@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import pickle
 import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from typing import TypeVar
+
+from core.errors import UsageError, check_positive
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -78,3 +82,29 @@ def dispatch(workers: Sequence[Callable[[A], B | Exception]], chunks: Iterable[A
     finally:
         stop.set()
         room.release()
+
+
+def check_limits(workers: int | None, timeout_s: float | None) -> None:
+    """Check two settings that executors share; None: default, or no limit.
+
+    Raises:
+        UsageError: one is too small.
+    """
+    if workers is not None and workers < 1:
+        raise UsageError(f"executor.workers must be at least 1, got {workers}")
+    if timeout_s is not None:
+        check_positive("executor.", timeout_s=timeout_s)
+
+
+def cores() -> int:
+    """Count the cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def portable(error: Exception) -> Exception:
+    """Return ``error``, or a RuntimeError with its text where it can't be pickled."""
+    try:
+        pickle.loads(pickle.dumps(error))  # noqa: S301
+    except Exception:  # its class may do anything
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error

@@ -21,10 +21,10 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
-from core.errors import UsageError, UserError, check_positive
+from core.errors import UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Executor
-from core.search.dispatch import dispatch, time_limit
+from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -57,14 +57,11 @@ class LocalExecutor(Executor):
     def __init__(
         self, workers: int | None = None, timeout_s: float | None = 300.0, memory_mb: int | None = 4096
     ) -> None:
-        if workers is not None and workers < 1:
-            raise UsageError(f"executor.workers must be at least 1, got {workers}")
-        self.workers = workers if workers is not None else _cores()
-        self._choose = workers is None  # the number may follow the engine
-        if timeout_s is not None:
-            check_positive("executor.", timeout_s=timeout_s)
+        check_limits(workers, timeout_s)
         if memory_mb is not None:
             check_positive("executor.", memory_mb=memory_mb)
+        self.workers = workers if workers is not None else cores()
+        self._choose = workers is None  # the number may follow the engine
         self._timeout_s = timeout_s
         self._memory_mb = memory_mb
         self._pool: list[_Worker] = []
@@ -237,7 +234,7 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None) -> None:
         except MemoryError:
             result = pickle.dumps(MemoryError())
         except Exception as error:
-            result = pickle.dumps(_portable(error))
+            result = pickle.dumps(portable(error))
         pipe.send_bytes(result)
         del function, chunk, result
         give_back(0)
@@ -265,17 +262,3 @@ def _limit_memory(limit: int) -> None:
         _, hard = resource.getrlimit(what)
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(what, (allowed, hard))
-
-
-def _portable(error: Exception) -> Exception:
-    """Return ``error``, or a RuntimeError with its text where it can't be pickled."""
-    try:
-        pickle.loads(pickle.dumps(error))  # noqa: S301
-    except Exception:  # its class may do anything
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
-
-
-def _cores() -> int:
-    """Count the cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

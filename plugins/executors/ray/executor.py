@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 
 from core.errors import UsageError, UserError, check_positive
 from core.interfaces import Executor
-from core.search.dispatch import dispatch, time_limit
+from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -61,15 +61,12 @@ class RayExecutor(Executor):
         timeout_s: float | None = 300.0,
         dashboard: bool = False,
     ) -> None:
-        if workers is not None and workers < 1:
-            raise UsageError(f"executor.workers must be at least 1, got {workers}")
+        check_limits(workers, timeout_s)
         if retries < 0:
             raise UsageError(f"executor.retries must be 0 or greater, got {retries}")
         check_positive("executor.", num_cpus=num_cpus)
         if not 0 <= num_gpus < math.inf:
             raise UsageError(f"executor.num_gpus must be 0 or greater, got {num_gpus}")
-        if timeout_s is not None:
-            check_positive("executor.", timeout_s=timeout_s)
         os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")  # or it starts a cluster where it has lost one
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         if address is not None:  # a cluster that is there answers the first time
@@ -129,10 +126,9 @@ class RayExecutor(Executor):
         settings: dict[str, Any] = {"address": self._address}
         if self._address is None:
             wanted = math.ceil((self._workers or 1) * self._num_cpus)
-            cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
             settings = {
                 "address": "local",
-                "num_cpus": max(wanted, cores if self._workers is None else 0),
+                "num_cpus": max(wanted, cores() if self._workers is None else 0),
                 "include_dashboard": self._dashboard,
                 "dashboard_host": "127.0.0.1",
             }
@@ -356,13 +352,4 @@ class _Worker:
             function, chunk = pickle.loads(job)  # noqa: S301
             return pickle.dumps(function(chunk))
         except Exception as error:
-            return _portable(error)
-
-
-def _portable(error: Exception) -> bytes:
-    """Pickle ``error``, or a RuntimeError with its text where it can't be pickled."""
-    try:
-        pickle.loads(data := pickle.dumps(error))  # noqa: S301
-    except Exception:  # its class may do anything
-        return pickle.dumps(RuntimeError(f"{type(error).__name__}: {error}"))
-    return data
+            return pickle.dumps(portable(error))
