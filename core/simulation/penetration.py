@@ -32,9 +32,7 @@ FLUNG_TIMES = 3.0  # so many times as fast as the robot ever was: an elastic blo
 LOST_M = 5.0  # from the arm's base
 EXPLODED_M_S = 100.0
 
-_FROM_AFAR_M = (
-    0.02  # from this distance on, the first query finds the two still apart: the side they came from is known
-)
+_FROM_AFAR_M = 0.02  # from this distance on, the first query finds the two apart: the side they came from is known
 _REQUEST = coal.DistanceRequest()
 _GRAVITY = 9.81
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import io
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from PIL import Image as Pillow
 
 from core.design import Candidate
-from core.interfaces import Image, Recording, RolloutSettings, Simulator, Task
+from core.geometry import Array
+from core.interfaces import Image, RolloutSettings, Simulator, Task
 from core.simulation.rollout import prepare
 from core.text import clean
 
@@ -49,12 +51,10 @@ def save_film(
         ValueError: the rollout fails.
         NoPicture: nothing here can draw.
     """
-    recording = _recorded(task, simulator, candidate, seed, settings, FILM_HZ)
-    frames = []
-    for index in range(len(recording.times)):
-        picture = _frame(task, simulator, candidate, seed, recording, index, size)
-        frames.append(Pillow.fromarray(picture).quantize(96, dither=Pillow.Dither.NONE))
-    frames[0].save(file, save_all=True, append_images=frames[1:], duration=1000 // FILM_HZ, loop=0, optimize=True)
+    times, draw = _filmed(task, simulator, candidate, seed, settings, size)
+    pictures = (Pillow.fromarray(draw(index)) for index in range(len(times)))
+    first, *others = (picture.quantize(96, dither=Pillow.Dither.NONE) for picture in pictures)
+    first.save(file, save_all=True, append_images=others, duration=1000 // FILM_HZ, loop=0, optimize=True)
 
 
 def draw_stages(
@@ -73,43 +73,33 @@ def draw_stages(
         ValueError: the rollout fails.
         NoPicture: nothing here can draw.
     """
-    recording = _recorded(task, simulator, candidate, seed, settings, FILM_HZ)
     width, height = size[0] // 2, size[1] // 2
-    stages = np.zeros((2 * height, 2 * width, 3), dtype=np.uint8)
-    for number, time in enumerate(np.linspace(0.0, recording.times[-1], 4)):
-        index = int(np.abs(recording.times - time).argmin())
-        row, column = divmod(number, 2)
-        picture = _frame(task, simulator, candidate, seed, recording, index, (width, height))
-        stages[row * height : (row + 1) * height, column * width : (column + 1) * width] = picture
-    return stages
-
-
-def _recorded(
-    task: Task, simulator: Simulator, candidate: Candidate, seed: int, settings: RolloutSettings, hz: float
-) -> Recording:
-    _, job = prepare(task, candidate, seed, settings, record_hz=hz)
-    outcome = simulator.rollout(task, [job])[0]
-    if outcome.recording is None:
-        raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
-    return outcome.recording
-
-
-def _frame(
-    task: Task,
-    simulator: Simulator,
-    candidate: Candidate,
-    seed: int,
-    recording: Recording,
-    index: int,
-    size: tuple[int, int],
-) -> Image:
-    return simulator.render(
-        task,
-        seed=seed,
-        tool=candidate.tool,
-        arm=recording.arm[index],
-        fingers=recording.fingers[index],
-        state=recording.states[index],
-        width=size[0],
-        height=size[1],
+    times, draw = _filmed(task, simulator, candidate, seed, settings, (width, height))
+    top_left, top_right, left, right = (
+        draw(int(np.abs(times - instant).argmin())) for instant in np.linspace(0.0, times[-1], 4)
     )
+    return np.vstack([np.hstack([top_left, top_right]), np.hstack([left, right])])
+
+
+def _filmed(
+    task: Task, simulator: Simulator, candidate: Candidate, seed: int, settings: RolloutSettings, size: tuple[int, int]
+) -> tuple[Array, Callable[[int], Image]]:
+    """Play a candidate: the times (T,) of a recording, and a function that draws one of its samples."""
+    _, job = prepare(task, candidate, seed, settings, record_hz=FILM_HZ)
+    outcome = simulator.rollout(task, [job])[0]
+    if (recording := outcome.recording) is None:
+        raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
+
+    def draw(index: int) -> Image:
+        return simulator.render(
+            task,
+            seed=seed,
+            tool=candidate.tool,
+            arm=recording.arm[index],
+            fingers=recording.fingers[index],
+            state=recording.states[index],
+            width=size[0],
+            height=size[1],
+        )
+
+    return recording.times, draw

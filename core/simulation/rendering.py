@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
-from typing import Protocol, TypedDict, Unpack
+from abc import ABC, abstractmethod
+from typing import ClassVar, TypedDict, Unpack
 
 import numpy as np
+from PIL import Image as Pillow
 
 from core.design import Tool
 from core.errors import NoPicture, UserError
@@ -17,6 +18,7 @@ from core.robot.description import FINGER_OPEN
 from core.robot.kinematics import arm as panda_arm
 from core.scene import Camera, State
 
+_OVERSAMPLING = 2  # renderers draw hard edges; halving a picture of twice the size smooths them
 _drawing = threading.RLock()  # any thread may draw, but renderers draw one picture at a time
 
 
@@ -33,65 +35,51 @@ class View(TypedDict, total=False):
     height: int
 
 
-class Renderer(Protocol):
+class Renderer(ABC):
     """Draw one scene after another; a loaded scene is kept until another one is needed."""
 
+    name: str = ""  # for people: what it is, and the device it draws on
+    _loaded: tuple[Task, int, Tool | None] | None = None
+
+    @abstractmethod
     def load(self, task: Task, seed: int, tool: Tool | None) -> None: ...
 
+    @abstractmethod
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
         """Set the robot's joints, arm (7,) and fingers (2,), and the poses of the free bodies."""
-        ...
 
+    @abstractmethod
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        """Draw a picture (height, width, 3)."""
-        ...
+        """Draw a picture (height, width, 3); its edges may be hard."""
+
+    def render(self, task: Task, **view: Unpack[View]) -> Image:
+        """See `Simulator.render`."""
+        seed, tool = view.get("seed", 0), view.get("tool")
+        arm, fingers, state = view.get("arm"), view.get("fingers"), view.get("state")
+        width, height = view.get("width", 640), view.get("height", 480)
+        with _drawing:
+            if self._loaded is None or self._loaded[0] is not task or self._loaded[1:] != (seed, tool):
+                self._loaded = None
+                self.load(task, seed, tool)
+                self._loaded = task, seed, tool
+            self.pose(
+                arm if arm is not None else panda_arm().home_for(task.home),
+                fingers if fingers is not None else np.full(2, FINGER_OPEN),
+                state if state is not None else task.scene(seed).state(),
+            )
+            picture = self.shoot(view.get("camera") or task.camera, width * _OVERSAMPLING, height * _OVERSAMPLING)
+        return np.asarray(Pillow.fromarray(picture).resize((width, height), Pillow.Resampling.LANCZOS))
 
 
-class NamedRenderer(Renderer, Protocol):
-    """A renderer with a ``name`` for people: what it is, and the device it draws on."""
+class DrawingSimulator(Simulator):
+    """Draw with the engine's own renderer or, if it is not available here, with another simulator.
 
-    name: str
-
-
-def draw(
-    renderer: Renderer,
-    task: Task,
-    *,
-    seed: int = 0,
-    tool: Tool | None = None,
-    arm: Array | None = None,
-    fingers: Array | None = None,
-    state: State | None = None,
-    camera: Camera | None = None,
-    width: int = 640,
-    height: int = 480,
-) -> Image:
-    """Do what `Simulator.render` does, with a renderer."""
-    with _drawing:
-        renderer.load(task, seed, tool)
-        renderer.pose(
-            arm if arm is not None else panda_arm().home_for(task.home),
-            fingers if fingers is not None else np.full(2, FINGER_OPEN),
-            state if state is not None else task.scene(seed).state(),
-        )
-        return renderer.shoot(camera or task.camera, width, height)
-
-
-class Pictures:
-    """Draw with a simulator's own renderer or, if it is not available here, with another simulator.
-
-    The first picture decides which.
-
-    Args:
-        make: makes the own renderer; raises NoPicture with the reason if it can't.
-        stand_in: the other simulator's name.
+    The first picture decides which; ``drawn_by`` names it.
     """
 
-    def __init__(self, make: Callable[[], NamedRenderer], stand_in: str) -> None:
-        self.drawn_by = ""  # see `Simulator.drawn_by`
-        self._make = make
-        self._stand_in = stand_in
-        self._drawer: NamedRenderer | Simulator | None = None
+    renderer: ClassVar[type[Renderer]]  # raises NoPicture with the reason if it can't be made
+    stand_in: ClassVar[str]  # the other simulator's name
+    _drawer: Renderer | Simulator | None = None
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
         """See `Simulator.render`.
@@ -102,19 +90,17 @@ class Pictures:
         with _drawing:
             if self._drawer is None:
                 self._drawer = self._choose()
-        if isinstance(self._drawer, Simulator):
-            return self._drawer.render(task, **view)
-        return draw(self._drawer, task, **view)
+        return self._drawer.render(task, **view)
 
-    def _choose(self) -> NamedRenderer | Simulator:
+    def _choose(self) -> Renderer | Simulator:
         try:
-            own = self._make()
+            own = self.renderer()
         except NoPicture as missing:
             try:
-                other: Simulator = installed().create("sim", self._stand_in)
+                other: Simulator = installed().create("sim", self.stand_in)
             except UserError as reason:
-                raise NoPicture(f"{missing}, and {self._stand_in}'s can't stand in for it: {reason}") from missing
-            self.drawn_by = f"{self._stand_in}'s renderer: {missing}"
+                raise NoPicture(f"{missing}, and {self.stand_in}'s can't stand in for it: {reason}") from missing
+            self.drawn_by = f"{self.stand_in}'s renderer: {missing}"
             return other
         self.drawn_by = own.name
         return own

@@ -112,19 +112,14 @@ def worst(candidate: Candidate, tried: Mapping[str, Sequence[Evaluation]]) -> Ev
     lowest = min(figures, key=lambda engine: figures[engine]["mean"])
     every = [*tried[lowest], *(e for engine, evaluations in tried.items() if engine != lowest for e in evaluations)]
     shown = next((e for e in every if e.status == "ok"), every[0])
-    warnings = [*shown.warnings]
-    if shown.status == "ok":
-        for engine, evaluations in tried.items():
-            for i, e in enumerate(evaluations, start=1):
-                if e.status != "ok":
-                    warnings.append(f"{engine}, change {i} of {len(evaluations)}: {e.status}: {e.reason}")
-    return replace(
-        shown,
-        candidate=candidate,
-        reward=figures[lowest]["mean"],
-        warnings=tuple(warnings),
-        details={"engines": figures},
-    )
+    failures = [
+        f"{engine}, change {i} of {len(evaluations)}: {e.status}: {e.reason}"
+        for engine, evaluations in tried.items()
+        for i, e in enumerate(evaluations, start=1)
+        if e.status != "ok" and shown.status == "ok"
+    ]
+    warnings, reward = (*shown.warnings, *failures), figures[lowest]["mean"]
+    return replace(shown, candidate=candidate, reward=reward, warnings=warnings, details={"engines": figures})
 
 
 def statistics(evaluations: Sequence[Evaluation]) -> dict[str, Any]:

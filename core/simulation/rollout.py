@@ -80,11 +80,6 @@ def prepare(
     return motion, job
 
 
-def rejected(candidate: Candidate, reason: str | None = None) -> Evaluation:
-    """Make the evaluation of a candidate that breaks a rule."""
-    return Evaluation(candidate, "rejected", reason=reason or candidate.problem or "")
-
-
 def evaluate_batch(
     task: Task, simulator: Simulator, candidates: Sequence[Candidate], seed: int, settings: RolloutSettings
 ) -> list[Evaluation]:
@@ -94,14 +89,12 @@ def evaluate_batch(
     jobs: list[Rollout] = []
     for i, candidate in enumerate(candidates):
         if candidate.problem is not None:
-            evaluations[i] = rejected(candidate)
+            evaluations[i] = Evaluation(candidate, "rejected", reason=candidate.problem)
             continue
         motion, job = prepare(task, candidate, seed, settings, SAMPLE_HZ if settings.penetration != "ignore" else 0.0)
-        if motion.trajectory.duration > settings.max_motion_s:
-            took = f"the motion takes {motion.trajectory.duration:.0f} s under the arm's limits"
-            evaluations[i] = rejected(
-                candidate, f"{took}, more than {settings.max_motion_s:.0f} s; use fewer waypoints"
-            )
+        if (duration := motion.trajectory.duration) > settings.max_motion_s:
+            took = f"the motion takes {duration:.0f} s under the arm's limits, more than {settings.max_motion_s:.0f} s"
+            evaluations[i] = Evaluation(candidate, "rejected", reason=f"{took}; use fewer waypoints")
             continue
         motions[i] = motion
         jobs.append(job)
@@ -120,9 +113,8 @@ def evaluate_batch(
         if outcome.error is None and outcome.start is not None and outcome.end is not None:
             finished.append((i, outcome.start, outcome.end))
         else:
-            evaluations[i] = Evaluation(
-                candidates[i], "failed", reason=outcome.error or "the simulator returned no state"
-            )
+            reason = outcome.error or "the simulator returned no state"
+            evaluations[i] = Evaluation(candidates[i], "failed", reason=reason)
     for i, evaluation in _scored(task, candidates, motions, outcomes, finished):
         evaluations[i] = judged(evaluation, found.get(i, []), forbid=settings.penetration == "forbid")
     return [evaluations[i] for i in range(len(candidates))]

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import combinations
 
 import numpy as np
 from scipy.optimize import brentq
@@ -85,33 +86,28 @@ def set_contacts(spec: Element, colliders: Sequence[Collider], slip_rate: float)
         geom.condim = _dimensions(one.surface.rolling)
         geom.solref, geom.solimp = reference, _IMPEDANCE
     covered = set()
-    for number, one in enumerate(colliders):
-        for later, other in enumerate(colliders[number + 1 :], start=number + 1):
-            free = one.free or other.free
-            if one.bearer == other.bearer or not _touch(one.role, other.role):
-                continue
-            if not free and partners[number] == partners[later]:
-                continue
-            friction = _mean(one.surface.friction, other.surface.friction)
-            rolling = max(one.surface.rolling, other.surface.rolling)
-            spec.add_pair(
-                geomname1=one.geom.name,
-                geomname2=other.geom.name,
-                condim=_dimensions(rolling),
-                friction=[friction, friction, 0.0, rolling, rolling],
-                solref=_rebound(spec, one.surface.restitution * other.surface.restitution) or reference,
-                # Stiffness, which friction has none of, and damping.
-                solreffriction=[-1.0, -slip_rate * (_ROLLING_SHARE if rolling > 0 else 1.0)],
-                solimp=_IMPEDANCE,
-            )
-            if free and (one.bearer, other.bearer) not in covered:  # all their pairs are explicit
-                covered.add((one.bearer, other.bearer))
-                spec.add_exclude(bodyname1=one.bearer, bodyname2=other.bearer)
-
-
-def _touch(one: Role, other: Role) -> bool:
-    (type_1, affinity_1), (type_2, affinity_2) = one.value, other.value
-    return bool(type_1 & affinity_2 or type_2 & affinity_1)
+    for (one, partner), (other, others_partner) in combinations(zip(colliders, partners, strict=True), 2):
+        (type_1, affinity_1), (type_2, affinity_2) = one.role.value, other.role.value
+        if one.bearer == other.bearer or not (type_1 & affinity_2 or type_2 & affinity_1):
+            continue
+        free = one.free or other.free
+        if not free and partner == others_partner:
+            continue
+        friction = _mean(one.surface.friction, other.surface.friction)
+        rolling = max(one.surface.rolling, other.surface.rolling)
+        spec.add_pair(
+            geomname1=one.geom.name,
+            geomname2=other.geom.name,
+            condim=_dimensions(rolling),
+            friction=[friction, friction, 0.0, rolling, rolling],
+            solref=_rebound(spec, one.surface.restitution * other.surface.restitution) or reference,
+            # Stiffness, which friction has none of, and damping.
+            solreffriction=[-1.0, -slip_rate * (_ROLLING_SHARE if rolling > 0 else 1.0)],
+            solimp=_IMPEDANCE,
+        )
+        if free and (one.bearer, other.bearer) not in covered:  # all their pairs are explicit
+            covered.add((one.bearer, other.bearer))
+            spec.add_exclude(bodyname1=one.bearer, bodyname2=other.bearer)
 
 
 def _mean(one: float, other: float) -> float:

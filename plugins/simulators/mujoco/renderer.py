@@ -14,26 +14,25 @@ from typing import Any
 import numpy as np
 import trimesh
 from lxml import etree
-from PIL import Image as Pillow
 
 from core.design import Tool
 from core.errors import NoPicture
 from core.geometry import Array, Mesh, Pose, Shape
 from core.interfaces import Image, Task
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS, assemble
+from core.robot.description import ARM_JOINTS, FINGER_JOINTS, assemble, read_origin
 from core.scene import Camera, Color, State
+from core.simulation.rendering import Renderer
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom
 
-_OVERSAMPLING = 2  # edges are hard; halving a picture of twice the size smooths them
-_EXTENT = 1.0  # metres: the unit of MuJoCo's view settings
+_SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")  # stands for collision meshes
 _OFF = ("disable", "disabled", "off", "false", "0")  # of MUJOCO_GL, as in MuJoCo's own package
 
 
-class Renderer:
-    """Draw one scene after another; a loaded scene is kept until another one is needed.
+class MuJoCoRenderer(Renderer):
+    """Draw with OpenGL.
 
-    An OpenGL context serves one thread at a time. It is bound for each call and released after it, so that any thread
+    A context serves one thread at a time. It is bound for each call and released after it, so that any thread
     can draw next.
 
     Raises:
@@ -46,7 +45,6 @@ class Renderer:
     def __init__(self) -> None:
         self._opengl, device = _open_gl()
         self.name = f"MuJoCo's renderer on {device}"
-        self._loaded: tuple[Task, int, Tool | None] | None = None
 
     def __del__(self) -> None:
         if self._context is not None:
@@ -54,10 +52,9 @@ class Renderer:
                 self._context.free()
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
-        if self._loaded is not None and self._loaded[0] is task and self._loaded[1:] == (seed, tool):
-            return
         shown = tool if tool is not None else Tool(gripper=True)
-        spec = mujoco.MjSpec.from_string(assemble(shown, visuals=False, mesh_path=_nothing), assets={"0.stl": _SPECK})
+        urdf = assemble(shown, visuals=False, mesh_path=lambda _: "0.stl")
+        spec = mujoco.MjSpec.from_string(urdf, assets={"0.stl": _SPECK})
         spec.compiler.discardvisual = False  # a description's reader would
         for geom in list(spec.geoms):
             spec.delete(geom)
@@ -71,7 +68,6 @@ class Renderer:
             for part in body.visuals:
                 _show(spec, element, part.shape, part.pose, part.color)
         _light(spec)
-        self._loaded = None
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         with self._opengl.as_current():
@@ -80,10 +76,8 @@ class Renderer:
             self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 10)
         self._joints = (*ARM_JOINTS, *(FINGER_JOINTS if shown.gripper else ()))
-        self._loaded = (task, seed, tool)
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        """Set the robot's joints, arm (7,) and fingers (2,), and the poses of the free bodies."""
         for name, value in zip(self._joints, [*arm, *fingers], strict=False):
             self._data.joint(name).qpos[0] = value
         for name in state.names:
@@ -93,21 +87,18 @@ class Renderer:
         mujoco.mj_camlight(self._model, self._data)
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        """Draw a picture (height, width, 3)."""
-        w, h = width * _OVERSAMPLING, height * _OVERSAMPLING
         self._model.vis.global_.fovy = camera.fov_deg
         everything = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(
             self._model, self._data, mujoco.MjvOption(), mujoco.MjvPerturb(), _look(camera), everything, self._scene
         )
-        view, picture = mujoco.MjrRect(0, 0, w, h), np.empty((h, w, 3), np.uint8)
+        view, picture = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), np.uint8)
         with self._opengl.as_current():
-            mujoco.mjr_resizeOffscreen(w, h, self._context)
+            mujoco.mjr_resizeOffscreen(width, height, self._context)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
             mujoco.mjr_render(view, self._scene, self._context)
             mujoco.mjr_readPixels(picture, None, view, self._context)
-        drawn = Pillow.fromarray(picture[::-1])
-        return np.asarray(drawn.resize((width, height), Pillow.Resampling.LANCZOS))
+        return picture[::-1]
 
 
 def _open_gl() -> tuple[Any, str]:
@@ -138,22 +129,13 @@ def _no_open_gl(why: str) -> NoPicture:
     return NoPicture(f"MuJoCo's own renderer needs OpenGL without a window ({why})")
 
 
-_SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")  # stands for collision meshes
-
-
-def _nothing(_: Path) -> str:
-    return "0.stl"
-
-
 def _dress_arm(spec: Element, gripper: bool) -> None:
     """Add the description's visual meshes, in the colours of their materials."""
     robot = etree.fromstring(assemble(Tool(gripper=gripper)).encode())
     for link in robot.findall("link"):
         for visual in link.findall("visual"):
-            xyz, rpy = (str(visual.xpath(f"string(origin/@{key})")) or "0 0 0" for key in ("xyz", "rpy"))
-            pose = Pose.xyz_rpy([float(x) for x in xyz.split()], [float(x) for x in rpy.split()])
             for mesh, color in _pieces(Path(str(visual.xpath("string(geometry/mesh/@filename)")))):
-                _show(spec, spec.body(link.get("name")), mesh, pose, color)
+                _show(spec, spec.body(link.get("name")), mesh, read_origin(visual), color)
 
 
 @lru_cache(maxsize=16)
@@ -186,7 +168,7 @@ def _light(spec: Element) -> None:
     sun.diffuse, sun.ambient, sun.specular = [0.55] * 3, [0.0] * 3, [0.1] * 3
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.5] * 3, [0.1] * 3
     spec.visual.headlight.specular = [0.0] * 3
-    spec.stat.extent, spec.stat.center = _EXTENT, [0.6, 0.0, 0.2]
+    spec.stat.extent, spec.stat.center = 1.0, [0.6, 0.0, 0.2]  # metres; the extent is the unit of the view settings
     spec.visual.map.znear, spec.visual.map.zfar, spec.visual.map.shadowclip = 0.02, 15.0, 2.5
     spec.visual.quality.shadowsize = 4096
 

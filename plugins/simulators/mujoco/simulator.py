@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from typing import Unpack
 
 from core.design import Tool
 from core.errors import UsageError, check_positive
-from core.interfaces import Image, Outcome, Rollout, Simulator, Task
+from core.interfaces import Outcome, Rollout, Task
 from core.robot.trajectory import at_home
 from core.scene import Inertia, Scene
-from core.simulation.rendering import Pictures, View
-from plugins.simulators.mujoco.renderer import Renderer
+from core.simulation.rendering import DrawingSimulator
+from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.mujoco.world import Stepped, World, compiled
 
 MAX_TIME_STEP = 0.005
-_STAND_IN = "pybullet"
 _KEPT = 4  # worlds: most batches have one tool
 
 
-class MuJoCoSimulator(Simulator):
+class MuJoCoSimulator(DrawingSimulator):
     """Play jobs in one world per scene and tool, compiled once and reset for each job.
 
     Args:
@@ -30,6 +28,8 @@ class MuJoCoSimulator(Simulator):
             much higher rate, sliding bodies hop. With rolling friction a quarter of it is used.
     """
 
+    renderer, stand_in = MuJoCoRenderer, "pybullet"
+
     def __init__(self, time_step: float = 0.0025, tracking_rate: float = 50.0, slip_rate: float = 200.0) -> None:
         check_positive("sim.", time_step=time_step, tracking_rate=tracking_rate, slip_rate=slip_rate)
         if time_step > MAX_TIME_STEP:
@@ -38,7 +38,6 @@ class MuJoCoSimulator(Simulator):
         self.tracking_rate = tracking_rate
         self.slip_rate = slip_rate
         self._scene: tuple[Task, int, Scene, dict[str, Inertia]] | None = None
-        self._pictures = Pictures(Renderer, _STAND_IN)
         self._worlds: OrderedDict[tuple[Task, int, Tool], World] = OrderedDict()
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
@@ -60,15 +59,3 @@ class MuJoCoSimulator(Simulator):
                 self._worlds.popitem(last=False)
         self._worlds.move_to_end(key)
         return self._worlds[key]
-
-    def render(self, task: Task, **view: Unpack[View]) -> Image:
-        """Draw with MuJoCo's own renderer where OpenGL can draw without a window, otherwise with PyBullet's.
-
-        ``drawn_by`` names the renderer.
-
-        Raises:
-            NoPicture: neither is available.
-        """
-        picture = self._pictures.render(task, **view)
-        self.drawn_by = self._pictures.drawn_by
-        return picture

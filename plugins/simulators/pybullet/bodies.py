@@ -34,16 +34,10 @@ class PreparedBody:
     def of(cls, body: Body, folder: Path) -> PreparedBody:
         """Prepare a body; its files are written to ``folder``."""
         inertia = None if body.fixed else body.inertia()
-        dynamics = {
-            "lateralFriction": np.sqrt(
-                body.friction
-            ),  # PyBullet multiplies the two bodies'; ours is their geometric mean
-            "rollingFriction": body.rolling_friction
-            / np.sqrt(0.5),  # multiplied by the other's lateral one: 0.5, mostly
-            "restitution": body.restitution,
-            "linearDamping": 0.0,
-            "angularDamping": 0.0,
-        }
+        # PyBullet multiplies the two bodies' friction, where ours is the geometric mean; and rolling friction by the
+        # other's lateral one, which is mostly 0.5.
+        friction = {"lateralFriction": np.sqrt(body.friction), "rollingFriction": body.rolling_friction / np.sqrt(0.5)}
+        dynamics = {**friction, "restitution": body.restitution, "linearDamping": 0.0, "angularDamping": 0.0}
         same = inertia is None or inertia.frame == Pose()
         return cls(
             text_file(folder, body_urdf(body, inertia, folder), "urdf"),

@@ -7,33 +7,27 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image as Pillow
 
 from core.design import Tool
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Sphere
 from core.interfaces import Image, Task
 from core.robot.description import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Camera, Geom, State
+from core.simulation.rendering import Renderer
 from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.world import joint_numbers, load_robot, robot_file
 
 _OUT_OF_SIGHT = [0.0, 0.0, -100.0]
-_OVERSAMPLING = 2  # the renderer draws hard edges; halving a picture of twice the size smooths them
 
 
-class Renderer:
-    """Draw one scene after another; a loaded scene is kept until another one is needed."""
-
+class PyBulletRenderer(Renderer):
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._client = p.connect(p.DIRECT)
         weakref.finalize(self, p.disconnect, self._client)
-        self._loaded: tuple[Task, int, Tool | None] | None = None
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
-        if self._loaded is not None and self._loaded[0] is task and self._loaded[1:] == (seed, tool):
-            return
         client = self._client
         p.resetSimulation(physicsClientId=client)
         shown = tool if tool is not None else Tool(gripper=True)
@@ -50,7 +44,6 @@ class Renderer:
                 self._place(number, body.pose @ part.pose)
                 if part.color[3] < 1:
                     self._clear[number] = part.color[3]
-        self._loaded = (task, seed, tool)
 
     def _add(self, part: Geom) -> int:
         look = {"rgbaColor": part.color, "specularColor": [0.1, 0.1, 0.1], "physicsClientId": self._client}
@@ -67,7 +60,6 @@ class Renderer:
         p.resetBasePositionAndOrientation(number, pose.position.tolist(), [x, y, z, w], physicsClientId=self._client)
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        """Set the robot's joints, arm (7,) and fingers (2,), and the poses of the free bodies."""
         for joint, value in zip(self._joints, [*arm, *fingers], strict=False):
             p.resetJointState(self._robot, joint, float(value), physicsClientId=self._client)
         for name, offset, number in self._parts:
@@ -75,25 +67,21 @@ class Renderer:
                 self._place(number, state.pose(name) @ offset)
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        """Draw a picture (height, width, 3).
-
-        The software renderer has no transparency. So the scene is drawn again without transparent parts, and blended in
-        where they are nearest.
-        """
-        w, h = width * _OVERSAMPLING, height * _OVERSAMPLING
-        picture, numbers = self._draw(camera, w, h)
+        # The software renderer has no transparency. So the scene is drawn again without transparent parts, and blended
+        # in where they are nearest.
+        picture, numbers = self._draw(camera, width, height)
         if self._clear:
             poses = {n: p.getBasePositionAndOrientation(n, physicsClientId=self._client) for n in self._clear}
             for number in poses:
                 p.resetBasePositionAndOrientation(number, _OUT_OF_SIGHT, [0, 0, 0, 1], physicsClientId=self._client)
-            behind, _ = self._draw(camera, w, h)
+            behind, _ = self._draw(camera, width, height)
             for number, pose in poses.items():
                 p.resetBasePositionAndOrientation(number, *pose, physicsClientId=self._client)
             opacity = np.ones(max(numbers.max(), *self._clear) + 2)  # by number; the last is the background's, -1
             opacity[list(self._clear)] = list(self._clear.values())
             weight = opacity[numbers][..., None]
             picture = (weight * picture + (1 - weight) * behind).astype(np.uint8)
-        return np.asarray(Pillow.fromarray(picture).resize((width, height), Pillow.Resampling.LANCZOS))
+        return picture
 
     def _draw(self, camera: Camera, width: int, height: int) -> tuple[Image, npt.NDArray[np.int64]]:
         """Draw a picture (height, width, 3), and for each pixel (height, width) the number of its body, or -1."""

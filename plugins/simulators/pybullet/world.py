@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,6 +21,15 @@ GRAVITY = 9.81
 # How far bodies may slide before a stored contact point is dropped, as a share of a shape's radius. PyBullet's default,
 # ten times as much, lets stacks creep on outdated points.
 _CONTACT_DRIFT = 0.002
+
+
+class Settings(NamedTuple):
+    """The settings of `sim=pybullet`, see there."""
+
+    time_step: float
+    solver_iterations: int
+    tracking_rate: float
+    separation_rate: float
 
 
 class PreparedScene:
@@ -60,23 +71,19 @@ class World:
         robot: Path,
         tool: Tool,
         trajectory: JointTrajectory,
-        *,
-        time_step: float,
-        solver_iterations: int,
-        tracking_rate: float,
-        separation_rate: float,
+        settings: Settings,
     ) -> None:
         """``robot`` is the file of the arm with ``tool``."""
         self.client = client
-        self.time_step = time_step
-        self._gain = 1.0 - float(np.exp(-tracking_rate * time_step))
+        self.time_step = settings.time_step
+        self._gain = 1.0 - float(np.exp(-settings.tracking_rate * self.time_step))
         p.resetSimulation(physicsClientId=client)
         p.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=client)
         p.setPhysicsEngineParameter(
-            fixedTimeStep=time_step,
-            numSolverIterations=solver_iterations,
+            fixedTimeStep=self.time_step,
+            numSolverIterations=settings.solver_iterations,
             numSubSteps=0,
-            contactERP=1.0 - float(np.exp(-separation_rate * time_step)),
+            contactERP=1.0 - float(np.exp(-settings.separation_rate * self.time_step)),
             contactBreakingThreshold=_CONTACT_DRIFT,
             deterministicOverlappingPairs=1,
             physicsClientId=client,
@@ -92,12 +99,8 @@ class World:
         numbers, links = joint_numbers(client, self.robot)
         moving = [*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ())]
         self._joints = [numbers[name] for name in moving]
-        self._forces = [
-            GRIP_FORCE
-            if name in FINGER_JOINTS
-            else p.getJointInfo(self.robot, numbers[name], physicsClientId=client)[10]
-            for name in moving
-        ]
+        efforts = [p.getJointInfo(self.robot, joint, physicsClientId=client)[10] for joint in self._joints]
+        self._forces = [*efforts[:7], *([GRIP_FORCE] * 2 if tool.gripper else ())]
         self._gains = [self._gain] * len(moving)
         self._velocity_gains = [1.0] * len(moving)
         self._gripper = tool.gripper
@@ -115,13 +118,11 @@ class World:
         mounts = set(GRIPPER_MOUNTS) if tool.gripper else {RIGID_MOUNT}
         bearers = {"panda_hand"} if tool.gripper else {"panda_link7", "panda_link8"}
         everything = {"panda_link0": -1, **links}
-        names = list(everything)
-        for i, one in enumerate(names):
-            for other in names[i + 1 :]:
-                touch = bool({one, other} & mounts) and not {one, other} & bearers
-                p.setCollisionFilterPair(
-                    self.robot, self.robot, everything[one], everything[other], int(touch), physicsClientId=self.client
-                )
+        for one, other in combinations(everything, 2):
+            touch = bool({one, other} & mounts) and not {one, other} & bearers
+            p.setCollisionFilterPair(
+                self.robot, self.robot, everything[one], everything[other], int(touch), physicsClientId=self.client
+            )
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         """Drive the joints to targets (7,) and a finger opening, approached at these speeds, for one time step."""

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from PIL import Image as Pillow
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
@@ -18,22 +17,22 @@ from core.geometry import Shape as Geometry
 from core.interfaces import Image, Task
 from core.robot.description import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Camera, Color, State
+from core.simulation.rendering import Renderer
 from plugins.simulators.sapien.description import place, robot
 from plugins.simulators.sapien.engine import sapien
 from plugins.simulators.sapien.shapes import to_sapien
 
-_OVERSAMPLING = 2  # the renderer draws hard edges; halving a picture of twice the size smooths them
 _GAMMA = 2.2
 _AMBIENT = [0.35, 0.35, 0.35]
 _LIGHT = [1.8, 1.8, 1.8]
 _LIGHT_WAY = [-1.0, 1.0, -2.0]
 
 
-class Renderer:
-    """Draw one scene after another; a loaded scene is kept until another one is needed.
+class SapienRenderer(Renderer):
+    """Draw with Vulkan.
 
     Raises:
-        NoPicture: there is no Vulkan here.
+        NoPicture: there is none here.
     """
 
     def __init__(self) -> None:
@@ -42,11 +41,8 @@ class Renderer:
         except RuntimeError as error:
             raise NoPicture(f"SAPIEN's own renderer needs Vulkan ({error})") from error
         self.name = f"SAPIEN's renderer on {device}"
-        self._loaded: tuple[Task, int, Tool | None] | None = None
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
-        if self._loaded is not None and self._loaded[0] is task and self._loaded[1:] == (seed, tool):
-            return
         self._scene = sapien.Scene([sapien.render.RenderSystem()])
         self._scene.set_ambient_light(_AMBIENT)
         self._scene.add_directional_light(_LIGHT_WAY, _LIGHT, shadow=True, shadow_scale=2.0)
@@ -58,7 +54,6 @@ class Renderer:
         self._bodies = {}
         for body in task.scene(seed).bodies:
             self._bodies[body.name] = self._add(((p.shape, p.pose, p.color) for p in body.visuals), body.pose)
-        self._loaded = (task, seed, tool)
 
     def _add(self, visuals: Iterable[tuple[Geometry | Path, Pose, Color]], pose: Pose) -> Any:
         component = sapien.render.RenderBodyComponent()
@@ -73,7 +68,6 @@ class Renderer:
         return entity
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        """Set the robot's joints, arm (7,) and fingers (2,), and the poses of the free bodies."""
         joints = dict(zip((*ARM_JOINTS, *FINGER_JOINTS), [*arm, *fingers], strict=True))
         for entity, pose in zip(self._entities, place(self._links, joints), strict=True):
             entity.pose = to_sapien(pose)
@@ -81,8 +75,7 @@ class Renderer:
             self._bodies[name].pose = to_sapien(state.pose(name))
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        """Draw a picture (height, width, 3)."""
-        size = width * _OVERSAMPLING, height * _OVERSAMPLING
+        size = width, height
         if size not in self._cameras:
             self._cameras[size] = self._scene.add_camera("camera", *size, 1.0, 0.02, 10.0)
         shot = self._cameras[size]
@@ -90,10 +83,10 @@ class Renderer:
         shot.entity.pose = to_sapien(_look(camera))
         self._scene.update_render()
         shot.take_picture()
-        picture = np.asarray(shot.get_picture("Color"))
-        picture = np.where(picture[..., 3:] > 0, picture[..., :3], 1.0)  # white where nothing is
-        drawn = Pillow.fromarray(np.clip(255 * picture, 0, 255).astype(np.uint8))
-        return np.asarray(drawn.resize((width, height), Pillow.Resampling.LANCZOS))
+        shown = np.asarray(shot.get_picture("Color"))
+        shown = np.where(shown[..., 3:] > 0, shown[..., :3], 1.0)  # white where nothing is
+        picture: Image = np.clip(255 * shown, 0, 255).astype(np.uint8)
+        return picture
 
 
 def _look(camera: Camera) -> Pose:

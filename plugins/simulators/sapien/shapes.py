@@ -23,9 +23,8 @@ def to_sapien(pose: Pose) -> Any:
 def collision(shape: Shape, material: Any, folder: Path) -> Any:
     """Make a collision shape. Hulls are computed once per file; the files are written to ``folder``."""
     match shape:
-        case Box(
-            size=size
-        ):  # as a hull: PhysX's box-box test loses the contact of an edge that leans on a thin wall's edge
+        case Box(size=size):
+            # As a hull: PhysX's box-box test loses the contact of an edge that leans on a thin wall's edge.
             return hull(_file(folder, "box", _cube), material, size)
         case Sphere(radius=radius):
             return physx.PhysxCollisionShapeSphere(radius, material)

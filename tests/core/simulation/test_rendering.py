@@ -10,12 +10,12 @@ from core.plugins import Offer, installed
 from core.robot.description import FINGER_OPEN
 from core.robot.kinematics import arm
 from core.scene import Camera, table
-from core.simulation.rendering import Pictures, draw
+from core.simulation.rendering import DrawingSimulator, Renderer
 
 TASK = Bodies(table(), cube(at=(0.6, 0.0, 0.05)))
 
 
-class Noting:
+class Noting(Renderer):
     name = "a pencil"
 
     def load(self, task, seed, tool):
@@ -43,43 +43,54 @@ def painter(monkeypatch):
     monkeypatch.setattr(installed(), "offers", installed().offers | {("sim", "painter"): offer})
 
 
-def nothing():
-    raise NoPicture("its own renderer needs a pencil")
+class Pencilless(Noting):
+    def __init__(self):
+        raise NoPicture("its own renderer needs a pencil")
+
+
+def drawing(own, other):
+    class Drawing(DrawingSimulator):
+        renderer, stand_in = own, other
+
+        def rollout(self, task, jobs):
+            raise NotImplementedError
+
+    return Drawing()
 
 
 def test_what_is_left_out_is_as_at_spawn():
     renderer = Noting()
-    assert draw(renderer, TASK, width=4, height=3).shape == (3, 4, 3)
+    assert renderer.render(TASK, width=4, height=3).shape == (3, 4, 3)
     joints, fingers, state = renderer.posed
     assert renderer.loaded == (TASK, 0, None)
     np.testing.assert_array_equal(joints, arm().home_for(HOME))
     np.testing.assert_array_equal(fingers, [FINGER_OPEN, FINGER_OPEN])
     np.testing.assert_array_equal(state.position("cube"), [0.6, 0.0, 0.05])
-    assert renderer.shot == (TASK.camera, 4, 3)
+    assert renderer.shot == (TASK.camera, 8, 6)
 
 
 def test_what_is_given_is_shown():
     renderer, camera, state = Noting(), Camera(position=(1.0, 1.0, 1.0)), TASK.scene(0).state()
-    draw(renderer, TASK, seed=3, arm=np.ones(7), fingers=np.zeros(2), state=state, camera=camera)
+    renderer.render(TASK, seed=3, arm=np.ones(7), fingers=np.zeros(2), state=state, camera=camera)
     assert renderer.loaded == (TASK, 3, None)
     np.testing.assert_array_equal(renderer.posed[0], np.ones(7))
     np.testing.assert_array_equal(renderer.posed[1], np.zeros(2))
     assert renderer.posed[2] is state
-    assert renderer.shot == (camera, 640, 480)
+    assert renderer.shot == (camera, 1280, 960)
 
 
 def test_its_own_renderer_comes_first(painter):
-    pictures = Pictures(Noting, "painter")
+    pictures = drawing(Noting, "painter")
     assert pictures.render(TASK, width=4, height=3).max() == 0
     assert pictures.drawn_by == "a pencil"
 
 
 def test_another_simulator_stands_in(painter):
-    pictures = Pictures(nothing, "painter")
+    pictures = drawing(Pencilless, "painter")
     assert pictures.render(TASK, width=4, height=3).min() == 7
     assert pictures.drawn_by == "painter's renderer: its own renderer needs a pencil"
 
 
 def test_with_neither_both_reasons_are_said():
     with pytest.raises(NoPicture, match=r"needs a pencil, and missing's can't stand in for it: no sim 'missing'"):
-        Pictures(nothing, "missing").render(TASK)
+        drawing(Pencilless, "missing").render(TASK)

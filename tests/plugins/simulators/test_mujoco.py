@@ -45,7 +45,7 @@ pytest.importorskip("mujoco")
 
 import mujoco as mj
 
-from plugins.simulators.mujoco.renderer import Renderer
+from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.mujoco.world import Stepped, compiled
 
 ROOT = Path(__file__).parents[3]
@@ -405,7 +405,7 @@ def test_fingers_stay_as_far_from_the_middle():
 @pytest.fixture(scope="module")
 def own_renderer():
     try:
-        return Renderer()
+        return MuJoCoRenderer()
     except NoPicture as error:
         pytest.skip(f"{error}; for example Debian's libegl1 has it")
 
@@ -463,7 +463,7 @@ def test_without_pybullet_and_opengl_it_runs_without_pictures(tmp_path):
 def test_mujoco_gl_switches_its_own_renderer_off(word, monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", word)
     with pytest.raises(NoPicture, match=rf"MuJoCo's own renderer is switched off \(MUJOCO_GL={word}\)"):
-        Renderer()
+        MuJoCoRenderer()
 
 
 def test_a_wrong_mujoco_gl_is_one_line(tmp_path):

@@ -42,7 +42,7 @@ pytest.importorskip("sapien", exc_type=ImportError)
 
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.description import place, robot
-from plugins.simulators.sapien.renderer import Renderer
+from plugins.simulators.sapien.renderer import SapienRenderer
 from plugins.simulators.sapien.world import World
 
 ROOT = Path(__file__).parents[3]
@@ -206,7 +206,7 @@ def test_numbers_that_are_none_break_one_job_only():
 @pytest.fixture(scope="module")
 def own_renderer():
     try:
-        return Renderer()
+        return SapienRenderer()
     except NoPicture as error:
         pytest.skip(f"{error}; for example Mesa's lavapipe 24.3 or newer has it")
 

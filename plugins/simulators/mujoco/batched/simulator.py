@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar, Unpack
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from core.errors import UsageError, check_positive
-from core.interfaces import Image, Outcome, Recording, Rollout, Simulator, Task
+from core.errors import UsageError
+from core.interfaces import Outcome, Recording, Rollout, Task
 from core.robot.description import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Inertia, Scene
 from core.simulation.playback import record_every, schedule
-from core.simulation.rendering import View
+from core.simulation.rendering import DrawingSimulator
 from plugins.simulators.mujoco.batched.models import Figures, Played, Size, figures, model
 from plugins.simulators.mujoco.shapes import Element
-from plugins.simulators.mujoco.simulator import MAX_TIME_STEP, MuJoCoSimulator
+from plugins.simulators.mujoco.simulator import MuJoCoSimulator
 
 if TYPE_CHECKING:
     from plugins.simulators.mujoco.batched.worlds import Worlds
@@ -31,7 +31,7 @@ _WORKING = 2.0  # memory while stepping, as a multiple of that between steps
 _ON_THE_PROCESSOR = 2**30  # bytes
 
 
-class MuJoCoWarpSimulator(Simulator):
+class MuJoCoWarpSimulator(DrawingSimulator):
     """Step worlds together that share the layout's bodies, the gripper or none, and roughly the tool's number of boxes.
 
     Args:
@@ -43,6 +43,7 @@ class MuJoCoWarpSimulator(Simulator):
     """
 
     batch: ClassVar[int] = 2048
+    renderer, stand_in = MuJoCoSimulator.renderer, MuJoCoSimulator.stand_in
 
     def __init__(
         self,
@@ -52,13 +53,11 @@ class MuJoCoWarpSimulator(Simulator):
         tracking_rate: float = 50.0,
         slip_rate: float = 200.0,
     ) -> None:
-        check_positive("sim.", time_step=time_step, tracking_rate=tracking_rate, slip_rate=slip_rate)
+        self._rates = time_step, tracking_rate, slip_rate
+        MuJoCoSimulator(*self._rates)  # checks them
         if worlds < 1:
             raise UsageError(f"sim.worlds must be at least 1, got {worlds}")
-        if time_step > MAX_TIME_STEP:
-            raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft")
         self.worlds = worlds
-        self._rates = time_step, tracking_rate, slip_rate
         from plugins.simulators.mujoco.batched import engine  # needs the extra packages
         from plugins.simulators.mujoco.batched import worlds as many
 
@@ -68,7 +67,6 @@ class MuJoCoWarpSimulator(Simulator):
         self._figures: OrderedDict[tuple[Task, int, str], Figures] = OrderedDict()
         self._contacts: dict[str, int] = {}  # capacity, by digest
         self._batches: OrderedDict[tuple[str, Size], Worlds] = OrderedDict()
-        self._draws: Simulator | None = None
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
         outcomes: dict[int, Outcome] = {}
@@ -174,17 +172,6 @@ class MuJoCoWarpSimulator(Simulator):
             )
         start, end = (of.state(numbers.astype(np.float64)) for numbers in (played.start, played.end))
         return Outcome(start, end, played.lag, recording=recording)
-
-    def render(self, task: Task, **view: Unpack[View]) -> Image:
-        """Draw as `sim=mujoco` does.
-
-        Raises:
-            NoPicture: it can't draw here.
-        """
-        self._draws = self._draws or MuJoCoSimulator()
-        picture = self._draws.render(task, **view)
-        self.drawn_by = self._draws.drawn_by
-        return picture
 
 
 def _up(count: int) -> int:
