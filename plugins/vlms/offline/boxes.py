@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -32,11 +32,7 @@ class Boxes:
     @classmethod
     def join(cls, several: Iterable[Boxes]) -> Boxes:
         parts = [*several, cls.of(())]
-        return cls(
-            np.concatenate([part.centers for part in parts]),
-            np.concatenate([part.axes for part in parts]),
-            np.concatenate([part.halves for part in parts]),
-        )
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
 
     def __len__(self) -> int:
         return len(self.centers)
@@ -47,8 +43,7 @@ class Boxes:
     @property
     def reaches(self) -> Array:
         """Half sides (N, 3) of the axis-aligned bounding boxes."""
-        reaches: Array = np.einsum("nij,nj->ni", np.abs(self.axes), self.halves)
-        return reaches
+        return np.asarray(np.einsum("nij,nj->ni", np.abs(self.axes), self.halves))
 
     @property
     def lower(self) -> Array:

@@ -10,7 +10,6 @@ import numpy as np
 
 from core.design import Tool
 from core.designs.rules import SpawnRules
-from core.geometry import Array
 from core.interfaces import VLM, Brief, Reply, Request
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.invent import Use, Workshop
@@ -53,7 +52,7 @@ def answer(brief: Brief) -> dict[str, Any]:
         if given is not None:
             strategies.append(_given(brief, given, elites, workshop))
         elif elites:
-            strategies.append(_offspring(brief, elites, workshop))
+            strategies.append(_strategy(brief, *breed(elites, brief.n_action, workshop)))
         else:
             strategies.append(_fresh(brief, workshop))
     moving = sum(len(goal.bodies) for goal in sight.goals)
@@ -62,20 +61,12 @@ def answer(brief: Brief) -> dict[str, Any]:
 
 
 def _fresh(brief: Brief, workshop: Workshop) -> dict[str, Any]:
-    invention = workshop.invent()
-    more = [workshop.use(invention.tool, lambda _: (invention.head, invention.at)) for _ in range(brief.n_action - 1)]
-    name = f"{invention.head.use} with {invention.tool.name}"
-    description = f"The {invention.head.kind} {invention.use.text}."
-    strategy = _strategy(brief, name, description, invention.tool, [invention.use, *more])
-    if brief.elites:  # but none with this kind of tool
-        strategy["strategy_description"] += " A fresh design: no elite has this kind of tool."
-        strategy["parents"] = [brief.elites[0].candidate.id]
-    return strategy
-
-
-def _offspring(brief: Brief, elites: Sequence[Elite], workshop: Workshop) -> dict[str, Any]:
-    child = breed(elites, brief.n_action, workshop)
-    return _strategy(brief, child.name, child.description, child.tool, child.uses) | {"parents": list(child.parents)}
+    tool, head, at, use = workshop.invent()
+    uses = [use, *(workshop.use(tool, lambda _: (head, at)) for _ in range(brief.n_action - 1))]
+    description, parents = f"The {head.kind} {use.text}.", [elite.candidate.id for elite in brief.elites[:1]]
+    if parents:
+        description += " A fresh design: no elite has this kind of tool."
+    return _strategy(brief, f"{head.use} with {tool.name}", description, tool, uses, parents)
 
 
 def _given(brief: Brief, tool: Tool, elites: Sequence[Elite], workshop: Workshop) -> dict[str, Any]:
@@ -84,14 +75,14 @@ def _given(brief: Brief, tool: Tool, elites: Sequence[Elite], workshop: Workshop
     if elites:
         elite = elites[int(rng.integers(len(elites)))]
         uses = offspring_plans(elite, tool, brief.n_action, workshop)
-        return _strategy(brief, "the given tool", f"Plans varied from {elite.id}.", tool, uses) | {
-            "parents": [elite.id]
-        }
+        return _strategy(brief, "the given tool", f"Plans varied from {elite.id}.", tool, uses, [elite.id])
     uses = [workshop.use(tool, lambda errand: recognize(tool, errand, rng)) for _ in range(brief.n_action)]
     return _strategy(brief, "the given tool", f"It {uses[0].text}.", tool, uses)
 
 
-def _strategy(brief: Brief, name: str, description: str, tool: Tool, uses: Sequence[Use]) -> dict[str, Any]:
+def _strategy(
+    brief: Brief, name: str, description: str, tool: Tool, uses: Sequence[Use], parents: Sequence[str] = ()
+) -> dict[str, Any]:
     named = {"tool_name": tool.name, "tool_description": tool.description}
     return {
         "strategy_name": name,
@@ -100,10 +91,6 @@ def _strategy(brief: Brief, name: str, description: str, tool: Tool, uses: Seque
         "gripper": tool.gripper,
         **brief.representation.dump(tool),
         "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),
-        "action_sets": [_numbers(use.plan) for use in uses],
+        "action_sets": [(np.round(use.plan, _DIGITS) + 0.0).tolist() for use in uses],
+        **({"parents": parents} if parents else {}),
     }
-
-
-def _numbers(plan: Array) -> list[list[float]]:
-    rows: list[list[float]] = (np.round(plan, _DIGITS) + 0.0).tolist()
-    return rows

@@ -34,17 +34,6 @@ class Elite:
         return float(np.clip(1.5 * (1.0 - self.reward), 0.05, 1.0))
 
 
-@dataclass(frozen=True, eq=False)
-class Child:
-    """An offspring: its changes in words, its plans, and its parents' ids."""
-
-    name: str
-    description: str
-    tool: Tool
-    uses: list[Use]
-    parents: tuple[str, ...]
-
-
 def elites_with(evaluations: Sequence[Evaluation], gripper: bool) -> list[Elite]:
     """The elites with a gripper tool, or those with a rigid one."""
     return [
@@ -54,8 +43,11 @@ def elites_with(evaluations: Sequence[Evaluation], gripper: bool) -> list[Elite]
     ]
 
 
-def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> Child:
-    """One offspring with ``count`` plans; better elites become parents more often."""
+def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str, str, Tool, list[Use], list[str]]:
+    """One offspring: its name and description, its tool, ``count`` plans, and its parents' ids.
+
+    Better elites become parents more often.
+    """
     rng = workshop.rng
     weights = np.array([max(elite.reward, 0.01) ** 2 for elite in elites])
     weights /= weights.sum()
@@ -71,12 +63,12 @@ def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> Child:
     else:  # no change keeps the rules
         crossing = False
         tool, done = slimmed(first.tool)
-    parents = (first.id, second.id) if crossing else (first.id,)
+    parents = [first.id, second.id] if crossing else [first.id]
     name = "crossover" if crossing else "mutation"
     base = first.tool.description.split("; changed: ")[0]
     tool = replace(tool, name=first.tool.name, description=f"{base}; changed: {done}")
     description = f"{name.capitalize()} of {' and '.join(parents)}: {done}."
-    return Child(f"{name}: {done}", description, tool, offspring_plans(first, tool, count, workshop), parents)
+    return f"{name}: {done}", description, tool, offspring_plans(first, tool, count, workshop), parents
 
 
 def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) -> list[Use]:

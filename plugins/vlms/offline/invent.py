@@ -40,24 +40,14 @@ class Use:
     text: str
 
 
-@dataclass(frozen=True, eq=False)
-class Invention:
-    """A fresh tool, its head, the head's pose in the frame of panda_virtual, and a first use."""
-
-    tool: Tool
-    head: Head
-    at: Pose
-    use: Use
-
-
+@dataclass(eq=False)
 class Workshop:
     """Invents tools and plans for one scene."""
 
-    def __init__(self, sight: Sight, spawn: SpawnRules, gripper: bool, rng: np.random.Generator) -> None:
-        self.sight = sight
-        self.spawn = spawn
-        self.gripper = gripper
-        self.rng = rng
+    sight: Sight
+    spawn: SpawnRules
+    gripper: bool
+    rng: np.random.Generator
 
     def accepts(self, tool: Tool) -> bool:
         """Whether the tool keeps the rules."""
@@ -68,15 +58,18 @@ class Workshop:
             return False
         return True
 
-    def invent(self) -> Invention:
-        """A fresh tool, the best of a random number of samples: doubtful ones are not always the worst."""
+    def invent(self) -> tuple[Tool, Head, Pose, Use]:
+        """A fresh tool, its head, the head's pose in the frame of panda_virtual, and a first use.
+
+        It is the best of a random number of samples: doubtful ones are not always the worst.
+        """
         return _least_faulty(self._invent_once, int(self.rng.integers(2, _TOOL_TRIES + 1)))
 
     def use(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> Use:
         """A plan for a tool; ``find_head`` returns its head and the head's pose for an errand."""
         return _least_faulty(lambda: self._use_once(tool, find_head), _PLAN_TRIES)
 
-    def _invent_once(self) -> tuple[Invention, float]:
+    def _invent_once(self) -> tuple[tuple[Tool, Head, Pose, Use], float]:
         errands = self.sight.errands(self.rng)
         largest = max(errands, key=lambda errand: len(errand.things))
         head = self._head(largest)
@@ -84,7 +77,7 @@ class Workshop:
         at = AT if head.use == "pour" else self._mount(path, head, largest)
         tool = self._build(head, at, path, largest)
         use, fault = self._planned(tool, at, path, text, errands)
-        return Invention(tool, head, at, use), fault + (0.0 if self.accepts(tool) else _BREAKS_RULES)
+        return (tool, head, at, use), fault + (0.0 if self.accepts(tool) else _BREAKS_RULES)
 
     def _head(self, errand: Errand) -> Head:
         grips = handles(errand.holder) if errand.holder is not None and not self.gripper else None

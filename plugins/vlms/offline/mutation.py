@@ -37,10 +37,6 @@ def mutate(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, st
     return joined(mutant), text
 
 
-def _pick(tool: Tool, rng: np.random.Generator) -> int:
-    return int(rng.integers(len(tool.components)))
-
-
 def _with(tool: Tool, number: int, component: Component) -> Tool:
     components = list(tool.components)
     components[number] = component
@@ -49,7 +45,7 @@ def _with(tool: Tool, number: int, component: Component) -> Tool:
 
 def _resized(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
     """Lengthen or shorten one side; children of the component move with its faces."""
-    number, axis = _pick(tool, rng), int(rng.integers(3))
+    number, axis = int(rng.integers(len(tool.components))), int(rng.integers(3))
     factor = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6) * max(scale, 0.2)))
     old = tool.components[number]
     sides = list(old.shape.size)
@@ -63,33 +59,28 @@ def _resized(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, 
     # The end that meets the parent stays where it is.
     shift = old.pose.rotation.as_matrix()[:, axis] * (sides[axis] - old.shape.size[axis]) / 2
     toward = np.sign(float(old.pose.position @ old.pose.rotation.as_matrix()[:, axis])) or 1.0
-    components[number] = replace(
-        old,
-        shape=Box((sides[0], sides[1], sides[2])),
-        pose=Pose(old.pose.position + toward * shift, old.pose.quaternion),
-    )
+    pose = Pose(old.pose.position + toward * shift, old.pose.quaternion)
+    components[number] = replace(old, shape=Box((sides[0], sides[1], sides[2])), pose=pose)
     verb = "lengthened" if factor > 1 else "shortened"
     return replace(tool, components=tuple(components)), f"{old.name} {verb} in {'xyz'[axis]} to {sides[axis]:.3f} m"
 
 
 def _shifted(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    number = _pick(tool, rng)
+    number = int(rng.integers(len(tool.components)))
     old = tool.components[number]
     way = rng.normal(0.0, 0.03 * max(scale, 0.2), 3)
-    return _with(tool, number, replace(old, pose=Pose(old.pose.position + way, old.pose.quaternion))), (
-        f"{old.name} moved by {np.linalg.norm(way) * 1000:.0f} mm"
-    )
+    moved = replace(old, pose=Pose(old.pose.position + way, old.pose.quaternion))
+    return _with(tool, number, moved), f"{old.name} moved by {np.linalg.norm(way) * 1000:.0f} mm"
 
 
 def _turned(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
     """Turn a component and its descendants about one of its axes."""
-    number, axis = _pick(tool, rng), int(rng.integers(3))
+    number, axis = int(rng.integers(len(tool.components))), int(rng.integers(3))
     angle = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.5) * max(scale, 0.3))
     old = tool.components[number]
-    turn = Rotation.from_rotvec(angle * np.eye(3)[axis])
-    return _with(tool, number, replace(old, pose=old.pose @ Pose.from_rotation(np.zeros(3), turn))), (
-        f"{old.name} turned by {np.degrees(angle):.0f} degrees about its {'xyz'[axis]}"
-    )
+    turn = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(angle * np.eye(3)[axis]))
+    text = f"{old.name} turned by {np.degrees(angle):.0f} degrees about its {'xyz'[axis]}"
+    return _with(tool, number, replace(old, pose=old.pose @ turn)), text
 
 
 def _added(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
@@ -114,10 +105,8 @@ def _leaves(tool: Tool) -> list[int]:
 
 
 def _removed(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    number = int(rng.choice(_leaves(tool)))
-    name = tool.components[number].name
-    rest = tuple(c for c in tool.components if c.name != name)
-    return replace(tool, components=rest), f"{name} removed"
+    removed = tool.components[int(rng.choice(_leaves(tool)))]
+    return replace(tool, components=tuple(c for c in tool.components if c is not removed)), f"{removed.name} removed"
 
 
 def _replaced(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
@@ -127,9 +116,8 @@ def _replaced(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool,
     sides = np.clip(np.array(old.shape.size) * np.exp(rng.normal(0.0, 0.5, 3)), _THINNEST_M, 0.6)
     name = free_name("part", {c.name for c in tool.components})
     new = Component(name, old.parent, old.pose, Box((sides[0], sides[1], sides[2])), color=_COLOR)
-    return _with(
-        tool, number, new
-    ), f"{old.name} replaced by a box of {sides[0]:.3f} x {sides[1]:.3f} x {sides[2]:.3f} m"
+    text = f"{old.name} replaced by a box of {sides[0]:.3f} x {sides[1]:.3f} x {sides[2]:.3f} m"
+    return _with(tool, number, new), text
 
 
 def slimmed(tool: Tool) -> tuple[Tool, str]:

@@ -204,11 +204,8 @@ class Sight:
         things = [self.things[self.names.index(name)] for name in goal.bodies]
         if goal.any and len(things) > 1:
             things = [self._easiest(things, rng)]
-        errands: list[Errand] = []
-        for lane in _lanes(things, goal, rng):
-            shift = self._shift(self._errand(lane, np.zeros(3)), goal, rng)
-            errands.append(self._errand(lane, shift))
-        return errands
+        lanes = _lanes(things, goal, rng)
+        return [self._errand(lane, self._shift(self._errand(lane, np.zeros(3)), goal, rng)) for lane in lanes]
 
     def _easiest(self, things: list[Thing], rng: np.random.Generator) -> Thing:
         """A thing with nothing on top, at random from the highest ones."""
@@ -259,11 +256,8 @@ def _lanes(things: list[Thing], goal: Goal, rng: np.random.Generator) -> list[li
     across = positions[:, :2] @ side
     count = int(rng.integers(1, min(4, len(things)) + 1))
     edges = np.linspace(across.min(), across.max() + 1e-9, count + 1)
-    lanes = [
-        [t for t, a in zip(things, across, strict=True) if low <= a < high + 1e-12]
-        for low, high in itertools.pairwise(edges)
-    ]
-    lanes = [lane for lane in lanes if lane]
+    slices = [(across >= low) & (across < high + 1e-12) for low, high in itertools.pairwise(edges)]
+    lanes = [list(itertools.compress(things, inside)) for inside in slices if inside.any()]
     return [lanes[i] for i in rng.permutation(len(lanes))]
 
 
@@ -276,5 +270,4 @@ def _escape(errand: Errand, away: float, rng: np.random.Generator) -> Array:
     length = away * rng.uniform(1.02, 1.4)
     free = np.array([not errand.blocked(length * option) for option in options])
     weights = prior * np.where(free, 1.0, 0.02)
-    chosen: Array = length * options[int(rng.choice(len(options), p=weights / weights.sum()))]
-    return chosen
+    return np.asarray(length * options[int(rng.choice(len(options), p=weights / weights.sum()))])

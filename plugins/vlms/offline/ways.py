@@ -149,9 +149,11 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     over_ground = at + _about(1.0, rng) * errand.shift * np.array([1.0, 1.0, 0.0])
     lift = 0.0 if drags else max(errand.shift[2], errand.clear_z - errand.lower[2] if errand.length > 0.03 else 0.0)
     lift += 0.0 if drags else rng.uniform(0.0, 0.03)
-    if not drags:
-        aside = _step_aside(path, errand, yaw, grip=1.0) if rises else np.zeros(3)
+    if rises and (aside := errand.detour()).any():  # from under an obstacle
+        path.stroke(at + 0.02 * UP, yaw, 0.2, grip=1.0)
+        path.stroke(at + aside + 0.04 * UP, yaw, 0.1, grip=1.0)
         at, over_ground = at + aside, over_ground + aside
+    if not drags:
         path.stroke(at + lift * UP, yaw, 0.3, grip=1.0)
     path.stroke(over_ground + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
     if not rises:
@@ -162,22 +164,11 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     return f"closes the fingers and {verb} by {np.linalg.norm(errand.shift):.2f} m"
 
 
-def _step_aside(path: Path, errand: Errand, yaw: float, *, grip: float = 0.0) -> Array:
-    """Lift the bodies and move them from under an obstacle; returns the step (3,) aside."""
-    aside, at = errand.detour(), path.poses[-1].position
-    if aside.any():
-        path.stroke(at + 0.02 * UP, yaw, 0.2, grip=grip)
-        path.stroke(at + aside + 0.04 * UP, yaw, 0.1, grip=grip)
-    return aside
-
-
 def head_path(errands: Sequence[Errand], head: Head, rng: np.random.Generator) -> tuple[Path, str]:
     """The head's path through all errands, and its description."""
     if head.use == "pour":  # one motion for all
         errands = errands[:1]
-    path, texts = Path(), []
-    ways: dict[str, Way] = {"push": push, "surround": push, "scoop": scoop, "hook": hook}
-    ways |= {"clamp": clamp, "pour": pour}
-    for errand in errands:
-        texts.append(ways[head.use](path, errand, head, rng))
+    path = Path()
+    ways: dict[str, Way] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp, "pour": pour}
+    texts = [ways[head.use](path, errand, head, rng) for errand in errands]
     return path, "; then ".join(dict.fromkeys(texts))
