@@ -22,6 +22,7 @@ from core.interfaces import Reply, Request
 from plugins.vlms.litellm.client import render
 
 _VERSION = 1  # of keys and entries
+_STORED = ("text", "model", "prompt_tokens", "completion_tokens", "cost_usd")
 
 _log = logging.getLogger(__name__)
 
@@ -36,7 +37,7 @@ class Cache:
     """
 
     def __init__(self, folder: str | None, settings: dict[str, Any]) -> None:
-        self.folder = Path(folder) if folder else _users_folder()
+        self.folder = Path(folder) if folder else platformdirs.user_cache_path("vlmgineer") / "replies"
         self._settings = settings
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -75,21 +76,10 @@ class Cache:
     def put(self, request: Request, reply: Reply) -> None:
         """Write a reply that is not an error."""
         file = self.file(request)
-        entry = {
-            "text": reply.text,
-            "model": reply.model,
-            "prompt_tokens": reply.prompt_tokens,
-            "completion_tokens": reply.completion_tokens,
-            "cost_usd": reply.cost_usd,
-        }
         try:
-            _write(file, json.dumps(entry))
+            _write(file, json.dumps({name: getattr(reply, name) for name in _STORED}))
         except OSError as error:  # the run has the reply all the same
             _log.warning("the reply to %s can't be cached in %s: %s", request.id, file.parent, error.strerror)
-
-
-def _users_folder() -> Path:
-    return platformdirs.user_cache_path("vlmgineer") / "replies"
 
 
 def _write(file: Path, text: str) -> None:

@@ -9,12 +9,11 @@ import logging
 import os
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
 from core.errors import UserError
-from core.interfaces import Estimate, Message, Picture, Request
+from core.interfaces import Estimate, Message, Picture, Reply, Request
 
 _log = logging.getLogger(__name__)
 
@@ -29,24 +28,11 @@ _AT_IMPORT = {
 }
 
 
-@dataclass(frozen=True)
-class Answer:
-    """A model's text, and why it stopped ("stop", "length", "content_filter"...). Unknown numbers are None."""
-
-    text: str
-    model: str
-    finish: str
-    prompt_tokens: int | None
-    completion_tokens: int | None
-    cost_usd: float | None
-
-
 def load() -> ModuleType:
     """Import LiteLLM, which takes seconds, and keep it from printing and from fetching anything but answers."""
     os.environ.update(_AT_IMPORT)
     litellm = importlib.import_module("litellm")
-    for name, value in {"suppress_debug_info": True, "telemetry": False, "disable_hf_tokenizer_download": True}.items():
-        setattr(litellm, name, value)
+    litellm.__dict__.update(suppress_debug_info=True, telemetry=False, disable_hf_tokenizer_download=True)
     for logger in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
         logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
     return litellm
@@ -90,11 +76,9 @@ class Client:
                 "such as gemini/gemini-2.5-pro, or openai/NAME with vlm.api_base for a server that speaks OpenAI's API"
             ) from error
         self.model = model
+        given = {"max_tokens": max_output_tokens, "api_base": api_base}
         self._settings: dict[str, Any] = {"timeout": timeout_s, "num_retries": 0, "max_retries": 0}
-        if max_output_tokens is not None:
-            self._settings["max_tokens"] = max_output_tokens
-        if api_base is not None:
-            self._settings["api_base"] = api_base
+        self._settings |= {name: value for name, value in given.items() if value is not None}
         missing = self._missing_keys()
         if missing and api_base is None:
             raise UserError(f"vlm.model={model} needs an API key; set the environment variable {' or '.join(missing)}")
@@ -108,26 +92,23 @@ class Client:
         )
         left_out = [name for name, accepted in self._accepted.items() if not accepted]
         if left_out:
-            _log.warning(
-                "%s accepts no %s: left out of its requests",
-                model,
-                ", no ".join(left_out).replace("response_format", "JSON schema"),
-            )
+            names = ", no ".join(left_out).replace("response_format", "JSON schema")
+            _log.warning("%s accepts no %s: left out of its requests", model, names)
 
     @property
     def priced(self) -> bool:
         """Whether the price of a call is known."""
         return self._price is not None
 
-    def spent(self, request: Request, answer: Answer) -> tuple[int, float]:
-        """Tokens and US dollars of a call: as the answer reports them, otherwise counted; 0 dollars without a price."""
-        prompt, completion = answer.prompt_tokens, answer.completion_tokens
+    def spent(self, request: Request, reply: Reply) -> tuple[int, float]:
+        """Tokens and US dollars of a call: as the reply reports them, otherwise counted; 0 dollars without a price."""
+        prompt, completion = reply.prompt_tokens, reply.completion_tokens
         if prompt is None:
             prompt = int(self._litellm.token_counter(model=self.model, messages=render(request.messages)))
         if completion is None:
-            completion = int(self._litellm.token_counter(model=self.model, text=answer.text))
-        if answer.cost_usd is not None:
-            return prompt + completion, answer.cost_usd
+            completion = int(self._litellm.token_counter(model=self.model, text=reply.text))
+        if reply.cost_usd is not None:
+            return prompt + completion, reply.cost_usd
         per_prompt_token, per_completion_token = self._price or (0.0, 0.0)
         return prompt + completion, prompt * per_prompt_token + completion * per_completion_token
 
@@ -148,8 +129,10 @@ class Client:
             return False
         return True
 
-    def ask(self, request: Request) -> Answer:
-        """Make one call. A schema that the provider refuses is left out from then on: the prompt holds it too.
+    def ask(self, request: Request) -> tuple[Reply, str]:
+        """Make one call; return the reply, and why the model stopped ("stop", "length", "content_filter"...).
+
+        A schema that the provider refuses is left out from then on: the prompt holds it too.
 
         Raises:
             Exception: any error of LiteLLM's.
@@ -158,7 +141,8 @@ class Client:
         try:
             return self._call(request, with_schema)
         except self._litellm.BadRequestError as error:
-            if not (with_schema and _is_about_schema(str(error))):
+            words = ("schema", "response_format", "output_format", "too many states")
+            if not (with_schema and any(word in str(error).lower() for word in words)):
                 raise
         with self._schema_lock:
             if self._accepted["response_format"]:
@@ -166,10 +150,11 @@ class Client:
                 _log.warning("%s refused the JSON schema of the answer: left out of its requests", self.model)
         return self._call(request, False)
 
-    def _call(self, request: Request, with_schema: bool) -> Answer:
+    def _call(self, request: Request, with_schema: bool) -> tuple[Reply, str]:
         settings = dict(self._settings)
         if self._accepted["temperature"]:
-            settings["temperature"] = min(request.temperature, self._max_temperature())
+            most = 1.0 if self._provider == "anthropic" or "claude" in self._bare else 2.0
+            settings["temperature"] = min(request.temperature, most)
         if self._accepted["seed"]:
             settings["seed"] = request.brief.seed
         if with_schema:
@@ -182,18 +167,15 @@ class Client:
         )
         choice = response.choices[0] if response.choices else None
         usage = getattr(response, "usage", None)
-        return Answer(
-            text=writable(choice.message.content or "") if choice else "",
-            model=response.model or self.model,
-            finish=(choice.finish_reason if choice else None) or "none given",
+        reply = Reply(
+            request.id,
+            writable(choice.message.content or "") if choice else "",
+            response.model or self.model,
             prompt_tokens=getattr(usage, "prompt_tokens", None) or None,
             completion_tokens=getattr(usage, "completion_tokens", None) or None,
             cost_usd=self._cost(response),
         )
-
-    def _max_temperature(self) -> float:
-        """The highest temperature that the provider accepts."""
-        return 1.0 if self._provider == "anthropic" or "claude" in self._bare else 2.0
+        return reply, (choice.finish_reason if choice else None) or "none given"
 
     def _cost(self, response: Any) -> float | None:
         """US dollars, by LiteLLM's price list, which has 0 for an unknown price; None: unknown."""
@@ -226,8 +208,3 @@ def _content(message: Message) -> str | list[dict[str, Any]]:
 def writable(text: str) -> str:
     """``text`` with a question mark for each lone surrogate, which JSON can hold but a UTF-8 file can't."""
     return text.encode("utf-8", "replace").decode("utf-8")
-
-
-def _is_about_schema(message: str) -> bool:
-    text = message.lower()
-    return any(word in text for word in ("schema", "response_format", "output_format", "too many states"))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-import queue
 import random
 import re
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import TypeVar
@@ -36,22 +36,18 @@ def within(seconds: float, call: Callable[[], T]) -> T:
         TimedOut: it took longer.
         Exception: an error of ``call``.
     """
-    results: queue.SimpleQueue[tuple[T, None] | tuple[None, Exception]] = queue.SimpleQueue()
+    future: Future[T] = Future()
 
     def work() -> None:
         try:
-            results.put((call(), None))
+            future.set_result(call())
         except Exception as error:
-            results.put((None, error))
+            future.set_exception(error)
 
     threading.Thread(target=work, daemon=True).start()
-    try:
-        result, error = results.get(timeout=seconds)
-    except queue.Empty:
-        raise TimedOut(f"no answer within {seconds:g} s") from None
-    if error is not None:
-        raise error
-    return result  # type: ignore[return-value]
+    if not wait([future], seconds).done:
+        raise TimedOut(f"no answer within {seconds:g} s")
+    return future.result()
 
 
 def pause(error: Exception, tries: int) -> float | None:

@@ -7,13 +7,13 @@ import queue
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from core.errors import LimitReached, UsageError, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request
 from plugins.vlms.litellm.cache import Cache
-from plugins.vlms.litellm.client import Answer, Client, estimate
+from plugins.vlms.litellm.client import Client, estimate
 from plugins.vlms.litellm.failures import explain, pause, within
 from plugins.vlms.litellm.spending import Spending
 
@@ -83,10 +83,10 @@ class LanguageModel(VLM):
     @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
         """Count what a resumed run had already spent towards its limits."""
-        if self._spending.limited and request.id not in self._answered and _was_paid(reply):
-            tokens = reply.prompt_tokens, reply.completion_tokens
-            answer = Answer(reply.text, reply.model, "", *tokens, reply.cost_usd)
-            self._spending.add(*self._client.spent(request, answer))
+        # Neither from the cache nor a failed call.
+        paid = reply.cost_usd != 0.0 and (reply.error is None or reply.prompt_tokens is not None)
+        if self._spending.limited and request.id not in self._answered and paid:
+            self._spending.add(*self._client.spent(request, reply))
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. When the caller closes the iterator, calls that have not begun are dropped.
@@ -105,14 +105,13 @@ class LanguageModel(VLM):
                     request = waiting.get_nowait()
                 except queue.Empty:
                     return
-                result: Reply | LimitReached
                 try:
-                    result = self._cached(request) or self._answer(request, stop)
+                    cached = self._cache.get(request) if self._cache is not None else None
+                    results.put(cached or self._answer(request, stop))
                 except LimitReached as limit:
-                    result = limit
+                    results.put(limit)
                 except Exception as error:  # otherwise the caller would wait for ever
-                    result = Reply(request.id, "", self.model, error=explain(error))
-                results.put(result)
+                    results.put(Reply(request.id, "", self.model, error=explain(error)))
 
         for number in range(min(self.concurrency, len(requests))):
             # Daemons, so that an interrupted process ends without waiting for a server.
@@ -131,9 +130,6 @@ class LanguageModel(VLM):
         if limits:
             raise LimitReached(f"{limits[0]}; {len(limits)} of {len(requests)} requests are left without a reply")
 
-    def _cached(self, request: Request) -> Reply | None:
-        return self._cache.get(request) if self._cache is not None else None
-
     def _answer(self, request: Request, stop: threading.Event) -> Reply:
         """Call the model until a call succeeds or the retries are used up.
 
@@ -150,7 +146,7 @@ class LanguageModel(VLM):
                 raise LimitReached(reached)
             tries += 1
             try:
-                answer = within(self.timeout_s, lambda: self._client.ask(request))
+                reply, finish = within(self.timeout_s, lambda: self._client.ask(request))
             except Exception as error:  # any error of a server or of LiteLLM costs this reply only
                 wait_s = pause(error, tries)
                 if tries > self.retries or wait_s is None:
@@ -159,39 +155,25 @@ class LanguageModel(VLM):
                 stop.wait(wait_s)
             else:
                 if self._spending.limited:
-                    self._spending.add(*self._client.spent(request, answer))
-                reply = self._reply(request, answer)
+                    self._spending.add(*self._client.spent(request, reply))
+                reply = self._judged(reply, finish)
                 if self._cache is not None and reply.error is None:
                     self._cache.put(request, reply)
                 return reply
 
-    def _reply(self, request: Request, answer: Answer) -> Reply:
-        """The answer as a reply, or the reason why it has no text. A text that was cut off is passed on."""
+    def _judged(self, reply: Reply, finish: str) -> Reply:
+        """The reply, with the reason why it has no text. A text that was cut off is passed on."""
         error = None
-        if answer.finish == "content_filter":
+        if finish == "content_filter":
             error = "the provider's safety filter blocked the reply"
-        elif answer.finish == "length" and not answer.text.strip():
+        elif finish == "length" and not reply.text.strip():
             error = "the length limit was reached before any text came; raise vlm.max_output_tokens"
-        elif answer.finish == "length":
-            _log.warning(
-                "%s: the length limit cut off the reply to %s; see vlm.max_output_tokens", self.model, request.id
-            )
-        elif not answer.text.strip():
-            error = f"the reply is empty (finish reason: {answer.finish})"
-        return Reply(
-            request.id,
-            answer.text,
-            answer.model,
-            error,
-            prompt_tokens=answer.prompt_tokens,
-            completion_tokens=answer.completion_tokens,
-            cost_usd=answer.cost_usd,
-        )
-
-
-def _was_paid(reply: Reply) -> bool:
-    """Whether the reply is from a successful call, not from the cache."""
-    return reply.cost_usd != 0.0 and (reply.error is None or reply.prompt_tokens is not None)
+        elif finish == "length":
+            cut = f"the length limit cut off the reply to {reply.request_id}"
+            _log.warning("%s: %s; see vlm.max_output_tokens", self.model, cut)
+        elif not reply.text.strip():
+            error = f"the reply is empty (finish reason: {finish})"
+        return replace(reply, error=error)
 
 
 @dataclass(eq=False)
