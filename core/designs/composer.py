@@ -32,6 +32,7 @@ from core.scene import Body, Geom, Goal, floor, table
 
 SUFFIX = ".md.j2"
 REPAIR = "repair"
+VOCABULARY = (Task, Geom, Body, Goal, table, floor)  # of a task's source
 
 MAX_IDEA = 50_000  # characters
 MAX_REPAIRED = 400_000  # characters of an unreadable reply that are sent back
@@ -40,9 +41,7 @@ MAX_REPAIRED = 400_000  # characters of an unreadable reply that are sent back
 class PromptComposer:
     """Composes prompts from the templates of one folder.
 
-    Args:
-        settings: the folder, and the parts of each prompt; None: the defaults.
-        rollout: how plans are executed, which templates describe; None: the defaults.
+    Templates describe how plans are executed by the settings ``rollout``. None stands for default settings.
 
     Raises:
         UserError: the folder, a part's template or the person's file is missing, or a template is not valid Jinja.
@@ -117,9 +116,7 @@ class PromptComposer:
             "friction": {"tool": TOOL_FRICTION, "fingers": FINGER_FRICTION},
             "tool_rules": representation.instructions(brief).strip(),
             "task_source": task.source().rstrip("\n"),
-            "vocabulary": "\n\n".join(
-                inspect.getsource(part).rstrip() for part in (Task, Geom, Body, Goal, table, floor)
-            ),
+            "vocabulary": "\n\n".join(inspect.getsource(part).rstrip() for part in VOCABULARY),
             "executor": inspect.getsource(plan_motion).rstrip(),
             "urdf": assemble(mounted, visuals=False, mesh_path=lambda path: path.name).rstrip(),
             "home_xyz": _numbers(task.home.position),

@@ -6,8 +6,7 @@ import queue
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import Literal, cast, get_args
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 import pluggy
@@ -23,11 +22,11 @@ from core.plugins import describe_part
 from core.simulation.pictures import draw_stages, png, report_missing
 from core.text import shorten
 
-ToolKind = Literal["rigid", "gripper"]
-TOOL_KINDS: tuple[ToolKind, ...] = get_args(ToolKind)
-DEFAULT_KINDS: tuple[ToolKind, ...] = ("rigid",)  # for a task that names none
+TOOL_KINDS = ("rigid", "gripper")
+DEFAULT_KINDS = ("rigid",)  # for a task that names none
 
 
+@dataclass(eq=False)
 class ModelDesigner:
     """A `core.interfaces.Designer` that sends the requests of all agents at once.
 
@@ -36,34 +35,22 @@ class ModelDesigner:
     only. ``show`` draws an elite's rollout; it is called if the prompts' feedback is ``full``.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        vlm: VLM,
-        representation: ToolRepresentation,
-        prompts: PromptComposer,
-        budget: Budget,
-        *,
-        seed: int,
-        sampling: Sampling,
-        tool_kinds: Sequence[ToolKind],
-        picture: Picture | None,
-        events: pluggy.PluginManager,
-        show: Callable[[Candidate], Picture | None] | None = None,
-    ) -> None:
-        self.task = task
-        self.vlm = vlm
-        self.representation = representation
-        self.prompts = prompts
-        self.budget = budget
-        self.seed = seed
-        self.sampling = sampling
-        self.tool_kinds = tuple(tool_kinds)
-        self.picture = picture
-        self.events = events
-        self.show = show
-        self._spawn = SpawnRules(task, seed)
-        self._given = representation.given(task)
+    task: Task
+    vlm: VLM
+    representation: ToolRepresentation
+    prompts: PromptComposer
+    budget: Budget
+    _: KW_ONLY
+    seed: int
+    sampling: Sampling
+    tool_kinds: Sequence[str]
+    picture: Picture | None
+    events: pluggy.PluginManager
+    show: Callable[[Candidate], Picture | None] | None = None
+
+    def __post_init__(self) -> None:
+        self._spawn = SpawnRules(self.task, self.seed)
+        self._given = self.representation.given(self.task)
 
     def design(self, generation: int, elites: Sequence[Evaluation] = ()) -> Iterator[Candidate]:
         """See `core.interfaces.Designer`.
@@ -92,7 +79,8 @@ class ModelDesigner:
                 candidates = self._read(request.brief, reply)
             except DesignError as error:
                 if repair:
-                    repairs.append(self._repair(request, reply, str(error)))
+                    messages = self.prompts.repair(request, reply, str(error))
+                    repairs.append(replace(request, id=f"{request.id}-repair", messages=messages))
                     continue
                 candidates = [_lost(request.brief, f"the reply can't be read: {error}")]
             yield from candidates
@@ -155,10 +143,6 @@ class ModelDesigner:
         messages = self.prompts.compose(brief, self.picture, pictures)
         schema = answer_schema(brief)
         return Request(f"g{generation}-a{agent}", brief, messages, schema, float(np.clip(temperature, 0.0, 2.0)))
-
-    def _repair(self, request: Request, reply: Reply, problem: str) -> Request:
-        """Compose a request that shows the reply and what is wrong with it."""
-        return replace(request, id=f"{request.id}-repair", messages=self.prompts.repair(request, reply, problem))
 
     def _read(self, brief: Brief, reply: Reply) -> list[Candidate]:
         """Read the candidates of a reply, at most as many as the brief asks for.
@@ -242,7 +226,7 @@ def make_designer(
         budget,
         seed=seed,
         sampling=sampling,
-        tool_kinds=cast(Sequence[ToolKind], tool_kinds),
+        tool_kinds=tool_kinds,
         picture=picture,
         events=events,
         show=show if drawable else None,

@@ -39,10 +39,7 @@ from core.store.recorder import RunStore, best_figures
 def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     """Make the parts that ``cfg`` names, run the loop, and leave everything in ``folder``.
 
-    Args:
-        cfg: the configuration.
-        folder: the run's folder.
-        store: the store of the run in ``folder`` that is resumed; None: a new run.
+    ``store`` is the store of the run in ``folder`` that is resumed; None: a new run.
 
     Raises:
         UserError: a part or setting that can't be used, or a folder that holds a run already or can't be written.
@@ -103,10 +100,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     except KeyboardInterrupt:
         raise KeyboardInterrupt(resume_hint(folder)) from None
     except Exception as error:
-        failure = describe_failure(error)
-        if failure is not None:
-            error.add_note(failure)
-        error.add_note(resume_hint(folder))
+        for note in filter(None, (describe_failure(error), resume_hint(folder))):
+            error.add_note(note)
         raise
     finally:
         events.hook.run_ended()

@@ -16,6 +16,9 @@ from core.errors import UserError
 from core.interfaces import VLM, Reply, Request, Text
 from core.store.database import Database
 
+# An evaluation's numbers, which have columns of the same names.
+FIGURES = ("reward", "distance_m", "ik_error_m", "ik_error_rad", "tracking_error_rad")
+
 
 class StoredProgress:
     """The stored requests, replies and evaluations of a run.
@@ -64,20 +67,12 @@ def _evaluation(candidate: Candidate, row: Row) -> Evaluation:
     return Evaluation(
         candidate,
         row["status"],
-        reward=row["reward"],
-        distance_m=_number(row["distance_m"]),
         reason=row["reason"],
-        ik_error_m=_number(row["ik_error_m"]),
-        ik_error_rad=_number(row["ik_error_rad"]),
-        tracking_error_rad=_number(row["tracking_error_rad"]),
         moved_m=json.loads(row["moved_m"]),
         warnings=tuple(json.loads(row["warnings"])),
         details=json.loads(row["details"]),
+        **{name: math.nan if row[name] is None else row[name] for name in FIGURES},  # SQLite has no nan
     )
-
-
-def _number(stored: float | None) -> float:
-    return math.nan if stored is None else stored  # SQLite has no nan
 
 
 class CachedVLM(VLM):

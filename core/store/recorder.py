@@ -25,7 +25,7 @@ from core.events import Generation, Result, Run
 from core.hooks import hookimpl
 from core.interfaces import Picture, Reply, Request, Text
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
-from core.store.progress import StoredProgress, digest
+from core.store.progress import FIGURES, StoredProgress, digest
 
 _log = logging.getLogger(__name__)
 
@@ -174,6 +174,8 @@ class RunStore:
         if candidate.id in self.past.candidates:
             return
         generation, agent, strategy, action = candidate.key
+        # An engine's numbers may be numpy's.
+        figures: dict[str, Any] = {name: float(getattr(evaluation, name)) for name in FIGURES}
         with self._database.transaction():
             self._insert_strategy(candidate)
             self._database.insert(
@@ -186,15 +188,11 @@ class RunStore:
                 waypoints=json.dumps(candidate.plan.tolist()),
                 status=evaluation.status,
                 reason=evaluation.reason,
-                reward=float(evaluation.reward),  # an engine's numbers may be numpy's
-                distance_m=float(evaluation.distance_m),
-                ik_error_m=float(evaluation.ik_error_m),
-                ik_error_rad=float(evaluation.ik_error_rad),
-                tracking_error_rad=float(evaluation.tracking_error_rad),
                 moved_m=json.dumps(evaluation.moved_m),
                 warnings=json.dumps(evaluation.warnings),
                 content=candidate.content,
                 details=json.dumps(evaluation.details),
+                **figures,
             )
             self._count_time()
 
@@ -224,9 +222,8 @@ class RunStore:
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
         with self._database.transaction():
-            self._database.insert(
-                "generations", replacing=True, number=generation.index, summary=json.dumps(summary(generation))
-            )
+            row = {"number": generation.index, "summary": json.dumps(summary(generation))}
+            self._database.insert("generations", replacing=True, **row)
             self._count_time()
 
     @hookimpl

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from core.design import TIE, Candidate, Evaluation
+from core.design import Candidate, Evaluation
 from core.hooks import hookimpl
-from core.interfaces import Budget, Designer, EvolutionStrategy
+from core.interfaces import EvolutionStrategy
 
 
 @hookimpl
@@ -15,17 +15,9 @@ def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
 
 
 class Sampling(EvolutionStrategy):
-    """Ask for a fresh population in each generation, and ignore what the last one earned.
+    """Ask for a fresh population in each generation, and ignore what the last one earned."""
 
-    Args:
-        designer: asks the model for candidates.
-        budget: not read here.
-        tie: see `core.interfaces.EvolutionStrategy`.
-    """
-
-    def __init__(self, designer: Designer, budget: Budget, tie: float = TIE) -> None:
-        super().__init__(designer, budget, tie)
-        self._generation = 0
+    _generation = 0
 
     def ask(self) -> Iterator[Candidate]:
         return self.designer.design(self._generation)

@@ -60,26 +60,22 @@ class _Joint:
     pose: Pose
 
 
-@dataclass(frozen=True)
-class _Parents:
-    """The components, or the mount, that a link's children can hang from.
+# What a link's children can hang from, components or a mount: for each its name, its box (None: a mount), and the pose
+# of the link's frame in its own frame.
+_Parents = list[tuple[str, Box | None, Pose]]
 
-    Each choice has its name, its box (None: a mount), and the pose of the link's frame in its own frame.
+
+def _nearest(parents: _Parents, box: Box, pose: Pose) -> tuple[str, Pose]:
+    """The component closest to ``box``, the first of equal ones, and the box's pose in that component's frame.
+
+    ``pose`` is the pose of the box in the link's frame.
     """
-
-    choices: tuple[tuple[str, Box | None, Pose], ...]
-
-    def nearest(self, box: Box, pose: Pose) -> tuple[str, Pose]:
-        """The component closest to ``box``, the first of equal ones, and the box's pose in that component's frame.
-
-        ``pose`` is the pose of the box in the link's frame.
-        """
-        gaps = [
-            box_gap(box, frame @ pose, own, Pose()) if own is not None and len(self.choices) > 1 else 0.0
-            for _, own, frame in self.choices
-        ]
-        name, _, frame = self.choices[int(np.argmin(gaps))]
-        return name, frame @ pose
+    gaps = [
+        box_gap(box, frame @ pose, own, Pose()) if own is not None and len(parents) > 1 else 0.0
+        for _, own, frame in parents
+    ]
+    name, _, frame = parents[int(np.argmin(gaps))]
+    return name, frame @ pose
 
 
 @lru_cache(maxsize=1)
@@ -133,7 +129,7 @@ def build_tool(root: Element, gripper: bool) -> Tool:
             )
     _check_joints(joints, links, mounts)
     components: list[Component] = []
-    parents = {mount: _Parents(((mount, None, Pose()),)) for mount in mounts}
+    parents: dict[str, _Parents] = {mount: [(mount, None, Pose())] for mount in mounts}
     taken = {*links, *_robot_names()}
     for name, parent, pose in _from_mounts(links, joints, mounts):
         boxes, parents[name] = _hang(links[name], parents[parent], pose, taken)
@@ -161,9 +157,7 @@ def _read_link(element: Element, name: str, materials: Mapping[str, Color]) -> _
     where = f"link {name!r}"
     visuals = [_read_box(shape, f"{where}: visual", materials) for shape in element.findall("visual")]
     collisions = [_read_box(shape, f"{where}: collision", materials) for shape in element.findall("collision")]
-    boxes = collisions or visuals
-    if visuals and collisions:
-        boxes = _match(visuals, collisions, where)
+    boxes = _match(visuals, collisions, where) if visuals and collisions else collisions or visuals
     inertial = only_child(element, "inertial", where)
     mass = _LINK_KG
     if inertial is not None:
@@ -256,19 +250,17 @@ def _hang(link: _Link, parents: _Parents, pose: Pose, taken: set[str]) -> tuple[
     link without boxes is only a frame: its children hang from the boxes of its parent.
     """
     if not link.boxes:
-        return [], _Parents(tuple((name, box, frame @ pose) for name, box, frame in parents.choices))
+        return [], [(name, box, frame @ pose) for name, box, frame in parents]
     volume = math.fsum(placed.box.volume for placed in link.boxes)
     components: list[Component] = []
-    own: tuple[tuple[str, Box | None, Pose], ...] = ()
+    own: _Parents = []
     for placed in link.boxes:
         name = _free_name(link.name, taken) if own else link.name
-        parent, at = (
-            _Parents(own).nearest(placed.box, placed.pose) if own else parents.nearest(placed.box, pose @ placed.pose)
-        )
+        parent, at = _nearest(own or parents, placed.box, placed.pose if own else pose @ placed.pose)
         share = placed.box.volume / volume if volume > 0 else 1 / len(link.boxes)
         components.append(Component(name, parent, at, placed.box, link.mass * share, placed.color))
-        own = (*own, (name, placed.box, placed.pose.inverse()))
-    return components, _Parents(own)
+        own.append((name, placed.box, placed.pose.inverse()))
+    return components, own
 
 
 def _free_name(name: str, taken: set[str]) -> str:
