@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -89,7 +90,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self.tool = Tool(gripper=gripper) if designs is None else _tool(Path(designs), strategy, tool, self.task)
         self.control_mode = control_mode
         self.render_mode = render_mode
-        self._size = width, height
+        self._draw = partial(self.simulator.render, self.task, tool=self.tool, width=width, height=height)
         moves = (7 if control_mode == "joints" else 6) + self.tool.gripper
         observed = 9 + 13 * len(self.task.scene(0).free)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
@@ -168,16 +169,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         arm, fingers = self._world.joints()
         if not self.tool.gripper:
             fingers = np.full(2, FINGER_OPEN)
-        return self.simulator.render(
-            self.task,
-            seed=self._layout,
-            tool=self.tool,
-            arm=arm,
-            fingers=fingers,
-            state=self._world.state(),
-            width=self._size[0],
-            height=self._size[1],
-        )
+        return self._draw(seed=self._layout, arm=arm, fingers=fingers, state=self._world.state())
 
     def close(self) -> None:
         self._world = None
