@@ -6,7 +6,7 @@ World frame: x forward from the arm's base, y left, z up; metres, kilograms, rad
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -194,10 +194,6 @@ class State:
     def __getitem__(self, index: int) -> State:
         """One world (or time) of many."""
         return State(self.names, *(array[index] for array in self.arrays))
-
-    def each(self) -> Iterator[State]:
-        """Yield the worlds (or times) of the first axis, one by one."""
-        return (self[i] for i in range(len(self.positions)))
 
     @staticmethod
     def stack(states: Sequence[State]) -> State:
