@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import operator
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
@@ -53,15 +54,8 @@ class Trial(Candidate):
 
 def attempt(trials: Sequence[Candidate]) -> list[Evaluation]:
     """Try each trial with its own evaluator; neighbours that share one go together."""
-    evaluations: list[Evaluation] = []
-    for evaluator, group in itertools.groupby(trials, key=_evaluator):
-        evaluations += evaluator(list(group))
-    return evaluations
-
-
-def _evaluator(trial: Candidate) -> Evaluator:
-    assert isinstance(trial, Trial)
-    return trial.evaluator
+    groups = itertools.groupby(trials, key=operator.attrgetter("evaluator"))
+    return [evaluation for evaluator, group in groups for evaluation in evaluator(list(group))]
 
 
 def transfer(cfg: DictConfig) -> dict[str, Any]:
@@ -81,9 +75,8 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     settings, ranges = node(cfg.rollout, RolloutSettings), node(cfg.perturbation, PerturbationRange)
     evaluators: dict[tuple[str, int | None], Evaluator] = {}
     for engine, sim in sims.items():
-        evaluator = Evaluator(task, sim, cfg.seed, settings)
-        evaluators[engine, None] = evaluator
-        evaluators |= {(engine, change): perturbed(evaluator, ranges, change) for change in cfg.seeds}
+        evaluators[engine, None] = nominal = Evaluator(task, sim, cfg.seed, settings)
+        evaluators |= {(engine, change): perturbed(nominal, ranges, change) for change in cfg.seeds}
     tried: dict[tuple[str, str, int | None], Evaluation] = {}
     with part("executor", cfg.executor).create() as executor:
         for evaluation in track(

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 def pictures(results: Results, tools: Tools) -> list[Picture]:
     """All figures that have something to show."""
+    if not results.groups:
+        return []
     found = [
         rewards(results),
         deviations(results),
@@ -55,10 +57,8 @@ def _runs(groups: Sequence[Group]) -> str:
     return f"{' to '.join(map(str, dict.fromkeys([counts[0], counts[-1]])))} run{'s' if counts[-1] > 1 else ''} per bar"
 
 
-def rewards(results: Results) -> Picture | None:
+def rewards(results: Results) -> Picture:
     """Grouped bars: average and best."""
-    if not results.groups:
-        return None
 
     def paint() -> Figure:
         from matplotlib.patches import Patch
@@ -84,10 +84,8 @@ def _rewards(ax: Axes, results: Results, tasks: Sequence[str], methods: Sequence
     task_axis(ax, tasks, len(methods))
 
 
-def deviations(results: Results) -> Picture | None:
+def deviations(results: Results) -> Picture:
     """Bars of the average with whiskers, and every run as a dot."""
-    if not results.groups:
-        return None
 
     def paint() -> Figure:
         tasks, methods = results.tasks, results.methods
