@@ -81,13 +81,10 @@ _NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :]))  # 
 
 
 class _Canvas:
-    """The colour, depth, normal and number of the solid in front, by pixel; row 0 is the lowest."""
+    """The colour, normal, depth and number of the solid in front, by pixel (height, width, 8); row 0 is the lowest."""
 
     def __init__(self, width: int, height: int) -> None:
-        self.color = np.zeros((height, width, 3))
-        self.depth = np.full((height, width), -np.inf)
-        self.normal = np.zeros((height, width, 3))
-        self.number = np.full((height, width), -1)
+        self.pixels = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -np.inf, -1.0], (height, width, 1))
 
     def triangle(self, corners: Array, color: Array, normal: Array, number: int) -> None:
         """Draw a triangle; corners (3, 3) and normal (3,) are column, row, and depth toward the eye."""
@@ -95,33 +92,33 @@ class _Canvas:
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         if abs(area) < 1e-9:
             return
-        height, width = self.depth.shape
+        height, width, _ = self.pixels.shape
         x0, x1 = max(0, int(min(ax, bx, cx))), min(width, int(max(ax, bx, cx)) + 2)
         y0, y1 = max(0, int(min(ay, by, cy))), min(height, int(max(ay, by, cy)) + 2)
         x, y = np.meshgrid(np.arange(x0, x1) + 0.5, np.arange(y0, y1) + 0.5)
         b = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / area
         c = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / area
         depth = az + b * (bz - az) + c * (cz - az)
-        window = np.s_[y0:y1, x0:x1]
-        front = (b >= 0) & (c >= 0) & (b + c <= 1) & (depth > self.depth[window] + _BEHIND)
-        self.depth[window][front] = depth[front]
-        self.color[window][front] = color
-        self.normal[window][front] = normal
-        self.number[window][front] = number
+        window = self.pixels[y0:y1, x0:x1]
+        front = (b >= 0) & (c >= 0) & (b + c <= 1) & (depth > window[..., 6] + _BEHIND)
+        window[front] = [*color, *normal, 0.0, number]
+        window[front, 6] = depth[front]
 
     def picture(self, step: float) -> Pixels:
         """The picture with edges, at its final size, row 0 on top."""
-        solid = self.number >= 0
+        colors, normals, depth, number = np.split(self.pixels, [3, 6, 7], axis=-1)
+        depth, number = depth[..., 0], number[..., 0]
+        solid = number >= 0
         edge = np.zeros_like(solid)
         for along, (here, there) in enumerate(_NEIGHBOURS):
             both = solid[here] & solid[there]
-            normal = self.normal[here]
+            normal = normals[here]
             slope = -normal[..., along] / np.maximum(normal[..., 2], 1e-6)  # of the face, from pixel to pixel
             with np.errstate(invalid="ignore"):  # ground behind ground
-                apart = np.abs(self.depth[there] - self.depth[here] - slope) > step
-            bent = (normal * self.normal[there]).sum(axis=-1) < _SMOOTH
-            edge[here] |= (self.number[here] != self.number[there]) | (both & (bent | apart))
-        color = np.where((edge & solid)[..., None], self.color * _EDGE, self.color)
+                apart = np.abs(depth[there] - depth[here] - slope) > step
+            bent = (normal * normals[there]).sum(axis=-1) < _SMOOTH
+            edge[here] |= (number[here] != number[there]) | (both & (bent | apart))
+        color = np.where((edge & solid)[..., None], colors * _EDGE, colors)
         alpha = solid.astype(np.float64)
         height, width = alpha.shape
         blocks = (height // _OVER, _OVER, width // _OVER, _OVER)

@@ -189,16 +189,14 @@ def costs(results: Results) -> Table:
         spent: list[Spending] = [s for s in map(spending, g.runs) if s is not None]
         seconds = sum(run.figures.wall_time_s for run in g.runs)
         tried = sum(run.figures.n_evaluations for run in g.runs)
-        sums = (
-            _over_known(sum, [s.prompt_tokens for s in spent]),
-            _over_known(sum, [s.completion_tokens for s in spent]),
-        )
+        names = ("prompt_tokens", "completion_tokens", "cost_usd")
         rows.append(
             (
                 *(g.task, g.method, len(g.runs), tried / len(g.runs), seconds / len(g.runs)),
                 tried / seconds if seconds > 0 else None,
                 sum(s.requests for s in spent) / len(spent) if spent else None,
-                *(sum(s.errors for s in spent), *sums, _over_known(sum, [s.cost_usd for s in spent])),
+                sum(s.errors for s in spent),
+                *(_over_known(sum, [getattr(s, name) for s in spent]) for name in names),
             )
         )
     note = "Tokens and dollars are sums over the runs, of the replies that report them; empty where none does."

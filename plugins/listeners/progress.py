@@ -32,12 +32,12 @@ class ProgressListener:
     @hookimpl
     def run_started(self, run: Run) -> None:
         self._population = run.budget.population
-        generations = run.budget.n_iteration + 1
         names = " ".join(f"{kind}={name}" for kind, name in run.parts.items())
         self._print(f"{names} seed={run.seed}", style="bold")
-        self._print(f"model: {run.model}")
-        self._print(f"{generations} generations of {self._population} candidates")
-        self._print(f"folder: {run.folder}")
+        self._print(
+            f"model: {run.model}\n{run.budget.n_iteration + 1} generations of {self._population} candidates\n"
+            f"folder: {run.folder}"
+        )
 
     @hookimpl
     def generation_started(self, index: int) -> None:
@@ -76,9 +76,8 @@ class ProgressListener:
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
         self._stop()
-        rate = result.n_evaluations / result.wall_time_s
-        took = f"{result.n_evaluations} rollouts in {result.wall_time_s:.0f} s, {rate:.1f} per second"
-        self._print(took)
+        count, seconds = result.n_evaluations, result.wall_time_s
+        self._print(f"{count} rollouts in {seconds:.0f} s, {count / seconds:.1f} per second")
 
     @hookimpl
     def run_ended(self) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.cli import print_table
-from core.design import Evaluation, best_tools
+from core.design import best_tools
 from core.hooks import hookimpl
 from core.report.formats import number
 from core.text import clean
@@ -67,21 +67,15 @@ def _print_generations(generations: Iterable[Generation]) -> None:
 
 def _print_tools(result: Result, top: int) -> None:
     numbers = ("reward", "distance m", "components", "mass g")
-    rows = [_row(evaluation) for evaluation in best_tools(result.ranking)[:top]]
+    rows = []
+    for evaluation in best_tools(result.ranking)[:top]:
+        candidate, tool = evaluation.candidate, evaluation.candidate.tool
+        assert tool is not None
+        figures = (number(evaluation.reward, 3), number(evaluation.distance_m, 2))
+        counts = (str(len(tool.components)), f"{1000 * tool.mass:.0f}")
+        name = clean(tool.name or candidate.strategy_name, _LONGEST)
+        rows.append((*figures, *counts, candidate.id, name))
     print_table((*numbers, "candidate", "tool"), rows, numbers, sys.stderr)
-
-
-def _row(evaluation: Evaluation) -> tuple[str, ...]:
-    candidate, tool = evaluation.candidate, evaluation.candidate.tool
-    assert tool is not None
-    return (
-        number(evaluation.reward, 3),
-        f"{evaluation.distance_m:.2f}",
-        str(len(tool.components)),
-        f"{1000 * tool.mass:.0f}",
-        candidate.id,
-        clean(tool.name or candidate.strategy_name, _LONGEST),
-    )
 
 
 def _spent(replies: list[Reply]) -> str:

@@ -7,26 +7,25 @@ There are two timelines. ``sim_time`` runs through the recorded rollouts, one af
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import rerun as rr
 import trimesh
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Evaluation, Tool
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
 from core.events import Generation, Run
 from core.geometry import Array, Pose
-from core.interfaces import Reply
+from core.interfaces import Recording, Reply
 from core.report.tools import as_held, solids
 from core.robot.kinematics import arm
+from core.scene import Color, State
+from core.simulation.rollout import prepare
 from plugins.listeners.rerun.arm import links, tracks
 from plugins.listeners.rerun.layout import Contents, layout
 from plugins.listeners.rerun.lineage import Lineage
-from plugins.listeners.rerun.replay import replay
-from plugins.listeners.rerun.shapes import joined, shaded
-from plugins.listeners.rerun.spending import spent, total
 from plugins.listeners.rerun.streams import Path, Streams
-from plugins.listeners.rerun.words import design_text, run_text, tools_text
+from plugins.listeners.rerun.words import design_text, run_text, tools_text, total
 
 _PAUSE_S = 0.5  # between two rollouts
 _GAP_M = 0.08  # between two tools side by side
@@ -35,11 +34,9 @@ _PATH_COLOR = (230, 120, 20)
 _LABEL_COLOR = (90, 90, 90)
 _ELITE_COLOR = (20, 120, 60)
 _SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200), "deviation": (150, 150, 150)}
-_SPENT = {
-    "prompt_tokens": ("tokens", "prompt"),
-    "completion_tokens": ("tokens", "completion"),
-    "cost_usd": ("cost_usd",),
-}  # figures of replies, and their places
+# Figures of replies, and their places.
+_SPENT = {"prompt_tokens": "tokens/prompt", "completion_tokens": "tokens/completion", "cost_usd": "cost_usd"}
+_SHARP_RAD = np.radians(30.0)  # faces that meet at a wider angle are shaded apart
 _HAND = ("panda_hand", *GRIPPER_MOUNTS)
 _MOUNTS = (RIGID_MOUNT, *GRIPPER_MOUNTS)
 
@@ -80,17 +77,17 @@ class Writer:
             figures = {"best": max(rewards), "mean": float(np.mean(rewards)), "deviation": float(np.std(rewards))}
             for name, figure in figures.items():
                 self._put(("search", "reward", name), rr.Scalars(figure))
-        for name, path in _SPENT.items():
+        for name, place in _SPENT.items():
             count = self._total(name)
             if count is not None:
-                self._put(("search", *path), rr.Scalars(count))
+                self._put(("search", *place.split("/")), rr.Scalars(count))
         designed = [e for e in tools if e.candidate.tool is not None and e.candidate.tool.components]
         self._side_by_side(designed)
         self._write("tools", tools_text(designed, self._run.budget.reward_save))
         self._lineage.add(generation.index, tools)
         if self._lineage.places:
             self._put(("lineage",), self._lineage.nodes(), self._lineage.arrows())
-        self._write("run", run_text(self._run, self._generations, map(spent, self._replies)), rr.MediaType.MARKDOWN)
+        self._write("run", run_text(self._run, self._generations, self._replies), rr.MediaType.MARKDOWN)
         self._arrange()
         self._streams.flush()
 
@@ -111,8 +108,7 @@ class Writer:
         self._mount(candidate.tool)
         path = rr.LineStrips3D([arm().positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
         self._put(("world", "path"), path)
-        waypoints = rr.Points3D(candidate.plan[:, :3], colors=_PATH_COLOR, radii=0.008)
-        self._put(("world", "waypoints"), waypoints)
+        self._put(("world", "waypoints"), rr.Points3D(candidate.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
         text = design_text(evaluation, float(rewards[-1]))
         self._write("design", f"generation {generation}, rank {rank}\n{text}")
 
@@ -146,8 +142,7 @@ class Writer:
             self._show(("world", "robot", name), hand.get(name), once=True)
         placed = solids(tool)
         for mount in _MOUNTS:
-            mesh = joined(placed[mount]) if mount in placed else None
-            self._show(("world", "robot", mount, "tool"), mesh)
+            self._show(("world", "robot", mount, "tool"), joined(placed[mount]) if mount in placed else None)
 
     def _side_by_side(self, tools: Sequence[Evaluation]) -> None:
         """Show each tool as it hangs from the arm at home, in a row along x, ranks from left to right from -y."""
@@ -207,6 +202,39 @@ class Writer:
     def _move(self, path: Path, times: Array, generation: int, positions: Array, quaternions: Array) -> None:
         poses = rr.Transform3D.columns(translation=positions, quaternion=quaternions)
         self._streams.columns(path, times, generation, poses)
+
+
+def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Recording, Array]:
+    """Play a candidate in the run's own simulator, in this process.
+
+    Returns:
+        The recording over instants (T,), and the reward (T,) if it ended there, nan while the scene settles.
+
+    Raises:
+        ValueError: the rollout breaks, or the run has no simulator.
+    """
+    if run.simulator is None:
+        raise ValueError("the run has no simulator to play it with")
+    _, job = prepare(run.task, candidate, run.seed, run.settings, record_hz=hz)
+    outcome = run.simulator.rollout(run.task, [job])[0]
+    recording, start = outcome.recording, outcome.start
+    if recording is None or start is None:
+        raise ValueError(outcome.error or "no recording came back")
+    starts = State.stack([start] * len(recording.times))
+    rewards = np.asarray(run.task.reward(starts, recording.states), dtype=np.float64)
+    return recording, np.where(recording.times >= 0, rewards, np.nan)
+
+
+def shaded(solid: trimesh.Trimesh, color: Color) -> trimesh.Trimesh:
+    """The solid with a normal and a colour at each vertex."""
+    mesh = trimesh.graph.smooth_shade(solid, angle=_SHARP_RAD)
+    mesh.visual.vertex_colors = np.clip(color, 0.0, 1.0)
+    return mesh
+
+
+def joined(solids: Iterable[tuple[Component, trimesh.Trimesh]]) -> trimesh.Trimesh:
+    """Components as one mesh, in their colours."""
+    return trimesh.util.concatenate([shaded(solid, component.color) for component, solid in solids])
 
 
 def _transform(pose: Pose) -> rr.Transform3D:
