@@ -35,9 +35,6 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 
-# --- the task ---------------------------------------------------------------------------------------------------
-
-
 class Task(ABC):
     """A manipulation task: a scene, a goal, and a reward. The model reads its source file as it is."""
 
@@ -62,9 +59,6 @@ class Task(ABC):
     def source(self) -> str:
         """Return the text of the file that defines the task."""
         return inspect.getsource(sys.modules[type(self).__module__])
-
-
-# --- the simulator ----------------------------------------------------------------------------------------------
 
 
 class Simulator(ABC):
@@ -112,9 +106,6 @@ class Simulator(ABC):
             UserError: this engine plays whole rollouts only.
         """
         raise UserError(f"{type(self).__name__} plays whole rollouts only; one that can be stepped is needed")
-
-
-# --- the model --------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,9 +271,6 @@ class GivenTools(ToolRepresentation):
         return {}
 
 
-# --- the search -------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Budget:
     """How many candidates are tried, and which of them become elites (the paper's parameters)."""
@@ -371,9 +359,6 @@ class Fitness(ABC):
     @abstractmethod
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Return one evaluation for each candidate, in order."""
-
-
-# --- the machine ------------------------------------------------------------------------------------------------
 
 
 class Executor(ABC):

@@ -217,9 +217,6 @@ def _no_plan(gripper: bool) -> Array:
     return np.empty((0, len(WAYPOINT) if gripper else len(WAYPOINT) - 1))
 
 
-# --- text and files ---------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Unread:
     """Replaces a strategy that can't be read, and gives the reason."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -34,9 +35,6 @@ WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 
 _TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
 _CARRIER = "panda_link7"  # the link with the flange
-
-
-# --- the tool ---------------------------------------------------------------------------------------------------
 
 
 def check_tool(tool: Tool) -> None:
@@ -70,31 +68,21 @@ def _check_component(component: Component) -> None:
         )
 
 
-def _mount_solids(mount: str) -> list[Solid]:
-    if mount == RIGID_MOUNT:
-        return [Solid(mount, solid_geometry(FLANGE), Pose())]
-    return [solid for solid in robot_solids(True) if solid.name == mount]
-
-
 def _check_contacts(tool: Tool) -> None:
-    mounts = {mount: _mount_solids(mount) for mount in tool.mounts}
-    geometries = {component.name: solid_geometry(component.shape) for component in tool.components}
+    fingers = robot_solids(True) if tool.gripper else ()
+    solids = {mount: [solid for solid in fingers if solid.name == mount] for mount in tool.mounts}
+    if not tool.gripper:
+        solids[RIGID_MOUNT] = [Solid(RIGID_MOUNT, solid_geometry(FLANGE), Pose())]
+    solids |= {c.name: [Solid(c.name, solid_geometry(c.shape), Pose())] for c in tool.components}
     for component in tool.components:
-        solid = Solid(component.name, geometries[component.name], component.pose)
-        on_mount = component.parent in mounts
-        parents = (
-            mounts[component.parent] if on_mount else [Solid(component.parent, geometries[component.parent], Pose())]
-        )
-        gap = min(signed_distance(solid, parent) for parent in parents)
+        (solid,), on_mount = solids[component.name], component.parent in tool.mounts
+        gap = min(signed_distance(replace(solid, pose=component.pose), other) for other in solids[component.parent])
         if gap > (MAX_MOUNT_GAP_M if on_mount else MAX_GAP_M):
             relation = "mount" if on_mount else "parent"
             raise DesignError(
                 f"component {component.name!r} is {gap * 1000:.1f} mm away from its {relation} {component.parent!r}; "
                 "move or lengthen it until they touch"
             )
-
-
-# --- the plan ---------------------------------------------------------------------------------------------------
 
 
 def check_plan(plan: object, *, gripper: bool) -> Array:
@@ -136,9 +124,6 @@ def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> lis
     if reach > MAX_REACH_M:
         raise DesignError(f"{where} is {reach:.2f} m from the base; at most {MAX_REACH_M:g} m are allowed")
     return numbers
-
-
-# --- the spawn --------------------------------------------------------------------------------------------------
 
 
 class SpawnRules:

@@ -37,7 +37,8 @@ def save_design(candidate: Candidate, representation: ToolRepresentation, folder
     (folder / "tool.urdf").write_text(
         f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool)}</robot>\n', encoding="utf-8"
     )
-    (folder / "robot.urdf").write_text(assemble(tool, mesh_path=MeshCopier(folder)), encoding="utf-8")
+    robot = assemble(tool, mesh_path=lambda mesh: _copied(mesh, folder))
+    (folder / "robot.urdf").write_text(robot, encoding="utf-8")
     tool_mesh(tool).export(folder / "tool.stl")
 
 
@@ -51,21 +52,14 @@ def _mounts(tool: Tool) -> str:
     return "".join(f'<link name="{name}"/>\n' for name in tool.mounts) + "".join(joints)
 
 
-class MeshCopier:
-    """Copy the arm's small collision meshes to ``meshes/`` beside a URDF, and give their relative paths.
-
-    They serve as visual and as collision shapes.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder / "meshes"
-        self._folder.mkdir(exist_ok=True)
-
-    def __call__(self, mesh: Path) -> str:
-        small = mesh.parents[1] / "collision" / f"{mesh.stem}.stl"
-        if not (self._folder / small.name).exists():
-            shutil.copy(small, self._folder)
-        return f"meshes/{small.name}"
+def _copied(mesh: Path, folder: Path) -> str:
+    """Copy the small collision mesh of the same link to ``meshes/`` in ``folder``, and give its relative path."""
+    small = mesh.parents[1] / "collision" / f"{mesh.stem}.stl"
+    copy = folder / "meshes" / small.name
+    if not copy.exists():
+        copy.parent.mkdir(exist_ok=True)
+        shutil.copy(small, copy)
+    return f"meshes/{small.name}"
 
 
 def tool_mesh(tool: Tool) -> trimesh.Trimesh:

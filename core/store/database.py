@@ -57,14 +57,8 @@ _STEPS: tuple[tuple[str, ...], ...] = (
 SCHEMA_VERSION = len(_STEPS)
 
 _REFUSALS = {
-    sqlite3.SQLITE_FULL,
-    sqlite3.SQLITE_IOERR,
-    sqlite3.SQLITE_READONLY,
-    sqlite3.SQLITE_CANTOPEN,
-    sqlite3.SQLITE_PERM,
-    sqlite3.SQLITE_BUSY,
-    sqlite3.SQLITE_CORRUPT,
-    sqlite3.SQLITE_NOTADB,
+    getattr(sqlite3, f"SQLITE_{name}")
+    for name in ("FULL", "IOERR", "READONLY", "CANTOPEN", "PERM", "BUSY", "CORRUPT", "NOTADB")
 }
 _PATIENCE_S = 10.0  # with another process that has the file open, such as a SQLite shell
 

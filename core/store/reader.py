@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from sqlite3 import Row
 from typing import Any
@@ -49,12 +50,11 @@ def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: 
     Raises:
         UserError: the folder holds no run.
     """
-    strategies = {
-        (row["generation"], row["agent"], row["strategy"]): row for row in _query(folder, "SELECT * FROM strategies")
-    }
+    key_of = itemgetter("generation", "agent", "strategy")
+    strategies = {key_of(row): row for row in _query(folder, "SELECT * FROM strategies")}
     rows = _query(folder, "SELECT * FROM evaluations WHERE status = 'ok' ORDER BY generation, agent, strategy, plan")
     evaluations = []
-    for key, group in groupby(rows, key=lambda row: (row["generation"], row["agent"], row["strategy"])):
+    for key, group in groupby(rows, key_of):
         plans = list(group)
         design = json.loads(strategies[key]["design"])
         design["action_sets"] = [json.loads(row["waypoints"]) for row in plans]

@@ -7,7 +7,6 @@ the flange.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -72,8 +71,8 @@ def spatula() -> Tool:
     )
     neck_pose = Pose.xyz_rpy((0.095, 0.0, -0.03), (0.0, 1.2, 0.0))
     neck = Component("neck", "handle", handle.pose.inverse() @ neck_pose, Box((0.062, 0.02, 0.005)), color=HANDLE)
-    head = replace(_on(handle, "head", (0.2, 0.0, -0.0575), (0.22, 0.22, 0.005)), parent="neck")
-    head = replace(head, pose=neck_pose.inverse() @ Pose(np.array([0.2, 0.0, -0.0575])))
+    head_pose = neck_pose.inverse() @ Pose(np.array([0.2, 0.0, -0.0575]))
+    head = Component("head", "neck", head_pose, Box((0.22, 0.22, 0.005)), color=HEAD)
     return Tool((handle, neck, head), name="spatula", description="a flat head 0.22 m square, lower than its handle")
 
 

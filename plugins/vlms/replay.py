@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from core.errors import UsageError, UserError
@@ -43,6 +42,6 @@ class Replay(VLM):
         self.model = f"replay of {', '.join(models) or 'nothing'} from {run}"
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
-        missing = Reply("", "", self.model, error="the past run has no reply to this request")
         for request in requests:
-            yield self._replies.get(request.id, replace(missing, request_id=request.id))
+            missing = Reply(request.id, "", self.model, error="the past run has no reply to this request")
+            yield self._replies.get(request.id, missing)

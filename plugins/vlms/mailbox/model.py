@@ -6,6 +6,7 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from core.design import DesignError
@@ -83,15 +84,15 @@ class Mailbox(VLM):
                 time.sleep(self._poll_s)
 
 
+@dataclass(eq=False)
 class Letter:
-    """One request and its folder."""
+    """One request and its folder. By file, it keeps size and time of change at the last check and at a refusal."""
 
-    def __init__(self, request: Request, folder: Path, quiet_s: float) -> None:
-        self.request = request
-        self.folder = folder
-        self._quiet_s = quiet_s
-        self._last: dict[str, tuple[int, int]] = {}  # by file: size and time of change at the last check
-        self._refused: dict[str, tuple[int, int]] = {}
+    request: Request
+    folder: Path
+    quiet_s: float
+    _last: dict[str, tuple[int, int]] = field(default_factory=dict)
+    _refused: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def post(self) -> None:
         """Write the request, if it is not there yet.
@@ -123,11 +124,7 @@ class Letter:
         """A usable reply; empty: the person skipped the request; None: there is no reply yet."""
         if (self.folder / SKIP).exists():
             return ""
-        for name in REPLIES:
-            text = self._read(name)
-            if text is not None:
-                return text
-        return None
+        return next((text for name in REPLIES if (text := self._read(name)) is not None), None)
 
     def _read(self, name: str) -> str | None:
         """The text of one file, if it is new, complete and usable."""
@@ -136,11 +133,10 @@ class Letter:
         if mark is None or mark == self._refused.get(name):
             return None
         known, self._last[name] = self._last.get(name), mark
-        quiet = time.time() - mark[1] / 1e9 >= self._quiet_s
+        quiet = time.time() - mark[1] / 1e9 >= self.quiet_s
         if known != mark and not quiet:  # perhaps still being written
             return None
         text, complete, usable = "", False, False
-        problems: list[str] = []
         try:
             text = _load(file)
             complete, usable, problems = judge(self.request, text)
@@ -173,13 +169,8 @@ def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
     """
     brief = request.brief
     document = parse_reply(text)
-    candidates = read_designs(
-        document,
-        brief.representation,
-        SpawnRules(brief.task, brief.scene_seed),
-        n_tool=brief.n_tool,
-        n_action=brief.n_action,
-    )
+    spawn = SpawnRules(brief.task, brief.scene_seed)
+    candidates = read_designs(document, brief.representation, spawn, n_tool=brief.n_tool, n_action=brief.n_action)
     strategies = document["strategies"] if isinstance(document, dict) else []
     complete = not any(isinstance(strategy, Unread) for strategy in strategies)
     problems = dict.fromkeys(f"strategy {c.strategy + 1}: {c.problem}" for c in candidates if c.problem is not None)
