@@ -56,9 +56,7 @@ class Tool:
         known = set(self.mounts)
         for component in self.components:
             if component.name in known:
-                raise DesignError(
-                    f"two parts of the tool are named {component.name!r}; each link needs a name of its own"
-                )
+                raise DesignError(f"two parts of the tool are named {component.name!r}; each needs its own name")
             if component.parent not in known:
                 raise DesignError(
                     f"component {component.name!r} hangs from {component.parent!r}, which is neither a component "

@@ -297,7 +297,6 @@ class Designer(Protocol):
 
         Candidates that break a rule are among them (`Candidate.problem`). The best elite comes first.
         """
-        ...
 
 
 class EvolutionStrategy(ABC):
@@ -337,11 +336,9 @@ class Evaluate(Protocol):
     @property
     def batch(self) -> int:
         """The best number of candidates in a call; above 1 they need not share a tool."""
-        ...
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Return one evaluation for each candidate, in order."""
-        ...
 
 
 class Fitness(ABC):

@@ -121,12 +121,9 @@ class World(Protocol):
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         """Drive the joints to targets (7,) and a finger opening at these speeds, and advance by one time step."""
-        ...
 
     def joints(self) -> tuple[Array, Array]:
         """Return the arm's joints (7,) and the fingers (2,), which are 0 on a robot without fingers."""
-        ...
 
     def state(self) -> State:
         """Return the state of the free bodies."""
-        ...

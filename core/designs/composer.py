@@ -183,9 +183,7 @@ def _load(folder: Path | None, parts: set[str]) -> tuple[dict[str, jinja2.Templa
     if not root.is_dir():
         raise UserError(f"no prompt folder {root}; name a folder of templates, or leave prompt.dir out")
     # Sandboxed, because a third-party folder must do no more than fill in text.
-    environment = SandboxedEnvironment(
-        undefined=jinja2.StrictUndefined, autoescape=False, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = SandboxedEnvironment(undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["counted"] = counted
     there = {file.name: file for file in root.iterdir() if file.name.endswith(SUFFIX)}
     templates, names = {}, set()
@@ -211,9 +209,7 @@ def _read_idea(file: str | None, *, wanted: bool) -> str | None:
         UserError: it is wanted and missing, or given and not wanted, or not readable text.
     """
     if not file and wanted:
-        raise UsageError(
-            "prompt.file is empty; give the text file with a person's idea, such as prompt.file=my_idea.md"
-        )
+        raise UsageError("prompt.file is empty; give the text file with your idea, such as prompt.file=my_idea.md")
     if not file:
         return None
     if not wanted:

@@ -135,9 +135,7 @@ def _read_gripper(strategy: dict[Any, Any], given: Tool | None) -> bool:
     if not isinstance(gripper, bool):
         raise DesignError(f"'gripper' is {kind(gripper)}; it must be true or false")
     if given is not None and gripper != given.gripper:
-        raise DesignError(
-            f"'gripper' is {str(gripper).lower()}; for the given tool it must be {str(given.gripper).lower()}"
-        )
+        raise DesignError(f"'gripper' is {str(gripper).lower()}; the given tool needs {str(given.gripper).lower()}")
     return gripper
 
 

@@ -34,9 +34,8 @@ def save_design(candidate: Candidate, representation: ToolRepresentation, folder
         names = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"]
         writer.writerow(names[: candidate.plan.shape[1]])
         writer.writerows(candidate.plan.tolist())
-    (folder / "tool.urdf").write_text(
-        f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool)}</robot>\n', encoding="utf-8"
-    )
+    urdf = f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool)}</robot>\n'
+    (folder / "tool.urdf").write_text(urdf, encoding="utf-8")
     robot = assemble(tool, mesh_path=lambda mesh: _copied(mesh, folder))
     (folder / "robot.urdf").write_text(robot, encoding="utf-8")
     tool_mesh(tool).export(folder / "tool.stl")

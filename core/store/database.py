@@ -159,9 +159,7 @@ class Database:
     def begun(self) -> bool:
         """Say if a run has begun in it."""
         with self._using, writing(self.folder):
-            return (
-                _version(self._connection) > 0 and self._connection.execute("SELECT 1 FROM run").fetchone() is not None
-            )
+            return _version(self._connection) > 0 and bool(self._connection.execute("SELECT 1 FROM run").fetchone())
 
     def upgrade(self) -> None:
         """Bring the tables to this version's schema; within a `transaction`."""

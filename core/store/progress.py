@@ -31,9 +31,7 @@ class StoredProgress:
 
     def __init__(self, database: Database) -> None:
         self._folder = database.folder
-        self.requests: dict[str, str | None] = {
-            row["id"]: row["digest"] for row in database.rows("SELECT id, digest FROM requests")
-        }
+        self.requests: dict[str, str | None] = dict(map(tuple, database.rows("SELECT id, digest FROM requests")))
         replies = "SELECT request_id, text, model, error, prompt_tokens, completion_tokens, cost_usd FROM replies"
         self.replies = {row["request_id"]: Reply(*row) for row in database.rows(replies)}
         self._evaluations = {row["candidate"]: row for row in database.rows("SELECT * FROM evaluations")}

@@ -214,10 +214,8 @@ class RunStore:
         )
 
     def _count_time(self) -> None:
-        seconds = time.monotonic() - self._began
-        self._database.execute(
-            "UPDATE sessions SET seconds = ? WHERE number = (SELECT max(number) FROM sessions)", seconds
-        )
+        statement = "UPDATE sessions SET seconds = ? WHERE number = (SELECT max(number) FROM sessions)"
+        self._database.execute(statement, time.monotonic() - self._began)
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:

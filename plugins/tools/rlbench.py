@@ -66,9 +66,8 @@ def hockey_stick() -> Tool:
 
 def spatula() -> Tool:
     """A flat head, lower than its handle."""
-    handle = Component(
-        "handle", RIGID_MOUNT, Pose(np.array([0.05, 0.0, -0.0025])), Box((0.10, 0.02, 0.005)), color=HANDLE
-    )
+    handle_pose = Pose(np.array([0.05, 0.0, -0.0025]))
+    handle = Component("handle", RIGID_MOUNT, handle_pose, Box((0.10, 0.02, 0.005)), color=HANDLE)
     neck_pose = Pose.xyz_rpy((0.095, 0.0, -0.03), (0.0, 1.2, 0.0))
     neck = Component("neck", "handle", handle.pose.inverse() @ neck_pose, Box((0.062, 0.02, 0.005)), color=HANDLE)
     head_pose = neck_pose.inverse() @ Pose(np.array([0.2, 0.0, -0.0575]))

@@ -92,9 +92,7 @@ def _check_name(name: str | None, what: str, taken: Mapping[str, object] | set[s
     if name is None:
         raise DesignError(f"a {what} has no name")
     if not _NAME.fullmatch(name) or len(name) > MAX_NAME[what]:
-        raise DesignError(
-            f"the {what} name {shorten(name)} is not 1 to {MAX_NAME[what]} letters, digits, '_', '.' or '-'"
-        )
+        raise DesignError(f"{what} name {shorten(name)} is not 1 to {MAX_NAME[what]} letters, digits, '_', '.' or '-'")
     if name in _robot_names():
         raise DesignError(f"{what} {name!r} is the robot's own; the block holds only the tool's links and joints")
     if name in taken:
@@ -124,9 +122,7 @@ def build_tool(root: Element, gripper: bool) -> Tool:
                 raise DesignError(f"link {joint.child!r} is the child of two joints; a link has one parent")
             joints[joint.child] = joint
         elif element.tag != "material":
-            raise DesignError(
-                f"<{shorten(element.tag)[1:-1]}> is not allowed in a tool; use <link>, <joint> and <material>"
-            )
+            raise DesignError(f"<{shorten(element.tag)[1:-1]}> is not allowed; use <link>, <joint> and <material>")
     _check_joints(joints, links, mounts)
     components: list[Component] = []
     parents: dict[str, _Parents] = {mount: [(mount, None, Pose())] for mount in mounts}
@@ -171,9 +167,7 @@ def _read_box(element: Element, where: str, materials: Mapping[str, Color]) -> _
     shapes = [] if geometry is None else list(geometry)
     if len(shapes) != 1 or shapes[0].tag != "box":
         found = ", ".join(f"<{shorten(shape.tag)[1:-1]}>" for shape in shapes[:3]) or "nothing"
-        raise DesignError(
-            f'{where}: tools are made of boxes only; expected one <geometry><box size="x y z"/>, found {found}'
-        )
+        raise DesignError(f'{where}: boxes only; expected one <geometry><box size="x y z"/>, found {found}')
     text = attribute(shapes[0], "box", "size", where)
     x, y, z = read_numbers(text, 3, f"{where}: box size")
     if min(x, y, z) <= 0:
@@ -200,9 +194,7 @@ def _match(visuals: list[_PlacedBox], collisions: list[_PlacedBox], where: str) 
 
 def _read_joint(element: Element, where: str) -> _Joint:
     if element.get("type") != "fixed":
-        raise DesignError(
-            f'{where} is of type {shorten(element.get("type", ""))}; tools are rigid, so use type "fixed"'
-        )
+        raise DesignError(f'{where} is of type {shorten(element.get("type", ""))}; tools are rigid: use type "fixed"')
     parent = attribute(only_child(element, "parent", where), "parent", "link", where)
     child = attribute(only_child(element, "child", where), "child", "link", where)
     return _Joint(parent, child, read_origin(element, where))
@@ -229,13 +221,9 @@ def _from_mounts(
         name = start
         while name not in done:
             if name in chain:
-                raise DesignError(
-                    f"the joints lead from link {name!r} in a circle; hang the tool from {' or '.join(mounts)}"
-                )
+                raise DesignError(f"joints lead from {name!r} in a circle; hang the tool from {' or '.join(mounts)}")
             if name not in joints:
-                raise DesignError(
-                    f"no joint holds link {name!r}; hang it from {' or '.join(mounts)} or from another link"
-                )
+                raise DesignError(f"no joint holds link {name!r}; hang it from {' or '.join(mounts)} or another link")
             chain[name] = joints[name]
             name = joints[name].parent
         for name, joint in reversed(chain.items()):

@@ -38,9 +38,7 @@ class _BoundedBuilder(TreeBuilder):
         if self._count > MAX_ELEMENTS:
             raise DesignError(f"tool_urdf has more than {MAX_ELEMENTS} elements; a tool needs far fewer")
         if self._depth > MAX_DEPTH:
-            raise DesignError(
-                f"tool_urdf nests elements more than {MAX_DEPTH} deep; links and joints stand side by side"
-            )
+            raise DesignError(f"tool_urdf nests elements more than {MAX_DEPTH} deep; links and joints are side by side")
         return super().start(tag, attributes)
 
     def end(self, tag: str, /) -> Element:
@@ -65,11 +63,9 @@ def parse_xml(text: str) -> Element:
         parser.feed(f"<robot>\n{block}\n</robot>")
         root: Element = parser.close()
     except ParseError as error:
-        line, column = error.position
-        message = str(error).partition(":")[0]
-        raise DesignError(
-            f"tool_urdf is not well-formed XML: {message} in line {line - 1}, column {column + 1}"
-        ) from error
+        row, column = error.position
+        what = str(error).partition(":")[0]
+        raise DesignError(f"tool_urdf is not well-formed XML: {what} in line {row - 1}, column {column + 1}") from error
     except DefusedXmlException as error:
         raise DesignError("tool_urdf must not have a DOCTYPE, entities or external references") from error
     except UnicodeEncodeError as error:

@@ -87,9 +87,8 @@ class Client:
         self._price = None if self._provider in _LOCAL else _price(self._litellm, model)
         self._schema_lock = threading.Lock()
         self._accepted = {"temperature": self._accepts(temperature=0.7), "seed": self._accepts(seed=1)}
-        self._accepted["response_format"] = self._provider in _LOCAL or bool(
-            self._litellm.supports_response_schema(model=model)
-        )
+        schemas = self._provider in _LOCAL or self._litellm.supports_response_schema(model=model)
+        self._accepted["response_format"] = bool(schemas)
         left_out = [name for name, accepted in self._accepted.items() if not accepted]
         if left_out:
             names = ", no ".join(left_out).replace("response_format", "JSON schema")
@@ -121,10 +120,9 @@ class Client:
         return sorted(name for name in missing if name.endswith("_API_KEY"))
 
     def _accepts(self, **parameter: Any) -> bool:
+        parameter |= {"model": self._bare, "custom_llm_provider": self._provider, "drop_params": False}
         try:
-            self._litellm.utils.get_optional_params(
-                model=self._bare, custom_llm_provider=self._provider, drop_params=False, **parameter
-            )
+            self._litellm.utils.get_optional_params(**parameter)
         except self._litellm.UnsupportedParamsError:
             return False
         return True
@@ -162,9 +160,8 @@ class Client:
                 "type": "json_schema",
                 "json_schema": {"name": "designs", "schema": request.schema, "strict": True},
             }
-        response = self._litellm.completion(
-            model=self.model, messages=render(request.messages), drop_params=True, **settings
-        )
+        messages = render(request.messages)
+        response = self._litellm.completion(model=self.model, messages=messages, drop_params=True, **settings)
         choice = response.choices[0] if response.choices else None
         usage = getattr(response, "usage", None)
         reply = Reply(

@@ -106,9 +106,7 @@ class Letter:
             if prompt.exists() and prompt.read_text(encoding="utf-8") == text:
                 return
             if prompt.exists() and any((self.folder / name).exists() for name in (*REPLIES, SKIP)):
-                raise UserError(
-                    f"{self.folder} has a reply to a different request; move it away, or choose another vlm.folder"
-                )
+                raise UserError(f"{self.folder} has a reply to a different request; move it away, or change vlm.folder")
             self.folder.mkdir(parents=True, exist_ok=True)
             for message in self.request.messages:
                 for part in message.parts:

@@ -39,6 +39,5 @@ def build_clamp(head: Head, at: Pose, thickness: float) -> Tool:
         last = assembly.shaft("gantry", hold, left=is_left)
         assembly.add(piece.name, last, pad, piece.size, (0.90, 0.49, 0.13, 1.0))
     reach = float(np.linalg.norm(at.position))
-    return assembly.tool(
-        "long_fingers", f"two pads {head.width:.3f} m apart, {reach:.2f} m from the hand, that close on the body"
-    )
+    text = f"two pads {head.width:.3f} m apart, {reach:.2f} m from the hand, that close on the body"
+    return assembly.tool("long_fingers", text)

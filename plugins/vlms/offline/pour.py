@@ -112,9 +112,8 @@ def sample_fork(grips: Handles, rng: np.random.Generator) -> Head:
 def build_fork(head: Head) -> Tool:
     assembly = Assembly(False, 0.01)
     assembly.head(head, RIGID_MOUNT, AT)
-    return assembly.tool(
-        "handle_fork", f"two channels {head.width:.3f} m apart, {head.depth:.3f} m long, that slide over handles"
-    )
+    text = f"two channels {head.width:.3f} m apart, {head.depth:.3f} m long, that slide over handles"
+    return assembly.tool("handle_fork", text)
 
 
 def pour(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
