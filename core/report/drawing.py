@@ -77,9 +77,6 @@ def _shade(color: Color, normal: Array) -> Array:
     return np.clip(np.array(color[:3]) * light, 0.0, 1.0)
 
 
-_NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :]))  # to the right, above
-
-
 class _Canvas:
     """The colour, normal, depth and number of the solid in front, by pixel (height, width, 8); row 0 is the lowest."""
 
@@ -110,7 +107,8 @@ class _Canvas:
         depth, number = depth[..., 0], number[..., 0]
         solid = number >= 0
         edge = np.zeros_like(solid)
-        for along, (here, there) in enumerate(_NEIGHBOURS):
+        right, above = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :])
+        for along, (here, there) in enumerate((right, above)):
             both = solid[here] & solid[there]
             normal = normals[here]
             slope = -normal[..., along] / np.maximum(normal[..., 2], 1e-6)  # of the face, from pixel to pixel

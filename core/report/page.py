@@ -45,7 +45,7 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
         lstrip_blocks=True,
     )
     environment.filters |= {"printed": printed, "links": links, "sort_key": _sort_key, "number": number}
-    environment.filters["href"] = lambda target: href(target, folder)
+    environment.filters["href"] = lambda target: quote(relative(target, folder))
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
     return environment.get_template(template).render(
         **values,
@@ -72,11 +72,6 @@ def _printable(value: Any) -> Any:
 
 def _sort_key(cell: Cell) -> str:
     return repr(cell) if isinstance(cell, int | float) and math.isfinite(cell) else ""
-
-
-def href(target: Path, folder: Path) -> str:
-    """The relative address of a file, quoted."""
-    return quote(relative(target, folder))
 
 
 def figure_address(svg: bytes) -> Markup:

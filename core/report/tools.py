@@ -18,7 +18,7 @@ from core.design import GRIPPER_MOUNTS, Component, DesignError, Tool, ranked
 from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.interfaces import Task, ToolRepresentation
+from core.interfaces import ToolRepresentation
 from core.report.formats import number
 from core.report.runs import STORE, FinishedRun
 from core.robot.description import FINGER_OPEN
@@ -77,9 +77,8 @@ def given_tool(run: FinishedRun) -> Tool | None:
     Raises:
         UserError: the run's task or tool representation is not installed here.
     """
-    representation: ToolRepresentation = _part(run, "tool")
-    task: Task = _part(run, "task")
-    return representation.given(task)
+    given: Tool | None = _part(run, "tool").given(_part(run, "task"))
+    return given
 
 
 def winners(

@@ -37,17 +37,15 @@ class Lineage:
     def _place(self, name: str, generation: int) -> None:
         self.places[name] = (generation, sum(g == generation for g, _ in self.places.values()))
 
-    def nodes(self) -> rr.GraphNodes:
+    def graph(self) -> tuple[rr.GraphNodes, rr.GraphEdges]:
         rewards = [self.rewards.get(name) for name in self.places]
-        return rr.GraphNodes(
+        nodes = rr.GraphNodes(
             node_ids=list(self.places),
             positions=[(_COLUMN * generation, _ROW * rank) for generation, rank in self.places.values()],
             labels=[name if r is None else f"{name}  {r:.2f}" for name, r in zip(self.places, rewards, strict=True)],
             colors=[_shade(r or 0.0) for r in rewards],
         )
-
-    def arrows(self) -> rr.GraphEdges:
-        return rr.GraphEdges(self.edges, graph_type="directed")
+        return nodes, rr.GraphEdges(self.edges, graph_type="directed")
 
 
 def _shade(reward: float) -> tuple[int, int, int]:

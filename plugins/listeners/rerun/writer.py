@@ -47,6 +47,7 @@ class Writer:
     def __init__(self, run: Run, streams: Streams) -> None:
         self._run = run
         self._streams = streams
+        self._log = streams.log
         self._clock = 0.0
         self._generations: list[Generation] = []
         self._replies: list[list[Reply]] = []  # by generation
@@ -59,12 +60,12 @@ class Writer:
         self._links = links(gripper=True)
         for name, mesh in self._links.items():
             if name not in _HAND:
-                self._still(("world", "robot", name), _mesh(mesh))
+                self._log(("world", "robot", name), _mesh(mesh), static=True)
         for name, color in _SERIES.items():
-            self._still(("search", "reward", name), rr.SeriesLines(colors=color, names=name, widths=2.0))
+            self._log(("search", "reward", name), rr.SeriesLines(colors=color, names=name, widths=2.0), static=True)
         for name in ("prompt", "completion"):
-            self._still(("search", "tokens", name), rr.SeriesLines(names=f"{name}, so far", widths=2.0))
-        self._still(("search", "cost_usd"), rr.SeriesLines(names="US$, so far", widths=2.0))
+            self._log(("search", "tokens", name), rr.SeriesLines(names=f"{name}, so far", widths=2.0), static=True)
+        self._log(("search", "cost_usd"), rr.SeriesLines(names="US$, so far", widths=2.0), static=True)
         streams.flush()
 
     def generation(self, generation: Generation, tools: Sequence[Evaluation], replies: list[Reply]) -> None:
@@ -76,17 +77,17 @@ class Writer:
         if rewards:
             figures = {"best": max(rewards), "mean": float(np.mean(rewards)), "deviation": float(np.std(rewards))}
             for name, figure in figures.items():
-                self._put(("search", "reward", name), rr.Scalars(figure))
+                self._log(("search", "reward", name), rr.Scalars(figure))
         for name, place in _SPENT.items():
             count = self._total(name)
             if count is not None:
-                self._put(("search", *place.split("/")), rr.Scalars(count))
+                self._log(("search", *place.split("/")), rr.Scalars(count))
         designed = [e for e in tools if e.candidate.tool is not None and e.candidate.tool.components]
         self._side_by_side(designed)
         self._write("tools", tools_text(designed, self._run.budget.reward_save))
         self._lineage.add(generation.index, tools)
         if self._lineage.places:
-            self._put(("lineage",), self._lineage.nodes(), self._lineage.arrows())
+            self._log(("lineage",), *self._lineage.graph())
         self._write("run", run_text(self._run, self._generations, self._replies), rr.MediaType.MARKDOWN)
         self._arrange()
         self._streams.flush()
@@ -107,8 +108,8 @@ class Writer:
             return
         self._mount(candidate.tool)
         path = rr.LineStrips3D([arm().positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
-        self._put(("world", "path"), path)
-        self._put(("world", "waypoints"), rr.Points3D(candidate.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
+        self._log(("world", "path"), path)
+        self._log(("world", "waypoints"), rr.Points3D(candidate.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
         text = design_text(evaluation, float(rewards[-1]))
         self._write("design", f"generation {generation}, rank {rank}\n{text}")
 
@@ -131,10 +132,10 @@ class Writer:
         for body in self._run.task.scene(self._run.seed).bodies:
             path = ("world", "scene", body.name)
             if body.fixed:
-                self._still(path, _transform(body.pose))
+                self._log(path, _transform(body.pose), static=True)
             for k, part in enumerate(body.visuals):
                 mesh = shaded(part.shape.to_trimesh(), (*part.color[:3], 1.0))
-                self._still((*path, f"part_{k}"), _mesh(mesh, part.color[3]), _transform(part.pose))
+                self._log((*path, f"part_{k}"), _mesh(mesh, part.color[3]), _transform(part.pose), static=True)
 
     def _mount(self, tool: Tool) -> None:
         hand = {name: self._links[name] for name in _HAND} if tool.gripper else {}
@@ -164,7 +165,7 @@ class Writer:
             reward = tools[rank - 1].reward
             color = _ELITE_COLOR if reward > self._run.budget.reward_save else _LABEL_COLOR
             label = rr.Points3D([(middle, 0.0, under)], labels=f"{rank}: {reward:.2f}", colors=color, radii=0.001)
-            self._put((*path, "label"), label)
+            self._log((*path, "label"), label)
             x += widths[rank - 1]
 
     def _total(self, name: str) -> float | None:
@@ -180,23 +181,17 @@ class Writer:
 
     # --- Rerun --------------------------------------------------------------------------------------------------
 
-    def _put(self, path: Path, *what: rr.AsComponents) -> None:
-        self._streams.log(path, *what)
-
-    def _still(self, path: Path, *what: rr.AsComponents) -> None:
-        self._streams.log(path, *what, static=True)
-
     def _write(self, name: str, text: str, media_type: str = rr.MediaType.TEXT) -> None:
-        self._put(("text", name), rr.TextDocument(text, media_type=media_type))
+        self._log(("text", name), rr.TextDocument(text, media_type=media_type))
 
     def _show(self, path: Path, mesh: trimesh.Trimesh | None, *, once: bool = False) -> None:
         """Show or clear a mesh that comes and goes; with ``once`` it is the same each time."""
         if mesh is None:
             if path in self._visible:
-                self._put(path, rr.Clear(recursive=True))
+                self._log(path, rr.Clear(recursive=True))
                 self._visible.discard(path)
         elif not (once and path in self._visible):
-            self._put(path, _mesh(mesh))
+            self._log(path, _mesh(mesh))
             self._visible.add(path)
 
     def _move(self, path: Path, times: Array, generation: int, positions: Array, quaternions: Array) -> None:
