@@ -11,7 +11,7 @@ from core.scene import Camera
 
 @dataclass(frozen=True)
 class Contents:
-    """What a recording has to show beside the rollout: ``row`` is the length of the row of tools in metres, or 0."""
+    """The contents of a recording beside the rollout: ``row`` is the length of the row of tools in metres, or 0."""
 
     row: float
     lineage: bool
