@@ -9,10 +9,9 @@ from core.design import Tool
 from core.errors import UsageError, check_positive
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.trajectory import at_home
-from core.scene import Inertia, Scene
 from core.simulation.rendering import DrawingSimulator
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
-from plugins.simulators.mujoco.world import Stepped, World, compiled
+from plugins.simulators.mujoco.world import Stepped, World, compiled, weighed
 
 MAX_TIME_STEP = 0.005
 _KEPT = 4  # worlds: most batches have one tool
@@ -34,10 +33,7 @@ class MuJoCoSimulator(DrawingSimulator):
         check_positive("sim.", time_step=time_step, tracking_rate=tracking_rate, slip_rate=slip_rate)
         if time_step > MAX_TIME_STEP:
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts get soft")
-        self.time_step = time_step
-        self.tracking_rate = tracking_rate
-        self.slip_rate = slip_rate
-        self._scene: tuple[Task, int, Scene, dict[str, Inertia]] | None = None
+        self._rates = time_step, tracking_rate, slip_rate
         self._worlds: OrderedDict[tuple[Task, int, Tool], World] = OrderedDict()
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
@@ -49,12 +45,8 @@ class MuJoCoSimulator(DrawingSimulator):
     def _world(self, task: Task, seed: int, tool: Tool) -> World:
         key = (task, seed, tool)
         if key not in self._worlds:
-            if self._scene is None or self._scene[0] is not task or self._scene[1] != seed:
-                scene = task.scene(seed)
-                self._scene = task, seed, scene, {body.name: body.inertia() for body in scene.free}
-            scene, inertias = self._scene[2:]
-            model = compiled(scene, inertias, tool, self.time_step, self.tracking_rate, self.slip_rate)
-            self._worlds[key] = World(scene, tool, model)
+            scene, inertias = weighed(task, seed)
+            self._worlds[key] = World(scene, tool, compiled(scene, inertias, tool, *self._rates))
             if len(self._worlds) > _KEPT:
                 self._worlds.popitem(last=False)
         self._worlds.move_to_end(key)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Outcome, Recording, Rollout
+from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Task
 from core.robot.description import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Inertia, Scene, State
 from core.simulation.playback import LAG_EVERY, record_every, schedule, targets
@@ -21,6 +22,13 @@ from plugins.simulators.mujoco.shapes import Element, add_free_body, add_geom
 GRAVITY = 9.81
 _ARM = len(ARM_JOINTS)
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their speeds: nothing of ours has more
+
+
+@lru_cache(maxsize=1)
+def weighed(task: Task, seed: int) -> tuple[Scene, dict[str, Inertia]]:
+    """Make a scene, and the inertias of its free bodies; consecutive jobs mostly share them."""
+    scene = task.scene(seed)
+    return scene, {body.name: body.inertia() for body in scene.free}
 
 
 def compiled(

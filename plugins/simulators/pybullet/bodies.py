@@ -97,12 +97,8 @@ def _geometry(shape: Shape, folder: Path) -> Any:
         case Cylinder(radius=radius, length=length):
             return etree.Element("cylinder", radius=f"{radius:.12g}", length=f"{length:.12g}")
         case Mesh():
-            return etree.Element("mesh", filename=str(mesh_file(shape, folder)))
-
-
-def mesh_file(mesh: Mesh, folder: Path) -> Path:
-    """Write the mesh to ``folder`` as an OBJ file, for collisions."""
-    return text_file(folder, str(mesh.to_trimesh().export(file_type="obj")), "obj")
+            file = text_file(folder, str(shape.to_trimesh().export(file_type="obj")), "obj")
+            return etree.Element("mesh", filename=str(file))
 
 
 def facets_file(shape: Shape, folder: Path) -> Path:

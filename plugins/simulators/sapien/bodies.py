@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array
-from core.scene import Body, Geom, Inertia, Scene, State
+from core.scene import Inertia, Scene, State
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import collision, to_sapien
 from plugins.simulators.sapien.surfaces import Surface, Surfaces
@@ -69,7 +69,7 @@ class Bodies:
         centers = np.array([weighed.inertias[name].frame.position for name in self._names]).reshape(-1, 3)
         self._shifted = np.flatnonzero(centers.any(axis=1))  # bodies whose frame is not at their centre of mass
         self._centers = centers[self._shifted]
-        brakes: list[_Brake] = []
+        brakes: list[tuple[int, Any, float]] = []
         self._brake_every = max(1, round(_BRAKE_EVERY / time_step))
         self._steps = 0
         for body in weighed.scene.bodies:
@@ -82,14 +82,18 @@ class Bodies:
             if not body.fixed:
                 weigh(component, weighed.inertias[body.name])
             for part in body.collisions:
-                _attach(component, body, part, surfaces, folder)
+                make = partial(collision, part.shape, folder=folder)
+                for shape in surfaces.copies(Surface.of(body), make, fixed=body.fixed):
+                    shape.local_pose = to_sapien(part.pose)
+                    component.attach(shape)
             entity.pose = to_sapien(body.pose)
             if not body.fixed and body.rolling_friction > 0:
-                brakes.append(_Brake(entity, component, body, time_step))
+                drive, impulse = physx.PhysxDriveComponent(component), body.rolling_friction * body.mass * time_step
+                _brake(drive, impulse, GRAVITY)
+                entity.add_component(drive)
+                brakes.append((self._names.index(body.name), drive, impulse))
             scene.add_entity(entity)
-        self._brakes = _Brakes(
-            [self._names.index(brake.name) for brake in brakes], brakes, self._brake_every * time_step
-        )
+        self._brakes = _Brakes(brakes, self._brake_every * time_step)
         placed = weighed.scene.state()
         packed = self._numbers([self.note()])[0, :, :7]
         if not np.allclose(packed, np.hstack([placed.quaternions, placed.positions]), atol=1e-5):
@@ -136,34 +140,23 @@ def _cross(a: Array, b: Array) -> Array:
     return a.take(_NEXT, axis=-1) * b.take(_LAST, axis=-1) - a.take(_LAST, axis=-1) * b.take(_NEXT, axis=-1)
 
 
-class _Brake:
-    """Rolling friction, which PhysX lacks: a drive that stops a body's rotation.
-
-    Its torque is at most the arm of rolling friction times the normal force.
-    """
-
-    def __init__(self, entity: Any, component: Any, body: Body, time_step: float) -> None:
-        self.name = body.name
-        self._drive = physx.PhysxDriveComponent(component)
-        self._impulse = body.rolling_friction * body.mass * time_step  # of the drive, per step and m/s^2
-        self.set(GRAVITY)
-        entity.add_component(self._drive)
-
-    def set(self, acceleration: float) -> None:
-        """Set the limit for a normal force of the body's mass times ``acceleration``."""
-        self._drive.set_drive_property_slerp(0.0, _BRAKE, self._impulse * acceleration, "acceleration")
+def _brake(drive: Any, impulse: float, acceleration: float) -> None:
+    """Limit a brake's torque, for a normal force of the body's mass times ``acceleration``."""
+    drive.set_drive_property_slerp(0.0, _BRAKE, impulse * acceleration, "acceleration")
 
 
 class _Brakes:
-    """The brakes of the free bodies with these numbers.
+    """Rolling friction, which PhysX lacks: drives that stop the rotation of free bodies.
 
-    The normal force on a body is taken to be what makes it deviate from free fall.
+    A brake's torque is at most the arm of rolling friction times the normal force, which is taken to be what makes the
+    body deviate from free fall. Given are each body's number, its drive, the drive's impulse per step and m/s^2, and
+    the seconds between two adjustments.
     """
 
-    def __init__(self, numbers: list[int], each: list[_Brake], seconds: float) -> None:
+    def __init__(self, each: list[tuple[int, Any, float]], seconds: float) -> None:
         self.each = each
-        self._numbers = numbers
-        self._seconds = seconds  # between two adjustments
+        self._numbers = [number for number, _, _ in each]
+        self._seconds = seconds
         self._velocities: npt.NDArray[np.float32] = np.zeros((len(each), 3), dtype=np.float32)
         # Squares of the accelerations between which a brake may stay as it is.
         self._low, self._high = (np.full(len(each), (share * GRAVITY) ** 2, dtype=np.float32) for share in _ALIKE)
@@ -177,12 +170,7 @@ class _Brakes:
         changed = ((squares < self._low) | (squares > self._high)).nonzero()[0]
         if len(changed):
             changed_to = np.sqrt(squares[changed])
-            for number, acceleration in zip(changed.tolist(), changed_to.tolist(), strict=True):
-                self.each[number].set(acceleration)
+            for brake, acceleration in zip(changed.tolist(), changed_to.tolist(), strict=True):
+                _, drive, impulse = self.each[brake]
+                _brake(drive, impulse, acceleration)
             self._low[changed], self._high[changed] = (_ALIKE[0] * changed_to) ** 2, (_ALIKE[1] * changed_to) ** 2
-
-
-def _attach(component: Any, body: Body, part: Geom, surfaces: Surfaces, folder: Path) -> None:
-    for shape in surfaces.copies(Surface.of(body), lambda m: collision(part.shape, m, folder), fixed=body.fixed):
-        shape.local_pose = to_sapien(part.pose)
-        component.attach(shape)

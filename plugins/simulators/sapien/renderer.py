@@ -16,16 +16,13 @@ from core.geometry import Array, Box, Pose, Sphere
 from core.geometry import Shape as Geometry
 from core.interfaces import Image, Task
 from core.robot.description import ARM_JOINTS, FINGER_JOINTS
-from core.scene import Camera, Color, State
+from core.scene import Camera, Color, Geom, State
 from core.simulation.rendering import Renderer
-from plugins.simulators.sapien.description import place, robot
+from plugins.simulators.sapien.description import Shape, place, robot
 from plugins.simulators.sapien.engine import sapien
 from plugins.simulators.sapien.shapes import to_sapien
 
 _GAMMA = 2.2
-_AMBIENT = [0.35, 0.35, 0.35]
-_LIGHT = [1.8, 1.8, 1.8]
-_LIGHT_WAY = [-1.0, 1.0, -2.0]
 
 
 class SapienRenderer(Renderer):
@@ -44,22 +41,18 @@ class SapienRenderer(Renderer):
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
         self._scene = sapien.Scene([sapien.render.RenderSystem()])
-        self._scene.set_ambient_light(_AMBIENT)
-        self._scene.add_directional_light(_LIGHT_WAY, _LIGHT, shadow=True, shadow_scale=2.0)
+        self._scene.set_ambient_light([0.35] * 3)
+        self._scene.add_directional_light([-1.0, 1.0, -2.0], [1.8] * 3, shadow=True, shadow_scale=2.0)
         self._cameras: dict[tuple[int, int], Any] = {}
         self._links = robot(tool if tool is not None else Tool(gripper=True))
-        self._entities = []
-        for link in self._links:
-            self._entities.append(self._add(((s.shape, s.pose, s.color) for s in link.visuals), Pose()))
-        self._bodies = {}
-        for body in task.scene(seed).bodies:
-            self._bodies[body.name] = self._add(((p.shape, p.pose, p.color) for p in body.visuals), body.pose)
+        self._entities = [self._add(link.visuals, Pose()) for link in self._links]
+        self._bodies = {body.name: self._add(body.visuals, body.pose) for body in task.scene(seed).bodies}
 
-    def _add(self, visuals: Iterable[tuple[Geometry | Path, Pose, Color]], pose: Pose) -> Any:
+    def _add(self, visuals: Iterable[Shape | Geom], pose: Pose) -> Any:
         component = sapien.render.RenderBodyComponent()
-        for shape, at, color in visuals:
-            drawn = _drawn(shape, color)
-            drawn.local_pose = to_sapien(at)
+        for part in visuals:
+            drawn = _drawn(part.shape, part.color)
+            drawn.local_pose = to_sapien(part.pose)
             component.attach(drawn)
         entity = sapien.Entity()
         entity.add_component(component)

@@ -25,7 +25,7 @@ def collision(shape: Shape, material: Any, folder: Path) -> Any:
     match shape:
         case Box(size=size):
             # As a hull: PhysX's box-box test loses the contact of an edge that leans on a thin wall's edge.
-            return hull(_file(folder, "box", _cube), material, size)
+            return hull(_file(folder, "box", lambda: trimesh.creation.box((1.0, 1.0, 1.0))), material, size)
         case Sphere(radius=radius):
             return physx.PhysxCollisionShapeSphere(radius, material)
         case Cylinder(radius=radius, length=length):
@@ -38,10 +38,6 @@ def collision(shape: Shape, material: Any, folder: Path) -> Any:
 def hull(file: Path, material: Any, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Any:
     """Make the convex hull of a mesh file."""
     return physx.PhysxCollisionShapeConvexMesh(str(file), np.array(scale), material)
-
-
-def _cube() -> trimesh.Trimesh:
-    return trimesh.creation.box((1.0, 1.0, 1.0))
 
 
 def _prism() -> trimesh.Trimesh:

@@ -12,12 +12,12 @@ import numpy as np
 from core.errors import UsageError
 from core.interfaces import Outcome, Recording, Rollout, Task
 from core.robot.description import ARM_JOINTS, FINGER_JOINTS
-from core.scene import Inertia, Scene
 from core.simulation.playback import record_every, schedule
 from core.simulation.rendering import DrawingSimulator
 from plugins.simulators.mujoco.batched.models import Figures, Played, Size, figures, model
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
+from plugins.simulators.mujoco.world import weighed
 
 if TYPE_CHECKING:
     from plugins.simulators.mujoco.batched.worlds import Worlds
@@ -63,7 +63,6 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
         self._device, self._processor = engine.device(device), engine.device("cpu")
         self._make = many.Worlds
-        self._scene: tuple[Task, int, Scene, dict[str, Inertia]] | None = None
         self._figures: OrderedDict[tuple[Task, int, str], Figures] = OrderedDict()
         self._contacts: dict[str, int] = {}  # capacity, by digest
         self._batches: OrderedDict[tuple[str, Size], Worlds] = OrderedDict()
@@ -90,17 +89,14 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     def _of(self, task: Task, job: Rollout) -> Figures:
         key = (task, job.seed, job.tool.content)
         if key not in self._figures:
-            self._figures[key] = figures(self._model(task, job), task.scene(job.seed))
+            self._figures[key] = figures(self._model(task, job), weighed(task, job.seed)[0])
             if len(self._figures) > _KEPT_FIGURES:
                 self._figures.popitem(last=False)
         self._figures.move_to_end(key)
         return self._figures[key]
 
     def _model(self, task: Task, job: Rollout) -> Element:
-        if self._scene is None or self._scene[0] is not task or self._scene[1] != job.seed:
-            scene = task.scene(job.seed)
-            self._scene = task, job.seed, scene, {body.name: body.inertia() for body in scene.free}
-        return model(*self._scene[2:], job.tool, *self._rates)
+        return model(*weighed(task, job.seed), job.tool, *self._rates)
 
     def _played(
         self, task: Task, members: Sequence[int], mine: dict[int, Figures], jobs: Sequence[Rollout]
