@@ -29,7 +29,7 @@ from core.interfaces import RolloutSettings
 from core.plugins import installed
 from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
-from core.simulation.pictures import save_film, save_picture
+from core.simulation.pictures import save_film
 from core.simulation.rollout import evaluate_batch
 from docs.diagrams import DRAWINGS
 
@@ -60,11 +60,11 @@ def pictures(names: list[str]) -> None:
     for name in names:
         task = plugins.create("task", name)
         still = simulator.render(task, tool=Tool())
-        save_picture(still, IMAGES / f"{name}.png")
+        Image.fromarray(still).save(IMAGES / f"{name}.png")
         stills.append(still)
         save_film(task, simulator, reference(name), 0, RolloutSettings(), IMAGES / f"{name}.gif", FILM_SIZE)
         print(name)
-    save_picture(sheet(names, stills), IMAGES / "all.png")
+    Image.fromarray(sheet(names, stills)).save(IMAGES / "all.png")
 
 
 def sheet(names: list[str], stills: list[Any], columns: int = SHEET_COLUMNS) -> Any:
@@ -99,16 +99,16 @@ def scene(output: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         module = page_module(Path(folder))
         task = module.PullTray()
-        save_picture(simulator.render(task, tool=Tool()), output / "scene.png")
+        Image.fromarray(simulator.render(task, tool=Tool())).save(output / "scene.png")
         layouts = [simulator.render(task, seed=seed, tool=Tool()) for seed in (0, 2, 4)]
-        save_picture(sheet(["seed 0", "seed 2", "seed 4"], layouts), output / "layouts.png")
+        Image.fromarray(sheet(["seed 0", "seed 2", "seed 4"], layouts)).save(output / "layouts.png")
         tray = module.tray(*AWAY)
         camera = Camera((AWAY[0] - 0.34, AWAY[1] - 0.26, 0.3), (AWAY[0] - 0.01, AWAY[1], 0.02), 48.0)
         views = []
         for body in (replace(tray, visuals=(*tray.visuals, *axes())), replace(tray, visuals=collision_shapes(tray))):
             alone = type("Alone", (module.PullTray,), {"scene": lambda self, seed, body=body: Scene((ground(), body))})
             views.append(simulator.render(alone(), tool=Tool(), camera=camera))
-        save_picture(sheet(["visuals", "collisions"], views, columns=2), output / "shapes.png")
+        Image.fromarray(sheet(["visuals", "collisions"], views, columns=2)).save(output / "shapes.png")
 
 
 def ground() -> Body:

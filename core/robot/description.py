@@ -59,11 +59,6 @@ def description_folder() -> Path:
     raise UserError("the Panda's description is missing: pip install example-robot-data")
 
 
-@lru_cache(maxsize=1)
-def _description() -> bytes:
-    return (description_folder() / "urdf" / "panda.urdf").read_bytes()
-
-
 def _numbers(values: Iterable[float]) -> str:
     return " ".join(f"{round(float(value), 12) + 0.0:.15g}" for value in values)
 
@@ -177,7 +172,8 @@ def assemble(tool: Tool | None = None, *, fused: bool = False, visuals: bool = T
         mesh_path: maps a mesh's absolute path to the text that is written.
     """
     tool = tool if tool is not None else Tool(gripper=True)
-    robot = etree.fromstring(_description(), etree.XMLParser(remove_comments=True, remove_blank_text=True))
+    parser = etree.XMLParser(remove_comments=True, remove_blank_text=True)
+    robot = etree.parse(description_folder() / "urdf" / "panda.urdf", parser).getroot()
     if not tool.gripper:
         for element in list(robot):
             child = element.find("child")

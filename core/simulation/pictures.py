@@ -19,11 +19,6 @@ from core.text import clean
 FILM_HZ = 10
 
 
-def save_picture(picture: Image, file: Path) -> None:
-    """Write a picture (H, W, 3) as PNG."""
-    Pillow.fromarray(picture).save(file)
-
-
 def png(picture: Image) -> bytes:
     """Encode a picture (H, W, 3) as a PNG file."""
     buffer = io.BytesIO()
@@ -57,15 +52,8 @@ def save_film(
     first.save(file, save_all=True, append_images=others, duration=1000 // FILM_HZ, loop=0, optimize=True)
 
 
-def draw_stages(
-    task: Task,
-    simulator: Simulator,
-    candidate: Candidate,
-    seed: int,
-    settings: RolloutSettings,
-    size: tuple[int, int] = (640, 480),
-) -> Image:
-    """Play a candidate again and draw four instants in one picture of ``size``: top row first, left to right.
+def draw_stages(task: Task, simulator: Simulator, candidate: Candidate, seed: int, settings: RolloutSettings) -> Image:
+    """Play a candidate again and draw four instants in one picture (480, 640, 3): top row first, left to right.
 
     They are a third of the time apart, from the start of the motion to the end of the rollout.
 
@@ -73,8 +61,7 @@ def draw_stages(
         ValueError: the rollout fails.
         NoPicture: nothing here can draw.
     """
-    width, height = size[0] // 2, size[1] // 2
-    times, draw = _filmed(task, simulator, candidate, seed, settings, (width, height))
+    times, draw = _filmed(task, simulator, candidate, seed, settings, (320, 240))
     top_left, top_right, left, right = (
         draw(int(np.abs(times - instant).argmin())) for instant in np.linspace(0.0, times[-1], 4)
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from core.design import Candidate, Evaluation
 from core.errors import UserError
+from core.geometry import Array
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
@@ -99,7 +100,7 @@ def evaluate_batch(
         motions[i] = motion
         jobs.append(job)
     outcomes = dict(zip(motions, _outcomes(simulator, task, jobs), strict=True))
-    finished: list[tuple[int, State, State]] = []
+    finished: dict[int, tuple[State, State]] = {}
     found: dict[int, list[Finding]] = {}
     scene = task.scene(seed) if any(outcome.recording is not None for outcome in outcomes.values()) else None
     for i, outcome in outcomes.items():
@@ -111,12 +112,29 @@ def evaluate_batch(
                 evaluations[i] = Evaluation(candidates[i], "failed", reason=f"the simulation blew up: {error}")
                 continue
         if outcome.error is None and outcome.start is not None and outcome.end is not None:
-            finished.append((i, outcome.start, outcome.end))
+            finished[i] = outcome.start, outcome.end
         else:
             reason = outcome.error or "the simulator returned no state"
             evaluations[i] = Evaluation(candidates[i], "failed", reason=reason)
-    for i, evaluation in _scored(task, candidates, motions, outcomes, finished):
-        evaluations[i] = judged(evaluation, found.get(i, []), forbid=settings.penetration == "forbid")
+    if finished:
+        starts, ends = (State.stack(states) for states in zip(*finished.values(), strict=True))
+        shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1)
+        for i, reward, moved in zip(finished, _rewards(task, starts, ends), shifts, strict=True):
+            evaluation = Evaluation(
+                candidates[i],
+                "ok",
+                reward=float(reward),
+                distance_m=motions[i].distance_m,
+                ik_error_m=motions[i].ik_error_m,
+                ik_error_rad=motions[i].ik_error_rad,
+                tracking_error_rad=outcomes[i].tracking_error_rad,
+                moved_m={name: float(shift) for name, shift in zip(starts.names, moved, strict=True)},
+                warnings=outcomes[i].warnings,
+            )
+            if not 0.0 <= reward <= 1.0:
+                reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
+                evaluation = replace(evaluation, status="failed", reward=0.0, reason=reason)
+            evaluations[i] = judged(evaluation, found.get(i, []), forbid=settings.penetration == "forbid")
     return [evaluations[i] for i in range(len(candidates))]
 
 
@@ -146,37 +164,16 @@ def judged(evaluation: Evaluation, found: Sequence[Finding], *, forbid: bool) ->
     return replace(evaluation, warnings=warnings, reward=0.0, reason=evaluation.reason or reason)
 
 
-def _scored(
-    task: Task,
-    candidates: Sequence[Candidate],
-    motions: dict[int, Motion],
-    outcomes: dict[int, Outcome],
-    finished: list[tuple[int, State, State]],
-) -> Iterator[tuple[int, Evaluation]]:
-    if not finished:
-        return
-    starts, ends = State.stack([start for _, start, _ in finished]), State.stack([end for _, _, end in finished])
-    rewards = np.asarray(task.reward(starts, ends), dtype=np.float64)
-    if rewards.shape != (len(finished),):
+def _rewards(task: Task, starts: State, ends: State) -> Array:
+    """Compute the rewards of many worlds.
+
+    Raises:
+        PluginError: the task returned something else; names it.
+    """
+    count, rewards = len(ends.positions), np.asarray(task.reward(starts, ends), dtype=np.float64)
+    if rewards.shape != (count,):
         raise PluginError(
-            f"{describe_part(task)}: reward gave an array of shape {rewards.shape} for {len(finished)} worlds; "
-            f"expected ({len(finished)},)"
+            f"{describe_part(task)}: reward gave an array of shape {rewards.shape} for {count} worlds; "
+            f"expected ({count},)"
         )
-    shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1)
-    for (i, _, _), reward, moved in zip(finished, rewards, shifts, strict=True):
-        motion, outcome = motions[i], outcomes[i]
-        evaluation = Evaluation(
-            candidates[i],
-            "ok",
-            reward=float(reward),
-            distance_m=motion.distance_m,
-            ik_error_m=motion.ik_error_m,
-            ik_error_rad=motion.ik_error_rad,
-            tracking_error_rad=outcome.tracking_error_rad,
-            moved_m={name: float(shift) for name, shift in zip(starts.names, moved, strict=True)},
-            warnings=outcome.warnings,
-        )
-        if not 0.0 <= reward <= 1.0:
-            reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
-            evaluation = replace(evaluation, status="failed", reward=0.0, reason=reason)
-        yield i, evaluation
+    return rewards
