@@ -22,6 +22,7 @@ from jinja2.sandbox import SandboxedEnvironment
 
 from core.config.settings import FEEDBACK, PromptSettings
 from core.design import Evaluation, Tool
+from core.designs.reading import dump_design
 from core.designs.rules import MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
 from core.geometry import Vector
@@ -125,7 +126,7 @@ class PromptComposer:
             "max_waypoints": MAX_WAYPOINTS,
             "schema": json.dumps(answer_schema(brief), indent=1, ensure_ascii=False),
             "elites": _json([_elite_data(e, representation, numbers) for e in brief.elites]),
-            "other_kind": any(_tool(elite).gripper != brief.gripper for elite in brief.elites),
+            "other_kind": any(e.candidate.tool and e.candidate.tool.gripper != brief.gripper for e in brief.elites),
         }
 
     def _render(self, part: str, values: dict[str, Any]) -> Text:
@@ -242,17 +243,9 @@ def _json(value: object) -> str:
 
 def _elite_data(elite: Evaluation, representation: ToolRepresentation, numbers: bool) -> dict[str, Any]:
     """The data of an elite in an evolution request; with ``numbers`` its plan and the measurements of its rollout."""
-    candidate, tool = elite.candidate, _tool(elite)
-    data = {
-        "id": candidate.id,
-        "reward": round(elite.reward, 4),
-        "strategy_name": candidate.strategy_name,
-        "strategy_description": candidate.strategy_description,
-        "tool_name": tool.name,
-        "tool_description": tool.description,
-        "gripper": tool.gripper,
-        **representation.dump(tool),
-    }
+    candidate, design = elite.candidate, dump_design(elite.candidate, representation)
+    del design["action_description"], design["action_sets"]
+    data = {"id": candidate.id, "reward": round(elite.reward, 4), **design}
     if not numbers:
         return data
     return data | {
@@ -268,12 +261,6 @@ def _elite_data(elite: Evaluation, representation: ToolRepresentation, numbers: 
 
 def _rounded(number: float) -> float | None:
     return round(number, 4) + 0.0 if math.isfinite(number) else None  # JSON has no nan
-
-
-def _tool(elite: Evaluation) -> Tool:
-    if elite.candidate.tool is None:
-        raise ValueError(f"elite {elite.candidate.id} has no tool")
-    return elite.candidate.tool
 
 
 def _numbers(values: Vector) -> str:

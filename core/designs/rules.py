@@ -201,9 +201,8 @@ def given_tool(
         what = f"the tool that it gives for {task.name} breaks a rule"
         raise UserError(f"{describe_part(representation)}: {what}: {error}") from error
     if tool is not None and not isinstance(tool, Tool):
-        raise UserError(
-            f"{describe_part(representation)}: given returned {shorten(repr(tool))}; expected a Tool or None"
-        )
+        wrong = shorten(repr(tool))
+        raise UserError(f"{describe_part(representation)}: given returned {wrong}; expected a Tool or None")
     return tool
 
 

@@ -102,9 +102,8 @@ class ModelDesigner:
             try:
                 for reply in self.vlm.complete(requests):
                     if not isinstance(reply, Reply) or reply.request_id not in missing:
-                        sys.stderr.write(
-                            f"{describe_part(self.vlm)}: complete gave {_describe(reply)}; it is left out\n"
-                        )
+                        plugin = describe_part(self.vlm)
+                        sys.stderr.write(f"{plugin}: complete gave {_describe(reply)}; it is left out\n")
                         continue
                     missing.remove(reply.request_id)
                     self.events.hook.reply_received(request=by_id[reply.request_id], reply=reply)

@@ -8,6 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import groupby, islice
 
 import pluggy
 
@@ -153,7 +154,8 @@ class Trials:
                 elif size > 1:
                     broken.append(chunk)
                 else:
-                    yield from self._results(chunk, [Evaluation(chunk[0], "failed", reason=_why(result))])
+                    why = str(result) if isinstance(result, PluginError) else f"{type(result).__name__}: {result}"
+                    yield from self._results(chunk, [Evaluation(chunk[0], "failed", reason=why)])
         yield from _drained(settled)
         if self._waiting:
             raise UserError(f"{describe_part(self._executor)}: map gave no result for {len(self._waiting)} candidates")
@@ -192,10 +194,6 @@ class Trials:
             yield from (replace(earned, candidate=other) for other in waiting)
 
 
-def _why(error: Exception) -> str:
-    return str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
-
-
 def _drained(settled: deque[Evaluation]) -> Iterator[Evaluation]:
     while settled:
         yield settled.popleft()
@@ -203,14 +201,9 @@ def _drained(settled: deque[Evaluation]) -> Iterator[Evaluation]:
 
 def _chunks(candidates: Iterable[Candidate]) -> Iterator[list[Candidate]]:
     """Group candidates in a row that share a tool, at most `CHUNK` of them."""
-    chunk: list[Candidate] = []
-    for candidate in candidates:
-        if chunk and (len(chunk) == CHUNK or candidate.tool is not chunk[-1].tool):
+    for _, alike in groupby(candidates, key=lambda candidate: id(candidate.tool)):
+        while chunk := list(islice(alike, CHUNK)):
             yield chunk
-            chunk = []
-        chunk.append(candidate)
-    if chunk:
-        yield chunk
 
 
 def _gathered(candidates: Iterable[Candidate], most: int) -> Iterator[list[Candidate]]:

@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
 
 def save_design(candidate: Candidate, representation: ToolRepresentation, folder: Path) -> None:
-    """Write ``design.json`` (a designs file), ``waypoints.csv``, ``tool.urdf``, ``robot.urdf`` with its meshes,
-    ``tool.stl``.
-    """
+    """Write ``design.json``, a designs file; ``waypoints.csv``, ``tool.urdf``, ``tool.stl``, ``robot.urdf``, meshes."""
     tool = candidate.tool
     assert tool is not None
     folder.mkdir(parents=True, exist_ok=True)

@@ -11,7 +11,7 @@ import logging
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -68,9 +68,8 @@ class RunStore:
         Raises:
             UserError: the folder holds a run already, another process uses it, or it can't be written.
         """
-        database = Database(folder)
         with ExitStack() as on_error:
-            on_error.callback(database.close)
+            database = on_error.enter_context(closing(Database(folder)))
             if database.begun():
                 raise UserError(
                     f"{folder} already holds a run; go on with it with resume={folder}, or choose another folder with "
@@ -92,9 +91,8 @@ class RunStore:
         """
         if not (folder / FILE).exists():
             return None
-        database = Database(folder)
         with ExitStack() as unless_begun:
-            unless_begun.callback(database.close)
+            database = unless_begun.enter_context(closing(Database(folder)))
             if not database.begun():
                 return None
             with database.transaction():
@@ -109,7 +107,11 @@ class RunStore:
         self._began = time.monotonic()
         found = versions()
         for row in self._database.rows("SELECT versions FROM sessions ORDER BY number DESC LIMIT 1"):
-            self._compare(json.loads(row["versions"]), found)
+            before = json.loads(row["versions"])
+            names = sorted(name for name in {*before, *found} if before.get(name) != found.get(name))
+            if names:
+                changes = ", ".join(f"{name} {before.get(name)} -> {found.get(name)}" for name in names)
+                _log.warning("versions have changed since this run began (%s): it may come to something else", changes)
         with self._database.transaction():
             self._database.insert(
                 "sessions",
@@ -120,12 +122,6 @@ class RunStore:
             )
             # A session that is killed leaves no result of an earlier one behind.
             self._database.execute("UPDATE run SET config = ?, result = NULL", json.dumps(run.config))
-
-    def _compare(self, before: dict[str, str], now: dict[str, str]) -> None:
-        names = sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
-        if names:
-            changes = ", ".join(f"{name} {before.get(name)} -> {now.get(name)}" for name in names)
-            _log.warning("versions have changed since this run began (%s): it may come to something else", changes)
 
     @hookimpl
     def request_composed(self, request: Request) -> None:

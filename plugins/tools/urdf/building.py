@@ -70,10 +70,7 @@ def _nearest(parents: _Parents, box: Box, pose: Pose) -> tuple[str, Pose]:
 
     ``pose`` is the pose of the box in the link's frame.
     """
-    gaps = [
-        box_gap(box, frame @ pose, own, Pose()) if own is not None and len(parents) > 1 else 0.0
-        for _, own, frame in parents
-    ]
+    gaps = [box_gap(box, frame @ pose, own, Pose()) if own and len(parents) > 1 else 0.0 for _, own, frame in parents]
     name, _, frame = parents[int(np.argmin(gaps))]
     return name, frame @ pose
 

@@ -163,10 +163,11 @@ class Client:
         messages = render(request.messages)
         response = self._litellm.completion(model=self.model, messages=messages, drop_params=True, **settings)
         choice = response.choices[0] if response.choices else None
+        text: str = (choice and choice.message.content) or ""
         usage = getattr(response, "usage", None)
         reply = Reply(
             request.id,
-            writable(choice.message.content or "") if choice else "",
+            text.encode("utf-8", "replace").decode("utf-8"),  # JSON can hold lone surrogates, a UTF-8 file can't
             response.model or self.model,
             prompt_tokens=getattr(usage, "prompt_tokens", None) or None,
             completion_tokens=getattr(usage, "completion_tokens", None) or None,
@@ -200,8 +201,3 @@ def _content(message: Message) -> str | list[dict[str, Any]]:
     if any(part["type"] != "text" for part in parts):
         return parts
     return "".join(part["text"] for part in parts)
-
-
-def writable(text: str) -> str:
-    """``text`` with a question mark for each lone surrogate, which JSON can hold but a UTF-8 file can't."""
-    return text.encode("utf-8", "replace").decode("utf-8")

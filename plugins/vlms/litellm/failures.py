@@ -13,8 +13,6 @@ from email.utils import parsedate_to_datetime
 from typing import TypeVar
 from urllib.parse import quote
 
-from core.text import clean
-
 T = TypeVar("T")
 
 FIRST_WAIT_S = 1.0
@@ -95,7 +93,8 @@ def explain(error: Exception) -> str:
     if not isinstance(error, TimedOut):
         name = f"{type(error).__name__}: "
         text = name + text.replace("litellm.", "").replace(name, "")
-    return clean(text, MAX_MESSAGE)
+    text = "".join(character for character in " ".join(text.split()) if character.isprintable())
+    return text if len(text) <= MAX_MESSAGE else text[: MAX_MESSAGE - 3] + "..."
 
 
 def scrub(text: str) -> str:

@@ -44,10 +44,7 @@ def elites_with(evaluations: Sequence[Evaluation], gripper: bool) -> list[Elite]
 
 
 def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str, str, Tool, list[Use], list[str]]:
-    """One offspring: its name and description, its tool, ``count`` plans, and its parents' ids.
-
-    Better elites become parents more often.
-    """
+    """One offspring: name, description, tool, ``count`` plans, parents' ids. Better elites are parents more often."""
     rng = workshop.rng
     weights = np.array([max(elite.reward, 0.01) ** 2 for elite in elites])
     weights /= weights.sum()
@@ -74,7 +71,8 @@ def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str,
 def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) -> list[Use]:
     """Plans for a tool derived from the elite's: its plan fitted to the tool, variations of it, or fresh ones."""
     rng = workshop.rng
-    base = carried_over(elite.plan, elite.tool, tool)
+    base = elite.plan.copy()  # the foot of the new tool moves as that of the elite's did
+    base[:, :3] += Rotation.from_euler("xyz", base[:, 3:6]).apply(middle(elite.tool) - middle(tool))
     uses: list[Use] = []
     for i in range(count):
         if 0 < i == count - 1 and rng.random() < elite.scale:
@@ -86,13 +84,6 @@ def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) ->
             done.append(what)
         uses.append(Use(new, ", ".join(["the parent's plan", *done])))
     return uses
-
-
-def carried_over(plan: Array, before: Tool, after: Tool) -> Array:
-    """The plan with which the foot of tool ``after`` moves as that of tool ``before`` did."""
-    moved = plan.copy()
-    moved[:, :3] += Rotation.from_euler("xyz", plan[:, 3:6]).apply(middle(before) - middle(after))
-    return moved
 
 
 def last_stroke(plan: Array) -> tuple[int, int]:

@@ -197,9 +197,7 @@ class Sight:
         return Boxes.join(thing.boxes for thing in self.things)
 
     def errands(self, rng: np.random.Generator) -> list[Errand]:
-        """Draw errands for one of the goals at random: all its bodies, in lanes if they are many, or one of them if
-        one is enough.
-        """
+        """Draw errands for a goal at random: all its bodies, in lanes if they are many; one of them if it is enough."""
         goal = self.goals[int(rng.integers(len(self.goals))) if len(self.goals) > 1 else 0]
         things = [self.things[self.names.index(name)] for name in goal.bodies]
         if goal.any and len(things) > 1:

@@ -119,9 +119,7 @@ def tool_boxes(tool: Tool) -> Boxes:
 def build(
     head: Head, at: Pose, style: Style, thickness: float, gripper: bool, *, bend: float = 0.5, top: float = 0.0
 ) -> Tool:
-    """The tool with its head at the pose ``at`` in the frame of panda_virtual; for ``bend`` and ``top`` see
-    `Assembly.shaft`.
-    """
+    """The tool with its head at the pose ``at`` in panda_virtual; for ``bend`` and ``top`` see `Assembly.shaft`."""
     assembly = Assembly(gripper, thickness)
     flush = np.array([0.008 - thickness / 2, 0.0, 0.0])  # aligns the shaft's front with the head's face
     last = assembly.shaft(style, at.apply(head.hold + flush), left=True, bend=bend, top=top)

@@ -391,7 +391,7 @@ def test_elites_of_the_other_kind_are_marked(gripper: bool) -> None:
 
 def test_an_elite_without_a_tool_is_an_error() -> None:
     elite = Evaluation(Candidate(None, np.zeros((0, 6)), problem="no tool"), "rejected")
-    with pytest.raises(ValueError, match="elite g0-a0-s0-p0 has no tool"):
+    with pytest.raises(ValueError, match="g0-a0-s0-p0 has no tool"):
         PromptComposer().compose(make_brief(elites=(elite,)), None)
 
 
