@@ -85,6 +85,7 @@ class Client:
         if missing:
             self._settings["api_key"] = "none"  # clients refuse to call without a key, local servers ignore it
         self._price = None if self._provider in _LOCAL else _price(self._litellm, model)
+        self.priced = self._price is not None
         self._schema_lock = threading.Lock()
         self._accepted = {"temperature": self._accepts(temperature=0.7), "seed": self._accepts(seed=1)}
         schemas = self._provider in _LOCAL or self._litellm.supports_response_schema(model=model)
@@ -93,11 +94,6 @@ class Client:
         if left_out:
             names = ", no ".join(left_out).replace("response_format", "JSON schema")
             _log.warning("%s accepts no %s: left out of its requests", model, names)
-
-    @property
-    def priced(self) -> bool:
-        """Whether the price of a call is known."""
-        return self._price is not None
 
     def spent(self, request: Request, reply: Reply) -> tuple[int, float]:
         """Tokens and US dollars of a call: as the reply reports them, otherwise counted; 0 dollars without a price."""

@@ -15,12 +15,9 @@ class Spending:
 
     def __init__(self, max_cost_usd: float | None, max_tokens: int | None) -> None:
         self._max_cost_usd, self._max_tokens = max_cost_usd, max_tokens
+        self.limited = max_cost_usd is not None or max_tokens is not None
         self._cost_usd, self._tokens = 0.0, 0
         self._lock = threading.Lock()
-
-    @property
-    def limited(self) -> bool:
-        return self._max_cost_usd is not None or self._max_tokens is not None
 
     def add(self, tokens: int, cost_usd: float) -> None:
         with self._lock:

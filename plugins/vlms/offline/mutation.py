@@ -38,9 +38,7 @@ def mutate(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, st
 
 
 def _with(tool: Tool, number: int, component: Component) -> Tool:
-    components = list(tool.components)
-    components[number] = component
-    return replace(tool, components=tuple(components))
+    return replace(tool, components=(*tool.components[:number], component, *tool.components[number + 1 :]))
 
 
 def _resized(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:

@@ -42,8 +42,7 @@ def recognize(tool: Tool, errand: Errand, rng: np.random.Generator) -> tuple[Hea
     turn += rng.normal(0.0, 0.1)
     deep = bool(rng.random() < 0.5)
     if tool.gripper and not tool.components:
-        hand = Head("hand", "clamp", (), np.zeros(3), 0.01, 2 * FINGER_OPEN)
-        return hand, Pose(_FINGERTIP)
+        return Head("hand", "clamp", (), np.zeros(3), 0.01, 2 * FINGER_OPEN), Pose(_FINGERTIP)
     heading = errand.heading - turn
     ahead, side = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
     corners = foot(tool)
