@@ -13,7 +13,7 @@ from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.geometry import Box, Pose
+from core.geometry import Box, Cylinder, Pose, Sphere
 from core.robot.description import assemble, merged, read_numbers, read_origin
 from core.scene import Color, Inertia
 
@@ -25,7 +25,7 @@ class Shape:
     A mesh file collides as its convex hull, and is drawn in its own colours.
     """
 
-    shape: Box | Path
+    shape: Box | Sphere | Cylinder | Path
     pose: Pose
     part: str
     color: Color
@@ -152,8 +152,14 @@ def _shapes(part: str, elements: list[Any], pose: Pose) -> Iterator[Shape]:
         yield Shape(_geometry(element.find("geometry")[0]), at, part, (r, g, b, a))
 
 
-def _geometry(element: Any) -> Box | Path:
-    if element.tag != "box":
-        return Path(element.get("filename"))
-    x, y, z = read_numbers(element, "size")
-    return Box((x, y, z))
+def _geometry(element: Any) -> Box | Sphere | Cylinder | Path:
+    match element.tag:
+        case "box":
+            x, y, z = read_numbers(element, "size")
+            return Box((x, y, z))
+        case "sphere":
+            return Sphere(float(element.get("radius")))
+        case "cylinder":
+            return Cylinder(float(element.get("radius")), float(element.get("length")))
+        case _:
+            return Path(element.get("filename"))
