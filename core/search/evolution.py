@@ -8,7 +8,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import groupby, islice
 
 import pluggy
 
@@ -201,9 +200,14 @@ def _drained(settled: deque[Evaluation]) -> Iterator[Evaluation]:
 
 def _chunks(candidates: Iterable[Candidate]) -> Iterator[list[Candidate]]:
     """Group candidates in a row that share a tool, at most `CHUNK` of them."""
-    for _, alike in groupby(candidates, key=lambda candidate: id(candidate.tool)):
-        while chunk := list(islice(alike, CHUNK)):
+    chunk: list[Candidate] = []
+    for candidate in candidates:  # not groupby by id: a tool of an earlier reply is gone, and its id may come again
+        if chunk and (len(chunk) == CHUNK or candidate.tool is not chunk[-1].tool):
             yield chunk
+            chunk = []
+        chunk.append(candidate)
+    if chunk:
+        yield chunk
 
 
 def _gathered(candidates: Iterable[Candidate], most: int) -> Iterator[list[Candidate]]:
