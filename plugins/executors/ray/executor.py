@@ -192,6 +192,10 @@ def _signals_kept() -> Iterator[None]:
             signal.signal(number, handler)
 
 
+class _Closed(Exception):
+    """The executor is closed."""
+
+
 class _Crew:
     """``count`` actors. One that is lost is replaced, on any node that has room."""
 
@@ -229,7 +233,9 @@ class _Crew:
             if actor is None:
                 return RuntimeError("the executor is closed")
             try:
-                result = self._wait(actor.work.remote(job), limit)
+                result = self._wait(partial(actor.work.remote, job), limit)
+            except _Closed:
+                return RuntimeError("the executor is closed")
             except self._ray.exceptions.GetTimeoutError:
                 self._replace(actor, function)
                 return RuntimeError("the rollout took longer than executor.timeout_s and was given up")
@@ -259,7 +265,9 @@ class _Crew:
             if actor is None:
                 return None
             try:
-                self._wait(actor.ping.remote(), None)
+                self._wait(actor.ping.remote, None)
+            except _Closed:
+                return None
             except self._ray.exceptions.RayError:  # its node was lost while it had nothing to do
                 self._replace(actor, function)
             else:
@@ -285,7 +293,9 @@ class _Crew:
                 actor = self._make.remote()
                 self._actors.add(actor)
             try:
-                self._wait(actor.ready.remote(function), None)
+                self._wait(partial(actor.ready.remote, function), None)
+            except _Closed:
+                return
             except self._ray.exceptions.RayTaskError as error:  # it lives, and would fail the next time too
                 self._bury(actor)
                 why = _first_line(error.cause)
@@ -300,15 +310,28 @@ class _Crew:
         if not self._closed:
             self._free.put(UserError(f"workers on the Ray cluster can't be used: {why}"))
 
-    def _wait(self, reference: Any, limit: float | None) -> Any:
+    @contextmanager
+    def _in_ray(self) -> Iterator[None]:
+        """Keep Ray from being shut down: what calls it afterwards ends the whole process.
+
+        Raises:
+            _Closed: the executor is closed.
+        """
         with self._lock:
+            if self._closed:
+                raise _Closed
             self._waiting += 1
         try:
-            return self._ray.get(reference, timeout=limit)
+            yield
         finally:
             with self._lock:
                 self._waiting -= 1
                 self._lock.notify_all()
+
+    def _wait(self, call: Callable[[], Any], limit: float | None) -> Any:
+        """Wait for the result of a remote call."""
+        with self._in_ray():
+            return self._ray.get(call(), timeout=limit)
 
     def _replace(self, actor: Any, function: Callable[..., Any]) -> None:
         self._bury(actor)
@@ -317,7 +340,7 @@ class _Crew:
     def _bury(self, actor: Any) -> None:
         with self._lock:
             self._actors.discard(actor)
-        with suppress(Exception):  # gone already, with its node or the cluster
+        with suppress(Exception), self._in_ray():  # gone already, with its node or the cluster
             self._ray.kill(actor)
 
     def close(self) -> None:
@@ -326,7 +349,8 @@ class _Crew:
             self._closed = True
             actors = list(self._actors)
         for actor in actors:
-            self._bury(actor)
+            with suppress(Exception):  # gone already
+                self._ray.kill(actor)
         for _ in range(self.count):
             self._free.put(None)
         with self._lock:

@@ -209,7 +209,7 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path):
     started = offspring(process.pid)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=120)
-    assert process.returncode == 130
+    assert process.returncode == 130, err
     assert out == ""
     assert f"interrupted; to go on: python -m core.run resume={tmp_path / 'run'}" in err
     assert "Traceback" not in err
