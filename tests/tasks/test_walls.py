@@ -89,7 +89,8 @@ def test_rod_stays_inside(name, engine, angle, run_up):
     beyond = np.hypot(*at.T) - inside[0] if len(inside) == 1 else (np.abs(at) - inside).max(axis=1)
     # The rod's own half thickness keeps its middle from the wall; the arm bends a little. It may not get through.
     assert beyond.max() < 0.003, f"the rod's middle came {beyond.max() * 1000:.0f} mm beyond the wall's inner face"
-    assert beyond.max() > -0.03, "the rod never met the wall"
+    if motion.ik_error_m < 0.09:  # it is sent 0.1 m beyond the wall; the bin's corners are out of the arm's reach
+        assert beyond.max() > -0.03, "the rod never met the wall"
 
 
 BAR_LONG = 0.6
