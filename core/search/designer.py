@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import queue
 import sys
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
@@ -21,6 +20,7 @@ from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulat
 from core.plugins import describe_part
 from core.simulation.pictures import draw_stages, png, report_missing
 from core.text import shorten
+from core.threads import run_in_thread
 
 TOOL_KINDS = ("rigid", "gripper")
 DEFAULT_KINDS = ("rigid",)  # for a task that names none
@@ -99,22 +99,18 @@ class ModelDesigner:
         missing = set(by_id)
 
         def receive() -> None:
-            try:
-                for reply in self.vlm.complete(requests):
-                    if not isinstance(reply, Reply) or reply.request_id not in missing:
-                        plugin = describe_part(self.vlm)
-                        sys.stderr.write(f"{plugin}: complete gave {_describe(reply)}; it is left out\n")
-                        continue
-                    missing.remove(reply.request_id)
-                    self.events.hook.reply_received(request=by_id[reply.request_id], reply=reply)
-                    arrived.put(reply)
-            except Exception as error:  # raised again in the main thread
-                arrived.put(error)
-            arrived.put(None)
+            for reply in self.vlm.complete(requests):
+                if not isinstance(reply, Reply) or reply.request_id not in missing:
+                    plugin = describe_part(self.vlm)
+                    sys.stderr.write(f"{plugin}: complete gave {_describe(reply)}; it is left out\n")
+                    continue
+                missing.remove(reply.request_id)
+                self.events.hook.reply_received(request=by_id[reply.request_id], reply=reply)
+                arrived.put(reply)
 
         for request in requests:
             self.events.hook.request_composed(request=request)
-        threading.Thread(target=receive, name="replies", daemon=True).start()
+        run_in_thread(receive, arrived.put, "replies")
         while (reply := arrived.get()) is not None:
             if isinstance(reply, Exception):
                 raise reply

@@ -8,9 +8,11 @@ import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 from core.errors import UsageError, check_positive
+from core.threads import run_in_thread
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -45,31 +47,32 @@ def dispatch(workers: Sequence[Callable[[A], B | Exception]], chunks: Iterable[A
     stop = threading.Event()
 
     def read() -> None:
-        try:
-            source = iter(chunks)
-            while room.acquire() and not stop.is_set():
+        source = iter(chunks)
+        while room.acquire() and not stop.is_set():
+            try:
                 ready.put((next(source),))
-        except StopIteration:
-            pass
-        except Exception as error:  # raised again in the main thread
+            except StopIteration:
+                return
+
+    def read_ended(error: Exception | None) -> None:
+        if error is not None:
             results.put(_Raised(error))
         for _ in workers:
             ready.put(None)
 
     def serve(worker: Callable[[A], B | Exception]) -> None:
-        try:
-            while (taken := ready.get()) is not None and not stop.is_set():
-                (chunk,) = taken
-                results.put((chunk, worker(chunk)))
-        except Exception as error:
-            results.put(_Raised(error))
-        results.put(None)
+        while (taken := ready.get()) is not None and not stop.is_set():
+            (chunk,) = taken
+            results.put((chunk, worker(chunk)))
 
-    threading.Thread(target=read, name="chunks", daemon=True).start()
-    for worker in workers:
-        threading.Thread(target=serve, args=[worker], name="worker", daemon=True).start()
+    def served(error: Exception | None) -> None:
+        results.put(_Raised(error) if error is not None else None)
+
     serving = len(workers)
     try:
+        run_in_thread(read, read_ended, "chunks")
+        for worker in workers:
+            run_in_thread(partial(serve, worker), served, "worker")
         while serving:
             result = results.get()
             if result is None:

@@ -20,6 +20,7 @@ from core.plugins import describe_part
 from core.plugins.blame import PluginError
 from core.search.dispatch import CHUNK
 from core.text import shorten
+from core.threads import run_in_thread
 
 LINGER_S = 0.2  # how long a chunk waits for one more candidate, for an engine with large batches
 
@@ -218,14 +219,10 @@ def _gathered(candidates: Iterable[Candidate], most: int) -> Iterator[list[Candi
     arrived: queue.Queue[Candidate | Exception | None] = queue.Queue(maxsize=most)
 
     def read() -> None:
-        try:
-            for candidate in candidates:
-                arrived.put(candidate)
-            arrived.put(None)
-        except Exception as error:  # raised again in the main thread
-            arrived.put(error)
+        for candidate in candidates:
+            arrived.put(candidate)
 
-    threading.Thread(target=read, name="candidates", daemon=True).start()
+    run_in_thread(read, arrived.put, "candidates")
     while True:
         item = arrived.get()
         chunk: list[Candidate] = []

@@ -23,6 +23,7 @@ from typing import Any, TypeVar
 from core.errors import UsageError, UserError, check_positive
 from core.interfaces import Executor
 from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
+from core.threads import run_in_thread
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -281,7 +282,11 @@ class _Crew:
             sys.stderr.write(f"executor=ray: no worker has started for {_PATIENCE_S:.0f} s; has the cluster room?\n")
 
     def _hire(self, function: bytes) -> None:
-        threading.Thread(target=self._start, args=[function], name="hire", daemon=True).start()
+        def ended(error: Exception | None) -> None:
+            if error is not None:
+                self._free.put(UserError(f"workers on the Ray cluster can't be used: {_first_line(error)}"))
+
+        run_in_thread(partial(self._start, function), ended, "hire")
 
     def _start(self, function: bytes) -> None:
         """Start an actor, and check that it can work."""

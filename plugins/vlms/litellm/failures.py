@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import random
 import re
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future, wait
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import TypeVar
 from urllib.parse import quote
+
+from core.threads import run_in_thread
 
 T = TypeVar("T")
 
@@ -38,13 +39,11 @@ def within(seconds: float, call: Callable[[], T]) -> T:
     """
     future: Future[T] = Future()
 
-    def work() -> None:
-        try:
-            future.set_result(call())
-        except Exception as error:
+    def ended(error: Exception | None) -> None:
+        if error is not None:
             future.set_exception(error)
 
-    threading.Thread(target=work, daemon=True).start()
+    run_in_thread(lambda: future.set_result(call()), ended, "call")
     if not wait([future], seconds).done:
         raise TimedOut(f"no answer within {seconds:g} s")
     return future.result()

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from core.errors import LimitReached, UsageError, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request
+from core.threads import run_in_thread
 from plugins.vlms.litellm.cache import Cache
 from plugins.vlms.litellm.client import Client, estimate
 from plugins.vlms.litellm.failures import explain, pause, within
@@ -96,7 +97,7 @@ class LanguageModel(VLM):
         waiting: queue.SimpleQueue[Request] = queue.SimpleQueue()
         for request in requests:
             waiting.put(request)
-        results: queue.SimpleQueue[Reply | LimitReached] = queue.SimpleQueue()
+        results: queue.SimpleQueue[Reply | Exception] = queue.SimpleQueue()
         stop = threading.Event()
 
         def work() -> None:
@@ -110,18 +111,23 @@ class LanguageModel(VLM):
                     results.put(cached or self._answer(request, stop))
                 except LimitReached as limit:
                     results.put(limit)
-                except Exception as error:  # otherwise the caller would wait for ever
+                except Exception as error:
                     results.put(Reply(request.id, "", self.model, error=explain(error)))
 
-        for number in range(min(self.concurrency, len(requests))):
-            # Daemons, so that an interrupted process ends without waiting for a server.
-            threading.Thread(target=work, name=f"{self.model} {number}", daemon=True).start()
+        def ended(error: Exception | None) -> None:
+            if error is not None:
+                results.put(error)
+
         limits: list[LimitReached] = []
         try:
+            for number in range(min(self.concurrency, len(requests))):
+                run_in_thread(work, ended, f"{self.model} {number}")
             for _ in requests:
                 result = results.get()
                 if isinstance(result, LimitReached):
                     limits.append(result)
+                elif isinstance(result, Exception):
+                    raise result
                 else:
                     self._answered.add(result.request_id)
                     yield result

@@ -241,3 +241,18 @@ def test_elites_are_drawn_once_and_only_if_they_are_shown(feedback):
     for request in vlm.requests:
         pictures = [part.name for part in request.messages[-1].parts if isinstance(part, Picture)]
         assert pictures == [f"elite_{name}" for name in names]
+
+
+class Leaving(VLM):
+    """Ends the thread that calls it, as a library does that calls sys.exit."""
+
+    model = "none"
+
+    def complete(self, requests):
+        yield good(requests[0])
+        raise SystemExit("enough")
+
+
+def test_a_model_that_ends_its_thread_is_not_waited_for():
+    with pytest.raises(RuntimeError, match="SystemExit ended the thread 'replies': enough"):
+        list(designer(Leaving()).design(0))

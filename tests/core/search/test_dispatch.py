@@ -32,3 +32,24 @@ def test_what_chunks_raise_is_raised():
 
     with pytest.raises(ValueError, match="no more"):
         list(dispatch([lambda n: n], chunks()))
+
+
+@pytest.mark.parametrize("end", [SystemExit("enough"), OSError("no space"), MemoryError()])
+@pytest.mark.parametrize("where", ["chunks", "worker"])
+def test_a_thread_that_ends_is_not_waited_for(end, where):
+    """A plugin may call sys.exit, in a worker's thread or in that which reads the chunks."""
+
+    def chunks():
+        yield 1
+        if where == "chunks":
+            raise end
+        yield 2
+
+    def work(chunk):
+        if where == "worker" and chunk == 2:
+            raise end
+        return chunk
+
+    with pytest.raises((type(end), RuntimeError)) as caught:
+        list(dispatch([work, work], chunks()))
+    assert type(end).__name__ in f"{caught.value!r}"

@@ -243,6 +243,19 @@ def test_a_bug_in_the_handling_of_a_fault_becomes_the_replys_error(monkeypatch):
         assert ask(server, "openai")[0].error == "ZeroDivisionError: division by zero"
 
 
+@pytest.mark.parametrize("agents", [1, 5])
+def test_a_thread_that_ends_is_not_waited_for(agents, monkeypatch):
+    """Whatever fails in the handling of a failure too."""
+
+    def fail(*_):
+        raise UnicodeEncodeError("utf-8", "\udcff", 0, 1, "surrogates not allowed")
+
+    monkeypatch.setattr("plugins.vlms.litellm.model.explain", fail)
+    model = LanguageModel("ollama_chat/m", "http://127.0.0.1:9", concurrency=2, retries=0)
+    with pytest.raises(UnicodeEncodeError):
+        list(model.complete([request(agent) for agent in range(agents)]))
+
+
 def test_no_server():
     (reply,) = LanguageModel("openai/gpt-4.1", "http://127.0.0.1:9/v1", retries=1).complete([request(0)])
     assert reply.error.endswith("(after 2 tries)")
