@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Callable
 from functools import cache
@@ -69,6 +70,26 @@ def many(count: int) -> str:
     one = '<link name="b{i}"><collision><geometry><box size=".02 .02 .02"/></geometry></collision></link>'
     joint = '<joint name="j{i}" type="fixed"><parent link="panda_virtual"/><child link="b{i}"/></joint>'
     return "".join((one + joint).replace("{i}", str(i)) for i in range(count))
+
+
+def boxes(count: int, step: float = 0.01) -> str:
+    """One link of many boxes, each as visual and as collision shape, in opposite order."""
+    shapes = [
+        f'<{tag}><origin xyz="0 {i * step:g} 0"/><geometry><box size=".01 .01 .03"/></geometry></{tag}>'
+        for tag, order in (("collision", range(count)), ("visual", reversed(range(count))))
+        for i in order
+    ]
+    return f'<link name="b">{"".join(shapes)}</link>{hung("b", "panda_virtual")}'
+
+
+def hung(child: str, parent: str) -> str:
+    return f'<joint name="{child}_j" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
+
+
+def frames(count: int, at: str) -> str:
+    """A chain of links without shapes, which begins at a link."""
+    chain = [at, *(f"f{i}" for i in range(count))]
+    return "".join(f'<link name="{b}"/>{hung(b, a)}' for a, b in itertools.pairwise(chain))
 
 
 def bomb() -> str:
@@ -148,6 +169,10 @@ TOOLS: dict[str, str | Callable[[], str]] = {
     "comment without end": "<!--" + "-" * 500_000,
     "whitespace without end": " " * 999_999,
     "numbers of digits without end": sized("1" * 500_000),
+    "number that can be split in many ways": weighing("1" * 900_000 + "x"),
+    "exponent that can be split in many ways": weighing("1e" + "1" * 900_000 + "e"),
+    "link of a thousand boxes": boxes(1_000),
+    "chain of frames behind many boxes": boxes(90) + frames(2_500, "b"),
     "text of ten million": lambda: "x" * 10_000_000,
 }
 
@@ -189,6 +214,7 @@ REPLIES: dict[str, str | Callable[[], str]] = {
     "byte order mark": "\ufeff" + "{" * 10,
     "name is an escape sequence": reply_of(sound(strategy_name="\x1b]8;;http://x\x07\x1b[2J", action_sets=[])),
     "name of ten million": lambda: reply_of(sound(strategy_name="x" * 10_000_000, action_sets=[])),
+    "strategies inside each other": '{"strategies":[' + '{"parents":0,"a":[' * 90 + "[]," * 1_600_000 + "x",
     "a hundred megabytes of text": lambda: "x" * 100_000_000,
     "a hundred megabytes of braces": lambda: "{ " * 50_000_000,
     "a hundred megabytes of plan": lambda: '{"strategies": [{"action_sets": [' + "[0,0,0,0,0,0]," * 7_000_000,

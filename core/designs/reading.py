@@ -31,6 +31,7 @@ MAX_DESCRIPTION = 5000
 MAX_REPLY = 5_000_000  # characters, about ten times the longest answer of a model
 MAX_MALFORMED = 100  # malformed strategies of a malformed reply, and
 MAX_SAVED = 1000  # sound ones; the rest is not read
+MAX_REREAD = 3_000_000  # characters of malformed strategies, which may lie inside each other
 
 _SEPARATORS = re.compile(r"[\s,]*")
 _OPENING = re.compile(r'"strategies"\s*:\s*\[')
@@ -272,20 +273,21 @@ def _save_sound(text: str) -> dict[str, Any] | None:
     if opening is None:
         return None
     strategies: list[Any] = []
-    malformed = 0
+    malformed = reread = 0
     at, end = opening.end(), len(text)
     blanked = False
     while (at := _SEPARATORS.match(text, at).end()) < end and text[at] != "]":  # type: ignore[union-attr]
         try:
             strategy, at = _DECODER.raw_decode(text, at)
-        except (ValueError, RecursionError):
+        except (ValueError, RecursionError) as error:
+            reread += _read_until(error, end) - at
             if not blanked:
                 text, blanked = text[:at] + _NOT_JSON.sub(_blank, text[at:]), True
                 continue
             malformed += 1
             strategies.append(_unread(text, at))
             following = _STRATEGY.search(text, at + 1)
-            if following is None or malformed == MAX_MALFORMED:
+            if following is None or malformed == MAX_MALFORMED or reread > MAX_REREAD:
                 break
             at = following.start()
         else:
@@ -297,6 +299,13 @@ def _save_sound(text: str) -> dict[str, Any] | None:
     if at >= end and not malformed:
         strategies.append(_unread(text, at))
     return {"strategies": strategies}
+
+
+def _read_until(error: Exception, end: int) -> int:
+    """How far the decoder read before it failed, at most."""
+    if isinstance(error, json.JSONDecodeError) and not error.msg.startswith("Unterminated string"):
+        return error.pos
+    return end
 
 
 def _unread(text: str, at: int) -> Unread:

@@ -13,6 +13,7 @@ import numpy as np
 from lxml import etree
 
 from core.design import Component, DesignError, Tool
+from core.designs.rules import MAX_COMPONENTS
 from core.geometry import Box, Pose
 from core.robot.description import assemble
 from core.robot.solids import box_gap
@@ -20,6 +21,7 @@ from core.scene import Color
 from core.text import shorten
 from plugins.tools.urdf.parsing import attribute, only_child, read_numbers, read_origin
 
+MAX_LINKS = 2 * MAX_COMPONENTS  # some are only frames
 MAX_NAME = {"link": 64, "joint": 70}  # `core.robot` names a joint after its link, with "_joint" added
 DEFAULT_COLOR: Color = (0.2, 0.45, 0.8, 1.0)
 
@@ -37,13 +39,6 @@ class _PlacedBox:
     box: Box
     pose: Pose
     color: Color
-
-    def is_at(self, other: _PlacedBox) -> bool:
-        return bool(
-            np.abs(np.subtract(self.box.size, other.box.size)).max() <= _SAME_M
-            and np.linalg.norm(self.pose.position - other.pose.position) <= _SAME_M
-            and (self.pose.rotation.inv() * other.pose.rotation).magnitude() <= _SAME_RAD
-        )
 
 
 @dataclass(frozen=True)
@@ -63,6 +58,8 @@ class _Joint:
 # What a link's children can hang from, components or a mount: for each its name, its box (None: a mount), and the pose
 # of the link's frame in its own frame.
 _Parents = list[tuple[str, Box | None, Pose]]
+# The same, and the pose of a link without boxes in the frame of the last link with boxes; None: it has its own.
+_Holders = tuple[_Parents, Pose | None]
 
 
 def _nearest(parents: _Parents, box: Box, pose: Pose) -> tuple[str, Pose]:
@@ -70,8 +67,15 @@ def _nearest(parents: _Parents, box: Box, pose: Pose) -> tuple[str, Pose]:
 
     ``pose`` is the pose of the box in the link's frame.
     """
-    gaps = [box_gap(box, frame @ pose, own, Pose()) if own and len(parents) > 1 else 0.0 for _, own, frame in parents]
-    name, _, frame = parents[int(np.argmin(gaps))]
+    closest, least = parents[0], math.inf
+    for parent in parents if len(parents) > 1 else ():
+        _, own, frame = parent
+        gap = box_gap(box, frame @ pose, own, Pose()) if own else 0.0
+        if gap < least:
+            closest, least = parent, gap
+        if gap == 0:
+            break
+    name, _, frame = closest
     return name, frame @ pose
 
 
@@ -103,6 +107,7 @@ def build_tool(root: Element, gripper: bool) -> Tool:
     Raises:
         DesignError: they are not boxes on fixed joints that lead to a mount.
     """
+    _check_counts(root)
     mounts = Tool(gripper=gripper).mounts
     materials = _read_materials(root)
     links: dict[str, _Link] = {}
@@ -122,12 +127,22 @@ def build_tool(root: Element, gripper: bool) -> Tool:
             raise DesignError(f"<{shorten(element.tag)[1:-1]}> is not allowed; use <link>, <joint> and <material>")
     _check_joints(joints, links, mounts)
     components: list[Component] = []
-    parents: dict[str, _Parents] = {mount: [(mount, None, Pose())] for mount in mounts}
+    holders: dict[str, _Holders] = {mount: ([(mount, None, Pose())], None) for mount in mounts}
     taken = {*links, *_robot_names()}
     for name, parent, pose in _from_mounts(links, joints, mounts):
-        boxes, parents[name] = _hang(links[name], parents[parent], pose, taken)
+        boxes, holders[name] = _hang(links[name], holders[parent], pose, taken)
         components += boxes
     return Tool(tuple(components), gripper)
+
+
+def _check_counts(root: Element) -> None:
+    """Refuse too many links and shapes, before anything compares them with one another."""
+    counts = {tag: sum(1 for _ in root.iter(tag)) for tag in ("link", "joint", "visual", "collision")}
+    if (boxes := max(counts["visual"], counts["collision"])) > MAX_COMPONENTS:
+        raise DesignError(f"the tool has {boxes} boxes; at most {MAX_COMPONENTS} are allowed")
+    for tag in ("link", "joint"):
+        if counts[tag] > MAX_LINKS:
+            raise DesignError(f"the tool has {counts[tag]} {tag}s; at most {MAX_LINKS} are allowed")
 
 
 def _read_materials(root: Element) -> dict[str, Color]:
@@ -178,13 +193,20 @@ def _read_box(element: Element, where: str, materials: Mapping[str, Color]) -> _
 
 def _match(visuals: list[_PlacedBox], collisions: list[_PlacedBox], where: str) -> list[_PlacedBox]:
     """The collision boxes, each in the colour of the visual box at the same place."""
-    left, matched = list(visuals), []
+    sizes, positions = np.array([v.box.size for v in visuals]), np.array([v.pose.position for v in visuals])
+    quaternions = np.array([v.pose.quaternion for v in visuals])
+    free = np.ones(len(visuals), dtype=bool)
+    matched = []
     for collision in collisions:
-        twin = next((visual for visual in left if visual.is_at(collision)), None)
-        if twin is not None:
-            left.remove(twin)
-            matched.append(_PlacedBox(collision.box, collision.pose, twin.color))
-    if left or len(matched) < len(collisions):
+        chords = [np.linalg.norm(quaternions - sign * collision.pose.quaternion, axis=1) for sign in (1, -1)]
+        same = free & (np.abs(sizes - collision.box.size).max(axis=1) <= _SAME_M)
+        same &= np.linalg.norm(positions - collision.pose.position, axis=1) <= _SAME_M
+        same &= 4 * np.arcsin(np.minimum(*chords) / 2) <= _SAME_RAD
+        if same.any():
+            twin = int(np.argmax(same))
+            free[twin] = False
+            matched.append(_PlacedBox(collision.box, collision.pose, visuals[twin].color))
+    if free.any() or len(matched) < len(collisions):
         raise DesignError(f"{where}: its visual and collision boxes differ; give both the same origins and sizes")
     return matched
 
@@ -228,14 +250,16 @@ def _from_mounts(
             yield name, joint.parent, joint.pose
 
 
-def _hang(link: _Link, parents: _Parents, pose: Pose, taken: set[str]) -> tuple[list[Component], _Parents]:
-    """A link's components, and the parents of its children. ``pose`` is the pose of the link in its parent link.
+def _hang(link: _Link, holders: _Holders, pose: Pose, taken: set[str]) -> tuple[list[Component], _Holders]:
+    """A link's components, and what holds its children. ``pose`` is the pose of the link in its parent link.
 
     The first box hangs from the closest box of the parent link, each further box from the closest one before it. A
     link without boxes is only a frame: its children hang from the boxes of its parent.
     """
+    parents, frame = holders
+    pose = pose if frame is None else frame @ pose
     if not link.boxes:
-        return [], [(name, box, frame @ pose) for name, box, frame in parents]
+        return [], (parents, pose)
     volume = math.fsum(placed.box.volume for placed in link.boxes)
     components: list[Component] = []
     own: _Parents = []
@@ -245,7 +269,7 @@ def _hang(link: _Link, parents: _Parents, pose: Pose, taken: set[str]) -> tuple[
         share = placed.box.volume / volume if volume > 0 else 1 / len(link.boxes)
         components.append(Component(name, parent, at, placed.box, link.mass * share, placed.color))
         own.append((name, placed.box, placed.pose.inverse()))
-    return components, own
+    return components, (own, None)
 
 
 def _free_name(name: str, taken: set[str]) -> str:

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import time
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,11 @@ from hypothesis import strategies as st
 
 from core.design import DesignError
 from core.designs.reading import parse_reply, read_designs
+from core.designs.rules import MAX_COMPONENTS
 from core.plugins import installed
 from plugins.tools.urdf.representation import UrdfTools
 from tests.conftest import FUZZ_CASES
-from tests.hostile import REPLIES, ROD, TOOLS, reply, reply_of, sound, spawn_rules, tool_reply
+from tests.hostile import REPLIES, ROD, TOOLS, boxes, frames, reply, reply_of, sound, spawn_rules, tool_reply
 from tests.soundness import check_candidate
 
 LIMITS = {"workers": 1, "timeout_s": 60.0, "memory_mb": 1024}
@@ -60,6 +62,39 @@ def test_is_refused_with_a_reason(pool, name):
         assert reason
         assert reason.isprintable()
         assert len(reason) < 500
+
+
+WORST = {  # of what a megabyte may hold
+    "link of a thousand boxes": TOOLS["link of a thousand boxes"],
+    "chain of frames": TOOLS["chain of frames behind many boxes"],
+    "split number": TOOLS["number that can be split in many ways"],
+    "boxes that touch one other": boxes(MAX_COMPONENTS),
+    "boxes at one place": boxes(MAX_COMPONENTS, 0.0),
+    "as many frames as are allowed": boxes(MAX_COMPONENTS, 0.0) + frames(99, "b"),
+}
+
+
+@pytest.mark.parametrize("text", WORST.values(), ids=WORST)
+def test_the_worst_tools_are_read_in_two_seconds(text):
+    reading(reply_of(sound()))
+    began = time.process_time()
+    reading(reply_of(sound(tool_urdf=text)))
+    assert time.process_time() - began < 3 * 2.0  # on a machine three times as slow as any of this decade
+
+
+def test_strategies_inside_each_other_are_read_a_few_times_at_most():
+    """Each of them is malformed only at the end of the reply; the decoder's time counts."""
+    flat = '{"strategies":[{"parents":0,"a":[' + "[]," * 600_000
+    nested = '{"strategies":[' + '{"parents":0,"a":[' * 90 + "[]," * 600_000
+
+    def taken(text):
+        began = time.process_time()
+        with pytest.raises(DesignError):
+            parse_reply(text + "x")
+        return time.process_time() - began
+
+    taken(flat)
+    assert taken(nested) < 10 * taken(flat)  # 90 times without a limit
 
 
 def test_a_sound_reply_is_accepted():
