@@ -82,8 +82,9 @@ def boxes(count: int, step: float = 0.01) -> str:
     return f'<link name="b">{"".join(shapes)}</link>{hung("b", "panda_virtual")}'
 
 
-def hung(child: str, parent: str) -> str:
-    return f'<joint name="{child}_j" type="fixed"><parent link="{parent}"/><child link="{child}"/></joint>'
+def hung(child: str, parent: str, at: str = "0 0 0") -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{at}"/>'
+    return f'<joint name="{child}_j" type="fixed">{ends}</joint>'
 
 
 def frames(count: int, at: str) -> str:
@@ -145,7 +146,23 @@ TOOLS: dict[str, str | Callable[[], str]] = {
     "negative mass": weighing("-1"),
     "mass of NaN": weighing("nan"),
     "mass of 1e9": weighing("1e9"),
-    "mass of 1e-320": weighing("-1e-320"),
+    "mass of 1e-320": weighing("1e-320"),
+    "mass of nothing": weighing("5e-324"),
+    "mass that rounds to zero": weighing("1e-400000"),
+    "wire of 1e-12 kg": weighing("1e-12").replace("0.02 0.02 0.1", "0.0005 0.0005 0.1"),
+    "lighter than air": weighing("0.001").replace("0.02 0.02 0.1", "0.3 0.3 0.1"),
+    "denser than gold": weighing("0.9"),
+    "wire": weighing("0.001").replace("0.02 0.02 0.1", "0.001 0.001 0.1"),
+    "wire in pieces": "".join(
+        f'<link name="w{i}"><collision><geometry><box size=".001 .001 .005"/></geometry></collision></link>'
+        + hung(f"w{i}", f"w{i - 1}" if i else "panda_virtual", "0 0 -.005")
+        for i in range(30)
+    ),
+    "180 m long": "".join(
+        f'<link name="w{i}"><collision><geometry><box size=".02 .02 2"/></geometry></collision></link>'
+        + hung(f"w{i}", f"w{i - 1}" if i else "panda_virtual", "0 0 -1.8")
+        for i in range(100)
+    ),
     "place is infinite": ROD.replace("0 0 -0.055", "inf 0 0"),
     "angle of 1e300": ROD.replace('xyz="0 0 -0.055"', 'xyz="0 0 -0.055" rpy="1e300 0 0"'),
     "nested without end": "<link>" * 100_000,

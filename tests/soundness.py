@@ -9,11 +9,16 @@ from core.designs.rules import (
     MAX_ANGLE_RAD,
     MAX_COMPONENT_KG,
     MAX_COMPONENTS,
+    MAX_DENSITY,
+    MAX_EXTENT_M,
     MAX_REACH_M,
     MAX_SIDE_M,
     MAX_TOOL_KG,
     MAX_WAYPOINTS,
+    MIN_COMPONENT_KG,
+    MIN_DENSITY,
     MIN_SIDE_M,
+    MIN_TOOL_KG,
 )
 
 MAX_TEXT = 5000
@@ -36,10 +41,12 @@ def check_candidate(candidate: Candidate) -> None:
     assert tool is not None
     assert 1 <= len(tool.components) <= MAX_COMPONENTS
     assert len(set(names)) == len(names)
-    assert 0 < tool.mass <= MAX_TOOL_KG
+    assert MIN_TOOL_KG <= tool.mass <= MAX_TOOL_KG
     for component in tool.components:
         assert all(MIN_SIDE_M <= side <= MAX_SIDE_M for side in component.shape.size)
-        assert 0 < component.mass <= MAX_COMPONENT_KG
+        assert MIN_COMPONENT_KG <= component.mass <= MAX_COMPONENT_KG
+        assert MIN_DENSITY <= component.mass / component.shape.volume <= MAX_DENSITY
+        assert np.linalg.norm(tool.placed()[component.name][1].position) <= MAX_EXTENT_M
     plan = candidate.plan
     assert plan.shape[1] == (7 if tool.gripper else 6)
     assert 1 <= len(plan) <= MAX_WAYPOINTS

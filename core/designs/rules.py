@@ -10,20 +10,27 @@ import numpy as np
 import pinocchio as pin
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
+from core.designs.stiffness import compliance, corners
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Task, ToolRepresentation
 from core.plugins import describe_part
 from core.robot.description import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, FLANGE, assemble
 from core.robot.kinematics import arm
-from core.robot.solids import Solid, Solids, body_solids, robot_solids, signed_distance, solid_geometry
+from core.robot.solids import Solid, Solids, body_solids, contact, robot_solids, signed_distance, solid_geometry
 from core.text import kind, shorten
 
 MAX_COMPONENTS = 100
 MIN_SIDE_M = 0.0005
 MAX_SIDE_M = 2.0
+MAX_EXTENT_M = 2.0  # from the mount to the farthest point, which bounds the speed of a tool's tip too
+MIN_COMPONENT_KG = 0.0001
 MAX_COMPONENT_KG = 1.0
+MIN_TOOL_KG = 0.001
 MAX_TOOL_KG = 3.0  # the Panda's payload
+MIN_DENSITY = 1.0  # kg/m^3, about that of air; the paper's 5 g must do for a box of a few litres
+MAX_DENSITY = 20_000.0  # kg/m^3; gold and tungsten have 19,300
+MAX_BEND_M_N = 0.01  # of the farthest end, per newton, if the tool were of steel
 MAX_GAP_M = 0.001
 MAX_MOUNT_GAP_M = 0.002
 MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
@@ -38,7 +45,7 @@ _CARRIER = "panda_link7"  # the link with the flange
 
 
 def check_tool(tool: Tool) -> None:
-    """Check number, sizes and masses of the components, and that each touches its parent.
+    """Check that a tool can be built: number, sizes, masses and extent of its components, contacts, and stiffness.
 
     Raises:
         DesignError: the first rule that is broken.
@@ -51,7 +58,10 @@ def check_tool(tool: Tool) -> None:
         _check_component(component)
     if tool.mass > MAX_TOOL_KG:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; the arm carries at most {MAX_TOOL_KG:g} kg")
-    _check_contacts(tool)
+    if tool.mass < MIN_TOOL_KG:
+        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed")
+    _check_extent(tool)
+    _check_stiffness(tool, _check_contacts(tool))
 
 
 def _check_component(component: Component) -> None:
@@ -61,27 +71,60 @@ def _check_component(component: Component) -> None:
                 f"component {component.name!r} is {side:.6g} m long in {axis}; each side must be between "
                 f"{MIN_SIDE_M:g} and {MAX_SIDE_M:g} m"
             )
-    if not 0 < component.mass <= MAX_COMPONENT_KG:
+    if not MIN_COMPONENT_KG <= component.mass <= MAX_COMPONENT_KG:
         raise DesignError(
-            f"component {component.name!r} weighs {component.mass:.6g} kg; it must be more than 0 and at most "
-            f"{MAX_COMPONENT_KG:g} kg (a few grams are enough)"
+            f"component {component.name!r} weighs {component.mass:.6g} kg; it must be between {MIN_COMPONENT_KG:g} "
+            f"and {MAX_COMPONENT_KG:g} kg (a few grams are enough)"
+        )
+    density = component.mass / component.shape.volume
+    if not MIN_DENSITY <= density <= MAX_DENSITY:
+        fault = "is lighter than air" if density < MIN_DENSITY else "is denser than gold"
+        raise DesignError(
+            f"component {component.name!r} {fault}: {component.mass:.3g} kg in {component.shape.volume:.3g} m^3 is a "
+            f"density of {density:.3g} kg/m^3; it must be between {MIN_DENSITY:g} and {MAX_DENSITY:g}"
         )
 
 
-def _check_contacts(tool: Tool) -> None:
+def _check_extent(tool: Tool) -> None:
+    placed = tool.placed()
+    for component in tool.components:
+        mount, pose = placed[component.name]
+        reach = float(np.linalg.norm(corners(component.shape, pose), axis=1).max())
+        if reach > MAX_EXTENT_M:
+            raise DesignError(
+                f"component {component.name!r} reaches {reach:.3g} m from {mount}; a tool must end within "
+                f"{MAX_EXTENT_M:g} m of its mount"
+            )
+
+
+def _check_contacts(tool: Tool) -> dict[str, Array]:
+    """Check that each component touches its parent; return the points where they do, in the mount's frame."""
     fingers = robot_solids(True) if tool.gripper else ()
     solids = {mount: [solid for solid in fingers if solid.name == mount] for mount in tool.mounts}
     if not tool.gripper:
         solids[RIGID_MOUNT] = [Solid(RIGID_MOUNT, solid_geometry(FLANGE), Pose())]
     solids |= {c.name: [Solid(c.name, solid_geometry(c.shape), Pose())] for c in tool.components}
+    placed, points = tool.placed(), {}
     for component in tool.components:
         (solid,), on_mount = solids[component.name], component.parent in tool.mounts
-        gap = min(signed_distance(replace(solid, pose=component.pose), other) for other in solids[component.parent])
+        at = replace(solid, pose=component.pose)
+        gap, point = min((contact(at, other) for other in solids[component.parent]), key=lambda found: found[0])
         if gap > (MAX_MOUNT_GAP_M if on_mount else MAX_GAP_M):
             relation = "mount" if on_mount else "parent"
             raise DesignError(
                 f"component {component.name!r} is {gap * 1000:.1f} mm away from its {relation} {component.parent!r}; "
                 "move or lengthen it until they touch"
+            )
+        points[component.name] = point if on_mount else placed[component.parent][1].apply(point)
+    return points
+
+
+def _check_stiffness(tool: Tool, joints: dict[str, Array]) -> None:
+    for name, bend in compliance(tool, joints).items():
+        if bend > MAX_BEND_M_N:
+            raise DesignError(
+                f"component {name!r} is not rigid: even of steel, 1 N would bend it by {1000 * bend:.3g} mm, from the "
+                f"mount to its end; at most {1000 * MAX_BEND_M_N:g} mm are allowed: shorten or thicken what carries it"
             )
 
 

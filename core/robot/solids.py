@@ -75,6 +75,13 @@ def signed_distance(a: Solid, b: Solid) -> float:
     )
 
 
+def contact(a: Solid, b: Solid) -> tuple[float, Array]:
+    """Measure the signed distance of two solids in one frame, and find the point (3,) midway where they are closest."""
+    result = coal.DistanceResult()
+    gap = coal.distance(a.geometry, a.transform, b.geometry, b.transform, coal.DistanceRequest(), result)
+    return float(gap), (result.getNearestPoint1() + result.getNearestPoint2()) / 2
+
+
 class Solids:
     """Fixed solids in one frame; bounding boxes quickly select those that can be near."""
 

@@ -13,7 +13,7 @@ import numpy as np
 from lxml import etree
 
 from core.design import Component, DesignError, Tool
-from core.designs.rules import MAX_COMPONENTS
+from core.designs.rules import MAX_COMPONENTS, MAX_DENSITY, MIN_DENSITY
 from core.geometry import Box, Pose
 from core.robot.description import assemble
 from core.robot.solids import box_gap
@@ -167,7 +167,8 @@ def _read_link(element: Element, name: str, materials: Mapping[str, Color]) -> _
     collisions = [_read_box(shape, f"{where}: collision", materials) for shape in element.findall("collision")]
     boxes = _match(visuals, collisions, where) if visuals and collisions else collisions or visuals
     inertial = only_child(element, "inertial", where)
-    mass = _LINK_KG
+    volume = math.fsum(placed.box.volume for placed in boxes)
+    mass = min(max(_LINK_KG, MIN_DENSITY * volume), MAX_DENSITY * volume) if boxes else _LINK_KG
     if inertial is not None:
         value = attribute(only_child(inertial, "mass", where), "mass", "value", f"{where}: inertial")
         (mass,) = read_numbers(value, 1, f"{where}: mass")

@@ -6,7 +6,20 @@ from collections.abc import Mapping
 from typing import Any
 
 from core.design import DesignError, Tool
-from core.designs.rules import MAX_COMPONENT_KG, MAX_COMPONENTS, MAX_GAP_M, MAX_SIDE_M, MAX_TOOL_KG, MIN_SIDE_M
+from core.designs.rules import (
+    MAX_BEND_M_N,
+    MAX_COMPONENT_KG,
+    MAX_COMPONENTS,
+    MAX_DENSITY,
+    MAX_EXTENT_M,
+    MAX_GAP_M,
+    MAX_SIDE_M,
+    MAX_TOOL_KG,
+    MIN_COMPONENT_KG,
+    MIN_DENSITY,
+    MIN_SIDE_M,
+    MIN_TOOL_KG,
+)
 from core.interfaces import Brief, ToolRepresentation
 from core.robot.description import FLANGE, tool_urdf
 from core.text import kind
@@ -47,7 +60,10 @@ before its closing tag, so it has no root element and none of the robot's own li
 - One link per box, with a visual, a collision and an inertial element. Visual and collision have the same origin and
   the same size. At most {MAX_COMPONENTS} boxes.
 - The inertial needs <mass value="..."/> in kilograms; moments of inertia are computed from the box. A few grams per
-  box help the arm to move well; the limits are {MAX_COMPONENT_KG:g} kg for a box and {MAX_TOOL_KG:g} kg for the tool.
+  box help the arm to move well; the limits are {MIN_COMPONENT_KG:g} to {MAX_COMPONENT_KG:g} kg for a box,
+  {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its density, and {MIN_TOOL_KG:g} to {MAX_TOOL_KG:g} kg for the tool.
+- The tool ends within {MAX_EXTENT_M:g} m of its mount. It is rigid: it is an error if 1 N at any end would bend it by
+  more than {MAX_BEND_M_N * 1000:g} mm even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length.
 - Every link is the child of exactly one joint of type "fixed", and following parents leads to the mount. The joint's
   origin is the link's frame in its parent's frame; a box is centred on its own origin, so use half lengths to make
   parts meet.

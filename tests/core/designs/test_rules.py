@@ -1,5 +1,6 @@
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,7 +84,86 @@ def test_masses(mass):
 
 def test_payload():
     with pytest.raises(DesignError, match=r"the tool weighs 3.6 kg; the arm carries at most 3 kg"):
-        check_tool(rigid(*(box(f"c{i}", mass=0.9) for i in range(4))))
+        check_tool(rigid(*(box(f"c{i}", mass=0.9, size=(0.05, 0.05, 0.1)) for i in range(4))))
+
+
+@pytest.mark.parametrize("mass", [5e-324, 1e-30, 1e-12, 0.00009])
+def test_a_component_of_next_to_nothing(mass):
+    with pytest.raises(DesignError, match=r"component 'a' weighs .* kg; it must be between 0.0001 and 1 kg"):
+        check_tool(rigid(box(mass=mass)))
+
+
+def test_a_tool_of_less_than_a_gram():
+    check_tool(rigid(*(box(f"c{i}", mass=0.0005) for i in range(2))))
+    with pytest.raises(DesignError, match=r"the tool weighs 0.0009 kg; at least 0.001 kg is needed"):
+        check_tool(rigid(*(box(f"c{i}", mass=0.00045) for i in range(2))))
+
+
+@pytest.mark.parametrize(
+    ("size", "mass", "reason"),
+    [
+        ((0.2, 0.2, 0.2), 0.005, "'a' is lighter than air: 0.005 kg in 0.008 m.3 is a density of 0.625 kg/m.3"),
+        ((0.01, 0.01, 0.01), 0.03, "'a' is denser than gold: 0.03 kg in 1e-06 m.3 is a density of 3e.04 kg/m.3"),
+    ],
+)
+def test_density(size, mass, reason):
+    with pytest.raises(DesignError, match=reason):
+        check_tool(rigid(box(at=(0, 0, -size[2] / 2), size=size, mass=mass)))
+
+
+@pytest.mark.parametrize("size", [(0.002, 0.02, 0.04), (0.005, 0.005, 0.01), (0.1, 0.1, 0.3), (0.4, 0.4, 0.02)])
+def test_the_papers_convention_of_five_grams_does_for_any_usual_box(size):
+    check_tool(rigid(box(at=(0, 0, -size[2] / 2), size=size)))
+
+
+def test_extent():
+    def pole(length):
+        return rigid(
+            box("a", (0, 0, -0.5), (0.03, 0.03, 1.0)),
+            box("b", (0, 0, -length / 2), (0.03, 0.03, length - 1.0), parent="a"),
+        )
+
+    check_tool(pole(1.99))
+    with pytest.raises(DesignError, match=r"component 'b' reaches 2.01 m from panda_virtual; a tool must end within"):
+        check_tool(pole(2.01))
+
+
+def bar(length, thickness, pieces=1, slope=0.0):
+    """A bar that hangs from the flange, in one piece or many; each is turned against the one before, to and fro."""
+    part, components = length / pieces, []
+    for i in range(pieces):
+        turn = Pose.xyz_rpy((0, 0, 0), (slope * (i > 0) * (-1) ** i * (1 if i == 1 else 2), 0, 0))
+        pose = (Pose(np.array([0, 0, -part / 2])) if i else Pose()) @ turn @ Pose(np.array([0, 0, -part / 2]))
+        size = Box((thickness, thickness, part))
+        components.append(Component(f"c{i}", f"c{i - 1}" if i else "panda_virtual", pose, size, 0.05 / pieces))
+    return Tool(tuple(components))
+
+
+@pytest.mark.parametrize(("thickness", "longest"), [(0.005, 0.67), (0.003, 0.34), (0.01, 1.7)])
+@pytest.mark.parametrize("pieces", [1, 3, 20])
+def test_a_bar_of_any_number_of_pieces_is_as_stiff_as_beam_theory_says(thickness, longest, pieces):
+    """4 L^3 / (E t^4) per newton for a square bar."""
+    check_tool(bar(longest, thickness, pieces))
+    with pytest.raises(DesignError, match=f"component 'c{pieces - 1}' is not rigid: even of steel, 1 N would"):
+        check_tool(bar(1.04 * longest, thickness, pieces))
+
+
+def test_bends_make_a_wire_no_stiffer():
+    check_tool(bar(0.5, 0.005, 10, slope=0.3))
+    with pytest.raises(DesignError, match="is not rigid"):
+        check_tool(bar(0.5, 0.003, 10, slope=0.3))
+
+
+def test_what_hangs_from_something_soft_is_soft():
+    wire, blade = box("wire", (0, 0, -0.15), (0.002, 0.002, 0.3)), box("blade", (0, 0, -0.15), (0.1, 0.05, 0.02))
+    with pytest.raises(DesignError, match="'wire' is not rigid"):
+        check_tool(rigid(wire, replace(blade, parent="wire")))
+
+
+def test_a_sheet_bends_about_its_thin_side():
+    check_tool(rigid(box(at=(0, 0, -0.1), size=(0.2, 0.0005, 0.2))))
+    with pytest.raises(DesignError, match="'a' is not rigid"):
+        check_tool(rigid(box(at=(0, 0, -0.2), size=(0.4, 0.0005, 0.4))))
 
 
 @pytest.mark.parametrize("rpy", [(0, 0, 0), (0, 0, 1.2)])
