@@ -67,7 +67,8 @@ class RolloutSettings:
     motion. ``speed`` is the share of the arm's velocity and acceleration limits that is used. A plan whose motion lasts
     longer than ``max_motion_s`` is rejected. ``penetration`` says what a rollout earns in which solids passed through
     one another (`core.simulation.penetration`): with ``forbid`` nothing, with ``warn`` the task's reward; both add a
-    warning. With ``ignore`` nothing is checked.
+    warning. With ``ignore`` nothing is checked. A plan that drives the arm through itself or the tool through the arm
+    (`core.robot.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``.
     """
 
     segment_s: float = 0.5

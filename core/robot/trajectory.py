@@ -31,12 +31,14 @@ class Motion:
 
     ``distance_m``: metres travelled by the end-effector's origin from home through all waypoints, along the joint path.
     ``ik_error_m``, ``ik_error_rad``: the largest errors of the inverse kinematics from the first waypoint on.
+    ``arrivals``: when each of the N waypoints is reached (N,), seconds.
     """
 
     trajectory: JointTrajectory
     distance_m: float
     ik_error_m: float
     ik_error_rad: float
+    arrivals: Array
 
 
 def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, speed: float = 0.95) -> Motion:
@@ -71,7 +73,8 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
     distance = float(np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1).sum())
     worst = errors[ends[1] - 1 :].max(axis=0)  # errors before the first waypoint do no harm
     trajectory = JointTrajectory(np.concatenate(times), np.concatenate(targets), np.concatenate(fingers))
-    return Motion(trajectory, distance, float(worst[0]), float(worst[1]))
+    arrivals = np.array([instants[-1] for instants in times[1:]])
+    return Motion(trajectory, distance, float(worst[0]), float(worst[1]), arrivals)
 
 
 def _path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int]]:

@@ -15,6 +15,7 @@ from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
 from core.robot.kinematics import arm
+from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import Motion, plan_motion
 from core.scene import State
 from core.simulation.penetration import Explosion, Finding, findings
@@ -88,6 +89,7 @@ def evaluate_batch(
     evaluations: dict[int, Evaluation] = {}
     motions: dict[int, Motion] = {}
     jobs: list[Rollout] = []
+    crossed: dict[int, tuple[str]] = {}
     for i, candidate in enumerate(candidates):
         if candidate.problem is not None:
             evaluations[i] = Evaluation(candidate, "rejected", reason=candidate.problem)
@@ -97,6 +99,12 @@ def evaluate_batch(
             took = f"the motion takes {duration:.0f} s under the arm's limits, more than {settings.max_motion_s:.0f} s"
             evaluations[i] = Evaluation(candidate, "rejected", reason=f"{took}; use fewer waypoints")
             continue
+        if settings.penetration != "ignore" and (met := find_self_collision(job.tool, motion.trajectory)):
+            where = f"{met.describe()} on the way to waypoint {int(np.searchsorted(motion.arrivals, met.time_s)) + 1}"
+            if settings.penetration == "forbid":
+                evaluations[i] = Evaluation(candidate, "rejected", reason=f"{where}; {met.mend}")
+                continue
+            crossed[i] = (where,)
         motions[i] = motion
         jobs.append(job)
     outcomes = dict(zip(motions, _outcomes(simulator, task, jobs), strict=True))
@@ -129,7 +137,7 @@ def evaluate_batch(
                 ik_error_rad=motions[i].ik_error_rad,
                 tracking_error_rad=outcomes[i].tracking_error_rad,
                 moved_m={name: float(shift) for name, shift in zip(starts.names, moved, strict=True)},
-                warnings=outcomes[i].warnings,
+                warnings=(*crossed.get(i, ()), *outcomes[i].warnings),
             )
             if not 0.0 <= reward <= 1.0:
                 reason = f"task {task.name}: the reward {reward} is not in [0, 1]"

@@ -74,6 +74,7 @@ def _started(evaluator: Evaluator) -> Clock:
         clock.around(*step_of(evaluator.sim.name), "step")
         clock.around(core.simulation.rollout, "prepare", "ik")
         clock.around(core.simulation.rollout, "findings", "checks")
+        clock.around(core.simulation.rollout, "find_self_collision", "checks")
         task = core.simulation.rollout._task(evaluator.task)
         simulator = core.simulation.rollout._simulator(evaluator.sim)
         clock.around(type(task), "reward", "reward")

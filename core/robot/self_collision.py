@@ -1,0 +1,341 @@
+"""Find where a joint trajectory drives the arm through itself, or the tool through the arm.
+
+Engines can't say: in none of them do the arm's links touch each other. All is computed from the robot's description
+and its collision shapes, so that the answer is the same for every engine.
+
+Pairs are first compared as capsules, all samples at once. What comes near is followed with Coal by conservative
+advancement (B. Mirtich, "Impulse-based dynamic simulation of rigid body systems", PhD thesis, Berkeley 1996).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import coal
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from core.design import Tool
+from core.geometry import Array, Pose
+from core.interfaces import JointTrajectory
+from core.robot.description import ARM_JOINTS, FINGER_OPEN, HOME_JOINTS, assemble
+from core.robot.solids import robot_solids, solid_geometry
+
+# Depth that counts, metres. Hulls are larger than the links: of the poses in which two hulls overlap by more than this,
+# the arm's meshes touch in 94 %.
+DEEP_M = 0.005
+# The same for links of the gripper and the link two joints before it, whose hull has the largest hollow.
+DEEP_NEAR_M = 0.02
+# Limits of joints keep links apart that are joined by fewer than three; what hangs on the flange, by fewer than two.
+_APART, _APART_ON_FLANGE = 3, 2
+
+_SAMPLE_M = 0.15  # farthest motion of any point between two samples of the first comparison
+_STEP_M = 0.001  # shortest step: a depth of less than this beyond the limit may be missed
+_REQUEST = coal.DistanceRequest()
+
+
+@dataclass(frozen=True)
+class SelfCollision:
+    """Two parts of the robot and how deep one is in the other, metres, at ``time_s`` of the motion, when deepest.
+
+    ``with_tool``: the first is a component of the tool.
+    """
+
+    time_s: float
+    part: str
+    other: str
+    depth_m: float
+    with_tool: bool
+
+    def describe(self) -> str:
+        """Say which part is in which, how deep and when."""
+        whole = "the tool's" if self.with_tool else "the arm's"
+        depth = f"{self.depth_m * 1000:.0f} mm inside the arm's {self.other!r}"
+        return f"{whole} {self.part!r} is {depth} at {self.time_s:.2f} s,"
+
+    @property
+    def mend(self) -> str:
+        """Say what to change."""
+        bend = ", or bend the tool around the arm" if self.with_tool else ""
+        return f"move or turn this waypoint or the one before it, so that the arm stays clear of itself{bend}"
+
+
+class _Part(NamedTuple):
+    """A solid in the frame of the joint that moves it, and a capsule around it: the ends of its axis (2, 3), a radius.
+
+    ``points`` (V, 3) are its corners, or those of a box around it.
+    """
+
+    name: str
+    joint: int
+    geometry: Any
+    rotation: Array
+    position: Array
+    ends: Array
+    radius: float
+    points: Array
+
+
+class _Pairs(NamedTuple):
+    """P pairs of N parts: their numbers (P, 2), the depth (P,) that counts, and how far a joint moves one in the
+    frame of the other at most (P, J), metres per radian or per metre.
+    """
+
+    parts: tuple[_Part, ...]
+    numbers: npt.NDArray[np.intp]
+    deep: Array
+    levers: Array
+
+
+def find_self_collision(tool: Tool, trajectory: JointTrajectory) -> SelfCollision | None:
+    """Find the first two parts of the robot that a trajectory's targets drive into each other.
+
+    Targets are linear between instants, and all of the motion is covered: two parts deeper in each other than
+    ``DEEP_M`` and a millimetre are found however short it lasts. Left out are pairs that the limits of one or two
+    joints keep apart, a component and the link that bears it, and what hangs on one finger with what hangs on the
+    other: fingers close until they meet something.
+    """
+    pairs, robot = _pairs(tool), _robot(tool.gripper)
+    joints = np.column_stack([trajectory.arm, *[trajectory.fingers] * (robot.model.nq - trajectory.arm.shape[1])])
+    turned = np.vstack([np.zeros(joints.shape[1]), np.cumsum(np.abs(np.diff(joints, axis=0)), axis=0)])
+    rows, near = _near(robot, pairs, joints, turned)
+    first, found = np.inf, None
+    for pair in np.flatnonzero(near.any(axis=1)):
+        search = _Search(robot, pairs, int(pair), joints, turned)
+        row = search.first(rows[:-1][near[pair]], rows[1:][near[pair]], first)
+        if row is not None:
+            first, found = row, search
+    if found is None:
+        return None
+    depth, row = found.deepest(first)
+    time = float(np.interp(row, np.arange(len(joints)), trajectory.times))
+    return SelfCollision(time, found.one.name, found.other.name, depth, found.one.name not in robot.links)
+
+
+# --- the robot --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Robot:
+    """The kinematic model, the joints before each joint (itself included), and the links' solids.
+
+    ``axes``: of each joint, turning about (3,) and moving along (3,). ``gripper``: the names of the gripper's links.
+    """
+
+    model: Any
+    data: Any
+    axes: tuple[tuple[Array, Array], ...]
+    supports: tuple[frozenset[int], ...]
+    links: dict[str, tuple[int, Pose]]
+    parts: tuple[_Part, ...]
+    gripper: frozenset[str]
+
+
+@lru_cache(maxsize=2)
+def _robot(gripper: bool) -> _Robot:
+    model = pin.buildModelFromXML(assemble(Tool(gripper=gripper), visuals=False))
+    links = {
+        frame.name: (frame.parentJoint, Pose.from_matrix(frame.placement.homogeneous))
+        for frame in model.frames
+        if frame.type == pin.FrameType.BODY
+    }
+    supports = tuple(frozenset(support.tolist()) - {0} for support in model.supports)
+    axes = [(np.zeros(3), np.zeros(3))]
+    for joint in list(model.joints)[1:]:
+        data = joint.createData()
+        joint.calc(data, pin.neutral(model))
+        motion = np.asarray(data.S).reshape(6)
+        axes.append((motion[3:], motion[:3]))
+    solids = robot_solids(gripper)
+    parts = tuple(_part(s.name, links[s.name][0], s.geometry, links[s.name][1] @ s.pose) for s in solids)
+    own = frozenset(s.name for s in solids) - frozenset(s.name for s in robot_solids(False))
+    return _Robot(model, model.createData(), tuple(axes), supports, links, parts, own)
+
+
+def _part(name: str, joint: int, geometry: Any, pose: Pose) -> _Part:
+    """Measure a solid. Its capsule's axis is the longest one of its bounding box."""
+    geometry.computeLocalAABB()
+    low, high = geometry.aabb_local.min_, geometry.aabb_local.max_
+    middle, half = (low + high) / 2, (high - low) / 2
+    corners = np.array(np.meshgrid(*np.column_stack([low, high]))).reshape(3, -1).T
+    points = np.asarray(geometry.points()) if isinstance(geometry, coal.ConvexBase) else corners
+    longest = int(half.argmax())
+    radius = float(np.linalg.norm(np.delete(points - middle, longest, axis=1), axis=1).max())
+    axis = np.eye(3)[longest]
+    along = np.abs((points - middle) @ axis)
+    off = np.linalg.norm(points - middle - np.outer((points - middle) @ axis, axis), axis=1)
+    inner = max(0.0, float((along - np.sqrt(np.maximum(radius**2 - off**2, 0.0))).max()))  # caps cover the rest
+    rotation = pose.rotation.as_matrix()
+    ends = np.array([pose.apply(middle - inner * axis), pose.apply(middle + inner * axis)])
+    return _Part(name, joint, geometry, rotation, pose.position, ends, radius, pose.apply(points))
+
+
+@lru_cache(maxsize=8)
+def _pairs(tool: Tool) -> _Pairs:
+    robot = _robot(tool.gripper)
+    mounted = []
+    for component, (mount, pose) in zip(tool.components, tool.placed().values(), strict=True):
+        joint, at = robot.links[mount]
+        mounted.append(_part(component.name, joint, solid_geometry(component.shape), at @ pose))
+    parts, count = (*mounted, *robot.parts), len(mounted)
+    chosen, deep = [], []
+    for one, other in combinations(range(len(parts)), 2):
+        limit = _limit(robot, parts[one], parts[other], one < count, other < count)
+        if limit is not None:
+            chosen.append((one, other))
+            deep.append(limit)
+    numbers = np.array(chosen, dtype=np.intp).reshape(-1, 2)
+    levers = np.array([_levers(robot, parts[one], parts[other]) for one, other in chosen])
+    return _Pairs(parts, numbers, np.array(deep), levers)
+
+
+def _limit(robot: _Robot, one: _Part, other: _Part, tool: bool, both: bool) -> float | None:
+    """The depth from which on two parts collide, metres; None if they may overlap."""
+    before, behind = robot.supports[one.joint], robot.supports[other.joint]
+    if both or before == behind or (before - behind and behind - before):
+        return None
+    if tool:
+        return DEEP_M
+    apart = sum(robot.model.names[joint] in ARM_JOINTS for joint in before ^ behind)
+    on_flange = bool(robot.gripper & {one.name, other.name})
+    if apart < (_APART_ON_FLANGE if on_flange else _APART):
+        return None
+    limit = DEEP_M if apart >= _APART else DEEP_NEAR_M
+    home = np.array([*HOME_JOINTS, *[FINGER_OPEN] * (robot.model.nq - len(HOME_JOINTS))])
+    return None if _depth(robot, one, other, home) > limit else limit
+
+
+def _levers(robot: _Robot, one: _Part, other: _Part) -> Array:
+    """How far each joint (J,) moves a part in the frame of the other at most, metres per radian or per metre."""
+    levers = np.zeros(robot.model.njoints - 1)
+    for part, rest in ((one, other), (other, one)):
+        joint, reach = part.joint, float(np.linalg.norm(part.points, axis=1).max())
+        moving = robot.supports[part.joint] - robot.supports[rest.joint]
+        while joint in moving:
+            about, along = robot.axes[joint]
+            lever = reach
+            if joint == part.joint:  # from the axis, not from the origin
+                lever = float(np.linalg.norm(np.cross(about, part.points), axis=1).max())
+            levers[joint - 1] = 1.0 if along.any() else lever
+            reach += float(np.linalg.norm(robot.model.jointPlacements[joint].translation)) + along.any() * FINGER_OPEN
+            joint = robot.model.parents[joint]
+    return levers
+
+
+def _depth(robot: _Robot, one: _Part, other: _Part, joints: Array) -> float:
+    """The penetration depth of two parts, metres; negative if they are apart."""
+    pin.forwardKinematics(robot.model, robot.data, joints)
+    places = []
+    for part in (one, other):
+        at = robot.data.oMi[part.joint]
+        rotation = at.rotation
+        places += [part.geometry, coal.Transform3s(rotation @ part.rotation, at.translation + rotation @ part.position)]
+    return -float(coal.distance(*places, _REQUEST, coal.DistanceResult()))
+
+
+# --- along the trajectory ---------------------------------------------------------------------------------------
+
+
+def _near(
+    robot: _Robot, pairs: _Pairs, joints: Array, turned: Array
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
+    """Choose samples (S + 1,) among the targets' rows, and mark where pairs may collide until the next one (P, S)."""
+    moved = turned @ pairs.levers.max(axis=0)
+    rows = np.searchsorted(moved, np.arange(0.0, moved[-1] + _SAMPLE_M, _SAMPLE_M)[1:-1])
+    rows = np.unique([0, *rows, len(moved) - 1])
+    rotations, positions = _frames(robot, joints[rows])
+    of = [part.joint for part in pairs.parts]
+    ends = np.array([part.ends for part in pairs.parts])
+    ends = positions[of][:, None] + np.einsum("nsij,nej->nesi", rotations[of], ends)  # (N, 2, S + 1, 3)
+    radii = np.array([part.radius for part in pairs.parts])
+    one, other = pairs.numbers.T
+    gaps = _segment_distances(ends[one, 0], ends[one, 1], ends[other, 0], ends[other, 1])
+    gaps -= (radii[one] + radii[other])[:, None]
+    travel = pairs.levers @ np.diff(turned[rows], axis=0).T
+    least = (gaps[:, :-1] + gaps[:, 1:] - travel) / 2
+    return rows, least < -pairs.deep[:, None]
+
+
+def _frames(robot: _Robot, joints: Array) -> tuple[Array, Array]:
+    """Rotations (J, S, 3, 3) and positions (J, S, 3) of the joints' frames, the world's first."""
+    count = len(joints)
+    rotations, positions = np.empty((robot.model.njoints, count, 3, 3)), np.zeros((robot.model.njoints, count, 3))
+    rotations[0] = np.eye(3)
+    for joint in range(1, robot.model.njoints):
+        parent, placement = robot.model.parents[joint], robot.model.jointPlacements[joint]
+        about, along = robot.axes[joint]
+        values = joints[:, joint - 1, None]
+        cross = pin.skew(about)
+        turn = np.eye(3).ravel() + np.sin(values) * cross.ravel() + (1 - np.cos(values)) * (cross @ cross).ravel()
+        rotation = rotations[parent].reshape(-1, 3).dot(placement.rotation).reshape(-1, 3, 3)
+        positions[joint] = positions[parent] + rotations[parent].reshape(-1, 3).dot(placement.translation).reshape(
+            -1, 3
+        )
+        positions[joint] += values * rotation.dot(along)
+        rotations[joint] = rotation @ turn.reshape(-1, 3, 3)
+    return rotations, positions
+
+
+def _segment_distances(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Distances (...) between segments a-b and c-d (..., 3). C. Ericson, "Real-time collision detection", 5.1.9."""
+    u, v, w = b - a, d - c, a - c
+    uu, vv, uv = (np.einsum("...i,...i", x, y) for x, y in ((u, u), (v, v), (u, v)))
+    uw, vw = np.einsum("...i,...i", u, w), np.einsum("...i,...i", v, w)
+    uu, vv = np.maximum(uu, 1e-12), np.maximum(vv, 1e-12)
+    s = np.clip((uv * vw - uw * vv) / np.maximum(uu * vv - uv * uv, 1e-12), 0.0, 1.0)
+    t = np.clip((uv * s + vw) / vv, 0.0, 1.0)
+    s = np.clip((uv * t - uw) / uu, 0.0, 1.0)
+    apart = w + s[..., None] * u - t[..., None] * v
+    distances: Array = np.sqrt(np.einsum("...i,...i", apart, apart))
+    return distances
+
+
+class _Search:
+    """One pair along the trajectory, followed with Coal. Instants are rows of the targets, with fractions."""
+
+    def __init__(self, robot: _Robot, pairs: _Pairs, pair: int, joints: Array, turned: Array) -> None:
+        self.robot, self.joints = robot, joints
+        self.one, self.other = (pairs.parts[number] for number in pairs.numbers[pair])
+        self.deep = float(pairs.deep[pair])
+        self.moved: Array = turned @ pairs.levers[pair]
+
+    def depth(self, row: float) -> float:
+        k = min(int(row), len(self.joints) - 2)
+        here = self.joints[k]
+        return _depth(self.robot, self.one, self.other, here + (row - k) * (self.joints[k + 1] - here))
+
+    def first(self, starts: Array, stops: Array, until: float) -> float | None:
+        """The first row before ``until`` at which the two are too deep in each other, from a start to its stop."""
+        row = 0.0
+        for start, stop in zip(starts, stops, strict=True):
+            row, stop = max(row, float(start)), min(float(stop), until)
+            while row <= stop:
+                depth = self.depth(row)
+                if depth > self.deep:
+                    return row
+                row = self._after(row, max(self.deep - depth, _STEP_M))
+        return None
+
+    def _after(self, row: float, way: float) -> float:
+        """The row at which no point of one can have moved farther than ``way`` metres in the frame of the other."""
+        k = int(row)
+        ahead = self.moved[k] + way
+        if row > k:
+            ahead += (row - k) * (self.moved[k + 1] - self.moved[k])
+        k = int(self.moved.searchsorted(ahead, side="right")) - 1
+        if k + 1 == len(self.moved):
+            return np.inf
+        return k + float((ahead - self.moved[k]) / (self.moved[k + 1] - self.moved[k]))
+
+    def deepest(self, row: float) -> tuple[float, float]:
+        """The largest depth from a row on until the two are apart again, metres, and its row."""
+        best = self.depth(row), row
+        for k in range(int(row) + 1, len(self.joints)):
+            if (depth := self.depth(k)) <= 0:
+                break
+            best = max(best, (depth, float(k)))
+        return best

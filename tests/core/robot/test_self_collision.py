@@ -1,0 +1,249 @@
+"""Self-collision along joint trajectories, against Coal at dense samples, and what becomes of such plans."""
+
+import itertools
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.design import Candidate, Component, Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.evaluate import main
+from core.geometry import Box, Pose
+from core.interfaces import JointTrajectory, RolloutSettings, Task
+from core.plugins import installed
+from core.robot import self_collision
+from core.robot.description import FINGER_OPEN, assemble
+from core.robot.kinematics import arm
+from core.robot.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
+from core.robot.solids import Solid, robot_solids, signed_distance, solid_geometry
+from core.robot.trajectory import plan_motion
+from core.simulation.rollout import evaluate_batch
+from tests.engines import every_simulator, simulator
+from tests.faults import Faulty, Slide
+
+SOLUTIONS = Path(__file__).parents[2] / "tasks" / "solutions"
+ROD = Tool((Component("rod", "panda_virtual", Pose.xyz_rpy((0, 0, -0.06)), Box((0.02, 0.02, 0.12)), 0.1),))
+# The elbow folds, and the forearm goes into the shoulder.
+FOLDED = np.array([[0.4, 0, 0.4, 0, 0, 0], [0.22, 0.12, 0.22, 0, 0, 3.1]])
+
+
+def moved(*waypoints, tool=None, times=None, fingers=None):
+    """Targets that go through joint positions (7,), a second apart."""
+    times = np.arange(len(waypoints), dtype=float) if times is None else np.array(times)
+    fingers = np.full(len(waypoints), FINGER_OPEN) if fingers is None else np.array(fingers)
+    return find_self_collision(tool or Tool(), JointTrajectory(times, np.array(waypoints, dtype=float), fingers))
+
+
+# --- against dense samples --------------------------------------------------------------------------------------
+
+
+@cache
+def model(gripper):
+    made = pin.buildModelFromXML(assemble(Tool(gripper=gripper), visuals=False))
+    links = {frame.name: frame for frame in made.frames if frame.type == pin.FrameType.BODY}
+    return made, made.createData(), links
+
+
+def depths(tool, joints, fingers):
+    """The penetration depth of each two parts that may not meet, beyond what is allowed."""
+    made, data, links = model(tool.gripper)
+    pin.framesForwardKinematics(made, data, np.array([*joints, *[fingers] * (made.nq - 7)]))
+    places = {name: Pose.from_matrix(data.oMf[made.getFrameId(name)].homogeneous) for name in links}
+    placed = tool.placed()
+    solids = [(s.name, s.name, Solid(s.name, s.geometry, places[s.name] @ s.pose)) for s in robot_solids(tool.gripper)]
+    for part in tool.components:
+        mount, pose = placed[part.name]
+        solids.append((part.name, mount, Solid(part.name, solid_geometry(part.shape), places[mount] @ pose)))
+    hand = {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
+    number = {name: min(links[name].parentJoint, 7) for name in links}
+    found = {}
+    for (one, bearer, a), (other, others_bearer, b) in itertools.combinations(solids, 2):
+        apart = abs(number[bearer] - number[others_bearer])
+        if one in placed or other in placed:
+            same = links[bearer].parentJoint == links[others_bearer].parentJoint
+            fingers_both = {bearer, others_bearer} == {"panda_leftfinger", "panda_rightfinger"}
+            limit = None if same or fingers_both else DEEP_M
+        elif {one, other} & hand:
+            limit = None if apart < 2 else DEEP_NEAR_M if apart == 2 else DEEP_M
+        else:
+            limit = None if apart < 3 else DEEP_M
+        if limit is not None:
+            depth = -signed_distance(a, b) - limit
+            found[frozenset((one, other))] = max(depth, found.get(frozenset((one, other)), -np.inf))
+    return found
+
+
+def tools():
+    """Bare arms and hands, and tools of one box that may reach back over the arm."""
+    places = st.tuples(*[st.floats(-0.25, 0.25)] * 2, st.floats(-0.3, 0.3))
+    sides = st.tuples(*[st.sampled_from([0.0005, 0.002, 0.02, 0.15])] * 3)
+    boxes = st.builds(
+        lambda at, size, mount: Tool((Component("box", mount, Pose.xyz_rpy(at), Box(size)),), mount != "panda_virtual"),
+        places,
+        sides,
+        st.sampled_from(["panda_virtual", "panda_leftfinger"]),
+    )
+    return st.sampled_from([Tool(), Tool(gripper=True)]) | boxes
+
+
+@pytest.mark.slow
+@settings(max_examples=25, deadline=None)
+@given(tools(), st.lists(st.tuples(*[st.floats(0, 1)] * 8), min_size=2, max_size=3))
+def test_it_finds_what_dense_samples_find(tool, shares):
+    low, high = np.append(arm().lower, 0.0), np.append(arm().upper, FINGER_OPEN)
+    path = low + np.array(shares) * (high - low)
+    found = moved(*path[:, :7], tool=tool, fingers=path[:, 7])
+    instants = np.linspace(0, len(path) - 1, 40 * (len(path) - 1) + 1)
+    dense = [np.interp(instants, np.arange(len(path)), column) for column in path.T]
+    seen = [depths(tool, q[:7], q[7]) for q in np.array(dense).T]
+    if found is None:
+        assert max(max(each.values()) for each in seen) < 0.001
+        return
+    here = np.array([np.interp(found.time_s, np.arange(len(path)), column) for column in path.T])
+    assert depths(tool, here[:7], here[7])[frozenset((found.part, found.other))] > 0
+    first = next((t for t, each in zip(instants, seen, strict=True) if max(each.values()) > 0.001), np.inf)
+    pair = frozenset((found.part, found.other))
+    start = next((t for t, each in zip(instants, seen, strict=True) if each[pair] > -0.001), found.time_s)
+    assert start <= first + 1 / 40  # the first two that meet are named
+
+
+def test_a_sheet_that_passes_between_two_samples_is_found():
+    """Half a millimetre thin, from one side of the forearm to the other in a hundredth of a second."""
+    post = Component("post", "panda_virtual", Pose.xyz_rpy((0, 0.065, 0)), Box((0.02, 0.13, 0.01)))
+    sheet = Component("sheet", "panda_virtual", Pose.xyz_rpy((0, 0.13, 0.15)), Box((0.0005, 0.02, 0.3)))
+    tool = Tool((post, sheet))
+    before, after = arm().home.copy(), arm().home.copy()
+    before[6], after[6] = -2.0, 0.5
+    assert moved(before, before, tool=tool) is None
+    assert moved(after, after, tool=tool) is None
+    found = moved(before, after, tool=tool, times=[0.0, 0.01])
+    assert found is not None
+    assert found.with_tool
+
+
+# --- what counts ------------------------------------------------------------------------------------------------
+
+
+def test_the_limits_of_two_joints_keep_links_apart():
+    """A link that two joints bear is allowed all of their range: only the hulls overlap there."""
+    low, high = arm().lower, arm().upper
+    for wrist in np.linspace(low[5], high[5], 9):
+        here, there = arm().home.copy(), arm().home.copy()
+        here[5:], there[5:] = (wrist, low[6]), (wrist, high[6])
+        assert moved(here, there) is None
+
+
+def test_the_hand_may_not_go_into_the_forearm():
+    back = arm().home.copy()
+    back[5:] = arm().lower[5], -np.pi / 4
+    found = moved(arm().home, back, tool=Tool(gripper=True))
+    assert {found.part, found.other} == {"panda_hand", "panda_link5"}
+
+
+def halves(inner):
+    """A plate on each finger, its inner face ``inner`` metres from the finger's."""
+    return tuple(
+        Component(f"plate_{side}", f"panda_{side}finger", Pose.xyz_rpy((0, y, 0.05)), Box((0.02, 0.01, 0.03)))
+        for side, y in (("left", 0.005 - inner), ("right", inner - 0.005))
+    )
+
+
+def test_fingers_close_until_their_plates_meet():
+    """Commanded to close, plates may meet, as they do on a body between them."""
+    tool = Tool(halves(0.01), gripper=True)
+    assert moved(arm().home, arm().home, tool=tool, fingers=[FINGER_OPEN, 0.0]) is None
+
+
+def test_a_finger_may_not_drive_its_tool_into_the_hand():
+    arch = (
+        Component("arm", "panda_leftfinger", Pose.xyz_rpy((0, 0.05, 0.03)), Box((0.02, 0.1, 0.01))),
+        Component("hook", "arm", Pose.xyz_rpy((0, 0.045, -0.05)), Box((0.02, 0.01, 0.1))),
+    )
+    tool = Tool(arch, gripper=True)
+    assert moved(arm().home, arm().home, tool=tool, fingers=[FINGER_OPEN, FINGER_OPEN]) is None
+    found = moved(arm().home, arm().home, tool=tool, fingers=[FINGER_OPEN, 0.0])
+    assert {found.part, found.other} == {"hook", "panda_hand"}
+    assert found.with_tool
+
+
+@pytest.mark.parametrize("file", sorted(SOLUTIONS.glob("*.json")), ids=lambda file: file.stem)
+def test_reference_solutions_stay_clear_of_themselves(file):
+    task = installed().create("task", file.stem)
+    for candidate in read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0)):
+        trajectory = plan_motion(candidate.plan, task.home, arm()).trajectory
+        assert find_self_collision(candidate.tool, trajectory) is None
+
+
+def test_few_distances_are_measured(monkeypatch):
+    """Nearly all pairs are left out by their capsules: what remains is little beside a rollout."""
+    calls = []
+    measure = self_collision._depth
+    monkeypatch.setattr(self_collision, "_depth", lambda *given: calls.append(1) or measure(*given))
+    file = SOLUTIONS / "CleanTable.json"
+    task = installed().create("task", file.stem)
+    (candidate,) = read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0))
+    trajectory = plan_motion(candidate.plan, task.home, arm()).trajectory
+    self_collision._pairs(candidate.tool)
+    calls.clear()
+    find_self_collision(candidate.tool, trajectory)
+    pairs = len(self_collision._pairs(candidate.tool).deep)
+    assert len(calls) < pairs * len(trajectory.times) / 200
+
+
+# --- what becomes of a plan -------------------------------------------------------------------------------------
+
+
+@every_simulator
+def test_a_plan_that_folds_the_arm_into_itself_is_not_tried(engine):
+    (evaluation,) = evaluate_batch(Slide(), simulator(engine), [Candidate(ROD, FOLDED)], 0, RolloutSettings())
+    assert (evaluation.status, evaluation.reward) == ("rejected", 0.0)
+    assert "'panda_link1'" in evaluation.reason
+    assert "'panda_link5'" in evaluation.reason
+    assert "on the way to waypoint 2; move or turn this waypoint" in evaluation.reason
+
+
+class Unused(Faulty):
+    def one(self, task, job):
+        raise AssertionError("a rejected plan costs no rollout")
+
+
+def test_the_setting_decides():
+    def evaluated(penetration, sim):
+        rules = RolloutSettings(settle_s=0, hold_s=0, penetration=penetration)
+        return evaluate_batch(Slide(), sim, [Candidate(ROD, FOLDED)], 0, rules)[0]
+
+    assert evaluated("forbid", Unused()).status == "rejected"
+    warned = evaluated("warn", Faulty())
+    assert warned.status == "ok"
+    assert [warning for warning in warned.warnings if "inside the arm's 'panda_link" in warning]
+    assert evaluated("ignore", Faulty()).warnings == ()
+
+
+def test_the_command_prints_what_meets_when_and_where(monkeypatch, capsys, tmp_path):
+    document = json.loads((SOLUTIONS / "BringCube.json").read_text())
+    strategy = document["strategies"][0]
+    strategy["action_sets"] = [[[0.4, 0, 0.4, 0, 0, 0], [0.22, 0.12, 0.22, 0, 0, 3.1]]]
+    file = tmp_path / "folded.json"
+    file.write_text(json.dumps(document))
+    words = ["evaluate", "task=BringCube", f"designs={file}", "sim=mujoco", "executor.workers=1"]
+    monkeypatch.setattr("sys.argv", words)
+    main()
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "rejected" in printed
+    assert "inside the arm's 'panda_link" in printed
+    assert "on the way to waypoint 2;" in printed
+
+
+def test_when_a_waypoint_is_reached():
+    motion = plan_motion(FOLDED, Task.home, arm())
+    assert motion.arrivals.shape == (2,)
+    assert motion.arrivals[-1] == motion.trajectory.duration
+    reached = arm().forward(motion.trajectory.sample(motion.arrivals[:1])[0][0])
+    np.testing.assert_allclose(reached.position, FOLDED[0, :3], atol=1e-3)
