@@ -14,11 +14,16 @@ from pathlib import Path
 from typing import ClassVar, NoReturn, TextIO
 
 from core.errors import UsageError, UserError
+from core.secrets import Scrubbed
 from core.text import clean
 
 
 def command(function: Callable[[], None]) -> NoReturn:
-    """Call ``function`` and end the process with its exit status; a mistake is one line on standard error."""
+    """Call ``function`` and end the process with its exit status; a mistake is one line on standard error.
+
+    Keys are left out of all that it prints.
+    """
+    sys.stdout, sys.stderr = Scrubbed(sys.stdout), Scrubbed(sys.stderr)
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored where a shell runs it in the background
             signal.signal(number, _Interrupt())

@@ -18,6 +18,7 @@ from core.designs.rules import SpawnRules, given_tool
 from core.errors import NoPicture, choices
 from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulator, Task, ToolRepresentation
 from core.plugins import describe_part
+from core.replies import checked
 from core.simulation.pictures import draw_stages, png, report_missing
 from core.text import shorten
 from core.threads import run_in_thread
@@ -105,6 +106,7 @@ class ModelDesigner:
                     sys.stderr.write(f"{plugin}: complete gave {_describe(reply)}; it is left out\n")
                     continue
                 missing.remove(reply.request_id)
+                reply = checked(reply)
                 self.events.hook.reply_received(request=by_id[reply.request_id], reply=reply)
                 arrived.put(reply)
 

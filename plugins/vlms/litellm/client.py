@@ -8,31 +8,55 @@ import importlib.metadata
 import logging
 import os
 import threading
+import warnings
 from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
+import httpx
+
 from core.errors import UserError
 from core.interfaces import Estimate, Message, Picture, Reply, Request
+from core.replies import checked
+from core.secrets import is_secret_name
+from core.text import clean, kind
+from plugins.vlms.litellm.transport import BadAnswer, transport
 
 _log = logging.getLogger(__name__)
 
 # Servers on the user's machines: they enforce a schema with any model, and their answers have no price.
 _LOCAL = ("ollama", "ollama_chat", "hosted_vllm", "lm_studio", "llamafile")
 
+# What LiteLLM takes in place of a key ending in _API_KEY.
+_OTHER_KEYS = {
+    "anthropic": ("ANTHROPIC_AUTH_TOKEN",),
+    "azure": ("AZURE_AD_TOKEN", "AZURE_OPENAI_API_KEY"),
+    "huggingface": ("HF_TOKEN",),
+    "replicate": ("REPLICATE_API_TOKEN",),
+}
+
 # Read by LiteLLM when it is imported: its tables come from the package, not from the network, and no .env file is read.
 _AT_IMPORT = {
     "LITELLM_LOCAL_MODEL_COST_MAP": "True",
     "LITELLM_LOCAL_ANTHROPIC_BETA_HEADERS": "True",
     "LITELLM_MODE": "PRODUCTION",
+    "LITELLM_DISABLE_REDACT_SECRETS": "true",  # ours scrubs more, and takes no minutes for a long error
 }
 
 
 def load() -> ModuleType:
     """Import LiteLLM, which takes seconds, and keep it from printing and from fetching anything but answers."""
     os.environ.update(_AT_IMPORT)
+    for name, value in os.environ.items():
+        if is_secret_name(name) and value != value.strip():  # a file's last line break, which no header can hold
+            os.environ[name] = value.strip()
     litellm = importlib.import_module("litellm")
     litellm.__dict__.update(suppress_debug_info=True, telemetry=False, disable_hf_tokenizer_download=True)
+    warnings.filterwarnings("ignore", "Pydantic serializer", UserWarning)  # they quote the answer
+    if litellm.client_session is None:
+        handlers = importlib.import_module("litellm.llms.custom_httpx.http_handler")
+        guarded = transport(verify=handlers.get_ssl_configuration(), cert=os.getenv("SSL_CERTIFICATE"))
+        litellm.__dict__.update(client_session=httpx.Client(transport=guarded), sync_transport=guarded)
     for logger in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
         logging.getLogger(logger).setLevel(logging.CRITICAL + 1)
     return litellm
@@ -113,7 +137,9 @@ class Client:
             return []
         # Other credentials (AWS, Google Cloud) may be in files that only the provider's own library reads.
         missing = self._litellm.validate_environment(self.model)["missing_keys"]
-        return sorted(name for name in missing if name.endswith("_API_KEY"))
+        missing = sorted(name for name in missing if name.endswith("_API_KEY"))
+        given = any(map(os.environ.get, (*missing, *_OTHER_KEYS.get(self._provider, ()))))
+        return [] if given else missing  # of Azure, LiteLLM names the key if only the address is missing
 
     def _accepts(self, **parameter: Any) -> bool:
         parameter |= {"model": self._bare, "custom_llm_provider": self._provider, "drop_params": False}
@@ -157,19 +183,27 @@ class Client:
                 "json_schema": {"name": "designs", "schema": request.schema, "strict": True},
             }
         messages = render(request.messages)
-        response = self._litellm.completion(model=self.model, messages=messages, drop_params=True, **settings)
+        try:
+            response = self._litellm.completion(model=self.model, messages=messages, drop_params=True, **settings)
+        except Exception as error:
+            cause: BaseException | None = error
+            while cause is not None and not isinstance(cause, BadAnswer):
+                cause = cause.__cause__ or cause.__context__
+            raise cause or error from None  # LiteLLM hides it in an error of its own
         choice = response.choices[0] if response.choices else None
-        text: str = (choice and choice.message.content) or ""
+        text = getattr(getattr(choice, "message", None), "content", None) or ""
+        if not isinstance(text, str):
+            raise BadAnswer(f"the answer's text is {kind(text)}")
         usage = getattr(response, "usage", None)
         reply = Reply(
             request.id,
-            text.encode("utf-8", "replace").decode("utf-8"),  # JSON can hold lone surrogates, a UTF-8 file can't
-            response.model or self.model,
+            text,
+            str(response.model or self.model),
             prompt_tokens=getattr(usage, "prompt_tokens", None) or None,
             completion_tokens=getattr(usage, "completion_tokens", None) or None,
             cost_usd=self._cost(response),
         )
-        return reply, (choice.finish_reason if choice else None) or "none given"
+        return checked(reply), clean(str(getattr(choice, "finish_reason", None) or "none given"), 40)
 
     def _cost(self, response: Any) -> float | None:
         """US dollars, by LiteLLM's price list, which has 0 for an unknown price; None: unknown."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import re
 from collections.abc import Callable
@@ -10,9 +9,11 @@ from concurrent.futures import Future, wait
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import TypeVar
-from urllib.parse import quote
 
+from core.secrets import scrub
+from core.text import clean
 from core.threads import run_in_thread
+from plugins.vlms.litellm.transport import BadAnswer
 
 T = TypeVar("T")
 
@@ -20,8 +21,7 @@ FIRST_WAIT_S = 1.0
 MAX_WAIT_S = 60.0
 MAX_REQUESTED_WAIT_S = 300.0  # a server that requests a longer wait means a daily quota
 MAX_MESSAGE = 400
-
-_SECRET = ("_API_KEY", "_ACCESS_KEY", "_ACCESS_KEY_ID", "_TOKEN", "_SECRET", "_PASSWORD")
+LONGEST_READ = 10_000  # characters of an error, which may hold a whole answer
 
 
 class TimedOut(Exception):
@@ -88,18 +88,8 @@ def _retry_after(error: Exception) -> float | None:
 
 def explain(error: Exception) -> str:
     """The error in one line, without keys."""
-    text, *_ = scrub(str(error)).partition("Traceback (most recent call last)")
-    if not isinstance(error, TimedOut):
+    text, *_ = " ".join(str(error).split())[:LONGEST_READ].partition("Traceback (most recent call last)")
+    if not isinstance(error, TimedOut | BadAnswer):
         name = f"{type(error).__name__}: "
         text = name + text.replace("litellm.", "").replace(name, "")
-    text = "".join(character for character in " ".join(text.split()) if character.isprintable())
-    return text if len(text) <= MAX_MESSAGE else text[: MAX_MESSAGE - 3] + "..."
-
-
-def scrub(text: str) -> str:
-    """``text`` without the values of environment variables that hold keys, tokens and the like."""
-    secrets = {value for name, value in os.environ.items() if name.upper().endswith(_SECRET) and len(value) >= 8}
-    for secret in sorted(secrets, key=len, reverse=True):
-        for written in (secret, quote(secret, safe="")):
-            text = text.replace(written, "***")
-    return text
+    return clean(scrub(text), MAX_MESSAGE)

@@ -47,12 +47,13 @@ class Say:
 
 @dataclass(frozen=True)
 class Send:
-    """Answer with exactly this body."""
+    """Answer with exactly this body; ``repeat``: so many times one after another, until the client hangs up."""
 
-    body: str
+    body: str | bytes
     status: int = 200
     headers: tuple[tuple[str, str], ...] = ()
     type: str = "application/json"
+    repeat: int = 1
 
 
 @dataclass(frozen=True)
@@ -98,14 +99,17 @@ class Server:
 
 
 @contextmanager
-def serving(script: Callable[[Call], Act]) -> Iterator[Server]:
-    """A server that answers each call as ``script`` returns; it lives as long as the context."""
+def serving(script: Callable[[Call], Act], *, any_path: bool = False) -> Iterator[Server]:
+    """A server that answers each call as ``script`` returns; it lives as long as the context.
+
+    With ``any_path`` it takes calls of other protocols too, without reading what they say.
+    """
     server = Server("")
     lock = threading.Lock()
 
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
-            call = _read(self)
+            call = _taken(self) if any_path else _read(self)
             with lock:
                 server.calls.append(call)
                 server.waiting += 1
@@ -135,6 +139,12 @@ def serving(script: Callable[[Call], Act]) -> Iterator[Server]:
             server.closing.set()
             http.shutdown()
             thread.join()
+
+
+def _taken(handler: BaseHTTPRequestHandler) -> Call:
+    handler.rfile.read(int(handler.headers["Content-Length"]))
+    headers = {name.lower(): value for name, value in handler.headers.items()}
+    return Call(handler.path, headers, {}, "", "", [], [], time.monotonic())
 
 
 def _read(handler: BaseHTTPRequestHandler) -> Call:
@@ -195,18 +205,19 @@ def _act(handler: BaseHTTPRequestHandler, act: Act, call: Call, closing: threadi
         return
     if isinstance(act, Say):
         closing.wait(act.after_s)
-        act = Send(json.dumps(_document(act, call)))
-    body = act.body.encode()
+        act = Send(json.dumps(document(act, call)))
+    body = act.body.encode() if isinstance(act.body, str) else act.body
     handler.send_response(act.status)
     handler.send_header("Content-Type", act.type)
-    handler.send_header("Content-Length", str(len(body)))
+    handler.send_header("Content-Length", str(len(body) * act.repeat))
     for name, value in act.headers:
         handler.send_header(name, value)
     handler.end_headers()
-    handler.wfile.write(body)
+    for _ in range(act.repeat):
+        handler.wfile.write(body)
 
 
-def _document(say: Say, call: Call) -> dict[str, Any]:
+def document(say: Say, call: Call) -> dict[str, Any]:
     """An answer of 7 tokens to a prompt of 1000."""
     if call.protocol == "google":
         candidate = {"content": {"role": "model", "parts": [{"text": say.text}]}, "finishReason": say.finish or "STOP"}

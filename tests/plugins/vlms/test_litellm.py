@@ -176,7 +176,7 @@ def cases(protocol):
         ([Say(CUT, LENGTH[protocol])], None, CUT, 1),
         ([Say("", LENGTH[protocol])], "length limit was reached before any text", "", 1),
         ([Say("half a pair: \ud83d")], None, "half a pair: ?", 1),
-        ([Send(json.dumps({"error": {"message": "half a pair: \ud83d"}}), 400)], "half a pair: ", "", 1),
+        ([Send(json.dumps({"error": {"message": "half a pair: \ud83d"}}), 400)], "half a pair:", "", 1),
         ([Say(HUGE)], None, HUGE, 1),
         ([html], "Error: .", "", None),
         ([Send("null")], "Error: .", "", None),

@@ -1,0 +1,127 @@
+"""Send HTTP requests for LiteLLM: no redirect is followed, and an answer is bounded while it arrives."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+import zlib
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+
+from core.secrets import is_secret_name, remember
+
+MAX_BYTES = 2**25  # of an answer, unpacked
+LONGEST_ERROR = 10_000  # bytes
+MAX_ITEMS = 100_000  # of lists and objects in an answer, outside of its texts
+
+_STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)  # linear, closed or not
+
+
+class BadAnswer(Exception):
+    """An answer that is not read; the message is one line, without keys."""
+
+
+def transport(**settings: Any) -> httpx.BaseTransport:
+    """Make the transport for all of LiteLLM's clients; ``settings`` are those of `httpx.Client`, such as ``verify``."""
+    # A client of its own, since httpx looks at the environment's proxies only there.
+    limits = httpx.Limits(max_connections=None, max_keepalive_connections=20)
+    hooks = {"response": [_refuse_redirect]}  # before httpx looks where it leads
+    return _Transport(httpx.Client(follow_redirects=False, event_hooks=hooks, limits=limits, **settings))
+
+
+class _Transport(httpx.BaseTransport):
+    """Shared by clients and threads; closing a client leaves it open."""
+
+    def __init__(self, client: httpx.Client) -> None:
+        self._client = client
+
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        """Send the request.
+
+        Raises:
+            BadAnswer: the answer is a redirect, too large, or packed in another way than asked for.
+        """
+        for name, value in request.headers.items():
+            if is_secret_name(name):
+                remember(value)
+        request.headers["accept-encoding"] = "gzip"
+        seconds = request.extensions.get("timeout", {}).get("read")
+        deadline = None if seconds is None else time.monotonic() + seconds
+        answer = self._client.send(request, stream=True)
+        try:
+            content = _read(answer, deadline)
+            if answer.status_code >= 400 or not _is_json(content):
+                content = content[:LONGEST_ERROR]  # LiteLLM searches errors for many words
+        finally:
+            answer.close()
+        hop = ("content-encoding", "content-length", "transfer-encoding")
+        headers = [(name, value) for name, value in answer.headers.multi_items() if name not in hop]
+        return httpx.Response(answer.status_code, headers=headers, content=content, request=request)
+
+
+def _refuse_redirect(answer: httpx.Response) -> None:
+    """Raise a BadAnswer for a redirect.
+
+    It names the host, but neither path nor query, which may repeat a key.
+    """
+    if not 300 <= answer.status_code < 400:
+        return
+    try:
+        target = answer.url.join(answer.headers.get("location", ""))
+        there = target.host if target.host != answer.url.host else f"{target.scheme}://{target.netloc.decode()}"
+    except (httpx.InvalidURL, ValueError, TypeError):
+        there = "an address that can't be read"
+    raise BadAnswer(
+        f"{answer.url.host} redirects to {there or 'nowhere'} (status {answer.status_code}), which is not followed: "
+        "the key would go there; set vlm.api_base to the right address"
+    )
+
+
+def _read(answer: httpx.Response, deadline: float | None) -> bytes:
+    """Read a whole answer within the limits of size and time.
+
+    Raises:
+        BadAnswer: it is too large, or packed in another way than asked for.
+    """
+    packing = answer.headers.get("content-encoding", "identity").strip().lower()
+    if packing not in ("", "identity", "gzip", "x-gzip", "deflate"):
+        raise BadAnswer("the answer is packed in a way that was not asked for; it is not read")
+    content = bytearray()
+    for part in _unpacked(answer.iter_raw(), packed=packing not in ("", "identity")):
+        content += part
+        if len(content) > MAX_BYTES:
+            raise BadAnswer(f"the answer is larger than {MAX_BYTES >> 20} MiB; the rest is not read")
+        if deadline is not None and time.monotonic() > deadline:
+            raise httpx.ReadTimeout("the answer takes too long", request=answer.request)
+    if b"\0" in content[:4]:
+        raise BadAnswer("the answer is not UTF-8 text; it is not read")
+    items = _STRING.sub(b"", content)
+    if items.count(b",") + items.count(b"[") + items.count(b"{") > MAX_ITEMS:
+        raise BadAnswer(f"the answer has more than {MAX_ITEMS} items; it is not read")
+    return bytes(content)
+
+
+def _is_json(content: bytes) -> bool:
+    try:
+        json.loads(content)
+    except (ValueError, RecursionError):
+        return False
+    return True
+
+
+def _unpacked(parts: Iterator[bytes], *, packed: bool) -> Iterator[bytes]:
+    """Yield pieces of at most 64 KiB, unpacked."""
+    if not packed:
+        yield from parts
+        return
+    unpacker = zlib.decompressobj(zlib.MAX_WBITS | 32)  # with the head of gzip or of zlib
+    try:
+        for part in parts:
+            while part and not unpacker.eof:
+                yield unpacker.decompress(part, 2**16)
+                part = unpacker.unconsumed_tail
+    except zlib.error as error:
+        raise BadAnswer(f"the answer can't be unpacked: {error}") from None
