@@ -19,7 +19,7 @@ from core.report.formats import number
 from core.report.methods import label
 from core.report.page import data_address, in_viewer, render
 from core.report.printing import Piece, Printer, grams, pieces, to_3mf
-from core.report.runs import FinishedRun, LeftOutRun, find_runs
+from core.report.runs import FinishedRun, LeftOutRun, find_runs, short
 from core.report.tools import Shape, Winner, another, size, winners
 from core.simulation.pictures import png
 
@@ -64,20 +64,29 @@ def gallery(
     ``output``. Tools with equally many components and all corners within ``apart_mm`` count as one: the best of them.
 
     Returns:
-        The tools, and the runs that were left out since they failed or are unfinished.
+        The tools, and the runs that were left out since they failed, are unfinished or can't be read.
 
     Raises:
-        UserError: a folder holds no run, the tools of a run can't be read, or nothing can be written.
+        UserError: a folder holds no run, no tool can be shown, or nothing can be written.
     """
-    finished, left_out = find_runs(folders)
+    found, left_out = find_runs(folders)
+    best_of: dict[FinishedRun, list[Winner]] = {}
+    for run in found:
+        try:
+            best_of[run] = winners(run, top, apart=apart_mm / 1000)
+        except UserError as error:
+            left_out.append(LeftOutRun(run.folder, "unreadable", short(str(error)), run.task, run.config))
+    finished = list(best_of)
     entries = []
     methods = dict(zip(finished, label([(run.task, run.config) for run in finished]), strict=True))
     for task in sorted({run.task for run in finished}):
-        best = _best([run for run in finished if run.task == task], top, apart_mm / 1000)
+        best = _best([w for run in finished if run.task == task for w in best_of[run]], top, apart_mm / 1000)
         for place, winner in enumerate(best, 1):
             folder = Path(_name(task)) / f"{place}_{_name(winner.name)}"
             entries.append(Entry(place, methods[winner.run], winner, tuple(pieces(winner.tool, printer)), folder))
     if not entries:
+        if left_out and not finished:
+            raise UserError(f"no tool to show: {_why(left_out[0])}")
         raise UserError(f"no tool to show: {len(finished)} finished runs, all with the bare hand")
     pictures = {entry.folder: data_address(_write(entry, output)) for entry in entries}
     write_bytes(output / "gallery.json", (json.dumps([_record(e) for e in entries], indent=2) + "\n").encode())
@@ -99,12 +108,17 @@ def gallery(
     return entries, left_out
 
 
-def _best(runs: Sequence[FinishedRun], top: int, apart: float) -> list[Winner]:
-    """The best tools of all runs, each of another shape."""
-    found = [winner for run in runs for winner in winners(run, top, apart=apart) if winner.tool.components]
+def _best(found: Sequence[Winner], top: int, apart: float) -> list[Winner]:
+    """The best tools, each of another shape."""
     shapes: list[Shape] = []
-    best = ranked(found, lambda winner: (winner.reward, winner.distance_m))
+    best = ranked(
+        [winner for winner in found if winner.tool.components], lambda winner: (winner.reward, winner.distance_m)
+    )
     return [winner for winner in best if len(shapes) < top and another(winner.tool, shapes, apart)]
+
+
+def _why(run: LeftOutRun) -> str:
+    return f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}"
 
 
 def _name(text: str) -> str:
@@ -180,8 +194,8 @@ def main() -> None:
     printer = Printer(tuple(cfg.plate_mm), cfg.min_wall_mm)
     entries, left_out = gallery(folders, Path(cfg.output), cfg.top, printer, cfg.apart_mm)
     show(entries)
-    if left_out:
-        sys.stdout.write(f"{len(left_out)} runs failed or are unfinished, and were left out\n")
+    for run in left_out:
+        sys.stdout.write(f"{_why(run)}\n")
     sys.stdout.write(f"{Path(cfg.output) / 'index.html'}\n")
 
 

@@ -2,6 +2,7 @@
 to what it would have come to.
 """
 
+import itertools
 import json
 import logging
 import os
@@ -20,6 +21,7 @@ from core.search.orchestration import print_outcome, resume, run
 from core.store.database import _STEPS, FILE, LOCK, SCHEMA_VERSION
 from core.store.recorder import RunStore
 from tests import toys
+from tests.core.run_folders import edit
 from tests.disks import mount, small_files
 
 ROOT = Path(__file__).parents[1]
@@ -61,8 +63,9 @@ def tables(folder):
     names = [name for (name,) in rows(folder / FILE, "SELECT name FROM sqlite_master WHERE type = 'table'")]
     assert len(names) > 6
     found = {name: sorted(rows(folder / FILE, f"SELECT * FROM {name}"), key=repr) for name in names}
+    assert all(row[-1] for row in itertools.chain(*found.values()))  # the checksum
     assert found.pop("sessions")
-    ((version, config, result),) = found.pop("run")
+    ((version, config, result, _),) = found.pop("run")
     config = json.loads(config)
     for kind in ("vlm", "executor"):
         config[kind] = {key: value for key, value in config[kind].items() if key not in LOCAL}
@@ -305,9 +308,7 @@ def test_what_has_a_bearing_on_the_past_cannot_change(toy, tmp_path, override, s
 def test_a_changed_prompt_is_reported_and_the_replies_are_kept(toy, tmp_path, caplog):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_limit=6)
-    with closing(sqlite3.connect(folder / FILE)) as database:
-        database.execute("UPDATE requests SET digest = 'of another prompt'")
-        database.commit()
+    edit(folder, "UPDATE requests SET digest = 'of another prompt'")
     with caplog.at_level(logging.WARNING):
         resume(folder, ["vlm.limit=100"])
     said = [message for message in caplog.messages if "composed differently" in message]
@@ -318,11 +319,9 @@ def test_a_changed_prompt_is_reported_and_the_replies_are_kept(toy, tmp_path, ca
 def test_changed_versions_are_reported(toy, tmp_path, caplog):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_limit=6)
-    with closing(sqlite3.connect(folder / FILE)) as database:
-        ((versions,),) = database.execute("SELECT versions FROM sessions").fetchall()
-        changed = json.dumps(json.loads(versions) | {"numpy": "0.9", "abacus": "1.0"})
-        database.execute("UPDATE sessions SET versions = ?", [changed])
-        database.commit()
+    ((versions,),) = rows(folder / FILE, "SELECT versions FROM sessions")
+    changed = json.dumps(json.loads(versions) | {"numpy": "0.9", "abacus": "1.0"})
+    edit(folder, "UPDATE sessions SET versions = ?", changed)
     with caplog.at_level(logging.WARNING):
         resume(folder, ["vlm.limit=100"])
     (said,) = caplog.messages
@@ -332,9 +331,7 @@ def test_changed_versions_are_reported(toy, tmp_path, caplog):
 def test_a_candidate_that_reads_differently_now_is_not_given_another_ones_reward(toy, tmp_path):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_limit=6)
-    with closing(sqlite3.connect(folder / FILE)) as database:
-        database.execute("UPDATE evaluations SET content = 'other' WHERE candidate = 'g0-a0-s0-p1'")
-        database.commit()
+    edit(folder, "UPDATE evaluations SET content = 'other' WHERE candidate = 'g0-a0-s0-p1'")
     with pytest.raises(UserError, match=f"g0-a0-s0-p1 reads differently now .* vlm=replay vlm.run={folder}"):
         resume(folder, ["vlm.limit=100"])
 

@@ -7,7 +7,6 @@ so that a later version may add columns.
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import re
 from collections.abc import Sequence
@@ -16,11 +15,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast
 
-import pydantic
 from omegaconf import OmegaConf
 
 from core.errors import UserError
 from core.store.database import reading
+from core.store.rows import Best, Figures, parsed, validated
 from core.text import clean
 
 STORE, RESULT, HYDRA = "run.sqlite", "result.json", ".hydra"
@@ -28,50 +27,6 @@ CHOICES = ("task", "sim", "vlm", "tool", "evolution", "budget")  # by name in a 
 MAX_DEPTH = 6  # of a run's folder below one that the user names
 
 _LONGEST = 300
-
-
-@dataclass(frozen=True)
-class Best:
-    """The best candidate of a run."""
-
-    reward: float
-    distance_m: float | None
-    generation: int
-    candidate: str
-
-
-@dataclass(frozen=True)
-class GenerationFigures:
-    """A generation in ``result.json``; rewards are None where nothing could be tried."""
-
-    index: int
-    best_reward: float | None
-    mean_reward: float | None
-    n_candidates: int
-    n_rejected: int = 0
-    n_failed: int = 0
-
-
-@dataclass(frozen=True)
-class Figures:
-    """The content of a ``result.json``; ``stopped`` says why a run ended before its budget was spent, ``tie`` up to
-    which difference rewards counted as equal.
-    """
-
-    task: str
-    seed: int
-    generations: tuple[GenerationFigures, ...]
-    n_evaluations: int
-    wall_time_s: float
-    sim: str = ""
-    vlm: str = ""
-    tool: str = ""
-    evolution: str = ""
-    budget: str = ""
-    best: Best | None = None
-    tie: float = 0.0  # of runs before there was one
-    stopped: str | None = None
-    versions: dict[str, str] = field(default_factory=dict)
 
 
 class Spending(NamedTuple):
@@ -177,20 +132,19 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
         config = _hydra_config(folder)
         return LeftOutRun(folder, "failed", "it ended before it began: it has no store", _task(config), config)
     try:
-        config = _config(store) if store.exists() else {}
-    except (UserError, ValueError) as error:
+        config, stored = _stored(folder) if store.exists() else ({}, None)
+    except UserError as error:
         return LeftOutRun(folder, "unreadable", short(str(error)))
-    if not result.exists():
+    if not result.exists() and stored is None:
         config = config or _hydra_config(folder)
         return LeftOutRun(folder, "unfinished", _progress(store), _task(config), config)
     try:
-        figures = pydantic.TypeAdapter(Figures).validate_json(result.read_bytes())
+        figures = validated(Figures, parsed(result.read_bytes())) if stored is None or result.exists() else stored
+        if stored not in (None, figures):
+            raise ValueError("it is not what the run stored")  # noqa: TRY301
     except (OSError, ValueError) as error:
-        why = str(error)
-        if isinstance(error, pydantic.ValidationError):
-            first = error.errors()[0]
-            why = f"{'.'.join(map(str, first['loc']))} {first['msg']}".strip()
-        return LeftOutRun(folder, "unreadable", short(f"{RESULT}: {why}"), _task(config), config)
+        mend = "" if stored is None else f"; delete it, and {STORE} is read in its place"
+        return LeftOutRun(folder, "unreadable", short(f"{RESULT}: {error}{mend}"), _task(config), config)
     config = config or {kind: {"name": getattr(figures, kind)} for kind in CHOICES}
     if figures.stopped is not None:
         return LeftOutRun(folder, "unfinished", short(f"stopped: {figures.stopped}"), figures.task, config)
@@ -221,15 +175,13 @@ def _hydra_config(folder: Path) -> dict[str, Any]:
 # --- the store --------------------------------------------------------------------------------------------------
 
 
-def _config(store: Path) -> dict[str, Any]:
-    with reading(store.parent) as database:
-        row = database.execute("SELECT config FROM run").fetchone()
-    if row is None:
-        return {}  # it was killed before it wrote anything
-    config = json.loads(row["config"])
-    if not isinstance(config, dict):
-        raise ValueError("its configuration is no object")  # noqa: TRY004
-    return config
+def _stored(folder: Path) -> tuple[dict[str, Any], Figures | None]:
+    """The configuration and the result in a store; empty: it was killed before it wrote anything."""
+    with reading(folder) as database:
+        found = database.execute("SELECT * FROM run").fetchone()
+    row = dict(found) if found is not None else {}
+    result = row.get("result")
+    return parsed(row.get("config", "{}")), None if result is None else validated(Figures, parsed(result))
 
 
 def _progress(store: Path) -> str:

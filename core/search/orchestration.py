@@ -5,6 +5,7 @@ Covered by `tests/test_resume.py` and `tests/test_commands.py`.
 
 from __future__ import annotations
 
+import math
 import shlex
 import shutil
 import sys
@@ -178,7 +179,8 @@ def print_best(best: dict[str, Any] | None, folder: Path, why: str = "") -> None
     """
     if best is None:
         raise UserError(f"no candidate could be tried{why and f'; the first reason: {why}'}")
-    sys.stdout.write(f"best reward {best['reward']:.3f}, distance {best['distance_m']:.2f} m, ")
+    distance_m = math.nan if best["distance_m"] is None else best["distance_m"]
+    sys.stdout.write(f"best reward {best['reward']:.3f}, distance {distance_m:.2f} m, ")
     sys.stdout.write(f"candidate {best['candidate']}\n{folder / 'best'}\n")
 
 

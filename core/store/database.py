@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import UserError
+from core.store.rows import MAX_BYTES, TABLES, checksum, damages
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -20,6 +21,7 @@ FILE = "run.sqlite"
 LOCK = "run.lock"
 
 # What each schema version adds to the one before. A new store gets all steps, an older one those that it lacks.
+# A column that is added from now on has no default, which would change checksums.
 _STEPS: tuple[tuple[str, ...], ...] = (
     (
         "CREATE TABLE run (schema_version INTEGER NOT NULL, config TEXT NOT NULL)",
@@ -53,6 +55,7 @@ _STEPS: tuple[tuple[str, ...], ...] = (
             versions TEXT NOT NULL
         )""",
     ),
+    tuple(f"ALTER TABLE {table} ADD COLUMN checksum TEXT" for table in TABLES),
 )
 SCHEMA_VERSION = len(_STEPS)
 
@@ -61,6 +64,7 @@ _REFUSALS = {
     for name in ("FULL", "IOERR", "READONLY", "CANTOPEN", "PERM", "BUSY", "CORRUPT", "NOTADB")
 }
 _PATIENCE_S = 10.0  # with another process that has the file open, such as a SQLite shell
+_sound: set[object] = set()  # the states of files that this process has checked
 
 
 @contextmanager
@@ -88,8 +92,11 @@ def _refused(folder: Path, why: str) -> str:
 def reading(folder: Path) -> Iterator[sqlite3.Connection]:
     """Open the store in ``folder`` to read it. A process that writes it goes on, and no file is left beside it.
 
+    All of it is checked first (`core.store.rows`), once for each state of the file.
+
     Raises:
-        UserError: the folder holds no store, or it can't be read; raised for the statements within as well.
+        UserError: the folder holds no store, or it can't be read or is damaged; raised for the statements within as
+            well.
     """
     file = folder / FILE
     if not file.is_file():
@@ -106,9 +113,35 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
             uri = f"{at.resolve().as_uri()}?{mode}"
             with closing(sqlite3.connect(uri, uri=True, timeout=_PATIENCE_S)) as database:
                 database.row_factory = sqlite3.Row
+                database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BYTES)
+                database.execute("PRAGMA trusted_schema = OFF")
+                _check(database, file, log)
                 yield database
     except (sqlite3.Error, OSError) as error:
         raise UserError(f"{file} can't be read: {error}") from error
+
+
+def _check(database: sqlite3.Connection, file: Path, log: Path) -> None:
+    """Check all that a store holds.
+
+    Raises:
+        sqlite3.DatabaseError: it is damaged.
+        UserError: another version wrote it.
+    """
+    stats = [path.stat() for path in (file, log) if path.exists()]
+    state = (file.resolve(), *((s.st_ino, s.st_size, s.st_mtime_ns) for s in stats))
+    if state in _sound:
+        return
+    version = _version(database)
+    if version is not None:
+        if not 1 <= version <= SCHEMA_VERSION:
+            raise UserError(
+                f"{file} was written by another version: its schema version is {version}, this version reads up to "
+                f"{SCHEMA_VERSION}; it is left as it is"
+            )
+        for damage in damages(database):
+            raise sqlite3.DatabaseError(damage)
+    _sound.add(state)
 
 
 class Database:
@@ -142,33 +175,29 @@ class Database:
         if not file.exists() or file.stat().st_size == 0:
             return
         try:
-            with reading(self.folder) as database:
-                (damage,) = database.execute("PRAGMA quick_check(1)").fetchone()
-                version = _version(database)
+            with reading(self.folder):
+                pass
         except UserError as error:
-            damage, version = str(error.__cause__), 0
-        if damage != "ok":
-            why = " ".join(damage.split())
-            raise UserError(f"{file} is damaged: {why}; it is left as it is, and so are the replies beside it")
-        if version > SCHEMA_VERSION:
-            raise UserError(
-                f"{file} was written by a newer version: its schema version is {version}, this version reads up "
-                f"to {SCHEMA_VERSION}; it is left as it is"
-            )
+            if error.__cause__ is None:
+                raise
+            why = f"{file} is damaged: {' '.join(str(error.__cause__).split())}"
+            raise UserError(f"{why}; it is left as it is, and so are the replies beside it") from error
 
     def begun(self) -> bool:
         """Say if a run has begun in it."""
         with self._using, writing(self.folder):
-            return _version(self._connection) > 0 and bool(self._connection.execute("SELECT 1 FROM run").fetchone())
+            return _version(self._connection) is not None and bool(
+                self._connection.execute("SELECT 1 FROM run").fetchone()
+            )
 
     def upgrade(self) -> None:
         """Bring the tables to this version's schema; within a `transaction`."""
-        version = _version(self._connection)
+        version = _version(self._connection) or 0
         for statements in _STEPS[version:]:
             for statement in statements:
                 self._connection.execute(statement)
         if version < SCHEMA_VERSION:
-            self._connection.execute("UPDATE run SET schema_version = ?", [SCHEMA_VERSION])
+            self.update("run", schema_version=SCHEMA_VERSION)
 
     @contextmanager
     def transaction(self, *, paid: bool = False) -> Iterator[None]:
@@ -195,11 +224,21 @@ class Database:
         """Insert a row, within a `transaction`."""
         columns, marks = ", ".join(values), ", ".join("?" * len(values))
         verb = "REPLACE" if replacing else "INSERT"
-        self._connection.execute(f"{verb} INTO {table} ({columns}) VALUES ({marks})", list(values.values()))
+        added = self._connection.execute(f"{verb} INTO {table} ({columns}) VALUES ({marks})", list(values.values()))
+        self._seal(table, added.lastrowid)
 
-    def execute(self, statement: str, *values: Any) -> list[sqlite3.Row]:
-        """Execute a statement, within a `transaction`."""
-        return self._connection.execute(statement, values).fetchall()
+    def update(self, table: str, **values: Any) -> None:
+        """Update the last row of a table, if it has one, within a `transaction`."""
+        ((last,),) = self._connection.execute(f"SELECT max(rowid) FROM {table}").fetchall()  # noqa: S608
+        columns = ", ".join(f"{name} = ?" for name in values)
+        self._connection.execute(f"UPDATE {table} SET {columns} WHERE rowid = ?", [*values.values(), last])  # noqa: S608
+        self._seal(table, last)
+
+    def _seal(self, table: str, at: int | None) -> None:
+        """Write the checksum of a row, from its values as SQLite holds them."""
+        for row in self._connection.execute(f"SELECT * FROM {table} WHERE rowid = ?", [at]).fetchall():  # noqa: S608
+            set_checksum = f"UPDATE {table} SET checksum = ? WHERE rowid = ?"  # noqa: S608
+            self._connection.execute(set_checksum, [checksum(row), at])
 
     def rows(self, query: str) -> list[sqlite3.Row]:
         with self._using, writing(self.folder):
@@ -225,13 +264,17 @@ def _lock(file: Path) -> FileLock:
     return lock
 
 
-def _version(database: sqlite3.Connection) -> int:
-    """Return the schema version; 0: the file is empty.
+def _version(database: sqlite3.Connection) -> int | None:
+    """Return the schema version; None: the file is empty.
 
     Raises:
         sqlite3.Error: it is no store.
     """
     if database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0:
-        return 0
+        return None
     row = database.execute("SELECT schema_version FROM run").fetchone()
-    return int(row[0]) if row is not None else 1  # version 1 made its tables before it wrote a row
+    if row is None:
+        return 1  # version 1 made its tables before it wrote a row
+    if not isinstance(row[0], int):
+        raise sqlite3.DatabaseError("its schema version is no number; use a copy")
+    return row[0]

@@ -15,7 +15,7 @@ from core.designs.reading import read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import ToolRepresentation
-from core.store.database import SCHEMA_VERSION, reading
+from core.store.database import reading
 
 
 def _query(folder: Path, query: str) -> list[Row]:
@@ -29,15 +29,9 @@ def stored_config(folder: Path) -> dict[str, Any]:
     Raises:
         UserError: the folder holds no run, or one that this version can't read.
     """
-    rows = _query(folder, "SELECT schema_version, config FROM run")
+    rows = _query(folder, "SELECT config FROM run")
     if not rows:
         raise UserError(f"{folder} holds a run that ended before it began; its store is empty")
-    found = rows[0]["schema_version"]
-    if not 1 <= found <= SCHEMA_VERSION:
-        raise UserError(
-            f"{folder} was written by another version: its schema version is {found}, this one reads up to "
-            f"{SCHEMA_VERSION}"
-        )
     config: dict[str, Any] = json.loads(rows[0]["config"])
     return config
 

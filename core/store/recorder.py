@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import logging
+import math
 import sys
 import time
 from collections.abc import Sequence
@@ -121,7 +122,7 @@ class RunStore:
                 versions=json.dumps(found),
             )
             # A session that is killed leaves no result of an earlier one behind.
-            self._database.execute("UPDATE run SET config = ?, result = NULL", json.dumps(run.config))
+            self._database.update("run", config=json.dumps(run.config), result=None)
 
     @hookimpl
     def request_composed(self, request: Request) -> None:
@@ -171,7 +172,8 @@ class RunStore:
             return
         generation, agent, strategy, action = candidate.key
         # An engine's numbers may be numpy's.
-        figures: dict[str, Any] = {name: float(getattr(evaluation, name)) for name in FIGURES}
+        numbers = {name: float(getattr(evaluation, name)) for name in FIGURES}
+        figures: dict[str, Any] = {name: number if math.isfinite(number) else None for name, number in numbers.items()}
         with self._database.transaction():
             self._insert_strategy(candidate)
             self._database.insert(
@@ -210,8 +212,7 @@ class RunStore:
         )
 
     def _count_time(self) -> None:
-        statement = "UPDATE sessions SET seconds = ? WHERE number = (SELECT max(number) FROM sessions)"
-        self._database.execute(statement, time.monotonic() - self._began)
+        self._database.update("sessions", seconds=time.monotonic() - self._began)
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -226,7 +227,7 @@ class RunStore:
         with writing(self.folder):
             _write(self.folder / "result.json", json.dumps(outcome, indent=2) + "\n")
         with self._database.transaction():
-            self._database.execute("UPDATE run SET result = ?", json.dumps(outcome))
+            self._database.update("run", result=json.dumps(outcome))
             self._count_time()
 
     @hookimpl

@@ -1,6 +1,8 @@
 """Run folders made by the store itself, without a model or a simulator: what reports are made from."""
 
 import json
+import sqlite3
+from contextlib import closing
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Reply, Request, Text
 from core.plugins import event_hub
 from core.store.recorder import RunStore
+from core.store.rows import TABLES
 
 PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1], [0.6, 0.1, 0.3, 0.0, 0.0, 0.0]])
 
@@ -34,6 +37,7 @@ def write_run(
     finish: bool = True,
     name: str = "a way",
     cost_usd: float | None = None,
+    stopped: str | None = None,
 ) -> Path:
     """A run of ``rewards`` by generation and candidate; a reward of None is a rejected candidate.
 
@@ -82,7 +86,7 @@ def write_run(
     if not finish:
         write_run.open.append(events)
         return folder
-    events.hook.run_finished(run=run, result=Result(tuple(generations), 12.5))
+    events.hook.run_finished(run=run, result=Result(tuple(generations), 12.5, stopped))
     events.hook.run_ended()
     return folder
 
@@ -98,3 +102,12 @@ def _composed(*overrides: str):
 
 def result(folder: Path) -> dict:
     return json.loads((folder / "result.json").read_text())
+
+
+def edit(folder: Path, statement: str, *values) -> None:
+    """Change a store by hand, and leave out the checksums, as a store of an earlier version does."""
+    with closing(sqlite3.connect(folder / "run.sqlite")) as database:
+        database.execute(statement, values)
+        for table in TABLES:
+            database.execute(f"UPDATE {table} SET checksum = NULL")
+        database.commit()

@@ -14,7 +14,7 @@ from core.errors import UserError
 from core.gallery import gallery, main
 from core.report.printing import Printer
 from tests.core.browser import complaints, opened, requests, screenshot
-from tests.core.run_folders import hook, write_run
+from tests.core.run_folders import edit, hook, write_run
 
 
 @pytest.fixture(scope="module")
@@ -159,3 +159,19 @@ def test_mistakes(tmp_path, monkeypatch, words, said):
     monkeypatch.setattr(sys, "argv", ["gallery", *words])
     with pytest.raises(UserError, match=re.escape(said)):
         main()
+
+
+def test_a_damaged_run_costs_itself_alone(tmp_path, monkeypatch, capsys):
+    write_run(tmp_path / "runs" / "sound", rewards=[[0.5]])
+    write_run(tmp_path / "runs" / "flipped", "seed=1", rewards=[[0.6]])
+    write_run(tmp_path / "runs" / "foreign", "seed=2", rewards=[[0.7]])
+    edit(tmp_path / "runs" / "flipped", "UPDATE evaluations SET reward = 'much'")
+    edit(tmp_path / "runs" / "foreign", 'UPDATE strategies SET design = \'{"gripper": false, "tool_urdf": "<link/>"}\'')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["gallery", "runs"])
+    main()
+    *_, first, second, page = capsys.readouterr().out.splitlines()
+    assert "not counted, unreadable: runs/flipped: " in first
+    assert "row 1 of evaluations: reward: Input should be a valid number" in first
+    assert "not counted, unreadable: runs/foreign: the design of g0-a0-s0-p0 can't be read again: " in second
+    assert page == "gallery/index.html"

@@ -68,8 +68,7 @@ def test_a_run_that_was_killed_is_unfinished(tmp_path):
 
 
 def test_a_run_that_stopped_before_its_time_is_unfinished(tmp_path):
-    folder = write_run(tmp_path / "run")
-    (folder / "result.json").write_text(json.dumps(result(folder) | {"stopped": "the model's limit of 3 USD"}))
+    folder = write_run(tmp_path / "run", stopped="the model's limit of 3 USD")
     run = read_run(folder)
     assert (run.status, run.reason) == ("unfinished", "stopped: the model's limit of 3 USD")
 
@@ -93,9 +92,9 @@ def test_a_job_that_never_began_failed(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("{", "EOF"),
+        ("{", "Expecting property name"),
         ("[]", "Input should be"),
-        ('{"task": "BringCube"}', "seed Field required"),
+        ('{"task": "BringCube"}', "seed: Field required"),
         ("\x00\xff", "result.json"),
     ],
 )
@@ -106,6 +105,33 @@ def test_a_broken_result_is_said_to_be(tmp_path, text, said):
     assert run.status == "unreadable"
     assert said in run.reason
     assert run.task == "BringCube"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"n_evaluations": 5}, "it is not what the run stored"),
+        ({"best": {"reward": 1e308, "distance_m": 0.5, "generation": 1, "candidate": "g1-a0-s1-p0"}}, "best.reward"),
+        ({"generations": []}, "best.generation is 1, of 0 generations"),
+        ({"wall_time_s": float("nan")}, "wall_time_s: Input should be a finite number"),
+        ({"seed": 10**400}, "seed: Input should be less than"),
+    ],
+)
+@pytest.mark.parametrize("stored", [True, False])
+def test_a_result_with_impossible_figures_does_not_count(tmp_path, change, said, stored):
+    folder = write_run(tmp_path / "run")
+    (folder / "result.json").write_text(json.dumps(result(folder) | change))
+    if not stored:
+        (folder / "run.sqlite").unlink()
+    run = read_run(folder)
+    if "n_evaluations" in change and not stored:
+        assert isinstance(run, FinishedRun)  # alone it can't be compared
+        return
+    assert run.status == "unreadable"
+    assert said in run.reason
+    assert run.reason.endswith("delete it, and run.sqlite is read in its place") == stored
+    (folder / "result.json").unlink()
+    assert not stored or read_run(folder).best.reward == 0.7
 
 
 def test_a_store_that_is_none(tmp_path):

@@ -1,13 +1,11 @@
 """The tools of runs: the best of each shape, given ones, and those that can't be shown."""
 
-import sqlite3
-
 import pytest
 
 from core.errors import UserError
 from core.report.runs import read_run
 from core.report.tools import given_tool, winners
-from tests.core.run_folders import hook, write_run
+from tests.core.run_folders import edit, hook, write_run
 
 
 def test_winners_are_the_best_of_each_shape(tmp_path):
@@ -30,8 +28,6 @@ def test_given_tools_are_known(tmp_path):
 
 def test_parts_that_are_not_installed_are_said_to_be(tmp_path):
     folder = write_run(tmp_path / "run")
-    with sqlite3.connect(folder / "run.sqlite") as database:
-        text = database.execute("SELECT config FROM run").fetchone()[0]
-        database.execute("UPDATE run SET config = ?", [text.replace('"BringCube"', '"Elsewhere"')])
+    edit(folder, """UPDATE run SET config = replace(config, '"BringCube"', '"Elsewhere"')""")
     with pytest.raises(UserError, match="no task 'Elsewhere'"):
         winners(read_run(folder))

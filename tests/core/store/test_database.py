@@ -1,5 +1,6 @@
 """Reading a store that another process writes, that a killed process left, or that can't be written."""
 
+import json
 import shutil
 
 import pytest
@@ -12,6 +13,7 @@ from core.store.reader import stored_config
 from core.transfer import as_the_run
 from tests.core.run_folders import write_run
 
+FIGURES = {"best_reward": None, "mean_reward": None, "n_candidates": 0}
 NO_INDEX = shutil.ignore_patterns("*-shm", "run.lock")
 
 
@@ -57,13 +59,13 @@ def test_reading_neither_waits_for_a_writer_nor_stops_it(tmp_path):
     writer = Database(tmp_path)
     with writer.transaction():
         writer.upgrade()
-        writer.insert("generations", number=0, summary="first")
-    query = "SELECT summary FROM generations"
+        writer.insert("generations", number=0, summary=json.dumps(FIGURES | {"index": 0}))
+    query = "SELECT number FROM generations"
     with reading(tmp_path) as database:
         with writer.transaction():
-            writer.insert("generations", number=1, summary="second")
-            assert [row["summary"] for row in database.execute(query)] == ["first"]
-        assert [row["summary"] for row in database.execute(query)] == ["first", "second"]
+            writer.insert("generations", number=1, summary=json.dumps(FIGURES | {"index": 1}))
+            assert [row["number"] for row in database.execute(query)] == [0]
+        assert [row["number"] for row in database.execute(query)] == [0, 1]
     writer.close()
 
 

@@ -1,0 +1,295 @@
+"""Define what the rows of a store hold, and check each: against its checksum, then against its schema."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import model_validator as check_whole
+
+from core.text import clean
+
+MAX_DEPTH = 50  # of JSON
+MAX_BYTES = 100_000_000  # of a text
+
+T = TypeVar("T")
+
+
+def checksum(row: Mapping[str, Any]) -> str:
+    """Return a hash of a row's values. Nulls are left out, so that a new column changes no hash."""
+    values = [(name, row[name]) for name in sorted(row.keys()) if name != "checksum" and row[name] is not None]
+    return hashlib.blake2b(repr(values).encode("utf-8", "surrogatepass"), digest_size=8).hexdigest()
+
+
+def validated(schema: type[T], value: object) -> T:
+    """Return ``value`` as ``schema`` has it.
+
+    Raises:
+        ValueError: it does not fit; one line.
+    """
+    try:
+        return TypeAdapter(schema).validate_python(value)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        message = first["msg"].removeprefix("Value error, ")
+        raise ValueError(clean(f"{where and f'{where}: '}{message}", 300)) from error
+
+
+def parsed(text: object) -> Any:
+    """Read JSON.
+
+    Raises:
+        ValueError: it is malformed, or nested too deep.
+    """
+    if not isinstance(text, str | bytes):
+        raise ValueError("is no text")  # noqa: TRY004 - pydantic takes no TypeError
+    try:
+        return _shallow(json.loads(text))
+    except RecursionError as error:
+        raise ValueError("is nested too deep") from error
+
+
+def _shallow(value: Any, left: int = MAX_DEPTH) -> Any:
+    if left == 0:
+        raise ValueError("is nested too deep")
+    for item in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _shallow(item, left - 1)
+    return value
+
+
+def _named(value: dict[str, Any]) -> dict[str, Any]:
+    if not isinstance(value.get("name"), str):
+        raise ValueError("has no name")  # noqa: TRY004
+    return value
+
+
+Json = BeforeValidator(parsed)
+Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=2**128)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Amount = Annotated[Number, Field(ge=0, le=1e9)]
+Distance = Annotated[Amount | None, BeforeValidator(lambda value: None if value != value else value)]  # JSON has nan
+Reward = Annotated[Number, Field(ge=0, le=1)]
+Id = Annotated[str, Field(max_length=200)]
+Chosen = Annotated[dict[str, Any], AfterValidator(_named)]  # a part with its settings
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best candidate of a run."""
+
+    reward: Reward
+    distance_m: Distance
+    generation: Count
+    candidate: Id
+
+
+@dataclass(frozen=True)
+class GenerationFigures:
+    """A generation in ``result.json``; rewards are None where nothing could be tried."""
+
+    index: Count
+    best_reward: Reward | None
+    mean_reward: Reward | None
+    n_candidates: Count
+    n_rejected: Count = 0
+    n_failed: Count = 0
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The content of a ``result.json``; ``stopped`` says why a run ended before its budget was spent, ``tie`` up to
+    which difference rewards counted as equal.
+    """
+
+    task: str
+    seed: Seed
+    generations: tuple[GenerationFigures, ...]
+    n_evaluations: Count
+    wall_time_s: Amount
+    sim: str = ""
+    vlm: str = ""
+    tool: str = ""
+    evolution: str = ""
+    budget: str = ""
+    best: Best | None = None
+    tie: Amount = 0.0  # of runs before there was one
+    stopped: str | None = None
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if [generation.index for generation in self.generations] != list(range(len(self.generations))):
+            raise ValueError("generations are not numbered from 0")
+        if self.best is not None and self.best.generation >= len(self.generations):
+            raise ValueError(f"best.generation is {self.best.generation}, of {len(self.generations)} generations")
+
+
+class _Schema(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+
+
+class _Budget(_Schema):
+    name: str = ""
+    n_agent: Count | None = None
+    n_tool: Count | None = None
+    n_action: Count | None = None
+    n_iteration: Count | None = None
+    k_top: Count | None = None
+    reward_save: Number | None = None
+    stop_reward: float | None = None
+
+
+class _Config(_Schema):
+    task: Chosen = {}
+    sim: Chosen = {}
+    vlm: Chosen = {}
+    tool: Chosen = {}
+    evolution: Chosen = {}
+    fitness: Chosen = {}
+    executor: Chosen = {}
+    budget: _Budget = _Budget()
+    listener: dict[str, dict[str, Any] | None] = {}
+    rollout: dict[str, float | bool | str | None] = {}
+    seed: Seed = 0
+
+
+class _Design(_Schema):
+    gripper: Annotated[bool, Field(strict=True)]
+    strategy_name: str | None = None
+    strategy_description: str | None = None
+    tool_name: str | None = None
+    tool_description: str | None = None
+
+
+class _Run(_Schema):
+    schema_version: Count
+    config: Annotated[_Config, Json]
+    result: Annotated[Figures, Json] | None = None
+
+
+class _Session(_Schema):
+    seconds: Amount
+    began: Id
+    overrides: Annotated[list[str], Json]
+    versions: Annotated[dict[str, str], Json]
+
+
+class _Request(_Schema):
+    id: Id
+    generation: Count
+    agent: Count
+    gripper: Annotated[int, Field(strict=True, ge=0, le=1)]
+    temperature: Number
+    elites: Annotated[list[Id], Json]
+    digest: Id | None = None
+
+
+class _Reply(_Schema):
+    request_id: Id
+    model: str
+    text: str
+    error: str | None
+    prompt_tokens: Count | None
+    completion_tokens: Count | None
+    cost_usd: Amount | None
+
+
+class _Strategy(_Schema):
+    generation: Count
+    agent: Count
+    strategy: Count
+    parents: Annotated[list[Id], Json]
+    design: Annotated[_Design, Json]
+
+
+class _Evaluation(_Schema):
+    candidate: Id
+    generation: Count
+    agent: Count
+    strategy: Count
+    plan: Count
+    waypoints: Annotated[list[list[float]], Json]
+    status: Literal["ok", "rejected", "failed"]
+    reason: str
+    reward: Reward
+    distance_m: Amount | None
+    ik_error_m: Number | None
+    ik_error_rad: Number | None
+    tracking_error_rad: Number | None
+    moved_m: Annotated[dict[str, float], Json]
+    warnings: Annotated[list[str], Json]
+    content: Id | None = None
+    details: Annotated[dict[str, Any], Json] = {}
+
+    @check_whole(mode="after")
+    def _fits(self) -> _Evaluation:
+        if self.candidate != f"g{self.generation}-a{self.agent}-s{self.strategy}-p{self.plan}":
+            raise ValueError("its id and its numbers differ")
+        widths = {len(waypoint) for waypoint in self.waypoints}
+        if self.status == "ok" and widths not in ({6}, {7}):
+            raise ValueError("waypoints: 6 or 7 numbers are needed in each")
+        return self
+
+
+class _Generation(_Schema):
+    number: Count
+    summary: Annotated[GenerationFigures, Json]
+
+
+TABLES: dict[str, type[_Schema]] = {
+    "run": _Run,
+    "sessions": _Session,
+    "requests": _Request,
+    "replies": _Reply,
+    "strategies": _Strategy,
+    "evaluations": _Evaluation,
+    "generations": _Generation,
+}
+_FOREIGN = "SELECT type, name FROM sqlite_master WHERE type IN ('view', 'trigger') OR sql LIKE 'CREATE VIRTUAL%'"
+_ORPHANS = (
+    "SELECT candidate FROM evaluations LEFT JOIN strategies USING (generation, agent, strategy)"
+    " WHERE status = 'ok' AND design IS NULL"
+)
+
+
+def damages(database: sqlite3.Connection) -> Iterator[str]:
+    """Yield what is wrong with a store, in words; nothing is executed that it holds.
+
+    Raises:
+        sqlite3.Error: it can't be read.
+    """
+    for what, name in database.execute(_FOREIGN):
+        yield f"it holds the {what} {clean(name, 80)!r}, which no run writes; drop it"
+    (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
+    if found != "ok":
+        yield f"{clean(str(found), 300)}; use a copy"
+    there = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    ((runs,),) = database.execute("SELECT count(*) FROM run").fetchall()
+    if runs > 1:
+        yield f"it holds {runs} runs; use a copy"
+    for table, schema in TABLES.items():
+        if table == "sessions" and table not in there:
+            continue  # version 1 had none
+        for row in database.execute(f"SELECT rowid AS at, * FROM {table}"):  # noqa: S608
+            wrong = _wrong(schema, {name: row[name] for name in row.keys() if name != "at"})  # noqa: SIM118
+            if wrong:
+                yield f"row {row['at']} of {table}: {wrong}; use a copy, or delete the row"
+    for (candidate,) in database.execute(_ORPHANS):
+        yield f"evaluations: {clean(candidate, 80)} has no row in strategies; use a copy, or delete the row"
+
+
+def _wrong(schema: type[_Schema], values: Mapping[str, Any]) -> str:
+    """Say what is wrong with a row; empty: nothing."""
+    if values.get("checksum") not in (None, checksum(values)):
+        return "it is not what was written (its checksum differs)"
+    try:
+        validated(schema, values)
+    except ValueError as error:
+        return str(error)
+    return ""

@@ -1,0 +1,130 @@
+"""Stores whose content was damaged. Checksums find a flipped bit, the schema finds what no run writes."""
+
+import json
+import sqlite3
+from contextlib import closing
+
+import pytest
+
+from core.errors import UserError
+from core.report.runs import FinishedRun, read_run
+from core.report.tools import winners
+from core.store.reader import stored_config
+from core.store.recorder import RunStore
+from core.store.rows import TABLES
+from tests.core.run_folders import edit, write_run
+
+DEEP = "[" * 900 + "]" * 900
+
+
+def said_of(folder):
+    """The line of each door: of a report, a resume, a transfer and a replay."""
+    run = read_run(folder)
+    assert run.status == "unreadable"
+    lines = [run.reason]
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    for door in (RunStore.open, stored_config):
+        with pytest.raises(UserError) as error:
+            door(folder)
+        lines.append(str(error.value))
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+    assert not any("\n" in line for line in lines)
+    return lines
+
+
+def flipped(value):
+    """A value after a change that leaves it sound by the schema."""
+    if isinstance(value, str):
+        at = next((i for i, letter in enumerate(value) if letter.isdigit()), None)
+        return f"{value} " if at is None else f"{value[:at]}{(int(value[at]) + 1) % 10}{value[at + 1 :]}"
+    return value / 2 if isinstance(value, float) else value + 1
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_every_value_is_under_a_checksum(tmp_path, table):
+    folder = write_run(tmp_path / "run", cost_usd=0.25)
+    file = folder / "run.sqlite"
+    sound = file.read_bytes()
+    with closing(sqlite3.connect(file)) as database:
+        cursor = database.execute(f"SELECT * FROM {table} ORDER BY rowid DESC LIMIT 1")
+        names, values = [column[0] for column in cursor.description], cursor.fetchone()
+    assert names[-1] == "checksum"
+    for name, value in zip(names, values, strict=True):
+        if value is None or name == "schema_version":
+            continue
+        file.write_bytes(sound)
+        with closing(sqlite3.connect(file)) as database:
+            database.execute(
+                f"UPDATE {table} SET {name} = ? WHERE rowid = (SELECT max(rowid) FROM {table})", [flipped(value)]
+            )
+            database.commit()
+        for line in said_of(folder):
+            assert f" of {table}: it is not what was written" in line  # the rowid may be what was flipped
+    file.write_bytes(sound)
+    assert isinstance(read_run(folder), FinishedRun)
+
+
+def test_a_store_without_checksums_is_read_as_before(tmp_path):
+    folder = write_run(tmp_path / "run")
+    before = [winner.candidate for winner in winners(read_run(folder))]
+    edit(folder, "UPDATE run SET schema_version = 2")
+    for table in TABLES:
+        with closing(sqlite3.connect(folder / "run.sqlite")) as database:
+            database.execute(f"ALTER TABLE {table} DROP COLUMN checksum")
+    assert [winner.candidate for winner in winners(read_run(folder))] == before
+    RunStore.open(folder).run_ended()
+    assert isinstance(read_run(folder), FinishedRun)
+
+
+@pytest.mark.parametrize(
+    ("statement", "value", "said"),
+    [
+        ("UPDATE evaluations SET reward = ?", 1e308, "reward: Input should be less than or equal to 1"),
+        ("UPDATE evaluations SET reward = ?", "much", "reward: Input should be a valid number"),
+        ("UPDATE evaluations SET distance_m = ?", float("inf"), "distance_m: Input should be a finite number"),
+        ("UPDATE evaluations SET status = ?", "done", "status: Input should be 'ok', 'rejected' or 'failed'"),
+        ("UPDATE evaluations SET waypoints = ?", "[[1, 2, 3]]", "waypoints: 6 or 7 numbers are needed"),
+        ("UPDATE evaluations SET waypoints = ?", "[[", "waypoints: Expecting value"),
+        ("UPDATE evaluations SET generation = ? + generation", 2**40, "its id and its numbers differ"),
+        ("UPDATE evaluations SET plan = ?", -1, "plan: Input should be greater than or equal to 0"),
+        ("UPDATE evaluations SET details = ?", DEEP, "details: is nested too deep"),
+        ("UPDATE evaluations SET details = ?", b"\xff", "details: "),
+        ("UPDATE evaluations SET moved_m = ?", '{"cube": "far"}', "moved_m.cube: Input should be a valid number"),
+        ("UPDATE strategies SET design = ?", "[]", "design: "),
+        ("UPDATE strategies SET design = ?", '{"tool_urdf": ""}', "design.gripper: Field required"),
+        ("UPDATE strategies SET parents = ?", '{"a": 1}', "parents: "),
+        ("DELETE FROM strategies WHERE strategy = ?", 1, "evaluations: g0-a0-s1-p0 has no row in strategies"),
+        ("UPDATE replies SET prompt_tokens = ?", 2**63 - 1, "prompt_tokens: Input should be less than"),
+        ("UPDATE replies SET text = CAST(? AS TEXT)", b"\xff\xfe", "Could not decode to UTF-8"),
+        ("UPDATE requests SET gripper = ?", 7, "gripper: "),
+        ("UPDATE sessions SET versions = ?", "[1]", "versions: "),
+        ("UPDATE generations SET summary = ?", '{"index": 0}', "summary.best_reward: Field required"),
+        ("UPDATE run SET config = ?", "3", "config: "),
+        ("UPDATE run SET config = ?", '{"task": {}}', "config.task: has no name"),
+        ("UPDATE run SET config = ?", '{"budget": {"n_agent": [1]}}', "config.budget.n_agent: "),
+        ("UPDATE run SET result = ?", '{"task": 1}', "result.task: "),
+        ("UPDATE run SET schema_version = ?", "two", "its schema version is no number"),
+        ("INSERT INTO run SELECT * FROM run WHERE ?", 1, "it holds 2 runs"),
+        ("CREATE VIEW songs AS SELECT 1 FROM run", None, "it holds the view 'songs'"),
+        ("CREATE TRIGGER t AFTER INSERT ON replies BEGIN DELETE FROM run; END", None, "it holds the trigger 't'"),
+        ("DROP TABLE generations", None, "no such table: generations"),
+    ],
+)
+def test_values_that_no_run_writes(tmp_path, statement, value, said):
+    folder = write_run(tmp_path / "run")
+    if statement.startswith("DROP"):
+        with closing(sqlite3.connect(folder / "run.sqlite")) as database:
+            database.execute(statement)
+    else:
+        edit(folder, statement, *([] if value is None else [value]))
+    assert all(said in line for line in said_of(folder))
+
+
+def test_the_rows_that_are_deleted_are_asked_and_tried_again(tmp_path):
+    """The mend that the message names."""
+    folder = write_run(tmp_path / "run")
+    edit(folder, "DELETE FROM replies WHERE request_id = 'g0-a0'")
+    store = RunStore.open(folder)
+    assert json.loads(json.dumps(store.config)) == store.config
+    assert set(store.past.replies) == {"g1-a0"}
+    store.run_ended()
