@@ -8,7 +8,7 @@ samples poses are interpolated, and an instant is skipped if the solids can't ha
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -20,6 +20,8 @@ from core.design import Tool
 from core.geometry import Array, Box, Cylinder, Sphere
 from core.interfaces import Recording
 from core.scene import Scene
+from core.simulation.entry import CUT_M, Side, skin
+from core.simulation.sampling import detours, finer, rough, taken
 from core.simulation.tracks import Track, body_tracks, robot_tracks, travelled
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
@@ -62,17 +64,35 @@ def findings(scene: Scene, tool: Tool, recording: Recording) -> list[Finding]:
     for values in (states.positions, states.quaternions, states.linear_velocities, recording.arm):
         if not np.isfinite(values).all():
             raise Explosion("a body's state is not finite")
-    robot = robot_tracks(tool, recording)
-    flung = _flung(recording, max((track.top_speed(recording.times) for track in robot), default=0.0))
-    return _passages(robot, body_tracks(scene, recording), recording.times) + flung
+    samples = rough(recording)
+    seen = taken(recording, samples)
+    around, aside = detours(recording, samples) if len(samples) < len(recording.times) else (None, None)
+    robot, bodies = robot_tracks(tool, seen, around), body_tracks(scene, seen, aside)
+    flung = _flung(seen, max((track.top_speed(seen.times) for track in robot), default=0.0))
+    meetings = list(_meetings(robot, bodies))
+    if meetings and around is not None:
+        wanted = np.ones(len(samples) - 1)
+        for one, other, _, deeper, travel in meetings:
+            deeper = deeper[deeper < len(wanted)]
+            thin = 2 * min(one.half_width, other.half_width)
+            way = np.diff(travel) + 2 * (one.aside + other.aside + 0 * travel)[:-1]  # there and back
+            wanted[deeper] = np.maximum(wanted[deeper], way[deeper] / thin)
+        more = finer(samples, wanted)
+        if len(more) > len(samples):
+            seen = taken(recording, more)
+            met = {id(track) for meeting in meetings for track in meeting[:2]}
+            chosen = ({i for i, track in enumerate(tracks) if id(track) in met} for tracks in (robot, bodies))
+            robot = robot_tracks(tool, seen, only=next(chosen))
+            meetings = list(_meetings(robot, body_tracks(scene, seen, only=next(chosen))))
+    return _passages(meetings, seen.times) + flung
 
 
 # --- penetration ------------------------------------------------------------------------------------------------
 
 
-def _passages(robot: Sequence[Track], bodies: Sequence[Track], times: Array) -> list[Finding]:
+def _passages(meetings: Iterable[_Meeting], times: Array) -> list[Finding]:
     found: dict[tuple[str, str], tuple[float, str]] = {}
-    for one, other, near, travel in _meetings(robot, bodies):
+    for one, other, near, _, travel in meetings:
         passage = _passage(one, other, near, travel, times)
         if passage is not None:
             names = one.name, other.name
@@ -80,14 +100,21 @@ def _passages(robot: Sequence[Track], bodies: Sequence[Track], times: Array) -> 
     return [Finding(f"{one!r} {what.format(repr(other))}", True) for (one, other), (_, what) in found.items()]
 
 
-def _meetings(
-    robot: Sequence[Track], bodies: Sequence[Track]
-) -> Iterator[tuple[Track, Track, npt.NDArray[np.intp], Array]]:
-    """Yield pairs, at least one of them in motion, with bounding boxes that ever overlap by as much as counts.
+class _Meeting(NamedTuple):
+    """Two solids with bounding boxes that ever overlap by as much as counts; at least one of them is in motion.
 
-    With each pair come the samples at which the boxes meet or are about to, rising, and the travel (T,) of the first in
-    the frame of the second (see `Track.travel`).
+    ``near`` are the samples at which the boxes meet or are about to, rising; at those of ``deeper`` they overlap by so
+    much. ``travel`` (T,) is that of the first in the frame of the second (see `Track.travel`).
     """
+
+    one: Track
+    other: Track
+    near: npt.NDArray[np.intp]
+    deeper: npt.NDArray[np.intp]
+    travel: Array
+
+
+def _meetings(robot: Sequence[Track], bodies: Sequence[Track]) -> Iterator[_Meeting]:
     moving = [track for track in (*robot, *bodies) if len(track.travel) > 1]
     if not moving:
         return
@@ -108,20 +135,23 @@ def _meetings(
         met = [i for i in np.flatnonzero(near.any(axis=1)) if moving[i].owner != other.owner]
         # Solids are no deeper in each other than their boxes along any axis.
         depths = np.minimum(high[:, met] - other.low.T[:, None], other.high.T[:, None] - low[:, met]).min(axis=0)
-        deepest = depths.max(axis=1).tolist()
-        met = [i for i, depth in zip(met, deepest, strict=True) if depth >= min(_limits(moving[i], other))]
+        counts = np.array([min(*_limits(moving[i], other), skin(moving[i], other)) for i in met])
+        deeper = depths >= counts[:, None]
+        kept = deeper.any(axis=1)
+        met, deeper = [i for i, keep in zip(met, kept, strict=True) if keep], deeper[kept]
         if not met:
             continue
         if len(other.travel) == 1:
-            yield from ((moving[i], other, np.flatnonzero(near[i]), moving[i].travel) for i in met)
-            continue
-        positions = np.array([moving[i].positions for i in met]) - other.positions
-        rotations = np.array([moving[i].rotations for i in met])
-        if not isinstance(other.shape, Sphere):  # the frame of a ball does not turn
-            back = other.rotations.swapaxes(1, 2)
-            positions, rotations = (back @ positions[..., None])[..., 0], back @ rotations
-        travels = travelled(rotations, positions, reaches[met])
-        yield from ((moving[i], other, np.flatnonzero(near[i]), way) for i, way in zip(met, travels, strict=True))
+            travels = [moving[i].travel for i in met]
+        else:
+            positions = np.array([moving[i].positions for i in met]) - other.positions
+            rotations = np.array([moving[i].rotations for i in met])
+            if not isinstance(other.shape, Sphere):  # the frame of a ball does not turn
+                back = other.rotations.swapaxes(1, 2)
+                positions, rotations = (back @ positions[..., None])[..., 0], back @ rotations
+            travels = list(travelled(rotations, positions, reaches[met]))
+        for i, deep, travel in zip(met, deeper, travels, strict=True):
+            yield _Meeting(moving[i], other, np.flatnonzero(near[i]), np.flatnonzero(deep), travel)
 
 
 def _limits(one: Track, other: Track) -> tuple[float, float]:
@@ -135,56 +165,63 @@ def _passage(
 ) -> tuple[float, str] | None:
     """The time when one got into the other, seconds, and a description; None if it never did."""
     deep, through = _limits(one, other)
-    limit = min(deep, through)
+    limit, touching = min(deep, through), skin(one, other)
+    least, step = min(limit, touching), min(limit / 4, CUT_M)
     gaps = _gaps(one, other)
     # From one sample to the next, a gap can't shrink and grow again by more than the travel allows.
     if gaps is not None and (
-        ((gaps[:-1] + gaps[1:] - travel[1:] + travel[:-1]) / 2).take(near, mode="clip").min() > -limit
+        ((gaps[:-1] + gaps[1:] - travel[1:] + travel[:-1]) / 2).take(near, mode="clip").min() > -least
     ):
         return None
     distance = coal.ComputeDistance(other.geometry, one.geometry)
     samples, gone, instants = near.tolist(), travel.tolist(), times.tolist()  # faster one by one
     last = len(gone) - 1
-    # The direction out of ``other`` when the two last only touched, if ever; before that nothing counts.
-    entry: _Exit | None = None
+    # The direction out of ``other`` when the two were last apart, if ever; before that nothing counts.
+    entry: Array | None = None
+    side: Side | None = None  # the same from when they last only touched
     reached = 0.0  # the largest depth since then
+    cut: tuple[float, str] | None = None
     since, stuck = 0.0, None  # when it got in, and since when it is too deep
     k, share = samples[0], 0.0
     while True:
-        depth, out = _query(distance, one, other, k, share)
+        depth, out, rotation, others_rotation = _query(distance, one, other, k, share)
+        now = instants[k] + (share * (instants[k + 1] - instants[k]) if share else 0.0)
+        if depth < touching or (side is not None and side.same(out, rotation, others_rotation)):
+            side = Side(out, rotation, others_rotation)
+        elif cut is None and side is not None and side.overlap(one, other, k, share) > depth + CUT_M:
+            cut = now, f"cut into {{}} at {now:.2f} s"  # it may come out on the other side
         if depth < (limit if entry is None else 0.0):
-            if entry is not None and reached >= through and out.along(entry) < 0.5:
+            if entry is not None and reached >= through and out @ others_rotation @ entry < 0.5:
                 return since, f"passed through {{}} at {since:.2f} s"
-            entry, reached = out, 0.0
+            entry, reached = out @ others_rotation, 0.0
         if depth >= limit and entry is not None:
-            now = instants[k] + (share * (instants[k + 1] - instants[k]) if share else 0.0)
             since = now if reached < limit else since
             reached = max(reached, depth)
         if depth < deep:
             stuck = None
         elif share == 0 and entry is not None:
-            stuck = instants[k] if stuck is None else stuck
-            if instants[k] - stuck >= DEEP_S:
+            stuck = now if stuck is None else stuck
+            if now - stuck >= DEEP_S:
                 return stuck, f"was {1000 * reached:.0f} mm deep inside {{}} at {stuck:.2f} s"
         ahead = gone[k] + (share * (gone[k + 1] - gone[k]) if share else 0.0)
-        if depth >= limit:
+        if depth >= least:
             if k == last:
-                return None
-            ahead = min(ahead + limit, gone[k + 1])
+                return cut
+            ahead = min(ahead + step, gone[k + 1])
             k, share = (k + 1, 0.0) if ahead >= gone[k + 1] else (k, share)
             if ahead == gone[k]:
                 continue
         else:
-            ahead += max(limit - depth, limit / 4) if -depth < _FROM_AFAR_M else -depth
+            ahead += max(least - depth, step) if -depth < _FROM_AFAR_M else -depth
             if ahead > gone[last]:
-                return None
+                return cut
             further = bisect_right(gone, ahead) - 1
             if further > k:
                 k, share = further, 0.0
                 if depth < 0:
                     at = bisect_left(samples, k)
                     if at == len(samples):
-                        return None
+                        return cut
                     k = samples[at]
                 continue
         share = (ahead - gone[k]) / (gone[k + 1] - gone[k])
@@ -218,27 +255,16 @@ def _inside(one: Track, other: Track) -> Array:
     return ((one.positions - other.positions)[:, None] @ other.rotations)[:, 0]
 
 
-class _Exit(NamedTuple):
-    """The shortest way out of a solid: a direction (3,) in the world, and the solid's rotation (3, 3)."""
-
-    direction: Array
-    rotation: Array
-
-    def along(self, other: _Exit) -> float:
-        """The cosine between two directions, each in the solid's own frame."""
-        return float(self.direction @ self.rotation @ (other.direction @ other.rotation))
-
-
-def _query(distance: Any, one: Track, other: Track, k: int, share: float) -> tuple[float, _Exit]:
-    """The penetration depth, metres, negative if the two are apart; and the way out for ``one``.
+def _query(distance: Any, one: Track, other: Track, k: int, share: float) -> tuple[float, Array, Array, Array]:
+    """The penetration depth, metres, negative if the two are apart; the way out for ``one``, (3,); and both rotations.
 
     ``distance`` is Coal's, from ``other`` to ``one``.
     """
-    at, _ = one.at(k, share)
+    at, rotation = one.at(k, share)
     others_at, others_rotation = other.at(k, share)
     result = coal.DistanceResult()
     depth = -float(distance(others_at, at, _REQUEST, result))
-    return depth, _Exit(result.normal, others_rotation)
+    return depth, result.normal, rotation, others_rotation
 
 
 # --- flung ------------------------------------------------------------------------------------------------------

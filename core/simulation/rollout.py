@@ -19,7 +19,7 @@ from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import Motion, plan_motion
 from core.scene import State
 from core.simulation.penetration import Explosion, Finding, findings
-from core.simulation.tracks import SAMPLE_HZ
+from core.simulation.sampling import sample_hz, thinnest
 from core.text import shorten
 
 
@@ -90,11 +90,13 @@ def evaluate_batch(
     motions: dict[int, Motion] = {}
     jobs: list[Rollout] = []
     crossed: dict[int, tuple[str]] = {}
+    scene = task.scene(seed)
+    thin = thinnest(scene)
     for i, candidate in enumerate(candidates):
         if candidate.problem is not None:
             evaluations[i] = Evaluation(candidate, "rejected", reason=candidate.problem)
             continue
-        motion, job = prepare(task, candidate, seed, settings, SAMPLE_HZ if settings.penetration != "ignore" else 0.0)
+        motion, job = prepare(task, candidate, seed, settings)
         if (duration := motion.trajectory.duration) > settings.max_motion_s:
             took = f"the motion takes {duration:.0f} s under the arm's limits, more than {settings.max_motion_s:.0f} s"
             evaluations[i] = Evaluation(candidate, "rejected", reason=f"{took}; use fewer waypoints")
@@ -106,14 +108,15 @@ def evaluate_batch(
                 continue
             crossed[i] = (where,)
         motions[i] = motion
+        if settings.penetration != "ignore":
+            job = replace(job, record_hz=sample_hz(job.tool, job.trajectory, thin))
         jobs.append(job)
     outcomes = dict(zip(motions, _outcomes(simulator, task, jobs), strict=True))
     finished: dict[int, tuple[State, State]] = {}
     found: dict[int, list[Finding]] = {}
-    scene = task.scene(seed) if any(outcome.recording is not None for outcome in outcomes.values()) else None
     for i, outcome in outcomes.items():
         tool = candidates[i].tool
-        if outcome.recording is not None and scene is not None and tool is not None:
+        if outcome.recording is not None and tool is not None:
             try:
                 found[i] = findings(scene, tool, outcome.recording)
             except Explosion as error:

@@ -5,6 +5,7 @@ Covered by `tests/core/simulation/test_penetration.py`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
@@ -17,12 +18,21 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Array, Mesh, Pose, Shape, Sphere
-from core.interfaces import Recording
+from core.interfaces import JointTrajectory, Recording
 from core.robot.description import ARM_JOINTS, FINGER_JOINTS, assemble
 from core.robot.solids import hull, robot_solids, solid_geometry
 from core.scene import Scene
 
 SAMPLE_HZ = 25.0
+ROBOT = "the robot"  # the owner of its links and of the tool
+_ARM_M = 1.0  # the arm's reach
+
+
+class Detour(NamedTuple):
+    """How far something gets from the straight way between two samples, metres and radians: each (T,)."""
+
+    moved: Array
+    turned: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +48,7 @@ class Track:
         low: (T, 3), with ``high`` the bounding box at a sample and on the way to the next.
         reach: how far from the frame's origin rotation moves a point, metres.
         half_width: half of the smallest extent, metres.
+        aside: (T,) how far it gets from the straight way to the next sample, metres, at most; or 0.
     """
 
     name: str
@@ -51,10 +62,21 @@ class Track:
     high: Array
     reach: float
     half_width: float
+    aside: Array | float = 0.0
     transforms: dict[int, tuple[Any, Array]] = field(default_factory=dict)  # results of `at`, by sample
 
     @classmethod
-    def make(cls, name: str, owner: str, solid: _Measured, rotations: Array, positions: Array) -> Track:
+    def make(
+        cls,
+        name: str,
+        owner: str,
+        solid: _Measured,
+        rotations: Array,
+        positions: Array,
+        detour: Detour | None = None,
+        arm: float = 0.0,
+    ) -> Track:
+        """Make a track; a ``detour`` of its owner widens its bounding boxes, ``arm`` metres away."""
         if solid.pose is not None:
             rotations, positions = _compose(rotations, positions, solid.pose)
         if isinstance(solid.shape, Sphere):
@@ -62,9 +84,15 @@ class Track:
         middles, extents = positions + _times(rotations, solid.middle), _times(np.abs(rotations), solid.half)
         low, high = middles - extents, middles + extents
         low[:-1], high[:-1] = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
+        aside = 0.0 if detour is None else detour.moved + (solid.far + arm) * detour.turned
+        if detour is not None:
+            low, high = (low.T - aside).T, (high.T + aside).T
         (travel,) = travelled(rotations[None], positions[None], np.array([solid.reach]))
         half = float(solid.half.min())
-        return cls(name, owner, solid.shape, solid.geometry, rotations, positions, travel, low, high, solid.reach, half)
+        return cls(
+            *(name, owner, solid.shape, solid.geometry, rotations, positions, travel, low, high, solid.reach, half),
+            aside,
+        )
 
     def top_speed(self, times: Array) -> float:
         """An upper bound of the speed of any point, m/s, averaged over a tenth of a second."""
@@ -102,37 +130,68 @@ def travelled(rotations: Array, positions: Array, reaches: Array) -> Array:
     return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
-def robot_tracks(tool: Tool, recording: Recording) -> list[Track]:
-    """Follow the links that move, and the tool's components."""
-    _, links, solids = _robot(tool.gripper)
-    rotations, positions = _joints(tool, recording)
+def robot_tracks(
+    tool: Tool, recording: Recording, detour: Detour | None = None, only: set[int] | None = None
+) -> list[Track]:
+    """Follow the links that move, and the tool's components; ``only`` those with these numbers among them."""
+    _, links, own = _robot(tool.gripper)
+    rotations, positions = _joints(tool.gripper, recording.arm, recording.fingers)
 
     @cache
     def frames(link: str) -> tuple[Array, Array]:
         joint, at = links[link]
         return _compose(rotations[joint], positions[joint], at)
 
-    tracks = [Track.make(name, "the robot", solid, *frames(name)) for name, solid in solids]
-    return tracks + [Track.make(name, "the robot", solid, *frames(link)) for name, link, solid in _tool_solids(tool)]
+    solids = [(name, name, solid) for name, solid in own] + _tool_solids(tool)
+    return [
+        Track.make(name, ROBOT, solid, *frames(link), detour, _ARM_M)
+        for i, (name, link, solid) in enumerate(solids)
+        if only is None or i in only
+    ]
 
 
-def body_tracks(scene: Scene, recording: Recording) -> list[Track]:
-    """Follow the collision shapes of all bodies."""
+def tool_speed(tool: Tool, trajectory: JointTrajectory) -> float:
+    """An upper bound of the speed of any point of a tool on its way, m/s, averaged over a sample of `SAMPLE_HZ`."""
+    times = np.append(np.arange(0.0, trajectory.duration, 1 / SAMPLE_HZ), trajectory.duration)
+    arm, opening = trajectory.sample(times)
+    rotations, positions = _joints(tool.gripper, arm, np.column_stack([opening, opening]))
+    reaches: dict[str, float] = {}
+    for _, link, solid in _tool_solids(tool):
+        reaches[link] = max(solid.far, reaches.get(link, 0.0))
+    fastest = 0.0
+    for link, reach in reaches.items():
+        joint, at = _robot(tool.gripper)[1][link]
+        turned, moved = _compose(rotations[joint], positions[joint], at)
+        (travel,) = travelled(turned[None], moved[None], np.array([reach]))
+        fastest = max(fastest, float((np.diff(travel) / np.diff(times)).max(initial=0.0)))
+    return fastest
+
+
+def body_tracks(
+    scene: Scene, recording: Recording, detours: Sequence[Detour] | None = None, only: set[int] | None = None
+) -> list[Track]:
+    """Follow the collision shapes of all bodies; ``only`` those with these numbers among them."""
     states = recording.states
     quaternions = states.quaternions.reshape(-1, 4)
     matrices = Rotation.from_quat(quaternions, scalar_first=True).as_matrix() if len(quaternions) else np.empty(0)
     rotations = matrices.reshape(*states.quaternions.shape[:2], 3, 3)
     number = {name: i for i, name in enumerate(states.names)}
-    tracks = []
+    tracks: list[Track] = []
+    at = 0
     for body in scene.bodies:
+        wanted = [part for k, part in enumerate(body.collisions, at) if only is None or k in only]
+        at += len(body.collisions)
+        if not wanted:
+            continue
         if body.fixed:
-            tracks += [_fixed(body.name, part.shape, part.pose, body.pose) for part in body.collisions]
+            tracks += [_fixed(body.name, part.shape, part.pose, body.pose) for part in wanted]
             continue
         i = number[body.name]
         turned, positions = np.ascontiguousarray(rotations[:, i]), np.ascontiguousarray(states.positions[:, i])
-        for part in body.collisions:
+        for part in wanted:
             solid = _measured(part.shape, part.pose)
-            tracks.append(Track.make(body.name, body.name, solid, turned, positions))
+            detour = detours[i] if detours is not None else None
+            tracks.append(Track.make(body.name, body.name, solid, turned, positions, detour))
     return tracks
 
 
@@ -169,6 +228,12 @@ class _Measured:
     half: Array
     reach: float
 
+    @property
+    def far(self) -> float:
+        """How far from the owner's frame it extends, metres."""
+        place = 0.0 if self.pose is None else float(np.linalg.norm(self.pose.position))
+        return place + float(np.linalg.norm(np.abs(self.middle) + self.half))
+
 
 @lru_cache(maxsize=256)
 def _measured(shape: Shape, pose: Pose) -> _Measured:
@@ -202,16 +267,17 @@ def _robot(gripper: bool) -> tuple[Any, dict[str, tuple[int, _Place]], list[tupl
     return model, links, solids
 
 
-def _joints(tool: Tool, recording: Recording) -> tuple[Array, Array]:
+def _joints(gripper: bool, arm: Array, fingers: Array) -> tuple[Array, Array]:
     """Rotations (J, T, 3, 3) and positions (J, T, 3) of the joints' frames in the world, numbered as in the model.
 
-    numpy does all samples at once, in a tenth of the time that Pinocchio needs one by one.
+    ``arm`` (T, 7) and ``fingers`` (T, 2) are the joints. numpy does all samples at once, in a tenth of the time that
+    Pinocchio needs one by one.
     """
-    model, _, _ = _robot(tool.gripper)
-    count = len(recording.times)
+    model, _, _ = _robot(gripper)
+    count = len(arm)
     rotations, positions = np.zeros((model.njoints, count, 3, 3)), np.zeros((model.njoints, count, 3))
     rotations[0] = np.eye(3)
-    cosines, sines = np.cos(recording.arm), np.sin(recording.arm)
+    cosines, sines = np.cos(arm), np.sin(arm)
     for joint in range(1, model.njoints):
         parent, placement = model.parents[joint], model.jointPlacements[joint]
         at = _Place(placement.rotation, placement.translation)
@@ -224,7 +290,7 @@ def _joints(tool: Tool, recording: Recording) -> tuple[Array, Array]:
             rotations[joint] = rotations[joint] @ turn
         else:  # along y, the second finger's frame the other way
             side = 1.0 if model.names[joint] == FINGER_JOINTS[0] else -1.0
-            opening = recording.fingers[:, FINGER_JOINTS.index(model.names[joint])]
+            opening = fingers[:, FINGER_JOINTS.index(model.names[joint])]
             positions[joint] += side * opening[:, None] * rotations[joint][:, :, 1]
     return rotations, positions
 

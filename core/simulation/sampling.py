@@ -1,0 +1,93 @@
+"""Choose how often a rollout is recorded and looked at, by the speed and the thinness of what moves.
+
+Covered by `tests/core/simulation/test_sampling.py`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from core.design import Tool
+from core.geometry import Array, Box, Cylinder, Mesh, Shape, Sphere
+from core.interfaces import JointTrajectory, Recording
+from core.scene import Scene, State
+from core.simulation.tracks import SAMPLE_HZ, Detour, tool_speed
+
+MAX_HZ = 1600.0  # beyond the rate of every engine's steps
+
+Indices = npt.NDArray[np.intp]
+
+
+def thinnest(scene: Scene) -> float:
+    """The smallest extent of all collision shapes of a scene, metres."""
+    return min((_thickness(part.shape) for body in scene.bodies for part in body.collisions), default=math.inf)
+
+
+def _thickness(shape: Shape) -> float:
+    match shape:
+        case Box(size):
+            return float(min(size))
+        case Sphere(radius):
+            return 2 * radius
+        case Cylinder(radius, length):
+            return min(2 * radius, length)
+        case Mesh(vertices):
+            return float(np.ptp(vertices, axis=0).min())
+
+
+def sample_hz(tool: Tool, trajectory: JointTrajectory, thin: float) -> float:
+    """The rate at which the tool moves no farther between two samples than the thinnest solid is thick.
+
+    ``thin`` is that of the scene, metres. The rate is `SAMPLE_HZ` times a power of two, so that there are few.
+    """
+    thin = min([thin, *(min(component.shape.size) for component in tool.components)])
+    return min(MAX_HZ, SAMPLE_HZ * _power(tool_speed(tool, trajectory) / thin / SAMPLE_HZ))
+
+
+def _power(wanted: float) -> float:
+    """Round up to a power of two, at least 1."""
+    return 2.0 ** math.ceil(math.log2(max(wanted, 1.0)))
+
+
+def rough(recording: Recording) -> Indices:
+    """The samples of a recording that are about `SAMPLE_HZ` apart, the first and the last among them."""
+    count = len(recording.times)
+    every = max(1, round(1 / (SAMPLE_HZ * float(recording.times[1] - recording.times[0])))) if count > 1 else 1
+    return np.append(np.arange(0, count - 1, every), count - 1)
+
+
+def finer(samples: Indices, wanted: Array) -> Indices:
+    """Add samples where there are ``wanted`` (S - 1,) times as many between two, if the recording has so many."""
+    parts = [samples]
+    for k in np.flatnonzero(wanted > 1):
+        between = samples[k + 1] - samples[k]
+        parts.append(np.arange(samples[k], samples[k + 1], max(1, int(between / _power(wanted[k])))))
+    return np.unique(np.concatenate(parts))
+
+
+def taken(recording: Recording, samples: Indices) -> Recording:
+    """Only these samples of a recording."""
+    states = State(recording.states.names, *(array[samples] for array in recording.states.arrays))
+    return Recording(recording.times[samples], recording.arm[samples], recording.fingers[samples], states)
+
+
+def detours(recording: Recording, samples: Indices) -> tuple[Detour, list[Detour]]:
+    """How far the robot and each free body get from the straight way between two of ``samples``."""
+    states = recording.states
+    turned = 2 * _aside(states.quaternions, samples)
+    moved = _aside(states.positions, samples)
+    joints = _aside(recording.arm[:, :, None], samples).sum(axis=1)
+    return Detour(joints, joints), [Detour(moved[:, i], turned[:, i]) for i in range(len(states.names))]
+
+
+def _aside(values: Array, samples: Indices) -> Array:
+    """The largest distance of ``values`` (T, N, D) from the line between two samples (S,): (S, N), the last 0."""
+    at = np.arange(len(values))
+    before = np.minimum(np.searchsorted(samples, at, side="right") - 1, len(samples) - 2)
+    share = ((at - samples[before]) / (samples[before + 1] - samples[before]))[:, None, None]
+    line = values[samples[before]] * (1 - share) + values[samples[before + 1]] * share
+    aside = np.sqrt(((values - line) ** 2).sum(axis=2))
+    return np.append(np.maximum.reduceat(aside, samples[:-1], axis=0), np.zeros((1, values.shape[1])), axis=0)

@@ -1,0 +1,106 @@
+"""Sheets that cut through bodies where the least way out is short, and what only looks like it."""
+
+import numpy as np
+import pytest
+
+from core.geometry import Box, Cylinder, Pose
+from core.scene import Body, Geom, Scene, table
+from core.simulation.penetration import findings
+from tests.core.simulation.test_penetration import ROD, body, penetrations, recording, straight
+
+HZ = 400.0
+SIDE = 0.05
+THIN = pytest.mark.parametrize("thick", [0.0005, 0.001, 0.002])
+
+
+def sheet(thick, low=0.0, rpy=(0, 0, 0)):
+    """A square-edged sheet on the table, whose front edge is 10 mm before the cube, and its path into it."""
+    return body("sheet", Box((0.2, 0.2, thick)), (0.5 - 0.135, 0.0, low + thick / 2), rpy=rpy)
+
+
+def cube(low=0.0):
+    return body("cube", Box((SIDE, SIDE, SIDE)), (0.5, 0.0, low + SIDE / 2), mass=1.0)
+
+
+def pushed(scene, way, lifts, hz=HZ, count=80, speed=1.0):
+    """What is found as the sheet moves ahead by ``way`` and the cube by ``lifts``: (share of the way, x, z), rising."""
+    shares = np.minimum(np.arange(count) * speed / hz / way, 1.0)
+    at, x, z = np.array(lifts, dtype=float).T
+    start, other = scene["sheet"].pose.position, scene.free[1].pose.position
+    path = start + np.outer(shares * way, (1.0, 0.0, 0.0))
+    moved = other + np.column_stack([np.interp(shares, at, x), 0 * shares, np.interp(shares, at, z)])
+    tilted = {"sheet": scene["sheet"].pose.quaternion}
+    return penetrations(scene, recording(scene, {"sheet": path, scene.free[1].name: moved}, hz=hz, quaternions=tilted))
+
+
+# --- what cuts --------------------------------------------------------------------------------------------------
+
+
+@THIN
+@pytest.mark.parametrize("speed", [0.2, 1.0, 3.0])
+def test_a_sheet_that_goes_through_the_lowest_layer(thick, speed):
+    """The cube stays where it is, and is on top of the sheet after 10 mm."""
+    scene = Scene((table(), sheet(thick), cube()))
+    lifts = [(0.0, 0, 0), (0.2, 0, 0), (0.4, 0, thick), (1.0, 0, thick)]
+    (found,) = pushed(scene, 0.05, lifts, speed=speed, count=round(0.06 / speed * HZ) + 8)
+    assert found.startswith("'sheet' cut into 'cube'")
+
+
+@THIN
+def test_a_sheet_stuck_between_touching_parts_of_a_body(thick):
+    """Half of it is in the foot, half in the disc, that have no gap between them."""
+    foot = Geom(Cylinder(0.03, 0.02), Pose(np.array([0.0, 0.0, 0.01])))
+    disc = Geom(Cylinder(0.05, 0.01), Pose(np.array([0.0, 0.0, 0.025])))
+    plate = Body("plate", Pose(np.array([0.525, 0.0, 0.0])), 0.5, (), (foot, disc))
+    scene = Scene((table(), sheet(thick, low=0.02 - thick / 2), plate))
+    (found,) = pushed(scene, 0.06, [(0, 0, 0), (1, 0, 0)])
+    assert "'plate'" in found
+
+
+def test_a_sheet_that_stands_on_its_edge():
+    """A knife through a cube's corner: the least way out is to the side."""
+    knife = body("sheet", Box((0.2, 0.001, 0.2)), (0.5 - 0.135, SIDE / 2 - 0.0005, 0.1))
+    (found,) = pushed(Scene((table(), knife, cube())), 0.06, [(0, 0, 0), (1, 0, 0)])
+    assert "cut into" in found
+
+
+# --- what only looks like it ------------------------------------------------------------------------------------
+
+
+@THIN
+def test_a_sheet_that_slides_into_a_gap(thick):
+    """It touches the cube from below, a little deeper than engines let things rest, and the cube slides off it."""
+    scene = Scene((table(), sheet(thick), cube(low=0.8 * thick)))
+    assert pushed(scene, 0.1, [(0, 0, 0), (1, 0, 0)], count=120) == []
+
+
+@THIN
+def test_a_sheet_that_pushes_the_cube_ahead(thick):
+    """Its edge is as deep in the cube as engines let a hard thrust: less than a cut."""
+    scene = Scene((table(), sheet(thick), cube()))
+    assert pushed(scene, 0.06, [(0, 0, 0), (12 / 60, 0, 0), (1, 0.048, 0)]) == []
+
+
+@pytest.mark.parametrize("pitch", [0.1, 0.3])
+def test_a_wedge_that_lifts_the_cube(pitch):
+    """A tilted plate under the cube's edge: the cube rides up on it, 0.3 mm deep, on and on."""
+    size, tilt = (0.2, 0.2, 0.002), (0.0, pitch, 0.0)
+    edge = Pose.xyz_rpy((0.0, 0.0, 0.0), tilt).apply((0.1, 0.0, 0.001))  # the upper front edge, from the middle
+    wedge = body("sheet", Box(size), np.array([0.465, 0.0, 0.0003]) - edge, rpy=tilt)
+    scene = Scene((wedge, cube()))
+    rise = 0.05 * np.tan(pitch)
+    assert pushed(scene, 0.06, [(0, 0, 0), (1 / 6, 0, 0), (1, 0, rise)]) == []
+
+
+def test_a_cube_that_falls_onto_a_thin_wall_and_slides_off():
+    """A fall of a metre takes it 10 mm into the wall within a step; then it is beside the wall."""
+    wall = body("wall", Box((0.015, 0.5, 0.2)), (0.5, 0.0, 0.1), mass=0.0)
+    scene = Scene((wall, body("cube", Box((SIDE, SIDE, SIDE)), (0.52, 0.0, 0.5))))
+    low = SIDE / 2 + 0.2
+    path = np.vstack(
+        [
+            straight((0.52, 0, 0.5), (0.52, 0, low - 0.006), 26),
+            straight((0.5275, 0, low - 0.006), (0.5325, 0, low - 0.05), 20),
+        ]
+    )
+    assert findings(scene, ROD, recording(scene, {"cube": path}, hz=HZ)) == []
