@@ -8,7 +8,20 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from core.conformance import bodies, evolution, executor, fitness, listener, output, repeat, robot, task, tool, vlm
+from core.conformance import (
+    bodies,
+    evolution,
+    executor,
+    fitness,
+    impacts,
+    listener,
+    output,
+    repeat,
+    robot,
+    task,
+    tool,
+    vlm,
+)
 from core.conformance.checking import describe_error
 from core.plugins import Part
 
@@ -23,7 +36,7 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 
 SUITES = {
-    "sim": _checks(repeat, robot, bodies, output),
+    "sim": _checks(repeat, robot, bodies, impacts, output),
     "task": _checks(task),
     "vlm": _checks(vlm),
     "tool": _checks(tool),

@@ -15,6 +15,7 @@ from core.robot.description import (
     FINGER_JOINTS,
     GRIP_FORCE,
     HOME_JOINTS,
+    MOTOR_INERTIA,
     TOOL_FRICTION,
     assemble,
 )
@@ -22,9 +23,6 @@ from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
-# Reflected inertia of the motors, kg m^2: Franka's figures for the FR3, in the README of Drake's franka_description.
-# A URDF has none of it; without it 12 Nm would accelerate the wrist's links at 600 rad/s^2.
-MOTOR_INERTIA = (0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064, 0.205544064, 0.205544064)
 FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
 _AHEAD = 3.0  # how many times faster a joint's speed converges than its position
 

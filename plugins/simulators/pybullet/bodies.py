@@ -74,11 +74,7 @@ def body_urdf(body: Body, inertia: Inertia | None, folder: Path) -> str:
     """Write the collision parts and the inertia (None: fixed, no mass) as URDF; mesh files go to ``folder``."""
     robot = etree.Element("robot", name="body")
     link = etree.SubElement(robot, "link", name="body")
-    element = etree.SubElement(link, "inertial")
-    _origin(element, inertia.frame if inertia else Pose())
-    etree.SubElement(element, "mass", value=f"{body.mass:.12g}")
-    ixx, iyy, izz = (f"{moment:.12g}" for moment in (inertia.moments if inertia else (0.0, 0.0, 0.0)))
-    etree.SubElement(element, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
+    link.append(inertial(inertia or Inertia(0.0, Pose(), np.zeros(3))))
     for part in body.collisions:
         element = etree.SubElement(link, "collision")
         _origin(element, part.pose)
@@ -86,6 +82,16 @@ def body_urdf(body: Body, inertia: Inertia | None, folder: Path) -> str:
         geometry.append(_geometry(part.shape, folder))
     etree.indent(robot)  # PyBullet can't read long lines
     return etree.tostring(robot, encoding="unicode")
+
+
+def inertial(inertia: Inertia) -> Any:
+    """Make a link's inertia as a URDF element."""
+    element = etree.Element("inertial")
+    _origin(element, inertia.frame)
+    etree.SubElement(element, "mass", value=f"{inertia.mass:.12g}")
+    ixx, iyy, izz = (f"{moment:.12g}" for moment in inertia.moments)
+    etree.SubElement(element, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
+    return element
 
 
 def _geometry(shape: Shape, folder: Path) -> Any:

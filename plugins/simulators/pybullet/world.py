@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
-from core.geometry import Array
+from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
-from core.robot.description import ARM_JOINTS, FINGER_FRICTION, FINGER_JOINTS, GRIP_FORCE, TOOL_FRICTION, assemble
-from core.scene import Scene, State
-from plugins.simulators.pybullet.bodies import PreparedBody, text_file
+from core.robot.description import (
+    ARM_JOINTS,
+    FINGER_FRICTION,
+    FINGER_JOINTS,
+    GRIP_FORCE,
+    MOTOR_INERTIA,
+    TOOL_FRICTION,
+    assemble,
+    read_numbers,
+    read_origin,
+    to_text,
+)
+from core.scene import Inertia, Scene, State
+from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
 
 GRAVITY = 9.81
 # How far bodies may slide before a stored contact point is dropped, as a share of a shape's radius. PyBullet's default,
 # ten times as much, lets stacks creep on outdated points.
 _CONTACT_DRIFT = 0.002
+# Of no body is a moment of inertia larger than the sum of the two others, and PyBullet reads no such file. A link with
+# its motor's inertia is no such body. So files hold these moments, kg m^2, and links get their own once loaded.
+_PLACEHOLDER = np.ones(3)
 
 
 class Settings(NamedTuple):
@@ -112,6 +128,9 @@ class World:
         for name, link in links.items():
             friction = FINGER_FRICTION if name in GRIPPER_MOUNTS else TOOL_FRICTION
             p.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction), physicsClientId=client)
+        for name, inertia in driven_links().items():
+            moments = inertia.moments.tolist()
+            p.changeDynamics(self.robot, links[name], localInertiaDiagonal=moments, physicsClientId=client)
 
     def _filter_contacts(self, tool: Tool, links: dict[str, int]) -> None:
         """Let a tool touch all links but its bearer. The arm's own links overlap by construction, and never touch."""
@@ -169,7 +188,34 @@ class World:
 
 def robot_file(folder: Path, tool: Tool, *, visuals: bool) -> Path:
     """Write the arm with its tool to a file: PyBullet reads only files."""
-    return text_file(folder, assemble(tool, fused=True, visuals=visuals), "urdf")
+    robot: Any = etree.fromstring(assemble(tool, fused=True, visuals=visuals))
+    for name, inertia in driven_links().items():
+        link = robot.find(f"link[@name='{name}']")
+        link.replace(link.find("inertial"), inertial(Inertia(inertia.mass, inertia.frame, _PLACEHOLDER)))
+    return text_file(folder, to_text(robot), "urdf")
+
+
+@lru_cache(maxsize=1)
+def driven_links() -> dict[str, Inertia]:
+    """Map each link that a motor turns to its inertia with the motor's, which is about the joint's axis alone.
+
+    Bullet has no inertia of a joint. As a link's own, the joints before it carry it too where their axes are parallel.
+    """
+    robot: Any = etree.fromstring(assemble(fused=True, visuals=False))
+    found = {}
+    for name, motor in zip(ARM_JOINTS, MOTOR_INERTIA, strict=True):
+        joint = robot.find(f"joint[@name='{name}']")
+        link = joint.find("child").get("link")
+        own = robot.find(f"link[@name='{link}']/inertial")
+        at, tensor, axis = read_origin(own), own.find("inertia"), read_numbers(joint.find("axis"), "xyz")
+        xx, xy, xz, yy, yz, zz = (float(tensor.get(f"i{pair}")) for pair in ("xx", "xy", "xz", "yy", "yz", "zz"))
+        turn = at.rotation.as_matrix()
+        whole = turn @ [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]] @ turn.T + motor * np.outer(axis, axis)
+        moments, axes = np.linalg.eigh(whole)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        frame = Pose.from_rotation(at.position, Rotation.from_matrix(axes))
+        found[link] = Inertia(float(own.find("mass").get("value")), frame, moments)
+    return found
 
 
 def load_robot(client: int, file: Path) -> int:

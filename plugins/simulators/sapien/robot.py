@@ -11,7 +11,14 @@ import numpy as np
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
-from core.robot.description import ARM_JOINTS, FINGER_FRICTION, FINGER_JOINTS, GRIP_FORCE, TOOL_FRICTION
+from core.robot.description import (
+    ARM_JOINTS,
+    FINGER_FRICTION,
+    FINGER_JOINTS,
+    GRIP_FORCE,
+    MOTOR_INERTIA,
+    TOOL_FRICTION,
+)
 from plugins.simulators.sapien.bodies import weigh
 from plugins.simulators.sapien.description import Joint, Shape, robot
 from plugins.simulators.sapien.engine import physx, sapien
@@ -161,5 +168,7 @@ def _drive(joint: Any, about: Joint, tracking_rate: float) -> None:
     if about.name in FINGER_JOINTS:
         force = GRIP_FORCE
         joint.armature = [_FINGER_DRIVE]
+    else:
+        joint.armature = [MOTOR_INERTIA[ARM_JOINTS.index(about.name)]]
     stiffness = force / _GIVES_WAY
     joint.set_drive_properties(stiffness, stiffness / tracking_rate, force, "force")

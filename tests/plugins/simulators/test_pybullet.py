@@ -65,6 +65,37 @@ def test_motors_keep_targets_that_do_not_change(monkeypatch):
     assert len(driven) > 500
 
 
+def test_joints_have_the_inertia_of_their_motors(monkeypatch):
+    """Bullet takes a joint's inertia only as a link's, so that the joints before it carry it too."""
+    from plugins.simulators.pybullet.engine import pybullet as p
+    from plugins.simulators.pybullet.world import MOTOR_INERTIA
+
+    def inertia(joint):
+        """What a torque of 1 Nm accelerates while the other joints are held."""
+        sim = installed().create("sim", "pybullet")  # its worlds end with it
+        world = sim.world(Bodies(table()), BARE)
+        p.setGravity(0, 0, 0, physicsClientId=world.client)
+        for number in world._joints:
+            force = 0.0 if number == world._joints[joint] else 1e9
+            args = {"targetVelocity": 0.0, "force": force, "physicsClientId": world.client}
+            p.setJointMotorControl2(world.robot, number, p.VELOCITY_CONTROL, **args)
+        p.setJointMotorControl2(
+            world.robot, world._joints[joint], p.TORQUE_CONTROL, force=1.0, physicsClientId=world.client
+        )
+        p.stepSimulation(physicsClientId=world.client)
+        speed = p.getJointState(world.robot, world._joints[joint], physicsClientId=world.client)[1]
+        return world.time_step / speed
+
+    heavy = np.array([inertia(joint) for joint in range(7)])
+    monkeypatch.setattr("plugins.simulators.pybullet.world.driven_links", dict)
+    light = np.array([inertia(joint) for joint in range(7)])
+    assert light[6] < 0.02
+    more = heavy - light
+    beyond = np.append(np.cumsum(MOTOR_INERTIA[::-1])[::-1][1:], 0.0)
+    assert (more > 0.95 * np.array(MOTOR_INERTIA)).all()
+    assert (more < 1.05 * (MOTOR_INERTIA + beyond)).all()
+
+
 def test_frames_of_many_bodies_are_those_of_each(tmp_path):
     from plugins.simulators.pybullet.world import PreparedScene
 
