@@ -14,7 +14,7 @@ from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.clamps import build_clamp, sample_clamp
 from plugins.vlms.offline.heads import Head
-from plugins.vlms.offline.plans import Path, collisions, reach_error
+from plugins.vlms.offline.plans import Path, collisions, meets_itself, reach_error
 from plugins.vlms.offline.pour import AT, build_fork, handles, sample_fork
 from plugins.vlms.offline.sight import Errand, Sight
 from plugins.vlms.offline.sizing import sample_head
@@ -137,7 +137,9 @@ class Workshop:
         solids = Boxes.join([tool_boxes(tool), HAND]) if tool.gripper else tool_boxes(tool)
         hits = collisions(plan, touching, solids, self.sight.home, wanted, others)
         miss = reach_error(plan)
-        return hits + (100.0 * miss if miss > _MISS_M else 0.0)
+        if miss > _MISS_M:
+            return hits + 100.0 * miss
+        return hits + (_BREAKS_RULES if meets_itself(tool, plan, self.sight.home) else 0.0)
 
     def _mount(self, path: Path, head: Head, errand: Errand) -> Pose:
         """The head's pose in the frame of panda_virtual that keeps the arm in its comfortable workspace."""

@@ -8,8 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from core.design import Tool
 from core.geometry import Array, Pose
 from core.robot.kinematics import arm
+from core.robot.self_collision import find_self_collision
+from core.robot.trajectory import plan_motion
 from plugins.vlms.offline.boxes import Boxes, overlaps
 
 _SEGMENT_S = 0.5  # minimum duration of a segment
@@ -68,6 +71,11 @@ def reach_error(plan: Array) -> float:
         if worst > 0.1:
             break
     return worst
+
+
+def meets_itself(tool: Tool, plan: Array, home: Pose) -> bool:
+    """Whether the plan drives the arm or the tool into the arm."""
+    return find_self_collision(tool, plan_motion(plan, home, arm()).trajectory) is not None
 
 
 def collisions(plan: Array, touching: Sequence[bool], tool: Boxes, home: Pose, moved: Boxes, others: Boxes) -> int:

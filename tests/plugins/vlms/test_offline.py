@@ -15,6 +15,9 @@ from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import Brief, Request, Task
 from core.plugins import installed
+from core.robot.kinematics import arm
+from core.robot.self_collision import find_self_collision
+from core.robot.trajectory import plan_motion
 from core.scene import Body, Geom, Goal, Scene, floor, table
 from core.simulation.rollout import RolloutSettings, evaluate_batch
 from plugins.vlms.offline import heads
@@ -311,6 +314,17 @@ def test_designs_keep_the_rules(task, gripper):
     assert len(designs) == 16
     assert sum(design.problem is not None for design in designs) <= 1, [design.problem for design in designs]
     assert all(design.plan.shape[1] == (7 if gripper else 6) for design in designs if design.problem is None)
+
+
+@pytest.mark.slow
+def test_long_forks_stay_clear_of_the_arm():
+    """A large box is lifted by a fork that reaches back towards the shoulder."""
+    task = installed().create("task", "LiftBox")
+    designs = [design for design in candidates(brief(task, n_tool=4, n_action=2)) if design.problem is None]
+    motions = [plan_motion(design.plan, task.home, arm()) for design in designs]
+    met = [find_self_collision(d.tool, motion.trajectory) for d, motion in zip(designs, motions, strict=True)]
+    assert len(met) >= 6
+    assert sum(one is not None for one in met) <= 1, met
 
 
 def test_fresh_designs_differ():
