@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import coal
@@ -181,48 +181,51 @@ def _pairs(tool: Tool) -> _Pairs:
     for component, (mount, pose) in zip(tool.components, tool.placed().values(), strict=True):
         joint, at = robot.links[mount]
         mounted.append(_part(component.name, joint, solid_geometry(component.shape), at @ pose))
-    parts, count = (*mounted, *robot.parts), len(mounted)
-    chosen, deep = [], []
-    for one, other in combinations(range(len(parts)), 2):
-        limit = _limit(robot, parts[one], parts[other], one < count, other < count)
-        if limit is not None:
-            chosen.append((one, other))
-            deep.append(limit)
-    numbers = np.array(chosen, dtype=np.intp).reshape(-1, 2)
-    levers = np.array([_levers(robot, parts[one], parts[other]) for one, other in chosen])
-    return _Pairs(parts, numbers, np.array(deep), levers)
+    count = len(mounted)
+    limits = {(one + count, other + count): deep for (one, other), deep in _link_limits(tool.gripper).items()}
+    for (one, part), (other, link) in product(enumerate(mounted), enumerate(robot.parts, start=count)):
+        if part.joint != link.joint and not _on_two_fingers(robot, part, link):
+            limits[one, other] = DEEP_M
+    parts, numbers = (*mounted, *robot.parts), np.array(list(limits), dtype=np.intp)
+    levers = np.array([_levers(robot, part) for part in parts])
+    fixed = levers == 0.0
+    one, other = numbers.T
+    moving = levers[one] * fixed[other] + levers[other] * fixed[one]
+    return _Pairs(parts, numbers, np.array(list(limits.values())), moving)
 
 
-def _limit(robot: _Robot, one: _Part, other: _Part, tool: bool, both: bool) -> float | None:
-    """The depth from which on two parts collide, metres; None if they may overlap."""
-    before, behind = robot.supports[one.joint], robot.supports[other.joint]
-    if both or before == behind or (before - behind and behind - before):
-        return None
-    if tool:
-        return DEEP_M
-    apart = sum(robot.model.names[joint] in ARM_JOINTS for joint in before ^ behind)
-    on_flange = bool(robot.gripper & {one.name, other.name})
-    if apart < (_APART_ON_FLANGE if on_flange else _APART):
-        return None
-    limit = DEEP_M if apart >= _APART else DEEP_NEAR_M
+@lru_cache(maxsize=2)
+def _link_limits(gripper: bool) -> dict[tuple[int, int], float]:
+    """Pairs of links that may collide, by their numbers, and the depth from which on they do."""
+    robot, limits = _robot(gripper), {}
     home = np.array([*HOME_JOINTS, *[FINGER_OPEN] * (robot.model.nq - len(HOME_JOINTS))])
-    return None if _depth(robot, one, other, home) > limit else limit
+    for (one, part), (other, link) in combinations(enumerate(robot.parts), 2):
+        between = robot.supports[part.joint] ^ robot.supports[link.joint]
+        apart = sum(robot.model.names[joint] in ARM_JOINTS for joint in between)
+        least = _APART_ON_FLANGE if robot.gripper & {part.name, link.name} else _APART
+        limit = DEEP_M if apart >= _APART else DEEP_NEAR_M
+        if apart >= least and _depth(robot, part, link, home) <= limit:
+            limits[one, other] = limit
+    return limits
 
 
-def _levers(robot: _Robot, one: _Part, other: _Part) -> Array:
-    """How far each joint (J,) moves a part in the frame of the other at most, metres per radian or per metre."""
+def _on_two_fingers(robot: _Robot, one: _Part, other: _Part) -> bool:
+    before, behind = robot.supports[one.joint], robot.supports[other.joint]
+    return bool(before - behind and behind - before)
+
+
+def _levers(robot: _Robot, part: _Part) -> Array:
+    """How far each joint (J,) moves any point of a part at most, metres per radian or per metre."""
     levers = np.zeros(robot.model.njoints - 1)
-    for part, rest in ((one, other), (other, one)):
-        joint, reach = part.joint, float(np.linalg.norm(part.points, axis=1).max())
-        moving = robot.supports[part.joint] - robot.supports[rest.joint]
-        while joint in moving:
-            about, along = robot.axes[joint]
-            lever = reach
-            if joint == part.joint:  # from the axis, not from the origin
-                lever = float(np.linalg.norm(np.cross(about, part.points), axis=1).max())
-            levers[joint - 1] = 1.0 if along.any() else lever
-            reach += float(np.linalg.norm(robot.model.jointPlacements[joint].translation)) + along.any() * FINGER_OPEN
-            joint = robot.model.parents[joint]
+    joint, reach = part.joint, float(np.linalg.norm(part.points, axis=1).max())
+    while joint:
+        about, along = robot.axes[joint]
+        lever = reach
+        if joint == part.joint:  # from the axis, not from the origin
+            lever = float(np.linalg.norm(np.cross(about, part.points), axis=1).max())
+        levers[joint - 1] = 1.0 if along.any() else lever
+        reach += float(np.linalg.norm(robot.model.jointPlacements[joint].translation)) + along.any() * FINGER_OPEN
+        joint = robot.model.parents[joint]
     return levers
 
 
