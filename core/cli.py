@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import ClassVar, NoReturn, TextIO
 
 from core.errors import UsageError, UserError
+from core.scratch import remove_scratch
 from core.secrets import Scrubbed
 from core.text import clean
 
@@ -139,6 +140,7 @@ class _Interrupt:
     def __call__(self, *_: object) -> None:
         now = time.monotonic()
         if now > _Interrupt.first + 1.0:
+            remove_scratch()
             os._exit(130)
         if now < _Interrupt.first:
             _Interrupt.first = now
@@ -163,4 +165,5 @@ def _leave(line: str, code: int) -> NoReturn:
         sys.stderr.write(line and f"{line}\n")
         sys.stderr.flush()
         sys.stdout.flush()
+    remove_scratch()
     os._exit(code)

@@ -23,6 +23,26 @@ class LimitReached(UserError):
     """A spending limit is reached: no further request is sent, and the run ends with its best so far."""
 
 
+class Fault(Exception):
+    """The machine failed, not a design: no room on a disk, no memory, a worker that was killed."""
+
+
+def fault(error: BaseException | None) -> str | None:
+    """Describe the fault of the machine behind an error, in one line; None: there is none.
+
+    Neither an OSError nor a lack of memory nor a missing module says anything about a design.
+    """
+    described = error
+    while error is not None:
+        no_thread = isinstance(error, RuntimeError) and "can't start new thread" in str(error)
+        if no_thread or isinstance(error, Fault | OSError | MemoryError | ImportError):
+            named = isinstance(described, Fault | UserError) or described is not error
+            text = str(described) if named else f"{type(described).__name__}: {described}"
+            return " ".join(text.split()).removesuffix(":")
+        error = error.__cause__
+    return None
+
+
 def check_positive(where: str, **numbers: float) -> None:
     """Refuse numbers that are not finite and greater than 0.
 

@@ -337,6 +337,9 @@ class Evaluate(Protocol):
     def batch(self) -> int:
         """The best number of candidates in a call; above 1 they need not share a tool."""
 
+    def prepare(self) -> None:
+        """Make what calls need, such as the engine. A worker does it before its first chunk."""
+
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Return one evaluation for each candidate, in order."""
 
@@ -352,6 +355,9 @@ class Fitness(ABC):
     def batch(self) -> int:
         """The best number of candidates in a call; with 1 the candidates of a call share a tool."""
         return 1
+
+    def prepare(self) -> None:  # noqa: B027  # it may have nothing to make
+        """Make what calls need; see `Evaluate.prepare`."""
 
     @abstractmethod
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:

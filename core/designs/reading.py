@@ -8,6 +8,7 @@ are optional. Other fields are ignored.
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 from collections.abc import Iterator
@@ -28,6 +29,8 @@ from core.text import clean, kind, shorten
 MAX_NAME = 200
 MAX_DESCRIPTION = 5000
 
+# Errors of the machine, whatever a representation reads or writes: they say nothing about a design.
+_MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS}
 MAX_REPLY = 5_000_000  # characters, about ten times the longest answer of a model
 MAX_MALFORMED = 100  # malformed strategies of a malformed reply, and
 MAX_SAVED = 1000  # sound ones; the rest is not read
@@ -173,9 +176,11 @@ def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], grippe
     """
     try:
         tool = representation.parse(strategy, gripper=gripper)
-    except DesignError:
+    except (DesignError, MemoryError):
         raise
     except Exception as error:
+        if getattr(error, "errno", None) in _MACHINE:
+            raise
         raise DesignError(f"{describe_part(representation)}: parse raised {type(error).__name__}: {error}") from error
     if not isinstance(tool, Tool) or tool.gripper != gripper:
         wanted = "a Tool for the fingers" if gripper else "a rigid Tool"

@@ -15,7 +15,7 @@ from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.reading import parse_reply, read_designs
 from core.designs.rules import SpawnRules, given_tool
-from core.errors import NoPicture, choices
+from core.errors import NoPicture, UserError, choices
 from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulator, Task, ToolRepresentation
 from core.plugins import describe_part
 from core.replies import checked
@@ -202,7 +202,9 @@ def make_designer(
     def show(candidate: Candidate) -> Picture | None:
         try:
             stages = draw_stages(task, simulator, candidate, seed, prompts.rollout)
-        except Exception as error:  # a picture that fails costs the picture, never the run
+        except OSError:  # the machine fails: a request without the picture would be paid for all the same
+            raise
+        except Exception as error:  # else a picture that fails costs the picture, never the run
             report_missing(f"picture of elite {candidate.id}", error)
             return None
         return Picture(png(stages), f"elite_{candidate.id}")
@@ -213,6 +215,8 @@ def make_designer(
     except NoPicture as error:
         drawable = False
         report_missing("pictures", error)
+    except OSError as error:
+        raise UserError(f"the scene can't be drawn: {error}") from error
     except Exception as error:
         report_missing("picture of the scene", error)
     return ModelDesigner(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
-from core.errors import UsageError, check_positive
+from core.errors import Fault, UsageError, check_positive, fault
 from core.threads import run_in_thread
 
 A = TypeVar("A")
@@ -105,7 +105,10 @@ def cores() -> int:
 
 
 def portable(error: Exception) -> Exception:
-    """Return ``error``, or a RuntimeError with its text where it can't be pickled."""
+    """Return an exception that can be pickled: `Fault` for a fault of the machine, else ``error`` or its text."""
+    why = fault(error)
+    if why is not None:
+        return Fault(why)
     try:
         pickle.loads(pickle.dumps(error))  # noqa: S301
     except Exception:  # its class may do anything

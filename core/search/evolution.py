@@ -13,7 +13,7 @@ import pluggy
 
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import check_tool
-from core.errors import LimitReached, UserError
+from core.errors import LimitReached, UserError, fault
 from core.events import INTERRUPTED, Generation, Result
 from core.interfaces import Budget, EvolutionStrategy, Executor
 from core.plugins import describe_part
@@ -121,7 +121,7 @@ class Trials:
 
     Of candidates with the same `Candidate.content` one is tried, and all get its evaluation. Where a chunk fails, its
     candidates are tried again in smaller chunks, at last one by one. A candidate whose evaluation is ``known`` is not
-    tried.
+    tried. Neither is one that the machine is at fault for: a UserError says so.
     """
 
     def __init__(self, evaluate: Evaluate, executor: Executor, known: Known | None = None) -> None:
@@ -153,6 +153,11 @@ class Trials:
                     yield from self._results(chunk, result)
                 elif size > 1:
                     broken.append(chunk)
+                elif (machine := fault(result)) is not None:
+                    raise UserError(
+                        f"candidate {chunk[0].id} can't be tried: {machine}; this is a fault of the machine, not of "
+                        "the design, which stays untried: see that there is room on its disks and in its memory"
+                    )
                 else:
                     why = str(result) if isinstance(result, PluginError) else f"{type(result).__name__}: {result}"
                     yield from self._results(chunk, [Evaluation(chunk[0], "failed", reason=why)])

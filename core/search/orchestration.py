@@ -21,7 +21,7 @@ from core.config.resume import changed, hydra_config
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
 from core.designs.composer import PromptComposer
-from core.errors import UsageError, UserError
+from core.errors import UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
 from core.interfaces import Budget, Executor, RolloutSettings, Simulator
 from core.plugins import event_hub, installed
@@ -101,7 +101,10 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     except KeyboardInterrupt:
         raise KeyboardInterrupt(resume_hint(folder)) from None
     except Exception as error:
-        for note in filter(None, (describe_failure(error), resume_hint(folder))):
+        blamed, machine = describe_failure(error), fault(error)
+        if machine is not None:
+            raise UserError(f"{blamed or machine}; {resume_hint(folder)}") from error
+        for note in filter(None, (blamed, resume_hint(folder))):
             error.add_note(note)
         raise
     finally:

@@ -43,6 +43,11 @@ class Evaluator:
         """The number of candidates that its simulator takes at once (`Simulator.batch`)."""
         return int(getattr(installed().factory(self.sim.kind, self.sim.name), "batch", 1))
 
+    def prepare(self) -> None:
+        """Make the task and the simulator, as the first call does: what fails here is no candidate's fault."""
+        _task(self.task)
+        _simulator(self.sim)
+
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         try:
             return evaluate_batch(_task(self.task), _simulator(self.sim), candidates, self.seed, self.settings)

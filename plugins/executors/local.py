@@ -7,23 +7,28 @@ death of a worker is noticed at once, and costs nothing but its chunk.
 from __future__ import annotations
 
 import ctypes
+import mmap
 import multiprocessing
 import os
 import pickle
 import queue
+import shutil
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
+from pathlib import Path
 from typing import Any, TypeVar
 
-from core.errors import UserError, check_positive
+from core.errors import Fault, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Executor
+from core.scratch import scratch, use_scratch
 from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
 
 A = TypeVar("A")
@@ -33,6 +38,9 @@ B = TypeVar("B")
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _STARTS = 3  # tries to get a chunk into a process
 _START_S = 120.0  # for each
+_ROLLOUT_MB = 100  # least memory for rollouts, on top of what an idle worker holds
+# What a person, a scheduler or the system sends; a crash is another one.
+_SENT = {getattr(signal, f"SIG{name}", 0) for name in ("HUP", "INT", "QUIT", "KILL", "TERM", "XCPU", "PIPE")} - {0}
 
 _spawn = multiprocessing.get_context("spawn")
 _reaping = threading.Lock()  # if two threads wait for one process, one does not get its exit code
@@ -81,7 +89,11 @@ class LocalExecutor(Executor):
 
 
 class _Died(Exception):
-    """A worker process ended; says how."""
+    """A worker process ended by itself; says how."""
+
+
+class _Unusable(Exception):
+    """A worker process can't work as it is set up; says why."""
 
 
 class _Worker:
@@ -94,6 +106,7 @@ class _Worker:
         self._calling = threading.Lock()
         self._process: SpawnProcess | None = None
         self._pipe: Connection[Any, Any] | None = None
+        self._folder: Path | None = None
         self._closed = False
 
     def call(self, function: Callable[[A], B], chunk: A) -> B | Exception:
@@ -105,22 +118,23 @@ class _Worker:
         job = pickle.dumps((function, chunk))
         with self._calling:
             result = self._try(job, chunk)
-            if self._used and not self._closed and isinstance(result, _Died | MemoryError):
+            if self._used and not self._closed and isinstance(result, _Died | MemoryError | Fault):
                 # Earlier chunks may have left something in the process that is to blame.
                 self._bury()
                 result = self._try(job, chunk)
             self._used = True
-            if isinstance(result, MemoryError):
+            if isinstance(result, MemoryError | Fault):
                 self._bury()
+            if isinstance(result, MemoryError):
                 return RuntimeError(f"it took more memory than executor.memory_mb={self._memory_mb} allows")
             return RuntimeError(str(result)) if isinstance(result, _Died) else result
 
     def _try(self, job: bytes, chunk: Any) -> Any:
         """Return the process's result for the job, or an exception."""
+        self._hand_over(job)
         try:
-            self._hand_over(job)
             return self._receive(time_limit(self._timeout_s, chunk))
-        except _Died as death:
+        except (_Died, Fault) as death:
             return death
         except TimeoutError:
             self._bury()
@@ -133,19 +147,25 @@ class _Worker:
             UserError: no process does.
         """
         for attempt in range(1, _STARTS + 1):
-            if self._process is None or not self._process.is_alive():
-                self._start()
             try:
+                if self._process is None or not self._process.is_alive():
+                    self._start()
                 assert self._pipe is not None
                 self._pipe.send_bytes(job)
-                self._receive(_START_S)
-            except (_Died, OSError) as failure:  # a time-out among them
+                self._confirm()
+            except Exception as failure:  # a process may lack anything
                 self._bury()
-                if attempt == _STARTS or self._closed:
-                    why = str(failure) or f"they take longer than {_START_S:.0f} s to start"
+                if attempt == _STARTS or self._closed or isinstance(failure, _Unusable):
+                    why = str(failure) or type(failure).__name__
                     raise UserError(f"worker processes can't be used: {why}") from failure
             else:
                 return
+
+    def _confirm(self) -> None:
+        """Wait until the process is ready for the job; raise what keeps it from it."""
+        refusal = self._receive(_START_S)
+        if refusal is not None:
+            raise refusal
 
     def _start(self) -> None:
         self._bury()
@@ -160,47 +180,54 @@ class _Worker:
             if multiprocessing.get_start_method() not in multiprocessing.get_all_start_methods():
                 # In a job of joblib it is joblib's own method, whose name a new process would not know.
                 multiprocessing.set_start_method("spawn", force=True)
+            self._folder = Path(tempfile.mkdtemp(prefix="worker-", dir=scratch()))
             self._pipe, theirs = _spawn.Pipe()
-            self._process = _spawn.Process(target=_work, args=[theirs, self._memory_mb], name="worker", daemon=True)
-            self._used = False
-            self._process.start()
-            theirs.close()
+            with theirs:
+                arguments = [theirs, self._memory_mb, self._folder]
+                self._process = _spawn.Process(target=_work, args=arguments, name="worker", daemon=True)
+                self._used = False
+                self._process.start()
 
     def _receive(self, timeout_s: float | None) -> Any:
         """Return what the process sends next.
 
         Raises:
             TimeoutError: nothing arrived in time.
+            Fault: something else killed the process.
         """
         process, pipe = self._process, self._pipe
         assert process is not None
         assert pipe is not None
         if not wait([pipe, process.sentinel], timeout_s):
-            raise TimeoutError
+            raise TimeoutError(f"no answer within {timeout_s:g} s")
         try:
             if pipe.poll():  # a child of the dead process may hold the pipe's other end, so that reading would not end
                 return pipe.recv()
         except (EOFError, OSError):
             pass
         self._bury()
-        raise _Died(f"the worker process died (exit code {process.exitcode})")
+        raise _death(process.exitcode)
 
     def _bury(self) -> None:
         """End the process at once, and let go of all that belongs to it."""
         if self._process is not None:
-            self._process.kill()
-            with _reaping:
-                self._process.join()
+            if self._process.pid is not None:  # it was started
+                self._process.kill()
+                with _reaping:
+                    self._process.join()
             self._process = None
         if self._pipe is not None:
             self._pipe.close()
             self._pipe = None
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder = None
 
     def kill(self) -> None:
         """End the process for good; a thread that waits for it gets `_Died`."""
         with _reaping:
             self._closed = True
-            if self._process is not None:
+            if self._process is not None and self._process.pid is not None:
                 self._process.kill()
 
     def close(self) -> None:
@@ -209,11 +236,19 @@ class _Worker:
             self._bury()
 
 
-def _work(pipe: Connection[Any, Any], memory_mb: int | None) -> None:
+def _death(code: int | None) -> Exception:
+    """Describe the end of a process: a crash is its own, a signal that ends processes comes from elsewhere."""
+    if code is not None and -code in _SENT:
+        name = signal.Signals(-code).name
+        memory = "; the system kills processes when memory runs out" if name == "SIGKILL" else ""
+        return Fault(f"the worker process died: something else sent it {name}{memory}")
+    return _Died(f"the worker process died (exit code {code})")
+
+
+def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> None:
     """Do job after job in the worker process, until the other end of the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if memory_mb is not None:
-        _limit_memory(memory_mb * 2**20)
+    use_scratch(folder)
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
 
     def receive() -> None:
@@ -222,21 +257,32 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None) -> None:
                 jobs.put(pipe.recv_bytes())
         except (EOFError, OSError):
             os._exit(0)
+        finally:
+            os._exit(1)
 
     # In a thread, so that the pipe's end is noticed during a job too.
     threading.Thread(target=receive, name="jobs", daemon=True).start()
     give_back = _give_back()
+    limited = False
     while True:
-        function, chunk = pickle.loads(jobs.get())  # noqa: S301  # from the process that started this one
+        job = jobs.get()
+        try:
+            function, chunk = pickle.loads(job)  # noqa: S301  # from the process that started this one
+            getattr(function, "prepare", lambda: None)()
+            if memory_mb is not None and not limited:
+                limited = _limit_memory(memory_mb)
+        except Exception as error:
+            pipe.send(portable(error))
+            return
         pipe.send(None)
         try:
             result = pickle.dumps(function(chunk))
         except MemoryError:
-            result = pickle.dumps(MemoryError())
+            result = pickle.dumps(MemoryError() if _has_room(memory_mb) else Fault("the machine has no memory left"))
         except Exception as error:
             result = pickle.dumps(portable(error))
         pipe.send_bytes(result)
-        del function, chunk, result
+        del function, chunk, job, result
         give_back(0)
 
 
@@ -249,16 +295,46 @@ def _give_back() -> Callable[[int], object]:
     return trim
 
 
-def _limit_memory(limit: int) -> None:
-    """Limit the memory of the process's data, and write no core files.
+def _limit_memory(memory_mb: int) -> bool:
+    """Limit the memory of the process's data, and write no core files; True.
 
     Addresses that are only reserved, as by graphics drivers, don't count.
+
+    Raises:
+        _Unusable: the process holds as much already, and could do nothing.
     """
     if sys.platform == "win32":
-        return
+        return True
     import resource
 
-    for what, most in ((resource.RLIMIT_DATA, limit), (resource.RLIMIT_CORE, 0)):
+    needed_mb = _data_mb() + _ROLLOUT_MB
+    if memory_mb < needed_mb:
+        raise _Unusable(
+            f"executor.memory_mb={memory_mb} is too small: a worker holds {needed_mb - _ROLLOUT_MB} MB before its "
+            f"first rollout; set at least executor.memory_mb={needed_mb}"
+        )
+    for what, most in ((resource.RLIMIT_DATA, memory_mb * 2**20), (resource.RLIMIT_CORE, 0)):
         _, hard = resource.getrlimit(what)
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(what, (allowed, hard))
+    return True
+
+
+def _data_mb() -> int:
+    """Measure the memory of this process's data, megabytes; 0 where the system does not say."""
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+    except OSError:
+        return 0
+    return next((int(line.split()[1]) // 1024 for line in lines if line.startswith("VmData:")), 0)
+
+
+def _has_room(memory_mb: int | None) -> bool:
+    """Say if the machine would give this process all the memory that its limit allows."""
+    if memory_mb is None:
+        return False
+    try:
+        mmap.mmap(-1, max(1, memory_mb - _data_mb() - 1) * 2**20).close()  # shared, which the limit leaves out
+    except OSError:
+        return False
+    return True

@@ -19,6 +19,9 @@ class Nominal(Fitness):
     def batch(self) -> int:
         return self._evaluator.batch
 
+    def prepare(self) -> None:
+        self._evaluator.prepare()
+
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         return self._evaluator(candidates)
 

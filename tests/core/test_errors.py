@@ -2,7 +2,8 @@ import math
 
 import pytest
 
-from core.errors import UsageError, check_positive, choices
+from core.errors import Fault, UsageError, UserError, check_positive, choices, fault
+from core.plugins.blame import PluginError
 
 
 @pytest.mark.parametrize(
@@ -26,3 +27,28 @@ def test_numbers_that_are_not_positive_are_refused(number):
     check_positive("rollout.", segment_s=1e-9)
     with pytest.raises(UsageError, match=f"rollout.hold_s must be greater than 0, got {number}"):
         check_positive("rollout.", segment_s=1.0, hold_s=number)
+
+
+def caused(error, cause):
+    error.__cause__ = cause
+    return error
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (OSError(24, "Too many open files"), "OSError: [Errno 24] Too many open files"),
+        (MemoryError(), "MemoryError"),
+        (ModuleNotFoundError("No module named 'x'"), "ModuleNotFoundError: No module named 'x'"),
+        (RuntimeError("can't start new thread"), "RuntimeError: can't start new thread"),
+        (Fault("the worker process died"), "the worker process died"),
+        (caused(PluginError("sim 'x' raised it"), caused(ValueError(), OSError(28, "full"))), "sim 'x' raised it"),
+        (caused(UserError("no room"), OSError(28, "full")), "no room"),
+        (ValueError("a box of no size"), None),
+        (PluginError("sim 'x' raised ValueError"), None),
+        (UserError("no such engine"), None),
+        (None, None),
+    ],
+)
+def test_faults_of_the_machine_are_told_from_those_of_a_design(error, said):
+    assert fault(error) == said

@@ -20,8 +20,9 @@ from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from typing import Any, TypeVar
 
-from core.errors import UsageError, UserError, check_positive
+from core.errors import Fault, UsageError, UserError, check_positive
 from core.interfaces import Executor
+from core.scratch import scratch, use_scratch
 from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
 from core.threads import run_in_thread
 
@@ -203,6 +204,7 @@ class _Crew:
     def __init__(self, ray: Any, actor: Any, count: int, retries: int, timeout_s: float | None) -> None:
         self.count = count
         self._ray = ray
+        self._elsewhere = (ray.exceptions.OutOfMemoryError, ray.exceptions.NodeDiedError)  # no fault of a chunk
         self._make = actor
         self._retries = retries
         self._timeout_s = timeout_s
@@ -228,7 +230,7 @@ class _Crew:
         """
         job = pickle.dumps((function, chunk))
         limit = time_limit(self._timeout_s, chunk)
-        why = ""
+        machine, why = False, ""
         for _ in range(1 + self._retries):
             actor = self._take(function)
             if actor is None:
@@ -242,11 +244,15 @@ class _Crew:
                 return RuntimeError("the rollout took longer than executor.timeout_s and was given up")
             except self._ray.exceptions.RayError as error:
                 self._replace(actor, function)
-                why = _first_line(error)
+                machine, why = isinstance(error, self._elsewhere), _first_line(error)
             else:
-                self._free.put(actor)
-                return pickle.loads(result)  # type: ignore[no-any-return]  # noqa: S301
-        return RuntimeError(f"the worker was lost {1 + self._retries} times: {why}")
+                found = pickle.loads(result)  # noqa: S301
+                if not isinstance(found, Fault):
+                    self._free.put(actor)
+                    return found  # type: ignore[no-any-return]
+                self._replace(actor, function)
+                machine, why = True, str(found)
+        return (Fault if machine else RuntimeError)(f"the worker was lost {1 + self._retries} times: {why}")
 
     def _take(self, function: Callable[..., Any]) -> Any:
         """Take the next free actor that is still alive; None: the executor is closed.
@@ -370,8 +376,10 @@ class _Worker:
     """The actor: it calls a pickled function with a pickled chunk, and returns the pickled result."""
 
     def ready(self, function: bytes) -> None:
-        """Import what ``function`` needs. It takes a while, and counts for no chunk's time."""
-        pickle.loads(function)  # noqa: S301  # from the process that started this one
+        """Import and make what ``function`` needs. It takes a while, and counts for no chunk's time."""
+        use_scratch(scratch())
+        needed = pickle.loads(function)  # noqa: S301  # from the process that started this one
+        getattr(needed, "prepare", lambda: None)()
 
     def ping(self) -> None:
         """Do nothing: the actor is alive."""

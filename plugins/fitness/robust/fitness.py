@@ -44,6 +44,11 @@ class Robust(Fitness):
         """The smallest batch among its engines."""
         return min(evaluator.batch for evaluators in self.evaluators.values() for evaluator in evaluators)
 
+    def prepare(self) -> None:
+        for evaluators in self.evaluators.values():
+            for evaluator in evaluators:
+                evaluator.prepare()
+
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         tried = {engine: [evaluate(candidates) for evaluate in each] for engine, each in self.evaluators.items()}
         return [

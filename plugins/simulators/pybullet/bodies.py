@@ -13,6 +13,7 @@ from lxml import etree
 
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.scene import Body, Inertia
+from core.scratch import write_once
 from plugins.simulators.pybullet.engine import pybullet as p
 
 
@@ -115,7 +116,4 @@ def facets_file(shape: Shape, folder: Path) -> Path:
 
 def text_file(folder: Path, text: str, suffix: str) -> Path:
     """Return a file in ``folder`` that holds ``text``, writing it if it is not there yet."""
-    file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.{suffix}"
-    if not file.exists():
-        file.write_text(text)
-    return file
+    return write_once(folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.{suffix}", lambda: text)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from core.design import Tool
 from core.errors import UsageError, check_positive
 from core.interfaces import Image, Outcome, Rollout, Simulator, Task
 from core.robot.trajectory import at_home
+from core.scratch import intact, temporary_folder
 from core.simulation.playback import play
 from core.simulation.rendering import View
 from plugins.simulators.pybullet.engine import pybullet
@@ -43,9 +43,13 @@ class PyBulletSimulator(Simulator):
         check_positive("sim.", **self._settings._asdict())
         if time_step > MAX_TIME_STEP:
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts would break")
-        self._folder = tempfile.TemporaryDirectory(prefix="vlmgineer-")
         self._client = pybullet.connect(pybullet.DIRECT)
         weakref.finalize(self, pybullet.disconnect, self._client)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Make a folder for files, of which none is known yet."""
+        self._folder = temporary_folder()
         self._renderer: PyBulletRenderer | None = None
         # Those of the last job, since consecutive jobs mostly share them; the world is fresh each time.
         self._scene: tuple[Task, int, PreparedScene] | None = None
@@ -64,14 +68,31 @@ class PyBulletSimulator(Simulator):
         return self._world(task, Rollout(tool, at_home(task), seed))
 
     def _world(self, task: Task, job: Rollout) -> World:
+        try:
+            return self._built(task, job)
+        except FileNotFoundError:  # something cleans the temporary folder
+            self._begin()
+            return self._built(task, job)
+
+    def _built(self, task: Task, job: Rollout) -> World:
         folder = Path(self._folder.name)
         if self._scene is None or self._scene[0] is not task or self._scene[1] != job.seed:
             self._scene = task, job.seed, PreparedScene(task.scene(job.seed), folder)
         if self._robot is None or self._robot[0] is not job.tool:
             self._robot = job.tool, robot_file(folder, job.tool, visuals=False)
-        return World(self._client, self._scene[2], self._robot[1], job.tool, job.trajectory, self._settings)
+        with intact(folder):
+            return World(self._client, self._scene[2], self._robot[1], job.tool, job.trajectory, self._settings)
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
+        try:
+            return self._drawn(task, **view)
+        except FileNotFoundError:
+            self._begin()
+            return self._drawn(task, **view)
+
+    def _drawn(self, task: Task, **view: Unpack[View]) -> Image:
+        folder = Path(self._folder.name)
         if self._renderer is None:
-            self._renderer = PyBulletRenderer(Path(self._folder.name))
-        return self._renderer.render(task, **view)
+            self._renderer = PyBulletRenderer(folder)
+        with intact(folder):
+            return self._renderer.render(task, **view)

@@ -11,6 +11,7 @@ import numpy as np
 import trimesh
 
 from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.scratch import write_once
 from plugins.simulators.sapien.engine import physx, sapien
 
 _SIDES = 64
@@ -50,7 +51,4 @@ def _prism() -> trimesh.Trimesh:
 
 def _file(folder: Path, name: str, make: Callable[[], trimesh.Trimesh]) -> Path:
     """Return the mesh's file, writing it if there is none of that name."""
-    file = folder / f"{name}.obj"
-    if not file.exists():
-        file.write_text(str(make().export(file_type="obj")))
-    return file
+    return write_once(folder / f"{name}.obj", lambda: str(make().export(file_type="obj")))

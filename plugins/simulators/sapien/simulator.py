@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from core.design import Tool
 from core.errors import UsageError, check_positive
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.trajectory import at_home
+from core.scratch import intact, temporary_folder
 from core.simulation.playback import play
 from core.simulation.rendering import DrawingSimulator
 from plugins.simulators.sapien.bodies import Weighed
@@ -37,7 +37,7 @@ class SapienSimulator(DrawingSimulator):
         check_positive("sim.", **self._settings)
         if time_step > MAX_TIME_STEP:
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts would break")
-        self._folder = tempfile.TemporaryDirectory(prefix="vlmgineer-")
+        self._folder = temporary_folder()
         self._placed: tuple[Task, int, Weighed] | None = None  # of the last job: consecutive ones mostly share it
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
@@ -55,4 +55,13 @@ class SapienSimulator(DrawingSimulator):
     def _world(self, task: Task, job: Rollout) -> World:
         if self._placed is None or self._placed[0] is not task or self._placed[1] != job.seed:
             self._placed = (task, job.seed, Weighed(task.scene(job.seed)))
-        return World(Path(self._folder.name), self._placed[2], job.tool, job.trajectory, **self._settings)
+        try:
+            return self._built(self._placed[2], job)
+        except FileNotFoundError:  # something cleans the temporary folder
+            self._folder = temporary_folder()
+            return self._built(self._placed[2], job)
+
+    def _built(self, weighed: Weighed, job: Rollout) -> World:
+        folder = Path(self._folder.name)
+        with intact(folder):
+            return World(folder, weighed, job.tool, job.trajectory, **self._settings)

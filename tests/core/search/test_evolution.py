@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from core.design import TIE, Candidate, Component, Evaluation, Tool
-from core.errors import LimitReached
+from core.errors import Fault, LimitReached, UserError
 from core.events import INTERRUPTED
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
@@ -262,6 +262,30 @@ def test_a_failed_one_is_not_the_best():
     result, _, _ = run([population(0, 2)], fail)
     assert result.best.candidate.action == 0
     assert result.generations[0].count("failed") == 1
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), MemoryError(), Fault("it was killed")])
+def test_a_fault_of_the_machine_is_no_verdict(error):
+    """The design would fail for ever, in this run and where it goes on."""
+    faults = []
+
+    def fail(chunk):
+        if len(chunk) == 1 and chunk[0].action == 1:
+            faults.append(error)
+            raise error
+        return burst(chunk)
+
+    def burst(chunk):
+        if len(chunk) > 1:
+            raise error
+        return earn(chunk)
+
+    evaluations = []
+    with pytest.raises(UserError, match=r"candidate g0-a0-s0-p1 can't be tried: .*fault of the machine"):
+        evaluations.extend(evaluate_all(population(0, 3), fail, Here()))
+    assert faults == [error]
+    _, strategy, _ = run([population(0, 3)], burst)  # it has passed when the candidates are tried again
+    assert [e.status for e in strategy.evaluated[0]] == ["ok"] * 3
 
 
 # --- chunks -----------------------------------------------------------------------------------------------------

@@ -2,13 +2,16 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
-from core.errors import UserError
+from core.errors import Fault, UserError
 from core.plugins import installed
+from core.scratch import scratch
 from core.search.dispatch import CHUNK
 
 
@@ -29,6 +32,7 @@ def who(chunk):
 
 
 def misfortune(chunk):
+    done.append(chunk)
     match chunk[0]:
         case "raise":
             raise ValueError("this chunk is bad")
@@ -46,10 +50,17 @@ def misfortune(chunk):
             os.kill(os.getpid(), signal.SIGKILL)
         case "hang":
             time.sleep(60)
+        case "no room":
+            raise OSError(28, "No space left on device", "/somewhere")
+        case "spoilt" if len(done) > 1:  # the second chunk of a process
+            raise FileNotFoundError(2, "No such file or directory")
     return chunk
 
 
-def refuse(pipe, memory_mb):
+done = []
+
+
+def refuse(*arguments):
     os._exit(7)
 
 
@@ -106,6 +117,8 @@ def test_what_befalls_a_chunk_befalls_no_other():
     assert "died" in str(found["exit"])
     assert "3" in str(found["exit"])
     assert "died" in str(found["kill"])
+    assert isinstance(found["kill"], Fault)
+    assert not isinstance(found["exit"], Fault)
     assert "executor.timeout_s" in str(found["hang"])
     assert all(isinstance(found[name], Exception) for name in ("exit", "kill", "hang"))
 
@@ -304,6 +317,74 @@ def doze(chunk):
     for seconds in chunk:
         time.sleep(seconds)
     return len(chunk)
+
+
+# --- faults of the machine ------------------------------------------------------------------------------------------
+
+
+def test_what_only_a_process_lacks_another_one_has():
+    with executor(workers=1) as pool:
+        assert [result for _, result in pool.map(misfortune, [["a"], ["spoilt"], ["b"]])] == [["a"], ["spoilt"], ["b"]]
+
+
+def test_what_the_machine_lacks_is_told_from_what_a_chunk_does():
+    with executor(workers=1) as pool:
+        (_, before), (_, fault), (_, after) = pool.map(misfortune, [["a"], ["no room"], ["b"]])
+    assert (before, after) == (["a"], ["b"])
+    assert isinstance(fault, Fault)
+    assert str(fault) == "OSError: [Errno 28] No space left on device: '/somewhere'"
+
+
+class Heavy:
+    """Needs much before its first chunk."""
+
+    def prepare(self):
+        held.append(bytearray(300 * 2**20))
+
+    def __call__(self, chunk):
+        return len(chunk)
+
+
+class Unready:
+    def prepare(self):
+        raise ImportError("libEngine.so: cannot open shared object file")
+
+    def __call__(self, chunk):
+        return len(chunk)
+
+
+def test_a_limit_of_memory_below_what_a_worker_holds_is_refused():
+    with executor(workers=2, memory_mb=300) as pool, pytest.raises(UserError) as caught:
+        list(pool.map(Heavy(), [[1], [2], [3]]))
+    why = str(caught.value)
+    assert "executor.memory_mb=300 is too small: a worker holds 3" in why
+    enough = int(why.rpartition("=")[2])
+    with executor(workers=1, memory_mb=enough + 5) as pool:
+        assert [result for _, result in pool.map(Heavy(), [[1]])] == [1]
+
+
+def test_what_keeps_a_worker_from_starting_is_said(capfd):
+    with executor(workers=1) as pool, pytest.raises(UserError, match=r"can't be used: ImportError: libEngine\.so"):
+        list(pool.map(Unready(), [[1]]))
+    assert capfd.readouterr().err == ""
+
+
+def make_file(chunk):
+    """Leave a file in the temporary folder; die at the second."""
+    handle, name = tempfile.mkstemp()
+    os.close(handle)
+    if chunk[0] == "die":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return name
+
+
+def test_a_worker_leaves_no_temporary_files():
+    with executor(workers=1) as pool:
+        results = [result for _, result in pool.map(make_file, [["a"], ["die"], ["b"]])]
+        assert Path(results[0]).is_relative_to(scratch())
+        assert not Path(results[0]).exists()
+        assert Path(results[2]).exists()
+    assert not list(scratch().glob("worker-*"))
 
 
 @pytest.mark.parametrize(

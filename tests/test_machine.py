@@ -1,0 +1,150 @@
+"""Real runs whose machine fails them: no verdict on a design comes of it, and nothing is left behind."""
+
+import contextlib
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import time
+
+import numpy as np
+import pytest
+
+from core.design import Candidate, Component, Tool
+from core.geometry import Box, Pose
+from core.interfaces import RolloutSettings
+from core.plugins import installed
+from core.scratch import scratch
+from core.simulation.rollout import evaluate_batch
+from tests.disks import mount
+from tests.engines import every_simulator, simulator
+from tests.test_resume import assert_same_run
+from tests.test_signals import SMALL, all_gone, family, finished, go_on, start, stored, wait_until
+
+pytestmark = pytest.mark.slow
+
+
+def begin(folder, temporary, *words):
+    """Start a run whose temporary files go to another folder."""
+    temporary.mkdir(exist_ok=True)
+    words = [*SMALL, f"hydra.run.dir={folder}", "executor.workers=2", *words]
+    return start(folder.parent, "run", *words, env=os.environ | {"TMPDIR": str(temporary)})
+
+
+def left_in(folder):
+    """Return what is still there after a while."""
+    deadline = time.monotonic() + 20
+    while (found := list(folder.iterdir())) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return found
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    code, _, err = finished(begin(folder / "run", folder / "temporary"))
+    assert code == 0, err
+    assert not list((folder / "temporary").iterdir())
+    return folder / "run"
+
+
+def emptied(folder):
+    for entry in folder.iterdir():
+        shutil.rmtree(entry, ignore_errors=True)
+
+
+def test_a_temporary_folder_that_is_cleaned_changes_nothing(whole, tmp_path):
+    run = begin(tmp_path / "run", tmp_path / "temporary")
+    wait_until(lambda: stored(tmp_path / "run") > 0, run)
+    emptied(tmp_path / "temporary")
+    code, _, err = finished(run)
+    assert code == 0, err
+    assert not left_in(tmp_path / "temporary")
+    assert_same_run(tmp_path / "run", whole)
+
+
+@every_simulator
+def test_an_engine_whose_files_are_deleted_writes_them_again(engine):
+    """The second rollout shares all files with the first; an engine may report none that is missing."""
+    task, sim = installed().create("task", "HighObject"), simulator(engine)
+    tool = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.05])), Box((0.02, 0.02, 0.1))),))
+    candidate = Candidate(tool, np.array([[0.5, 0.1, 0.4, 0.0, 0.0, 0.0]]), 0, 0)
+    settings = RolloutSettings(settle_s=0.1, hold_s=0.1)
+
+    def tried():
+        (evaluation,) = evaluate_batch(task, sim, [candidate], 0, settings)
+        return evaluation.status, evaluation.reward, evaluation.moved_m
+
+    first = tried()
+    picture = sim.render(task, seed=0)
+    for file in [file for file in scratch().rglob("*") if file.is_file()]:
+        file.unlink()
+    assert tried() == first
+    assert (sim.render(task, seed=0) == picture).all()
+    shutil.rmtree(scratch())
+    assert tried() == first
+
+
+def test_a_disk_that_is_full_ends_the_run_and_it_goes_on(whole, disk):
+    folder = disk.parent / "run"
+    mount("-t", "tmpfs", "-o", "size=2m", "tests", str(disk))
+    run = begin(folder, disk)
+    wait_until(lambda: stored(folder) > 0, run)
+    while run.poll() is None:  # a worker that ends leaves room
+        with contextlib.suppress(OSError), (disk / "much").open("ab") as file:
+            file.write(bytes(2**21))
+        time.sleep(0.01)
+    code, out, err = finished(run)
+    assert (code, out) == (1, "")
+    (line,) = [line for line in err.splitlines() if line.startswith("error: ")]
+    assert "No space left" in line
+    assert line.endswith(f"to go on: python -m core.run resume={folder}")
+    assert "failed" not in statuses(folder)
+    go_on(folder)
+    assert_same_run(folder, whole)
+
+
+def statuses(folder):
+    file = folder / "run.sqlite"
+    return [status for (status,) in sqlite3.connect(file).execute("SELECT status FROM evaluations")]
+
+
+def test_a_worker_that_is_killed_changes_nothing(whole, tmp_path):
+    folder = tmp_path / "run"
+    run = begin(folder, tmp_path / "temporary")
+    wait_until(lambda: stored(folder) > 0, run)
+    for pid in workers(run):
+        os.kill(pid, signal.SIGKILL)
+    code, _, err = finished(run)
+    if code != 0:  # killed at every start
+        assert "something else sent it SIGKILL" in err
+        go_on(folder)
+    assert_same_run(folder, whole)
+    assert not left_in(tmp_path / "temporary")
+
+
+def workers(run):
+    done = subprocess.run(["ps", "-A", "-o", "pid=,args="], capture_output=True, text=True, check=True)
+    ours = set(family(run))
+    rows = [line.split(maxsplit=1) for line in done.stdout.splitlines()]
+    return [int(pid) for pid, words in rows if int(pid) in ours and "spawn_main" in words]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_run_that_is_ended_leaves_no_temporary_files(number, tmp_path):
+    run = begin(tmp_path / "run", tmp_path / "temporary")
+    wait_until(lambda: stored(tmp_path / "run") > 0, run)
+    processes = family(run)
+    assert list((tmp_path / "temporary").iterdir())
+    run.send_signal(number)
+    finished(run)
+    assert all_gone(processes)
+    assert not left_in(tmp_path / "temporary")
+
+
+def test_a_limit_of_memory_that_cannot_work_is_one_line(tmp_path):
+    code, out, err = finished(begin(tmp_path / "run", tmp_path / "temporary", "executor.memory_mb=150"))
+    assert (code, out) == (1, "")
+    assert "executor.memory_mb=150 is too small: a worker holds" in err
+    assert len([line for line in err.splitlines() if line.startswith("error: ")]) == 1
