@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import secrets
+import stat
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from core.design import DesignError
 from core.designs.composer import as_markdown
@@ -86,13 +91,16 @@ class Mailbox(VLM):
 
 @dataclass(eq=False)
 class Letter:
-    """One request and its folder. By file, it keeps size and time of change at the last check and at a refusal."""
+    """One request and its folder. By file, it keeps what `_mark` gave at the last check and at a refusal.
+
+    Others may write to the folder: nothing is written or read through a link.
+    """
 
     request: Request
     folder: Path
     quiet_s: float
-    _last: dict[str, tuple[int, int]] = field(default_factory=dict)
-    _refused: dict[str, tuple[int, int]] = field(default_factory=dict)
+    _last: dict[str, tuple[Mark, float]] = field(default_factory=dict)  # and when it was first seen
+    _refused: dict[str, Mark] = field(default_factory=dict)
 
     def post(self) -> None:
         """Write the request, if it is not there yet.
@@ -103,7 +111,7 @@ class Letter:
         text = "\n".join(as_markdown(message) for message in self.request.messages)
         prompt = self.folder / "prompt.md"
         try:
-            if prompt.exists() and prompt.read_text(encoding="utf-8") == text:
+            if _holds(prompt, text.encode()):
                 return
             if prompt.exists() and any((self.folder / name).exists() for name in (*REPLIES, SKIP)):
                 raise UserError(f"{self.folder} has a reply to a different request; move it away, or change vlm.folder")
@@ -111,11 +119,11 @@ class Letter:
             for message in self.request.messages:
                 for part in message.parts:
                     if isinstance(part, Picture):
-                        (self.folder / f"{part.name}.png").write_bytes(part.png)
+                        _write(self.folder / f"{part.name}.png", part.png)
             schema = json.dumps(self.request.schema, indent=1, ensure_ascii=False) + "\n"
-            (self.folder / "schema.json").write_text(schema, encoding="utf-8")
-            _write(prompt, text)  # last, so that the other files are there when it is
-        except (OSError, UnicodeDecodeError) as error:
+            _write(self.folder / "schema.json", schema.encode())
+            _write(prompt, text.encode())  # last, so that the other files are there when it is
+        except OSError as error:
             raise UserError(f"the mailbox {self.folder} can't be used: {error}") from error
 
     def look(self) -> str | None:
@@ -130,8 +138,11 @@ class Letter:
         mark = _mark(file)
         if mark is None or mark == self._refused.get(name):
             return None
-        known, self._last[name] = self._last.get(name), mark
-        quiet = time.time() - mark[1] / 1e9 >= self.quiet_s
+        now = time.monotonic()
+        known, since = self._last.get(name, (None, now))
+        self._last[name] = mark, since if known == mark else now
+        # By its date too, so that a reply of an earlier session is read at once. A date may lie in the future.
+        quiet = time.time() - mark.changed_ns / 1e9 >= self.quiet_s or (known == mark and now - since >= self.quiet_s)
         if known != mark and not quiet:  # perhaps still being written
             return None
         text, complete, usable = "", False, False
@@ -156,7 +167,7 @@ class Letter:
             file.unlink(missing_ok=True)
             return
         listed = "".join(f"- {problem}\n" for problem in problems)
-        _write(file, f"{heading}\n\n{listed}\n{ending}")
+        _write(file, f"{heading}\n\n{listed}\n{ending}".encode())
 
 
 def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
@@ -175,20 +186,36 @@ def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
     return complete, any(c.problem is None for c in candidates), list(problems)
 
 
-def _write(file: Path, text: str) -> None:
-    """Write atomically, so that no reader gets half of it."""
-    partial = file.with_suffix(".partial")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(file)
-
-
-def _mark(file: Path) -> tuple[int, int] | None:
-    """Size and time of change (nanoseconds) of a file; None: it is missing or empty."""
+def _write(file: Path, data: bytes) -> None:
+    """Write atomically, so that no reader gets half of it, and through no link: one in its place is replaced."""
+    if file.parent.is_symlink():
+        raise OSError(errno.ELOOP, f"it is a link to {file.parent.readlink()}")
+    partial = file.with_name(f".{secrets.token_hex(8)}.partial")
     try:
-        status = file.stat()
+        with partial.open("xb") as stream:
+            stream.write(data)
+        partial.replace(file)
+    except OSError:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+class Mark(NamedTuple):
+    """What changes when a file does; its date alone can be chosen."""
+
+    size: int
+    changed_ns: int
+    number: int
+    touched_ns: int
+
+
+def _mark(file: Path) -> Mark | None:
+    """The mark of a file; None: it is missing or empty."""
+    try:
+        status = file.lstat()
     except OSError:
         return None
-    return (status.st_size, status.st_mtime_ns) if status.st_size else None
+    return Mark(status.st_size, status.st_mtime_ns, status.st_ino, status.st_ctime_ns) if status.st_size else None
 
 
 def _load(file: Path) -> str:
@@ -198,14 +225,36 @@ def _load(file: Path) -> str:
         DesignError: it can't be read.
     """
     try:
-        size = file.stat().st_size
-        if size > MAX_BYTES:
-            raise DesignError(f"it has {size} bytes; at most {MAX_BYTES} are allowed")
-        return file.read_bytes().decode("utf-8-sig")
+        data = _bytes(file, MAX_BYTES + 1)
     except OSError as error:
         raise DesignError(f"it can't be read: {error.strerror}") from error
+    if len(data) > MAX_BYTES:
+        raise DesignError(f"it has {file.lstat().st_size} bytes; at most {MAX_BYTES} are allowed")
+    try:
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise DesignError(f"it is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
+
+
+def _holds(file: Path, data: bytes) -> bool:
+    try:
+        return _bytes(file, len(data) + 1) == data
+    except OSError:  # missing, or something that `_write` replaces
+        return False
+
+
+def _bytes(file: Path, most: int) -> bytes:
+    """Read up to ``most`` bytes of a plain file: a pipe could be waited for, and a link lead anywhere."""
+    if file.parent.is_symlink() or file.is_symlink():
+        raise OSError(errno.ELOOP, "it is a link; put the file itself there")
+    handle = os.open(file, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
+    try:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise OSError(errno.EINVAL, "it is no plain file")
+        with os.fdopen(handle, "rb", closefd=False) as stream:
+            return stream.read(most)
+    finally:
+        os.close(handle)
 
 
 def _say(text: str) -> None:

@@ -71,6 +71,10 @@ def exists(file):
     return file.exists
 
 
+def says(file, text):
+    return lambda: file.is_file() and text in file.read_text()
+
+
 # --- requests and replies ---------------------------------------------------------------------------------------
 
 
@@ -202,7 +206,77 @@ def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
     list(Mailbox(str(tmp_path), **QUICK).complete([request()]))
     person.done()
     assert f"it has {len(large)} bytes; at most 100000 are allowed" in (box / "first.md").read_text()
-    assert "it can't be read: Is a directory" in (box / "problem.md").read_text()
+    assert "it can't be read: it is no plain file" in (box / "problem.md").read_text()
+
+
+@pytest.mark.parametrize("wrong", ["Here you are.", GOOD[:-30]])
+def test_a_reply_whose_date_lies_in_the_future_is_judged(wrong, tmp_path):
+    """As where the clocks of two machines differ, or a file is copied with its date."""
+    box = tmp_path / "g0-a0"
+
+    def write(text):
+        (box / "reply.json").write_text(text)
+        os.utime(box / "reply.json", (4e9, 4e9))
+
+    person = Person(
+        (exists(box / "prompt.md"), lambda: write(wrong)),
+        (exists(box / "problem.md"), lambda: write(GOOD)),
+    )
+    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
+    person.done()
+    assert reply.text == GOOD
+
+
+# --- folders that others may write to ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["prompt.md", "schema.json", "scene.png", "prompt.partial", "problem.md"])
+def test_nothing_is_written_through_a_link(name, tmp_path):
+    private, box = tmp_path / "private", tmp_path / "mailbox" / "g0-a0"
+    private.write_text("mine")
+    box.mkdir(parents=True)
+    (box / name).symlink_to(private)
+    person = Person(
+        (says(box / "prompt.md", "Design."), writes(box / "reply.json", "Here you are.")),
+        (says(box / "problem.md", "can't be used"), writes(box / "skip", "")),
+    )
+    list(Mailbox(str(tmp_path / "mailbox"), **QUICK).complete([request()]))
+    person.done()
+    assert private.read_text() == "mine"
+    assert not (box / name).is_symlink() or name == "prompt.partial"
+
+
+def test_a_folder_that_is_a_link_is_not_written_to(tmp_path):
+    (tmp_path / "private").mkdir()
+    (tmp_path / "mailbox").mkdir()
+    (tmp_path / "mailbox" / "g0-a0").symlink_to(tmp_path / "private")
+    with pytest.raises(UserError, match=r"can't be used: .*it is a link to .*private"):
+        list(Mailbox(str(tmp_path / "mailbox")).complete([request()]))
+    assert not list((tmp_path / "private").iterdir())
+
+
+def test_a_reply_is_not_read_through_a_link_and_a_pipe_is_not_waited_for(tmp_path):
+    box = tmp_path / "g0-a0"
+    (tmp_path / "private.json").write_text(GOOD)
+    person = Person(
+        (exists(box / "prompt.md"), lambda: os.mkfifo(box / "reply.md")),
+        (lambda: True, lambda: (box / "reply.json").symlink_to(tmp_path / "private.json")),
+        (exists(box / "problem.md"), writes(box / "skip", "")),
+    )
+    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
+    person.done()
+    assert reply.text == ""
+    assert "it can't be read: it is a link; put the file itself there" in (box / "problem.md").read_text()
+
+
+def test_a_pipe_in_place_of_a_request_is_not_waited_for(tmp_path):
+    box = tmp_path / "g0-a0"
+    box.mkdir()
+    os.mkfifo(box / "prompt.md")
+    person = Person((lambda: (box / "prompt.md").is_file(), writes(box / "reply.json", GOOD)))
+    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
+    person.done()
+    assert reply.text == GOOD
 
 
 # --- again ------------------------------------------------------------------------------------------------------
