@@ -9,7 +9,7 @@ import importlib
 import sys
 from typing import NoReturn
 
-from core.cli import command
+from core.cli import command, say
 from core.errors import choices
 
 COMMANDS = {
@@ -37,7 +37,7 @@ def _dispatch() -> None:
     if not sys.argv[1:] or sys.argv[1] in ("--help", "-h"):
         width = max(map(len, COMMANDS))
         lines = [USAGE, "", *(f"  {name:{width}}  {line}" for name, line in COMMANDS.items())]
-        sys.stdout.write("\n".join(lines) + "\n")
+        say(*lines)
         return
     name = sys.argv.pop(1)
     if name not in COMMANDS:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import os
 import select
 import signal
 import sys
 import time
+import traceback
 from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
+from types import TracebackType
 from typing import ClassVar, NoReturn, TextIO
 
 from core.errors import UsageError, UserError
 from core.scratch import remove_scratch
 from core.secrets import Scrubbed
-from core.text import clean
+from core.text import clean, visible
 
 
 def command(function: Callable[[], None]) -> NoReturn:
@@ -24,10 +27,13 @@ def command(function: Callable[[], None]) -> NoReturn:
 
     Keys are left out of all that it prints.
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # for an encoding that has not every letter
     sys.stdout, sys.stderr = Scrubbed(sys.stdout), Scrubbed(sys.stderr)
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored where a shell runs it in the background
             signal.signal(number, _Interrupt())
+    sys.excepthook = _show_traceback
     try:
         function()
         sys.stdout.flush()
@@ -80,10 +86,18 @@ def _listed(value: str) -> list[str]:
 def _help_or_words(usage: str) -> list[str]:
     given = sys.argv[1:]
     if "--help" in given or "-h" in given:
-        sys.stdout.write(f"{usage}\n")
+        say(*usage.splitlines())
         sys.stdout.flush()
         sys.exit(0)
     return given
+
+
+def say(*lines: str, file: TextIO | None = None) -> None:
+    """Print lines: the one way for text to a terminal. What is not printable is escaped, since others may have written
+    it: a model, a provider, an owner of a folder.
+    """
+    file = sys.stdout if file is None else file
+    file.write("".join(f"{visible(line)}\n" for line in lines))
 
 
 def write_bytes(file: Path, data: bytes) -> None:
@@ -147,6 +161,10 @@ class _Interrupt:
             raise KeyboardInterrupt
 
 
+def _show_traceback(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    say(*"".join(traceback.format_exception(kind, error, trace)).splitlines(), file=sys.stderr)
+
+
 def _reader_is_gone() -> bool:
     """Check whether standard output was closed at its other end."""
     if not hasattr(select, "poll"):  # on Windows
@@ -162,7 +180,7 @@ def _leave(line: str, code: int) -> NoReturn:
     A thread inside a library could crash while the interpreter shuts down.
     """
     with contextlib.suppress(OSError):  # the other end may be closed
-        sys.stderr.write(line and f"{line}\n")
+        say(*line.splitlines(), file=sys.stderr)
         sys.stderr.flush()
         sys.stdout.flush()
     remove_scratch()

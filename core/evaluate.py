@@ -6,14 +6,13 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.cli import arguments, command, print_table, write_bytes
+from core.cli import arguments, command, print_table, say, write_bytes
 from core.config.compose import check_seed, load, node, part
 from core.design import Candidate, Evaluation
 from core.designs.reading import load_designs, read_designs
@@ -89,7 +88,7 @@ def show(records: list[dict[str, Any]]) -> None:
     print_table((*numbers, "status"), rows, numbers)
     for r in records:
         for remark in filter(None, (r["reason"], *r["warnings"])):
-            sys.stdout.write(f"strategy {r['strategy']} plan {r['plan']}: {clean(remark, 2000)}\n")
+            say(f"strategy {r['strategy']} plan {r['plan']}: {clean(remark, 2000)}")
 
 
 def _number(value: float | None, digits: int, scale: float = 1) -> str:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from core.cli import command, folders_and_overrides, print_table, write_bytes
+from core.cli import command, folders_and_overrides, print_table, say, write_bytes
 from core.config.compose import load
 from core.design import ranked
 from core.errors import UsageError, UserError
@@ -179,7 +178,7 @@ def show(entries: Sequence[Entry]) -> None:
     print_table(("task", "place", "tool", "reward", "ready to print"), rows, numbers)
     for e in entries:
         for fault in e.faults:
-            sys.stdout.write(f"{e.winner.run.task} {e.place}: {fault}\n")
+            say(f"{e.winner.run.task} {e.place}: {fault}")
 
 
 def main() -> None:
@@ -195,8 +194,8 @@ def main() -> None:
     entries, left_out = gallery(folders, Path(cfg.output), cfg.top, printer, cfg.apart_mm)
     show(entries)
     for run in left_out:
-        sys.stdout.write(f"{_why(run)}\n")
-    sys.stdout.write(f"{Path(cfg.output) / 'index.html'}\n")
+        say(_why(run))
+    say(str(Path(cfg.output) / "index.html"))
 
 
 if __name__ == "__main__":

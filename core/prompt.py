@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.cli import arguments, command, write_bytes
+from core.cli import arguments, command, say, write_bytes
 from core.config.compose import check_seed, load, node, part
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
@@ -159,12 +158,12 @@ def main() -> None:
     request = compose(cfg)
     model, estimate = reckon(cfg, request)
     write(request, model, estimate, Path(cfg.output))
-    sys.stdout.write(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})\n")
+    say(f"{estimate.prompt_tokens} tokens for {model} ({estimate.counted_by})")
     prices = estimate.usd_per_prompt_token, estimate.usd_per_completion_token
     if prices[0] is not None and prices[1] is not None:
         dollars = f"{1e6 * prices[0]:g} in, {1e6 * prices[1]:g} out"
-        sys.stdout.write(f"US dollars for a million tokens: {dollars} ({estimate.priced_by})\n")
-    sys.stdout.write(f"{Path(cfg.output)}\n")
+        say(f"US dollars for a million tokens: {dollars} ({estimate.priced_by})")
+    say(str(Path(cfg.output)))
 
 
 if __name__ == "__main__":

@@ -5,12 +5,11 @@ Covered by `tests/test_commands.py`.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 from omegaconf import DictConfig
 
-from core.cli import arguments, command, write_bytes
+from core.cli import arguments, command, say, write_bytes
 from core.config.compose import check_seed, load, part
 from core.design import Tool
 from core.designs.reading import load_designs, read_designs
@@ -61,7 +60,7 @@ def main() -> None:
     cfg = load("render", arguments(USAGE))
     picture, drawn_by = render(cfg)
     write_bytes(Path(cfg.output), png(picture))
-    sys.stdout.write(f"{cfg.output}\n" + (f"drawn by {drawn_by}\n" if drawn_by else ""))
+    say(str(cfg.output), *([f"drawn by {drawn_by}"] if drawn_by else []))
 
 
 if __name__ == "__main__":

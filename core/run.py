@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.cli import command
+from core.cli import command, say
 from core.errors import UsageError, UserError
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def main() -> None:
     if flags and {*flags} <= {"--help", "-h"}:
         from core.config.compose import overview
 
-        sys.stdout.write(f"{USAGE}\n{overview('config', others)}")
+        say(*f"{USAGE}\n{overview('config', others)}".splitlines())
     elif resumed:
         if len(resumed) > 1 or flags:
             raise UsageError(f"{' '.join([*flags, *resumed])}: resume=RUN_DIR goes on with one run, such as a sweep's")

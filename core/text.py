@@ -14,6 +14,11 @@ def clean(text: str, longest: int, *, lines: bool = False) -> str:
     return kept if len(kept) <= longest else kept[: longest - 3] + "..."
 
 
+def visible(text: str) -> str:
+    """Escape what is not printable: control characters, line breaks, marks that turn the direction, surrogates."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
 def kind(value: object) -> str:
     """Describe the type of a JSON value, for a reason."""
     names: dict[type, str] = {dict: "an object", list: "a list", bool: "a boolean", type(None): "null"}

@@ -7,7 +7,6 @@ from __future__ import annotations
 import itertools
 import json
 import operator
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
@@ -18,7 +17,7 @@ from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 from rich.progress import track
 
-from core.cli import arguments, command, print_table, write_bytes
+from core.cli import arguments, command, print_table, say, write_bytes
 from core.config.compose import check_seed, load, node, part
 from core.config.settings import PerturbationRange
 from core.design import TIE, Candidate, Evaluation, best_first
@@ -191,7 +190,7 @@ def show(result: Mapping[str, Any]) -> None:
     for design in result["designs"]:
         remarks = [design["reason"]] if design["reason"] else design["warnings"]
         lines += [f"{design['design']}: {clean(remark, 2000)}" for remark in remarks]
-    sys.stdout.write("".join(f"{line}\n" for line in lines))
+    say(*lines)
 
 
 if __name__ == "__main__":

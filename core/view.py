@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO
 from urllib.parse import quote
 
-from core.cli import command, folders_and_overrides
+from core.cli import command, folders_and_overrides, say
 from core.errors import UsageError, UserError
 from core.plugins import check_settings
 
@@ -110,9 +110,9 @@ def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
                 while viewer.poll() is None and not (listens(page) and listens(data)):
                     time.sleep(0.05)
                 if viewer.poll() is None:
-                    sys.stderr.write("Ctrl-C ends it\n")  # before the address, whose reader may interrupt at once
+                    say("Ctrl-C ends it", file=sys.stderr)  # before the address, whose reader may interrupt at once
                     stream = quote(f"rerun+http://{HERE}:{data}/proxy", safe="")
-                    sys.stdout.write(f"http://{HERE}:{page}/?url={stream}\n")
+                    say(f"http://{HERE}:{page}/?url={stream}")
                     sys.stdout.flush()
             status = viewer.wait()
         finally:

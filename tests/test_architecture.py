@@ -149,3 +149,18 @@ def test_every_module_of_core_has_its_tests():
         if not own.is_file() and not named:
             missing.append(dotted(file))
     assert missing == []
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        pytest.param(tree, id=dotted(file))
+        for folder in ("core", "plugins", "tasks")
+        for file, tree in modules(folder)
+        if dotted(file) != "core.cli"
+    ],
+)
+def test_text_goes_to_the_terminal_one_way(tree):
+    """By `core.cli.say` and `core.cli.print_table`, which escape what is not printable."""
+    called = [ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    assert not {"print", "sys.stdout.write", "sys.stderr.write", "warnings.warn"} & set(called)

@@ -17,6 +17,7 @@ from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandatoryValue, OmegaConfBaseException
 
+from core.cli import say
 from core.config import schemas, sources
 from core.errors import UsageError, UserError, choices
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Simulator, Task, ToolRepresentation
@@ -48,7 +49,7 @@ def renamed(overrides: Sequence[str]) -> list[str]:
     """Replace the old name ``logger`` by ``listener`` in the overrides, with a warning on standard error."""
     new = [re.sub(r"^([+~]*)logger(?=[=.@]|$)", r"\1listener", word) for word in overrides]
     if new != list(overrides):
-        sys.stderr.write("warning: the config group 'logger' is called 'listener' now; write listener=\n")
+        say("warning: the config group 'logger' is called 'listener' now; write listener=", file=sys.stderr)
     return new
 
 
@@ -134,6 +135,9 @@ def explain(error: Exception, name: str, overrides: Sequence[str]) -> UserError:
         if unknown is not None:
             return unknown
     message = " ".join(re.sub("To append to your config use .*", "", str(error)).split())
+    if message.startswith("LexerNoViableAltException: "):
+        word = message.partition(": ")[2].partition(" ^")[0]
+        return UsageError(f"can't read {word}; put its value in quotes: '{word.partition('=')[0]}=\"...\"'")
     if isinstance(cause, OmegaConfBaseException):
         message = f"{message.rstrip('.')}: {first_line(cause)}"
     return UsageError(message)

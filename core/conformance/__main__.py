@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.cli import arguments, command
+from core.cli import arguments, command, say
 from core.config.compose import load, part
 from core.conformance.suites import SUITES, examine, subject
 from core.errors import UsageError, UserError
@@ -32,13 +32,13 @@ def main() -> None:
     failed = count = 0
     for one in parts:
         if len(parts) > 1:
-            sys.stdout.write(f"{one.kind} {one.name}\n")
+            say(f"{one.kind} {one.name}")
         for verdict in examine(one.kind, subject(one)):
             count += 1
             failed += verdict.problem is not None
             remark = f" ({verdict.remark})" if verdict.remark else ""
             result = f"ok{remark}" if verdict.problem is None else f"FAILED: {verdict.problem}"
-            sys.stdout.write(f"{verdict.seconds:6.2f} s  {verdict.check}: {result}\n")
+            say(f"{verdict.seconds:6.2f} s  {verdict.check}: {result}")
             sys.stdout.flush()
     if failed:
         raise UserError(f"{failed} of {count} checks failed")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from core.cli import command
+from core.cli import command, say
 from core.errors import UsageError
 from core.new.packages import TEMPLATES, write
 
@@ -23,7 +23,7 @@ def main() -> None:
     """
     words = sys.argv[1:]
     if {"--help", "-h"} & set(words):
-        sys.stdout.write(f"{USAGE}\n")
+        say(*USAGE.splitlines())
         return
     outputs = [word.removeprefix("output=") for word in words if word.startswith("output=")]
     named = [word for word in words if not word.startswith("output=")]
@@ -31,12 +31,12 @@ def main() -> None:
         raise UsageError(f"a kind and a name are needed; {USAGE}")
     kind, name = named
     (folder, code), template = write(kind, name, Path(outputs[0]) if outputs else None), TEMPLATES[kind]
-    sys.stdout.write(
-        f"{code}: {template.what}, ready to be changed\n"
-        f"  pip install -e '{folder}[test]'\n"
-        f"  python -m core.plugins --check {name}\n"
-        f"  python -m core.run {template.group}={template.choice.format(name)}\n"
-        f"  python -m pytest {folder}\n"
+    say(
+        f"{code}: {template.what}, ready to be changed",
+        f"  pip install -e '{folder}[test]'",
+        f"  python -m core.plugins --check {name}",
+        f"  python -m core.run {template.group}={template.choice.format(name)}",
+        f"  python -m pytest {folder}",
     )
 
 

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-from core.cli import command, print_table
+from core.cli import command, print_table, say
 from core.errors import UsageError, UserError, choices
 from core.plugins.discovery import SWITCH
 from core.plugins.kinds import KINDS
@@ -29,7 +29,7 @@ def main() -> None:
         case ["--check", name]:
             _check(name)
         case ["--help" | "-h"]:
-            sys.stdout.write(f"{USAGE}\n")
+            say(*USAGE.splitlines())
         case words:
             raise UsageError(f"can't read {' '.join(words)!r}; {USAGE}")
 
@@ -39,7 +39,7 @@ def _check(name: str) -> None:
     chosen = [offer for offer in found.offers.values() if name in (offer.name, offer.entry_point, offer.distribution)]
     failures = [failure for failure in found.failures if name in (failure.entry_point, failure.distribution)]
     for failure in failures:
-        sys.stdout.write(f"{failure.entry_point} of {failure.distribution}: {failure.reason}\n")
+        say(f"{failure.entry_point} of {failure.distribution}: {failure.reason}")
     if not chosen and not failures:
         names = {key for o in found.offers.values() for key in (o.name, o.entry_point, o.distribution)}
         raise choices("part, plugin or distribution", name, names)
@@ -49,7 +49,7 @@ def _check(name: str) -> None:
     child = [sys.executable, "-P", "-m", "core.conformance"]
     paths = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}  # imports as this process does
     for word in (f"{offer.kind}={offer.name}" for offer in chosen):
-        sys.stdout.write(f"{word}\n")
+        say(word)
         sys.stdout.flush()
         failed += subprocess.run([*child, word], env=paths).returncode != 0  # noqa: S603
     if failed:
@@ -62,9 +62,9 @@ def _list() -> None:
     rows = [(offer.kind, offer.name, offer.entry_point, offer.distribution) for offer in offers]
     print_table(("kind", "name", "entry point", "distribution"), rows)
     if SWITCH in os.environ:
-        sys.stdout.write(f"{SWITCH}={os.environ[SWITCH]}: other plugins are not loaded\n")
+        say(f"{SWITCH}={os.environ[SWITCH]}: other plugins are not loaded")
     for failure in plugins.failures:
-        sys.stdout.write(f"failed {failure.entry_point} ({failure.distribution}): {failure.reason}\n")
+        say(f"failed {failure.entry_point} ({failure.distribution}): {failure.reason}")
 
 
 if __name__ == "__main__":

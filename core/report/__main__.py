@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.cli import command, folders_and_overrides, write_bytes
+from core.cli import command, folders_and_overrides, say, write_bytes
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
 from core.report.figures import pictures
@@ -48,8 +47,8 @@ def report(folders: list[Path], output: Path, formats: list[str], how: Resamplin
     shown = collect(results)
     listed, drawn = tables(results, shown), pictures(results, shown)
     for table in listed:
-        write_bytes(output / DATA / f"{table.name}.csv", to_csv(table, output / DATA).encode())
-        write_bytes(output / DATA / f"{table.name}.md", to_markdown(table).encode())
+        write_bytes(output / DATA / f"{table.name}.csv", to_csv(table, output / DATA).encode(errors="backslashreplace"))
+        write_bytes(output / DATA / f"{table.name}.md", to_markdown(table).encode(errors="backslashreplace"))
     for picture in drawn:
         for format_ in formats:
             write_bytes(output / DATA / f"{picture.name}.{format_}", picture.render(format_))
@@ -118,7 +117,7 @@ def main() -> None:
     if not results.runs:
         raise UserError(f"no run is finished; {len(results.left_out)} are listed in {Path(cfg.output) / 'index.html'}")
     show(results)
-    sys.stdout.write(f"{Path(cfg.output) / 'index.html'}\n")
+    say(str(Path(cfg.output) / "index.html"))
 
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
         lstrip_blocks=True,
     )
     environment.filters |= {"printed": printed, "links": links, "sort_key": _sort_key, "number": number}
-    environment.filters["href"] = lambda target: quote(relative(target, folder))
+    environment.filters["href"] = lambda target: quote(relative(target, folder), errors="surrogateescape")
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
     return environment.get_template(template).render(
         **values,

@@ -13,6 +13,7 @@ from typing import Any
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
+from core.cli import say
 from core.errors import UserError
 
 
@@ -37,4 +38,4 @@ class SweepSummary(Callback):  # type: ignore[misc]
         if any("recording" in run.recordings() for run in finished):
             names.append("core.view")
         for name in names:
-            sys.stderr.write(f"python -m {name} {shlex.quote(str(folder))}\n")
+            say(f"python -m {name} {shlex.quote(str(folder))}", file=sys.stderr)

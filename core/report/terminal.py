@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TextIO
 
-from core.cli import print_table
+from core.cli import print_table, say
 from core.report.formats import number
 from core.report.results import Results
 from core.report.runs import short
@@ -26,4 +26,4 @@ def show(results: Results, file: TextIO | None = None) -> None:
     if rows:
         print_table(("task", "method", *numbers), rows, numbers, file)
     for run in results.left_out:
-        file.write(f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}\n")
+        say(f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}", file=file)

@@ -10,6 +10,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 import numpy as np
 import pluggy
 
+from core.cli import say
 from core.config.settings import Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
@@ -103,7 +104,7 @@ class ModelDesigner:
             for reply in self.vlm.complete(requests):
                 if not isinstance(reply, Reply) or reply.request_id not in missing:
                     plugin = describe_part(self.vlm)
-                    sys.stderr.write(f"{plugin}: complete gave {_describe(reply)}; it is left out\n")
+                    say(f"{plugin}: complete gave {_describe(reply)}; it is left out", file=sys.stderr)
                     continue
                 missing.remove(reply.request_id)
                 reply = checked(reply)

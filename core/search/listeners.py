@@ -10,6 +10,7 @@ from typing import Any
 
 import pluggy
 
+from core.cli import say
 from core.hooks import hookimpl
 from core.plugins import describe_part
 
@@ -56,4 +57,4 @@ class _Guard:
             first, self._failed = not self._failed, True
         if first:
             what = " ".join(f"{type(error).__name__}: {error}".split())
-            sys.stderr.write(f"{describe_part(self._listener)}: {event} raised {what}; it receives no more events\n")
+            say(f"{describe_part(self._listener)}: {event} raised {what}; it receives no more events", file=sys.stderr)

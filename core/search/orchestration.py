@@ -16,6 +16,7 @@ from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 
+from core.cli import say
 from core.config.compose import check_seed, node, part
 from core.config.resume import changed, hydra_config
 from core.config.schemas import PromptConfig
@@ -146,12 +147,12 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         ended, before = store.result, store.config["budget"]
         more = any(cfg.budget[key] != before[key] for key in ("n_iteration", "stop_reward"))
         if ended is not None and ended["stopped"] is None and not more:
-            sys.stdout.write(f"{folder} holds a run that has come to its end\n")
+            say(f"{folder} holds a run that has come to its end")
             print_best(ended["best"], folder)
             return
         store.overrides = overrides
         there = f"{len(store.past.replies)} replies and {len(store.past.candidates)} evaluated candidates are there"
-        sys.stderr.write(f"{folder} goes on: {there}\n")
+        say(f"{folder} goes on: {there}", file=sys.stderr)
         print_outcome(run(cfg, folder, store), folder)
     finally:
         store.run_ended()
@@ -171,7 +172,7 @@ def print_outcome(result: Result, folder: Path) -> None:
     reasons = [e.reason for g in result.generations for e in g.evaluations]
     print_best(best_figures(result), folder, reasons[0] if reasons else "no candidate came")
     if result.stopped is not None:
-        sys.stderr.write(f"stopped: {result.stopped}\n{resume_hint(folder)}\n")
+        say(f"stopped: {result.stopped}", resume_hint(folder), file=sys.stderr)
 
 
 def print_best(best: dict[str, Any] | None, folder: Path, why: str = "") -> None:
@@ -183,8 +184,8 @@ def print_best(best: dict[str, Any] | None, folder: Path, why: str = "") -> None
     if best is None:
         raise UserError(f"no candidate could be tried{why and f'; the first reason: {why}'}")
     distance_m = math.nan if best["distance_m"] is None else best["distance_m"]
-    sys.stdout.write(f"best reward {best['reward']:.3f}, distance {distance_m:.2f} m, ")
-    sys.stdout.write(f"candidate {best['candidate']}\n{folder / 'best'}\n")
+    figures = f"best reward {best['reward']:.3f}, distance {distance_m:.2f} m"
+    say(f"{figures}, candidate {best['candidate']}", str(folder / "best"))
 
 
 def check_budget(budget: Budget) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image as Pillow
 
+from core.cli import say
 from core.design import Candidate
 from core.geometry import Array
 from core.interfaces import Image, RolloutSettings, Simulator, Task
@@ -28,7 +29,7 @@ def png(picture: Image) -> bytes:
 
 def report_missing(what: str, error: Exception) -> None:
     """Say on standard error, in one line, which picture is missing and why."""
-    sys.stderr.write(f"no {what}: {clean(str(error), 300) or type(error).__name__}\n")
+    say(f"no {what}: {clean(str(error), 300) or type(error).__name__}", file=sys.stderr)
 
 
 def save_film(

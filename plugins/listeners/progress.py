@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from core.design import Evaluation
 from core.hooks import hookimpl
+from core.text import visible
 
 if TYPE_CHECKING:
     import rich.progress
@@ -34,10 +35,9 @@ class ProgressListener:
         self._population = run.budget.population
         names = " ".join(f"{kind}={name}" for kind, name in run.parts.items())
         self._print(f"{names} seed={run.seed}", style="bold")
-        self._print(
-            f"model: {run.model}\n{run.budget.n_iteration + 1} generations of {self._population} candidates\n"
-            f"folder: {run.folder}"
-        )
+        self._print(f"model: {run.model}")
+        self._print(f"{run.budget.n_iteration + 1} generations of {self._population} candidates")
+        self._print(f"folder: {run.folder}")
 
     @hookimpl
     def generation_started(self, index: int) -> None:
@@ -84,7 +84,7 @@ class ProgressListener:
         self._stop()
 
     def _print(self, line: str, style: str | None = None) -> None:
-        self._console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(visible(line), style=style, markup=False, highlight=False, soft_wrap=True)
 
     def _stop(self) -> None:
         if self._progress is not None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from core.cli import print_table
+from core.cli import print_table, say
 from core.design import best_tools
 from core.hooks import hookimpl
 from core.report.formats import number
@@ -48,7 +48,7 @@ class SummaryListener:
         if result.best is not None:
             _print_tools(result, self.top)
         lines = [_spent(self._replies), *(_commands(run, result) if not _one_of_many() else ())]
-        sys.stderr.write("".join(f"{line}\n" for line in lines))
+        say(*lines, file=sys.stderr)
 
 
 def _print_generations(generations: Iterable[Generation]) -> None:

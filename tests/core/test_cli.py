@@ -11,6 +11,11 @@ from pathlib import Path
 import pytest
 
 from core import cli
+from core.config.compose import load
+from core.errors import UsageError
+from core.events import Run
+from core.interfaces import Budget
+from core.plugins import installed
 
 
 @pytest.fixture
@@ -84,6 +89,52 @@ runpy.run_module({words[0]!r}, run_name="__main__", alter_sys=True)
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert "BringCube" in done.stdout
     assert (done.returncode, done.stderr) == (0, "")
+
+
+HOSTILE = "a\x1b]0;owned\x07\x1b[2J\x9b31m\u202eb\nbest reward 1.000\r\udcff\u2028c"
+SHOWN = r"a\x1b]0;owned\x07\x1b[2J\x9b31m\u202eb\nbest reward 1.000\r\udcff\u2028c"
+
+
+def test_a_line_shows_what_is_not_printable(capsys):
+    cli.say(HOSTILE, "é")
+    cli.say(HOSTILE, file=sys.stderr)
+    assert capsys.readouterr() == (f"{SHOWN}\né\n", f"{SHOWN}\n")
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "shown"),
+    [
+        ("from core.errors import UserError; raise UserError('a\\x1b[2J\\u202eb')", 1, r"error: a\x1b[2J\u202eb"),
+        ("raise ValueError('a\\x1b[2J\\u202eb')", 1, r"ValueError: a\x1b[2J\u202eb"),
+        ("from core.cli import say; say('\u2717 a\u202eb')", 0, r"\u2717 a\u202eb"),
+        ("from core.cli import print_table; print_table(['\u2717'], [])", 0, r"\u2717"),
+        ("print('\u2717')", 0, r"\u2717"),
+    ],
+)
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_a_command_prints_anything_in_any_encoding(fault, code, shown, encoding):
+    program = f"from core.cli import command\ndef main():\n    {fault}\ncommand(main)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, env={**os.environ, "PYTHONIOENCODING": encoding}
+    )
+    assert done.returncode == code
+    assert (done.stdout + done.stderr).decode(encoding).splitlines()[-1] == shown
+
+
+def test_an_override_that_hydra_cannot_read():
+    """Such as a folder's name that is not UTF-8; in quotes it is read."""
+    with pytest.raises(UsageError, match="can't read designs=r\udcff; put its value in quotes: 'designs="):
+        load("evaluate", ["task=BringCube", "designs=r\udcff"])
+    assert load("evaluate", ["task=BringCube", 'designs="r\udcff"']).designs == "r\udcff"
+
+
+def test_a_listener_shows_the_name_of_a_model_escaped(capsys):
+    """As a provider's answer gives it, or the store of a run that is replayed."""
+    run = Run(Path(HOSTILE), {}, {}, HOSTILE, None, None, Budget(1, 1, 1, 1, 1, 0.5), 0)
+    installed().create("listener", "progress").run_started(run)
+    lines = capsys.readouterr().err.splitlines()
+    assert f"model: {SHOWN}" in lines
+    assert f"folder: {SHOWN}" in lines
 
 
 ROWS = [["OneBook", "tool=none and a long name of a method " * 3, "0.029 ± 0.012"], ["[b]x[/]\x1b[31m", "", "1"]]

@@ -20,6 +20,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from typing import Any, TypeVar
 
+from core.cli import say
 from core.errors import Fault, UsageError, UserError, check_positive
 from core.interfaces import Executor
 from core.scratch import scratch, use_scratch
@@ -285,7 +286,7 @@ class _Crew:
         with self._lock:
             first, self._warned = not (self._begun or self._warned), True
         if first:
-            sys.stderr.write(f"executor=ray: no worker has started for {_PATIENCE_S:.0f} s; has the cluster room?\n")
+            say(f"executor=ray: no worker has started for {_PATIENCE_S:.0f} s; has the cluster room?", file=sys.stderr)
 
     def _hire(self, function: bytes) -> None:
         def ended(error: Exception | None) -> None:

@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Literal
 
+from core.cli import say
 from core.design import best_tools
 from core.errors import check_positive
 from core.hooks import hookimpl
@@ -121,4 +122,4 @@ def _reason(error: Exception) -> str:
 
 
 def _say(what: str) -> None:
-    sys.stderr.write(f"rerun: {what}\n")
+    say(f"rerun: {what}", file=sys.stderr)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from core.cli import say
 from core.design import DesignError
 from core.designs.composer import as_markdown
 from core.designs.reading import Unread, parse_reply, read_designs
@@ -258,4 +259,4 @@ def _bytes(file: Path, most: int) -> bytes:
 
 
 def _say(text: str) -> None:
-    sys.stderr.write(f"mailbox: {text}\n")
+    say(f"mailbox: {text}", file=sys.stderr)

@@ -1,8 +1,10 @@
 """``python -m core.report`` as a user runs it."""
 
+import os
 import re
 import subprocess
 import sys
+from urllib.parse import quote
 
 import pytest
 
@@ -41,6 +43,22 @@ def test_no_line_is_folded_or_cut_in_a_pipe(tmp_path):
     (line,) = [line for line in lines if name in line]
     assert line.endswith("1 candidates done, best reward so far 0.500")
     assert lines[1].split()[-5:] == ["1", "0.250", "0.250", "–", "1.50"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="names are text there")
+@pytest.mark.parametrize("command", ["core.report", "core.gallery"])
+def test_a_folder_of_any_name_and_a_terminal_of_few_letters(tmp_path, command):
+    """The name is not UTF-8, and has letters that the terminal's encoding lacks."""
+    name = os.fsdecode(b"r\xff\xe9") + "\u2717"
+    write_run(tmp_path / name, rewards=[[0.25]])
+    words = [sys.executable, "-m", command, name, "output=out", *(["formats=[svg]"] * (command == "core.report"))]
+    env = {**os.environ, "PYTHONIOENCODING": "latin-1"}
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=240, env=env)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert done.stdout.splitlines()[-1] == b"out/index.html"
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert quote(os.fsencode(name)) in page
 
 
 @pytest.mark.parametrize(
