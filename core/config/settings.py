@@ -26,6 +26,7 @@ class PromptSettings:
         file: a text file with a person's idea of the tool and its motion, for templates that quote it.
         feedback: what is shown of elites: tool and reward (``paper``), also the plan and measurements of the rollout
             (``numbers``), or also a picture (``full``).
+        elite_characters: the length of the text of all elites, beyond which those of the lowest ranks are shortened.
         repair: ask once more, with the reason, if a reply can't be read.
         system: the templates of the system message; empty: no system message.
         initial: the templates of a first sampling; empty: no first sampling, elites come from elsewhere.
@@ -36,6 +37,7 @@ class PromptSettings:
     dir: str | None = None
     file: str | None = None
     feedback: str = "paper"
+    elite_characters: int = 100_000
     repair: bool = False
     system: list[str] = field(default_factory=lambda: list(SYSTEM))
     initial: list[str] = field(default_factory=lambda: list(INITIAL))

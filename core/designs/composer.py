@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib.resources
 import inspect
 import json
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,16 +16,15 @@ from typing import Any
 
 import jinja2
 import jinja2.meta
-import numpy as np
 from jinja2.sandbox import SandboxedEnvironment
 
 from core.config.settings import FEEDBACK, PromptSettings
-from core.design import Evaluation, Tool
-from core.designs.reading import dump_design
+from core.design import Tool
+from core.designs.elites import elites_text
 from core.designs.rules import MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
 from core.geometry import Vector
-from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, ToolRepresentation
+from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text
 from core.robot.description import FINGER_FRICTION, TOOL_FRICTION, assemble
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Geom, Goal, floor, table
@@ -51,6 +49,8 @@ class PromptComposer:
     def __init__(self, settings: PromptSettings | None = None, rollout: RolloutSettings | None = None) -> None:
         self.settings = settings = settings or PromptSettings()
         self.rollout = rollout or RolloutSettings()
+        if settings.elite_characters < 0:
+            raise UsageError(f"prompt.elite_characters must be 0 or greater, got {settings.elite_characters}")
         if settings.feedback not in FEEDBACK:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
@@ -105,6 +105,9 @@ class PromptComposer:
         given = representation.given(task)
         mounted = given if given is not None else Tool(gripper=brief.gripper)
         numbers = given is not None or self.settings.feedback != "paper"  # all that plans for a given tool differ in
+        elites, shortened = elites_text(
+            brief.elites, representation, numbers=numbers, budget=self.settings.elite_characters
+        )
         return {
             "given": given,
             "bare": given is not None and not given.components,
@@ -125,7 +128,8 @@ class PromptComposer:
             "rollout": self.rollout,
             "max_waypoints": MAX_WAYPOINTS,
             "schema": json.dumps(answer_schema(brief), indent=1, ensure_ascii=False),
-            "elites": _json([_elite_data(e, representation, numbers) for e in brief.elites]),
+            "elites": elites,
+            "shortened": shortened,
             "other_kind": any(e.candidate.tool and e.candidate.tool.gripper != brief.gripper for e in brief.elites),
         }
 
@@ -233,34 +237,6 @@ def _read_idea(file: str | None, *, wanted: bool) -> str | None:
 def counted(number: int, noun: str) -> str:
     """A number with a noun, as a filter for templates: ``one tool``, ``10 tools``."""
     return f"one {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def _json(value: object) -> str:
-    """Indented JSON, with each list of numbers on one line."""
-    text = json.dumps(value, indent=1, ensure_ascii=False)
-    return re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
-
-
-def _elite_data(elite: Evaluation, representation: ToolRepresentation, numbers: bool) -> dict[str, Any]:
-    """The data of an elite in an evolution request; with ``numbers`` its plan and the measurements of its rollout."""
-    candidate, design = elite.candidate, dump_design(elite.candidate, representation)
-    del design["action_description"], design["action_sets"]
-    data = {"id": candidate.id, "reward": round(elite.reward, 4), **design}
-    if not numbers:
-        return data
-    return data | {
-        "action_plan": np.round(candidate.plan, 4).tolist(),
-        "distance_m": _rounded(elite.distance_m),
-        "moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()},
-        "missed_m": _rounded(elite.ik_error_m),
-        "missed_rad": _rounded(elite.ik_error_rad),
-        "lag_rad": _rounded(elite.tracking_error_rad),
-        "warnings": list(elite.warnings),
-    }
-
-
-def _rounded(number: float) -> float | None:
-    return round(number, 4) + 0.0 if math.isfinite(number) else None  # JSON has no nan
 
 
 def _numbers(values: Vector) -> str:

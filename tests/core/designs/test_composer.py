@@ -33,6 +33,7 @@ from core.robot.kinematics import arm
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings
+from plugins.tools.urdf.representation import UrdfTools
 
 FOLDER = Path(prompts.__file__).parent
 PICTURE = Picture(b"\x89PNG")
@@ -181,6 +182,50 @@ def test_elites_are_shown() -> None:
     }
     assert (second["id"], second["reward"]) == ("g0-a0-s1-p0", 0.6)
     assert "crossover" in text.split("# Evolution rules")[1]
+
+
+def crowded(strategy: int, boxes: int) -> Evaluation:
+    elite = make_elite(strategy, 1.0 - 0.1 * strategy)
+    assert elite.candidate.tool is not None
+    (bar,) = elite.candidate.tool.components
+    more = tuple(replace(bar, name=f"box{i}", parent="bar" + str(strategy)) for i in range(boxes - 1))
+    tool = replace(elite.candidate.tool, components=(bar, *more), description="d" * 5000)
+    plan = np.full((200, 6), 0.123456)
+    return replace(elite, candidate=replace(elite.candidate, tool=tool, plan=plan, action_description="a" * 5000))
+
+
+@pytest.mark.parametrize("feedback", ["paper", "numbers"])
+@pytest.mark.parametrize(("count", "boxes"), [(5, 100), (20, 100), (5, 30), (1, 100)])
+def test_elites_have_a_budget(feedback: str, count: int, boxes: int) -> None:
+    """Five of 100 boxes would make 270,000 tokens."""
+    elites = tuple(crowded(k, boxes) for k in range(count))
+    budget = 100_000 if boxes == 100 and count > 1 else 25_000
+    settings = PromptSettings(feedback=feedback, elite_characters=budget)
+    text = words(PromptComposer(settings).compose(make_brief(elites=elites, representation=UrdfTools()), None))
+    block = re.search(r"## The elites?\n(.*?)```json\n(.*?)```", text, re.DOTALL)
+    assert block is not None
+    assert len(block[2]) <= budget
+    assert "Not all could be shown in full" in block[1]
+    shown = json.loads(block[2])
+    assert [entry["id"] for entry in shown] == [elite.candidate.id for elite in elites]
+    kinds = ["full" if "tool_urdf" in e else "list" if "components" in e else "name" for e in shown]
+    assert kinds == sorted(kinds, key=["full", "list", "name"].index)  # the best in the most detail
+    for entry, elite, kind in zip(shown, elites, kinds, strict=True):
+        assert elite.candidate.tool is not None
+        if kind == "full":
+            assert len(UrdfTools().parse(entry, gripper=False).components) == boxes  # whole, not cut
+        elif kind == "list":
+            assert entry["components"][1].startswith("box0 on bar")
+            assert len(entry["components"]) == boxes
+        else:
+            assert entry["left_out"] == f"{boxes} components, too long to be shown"
+
+
+def test_elites_within_the_budget_are_as_without_one() -> None:
+    brief = make_brief(elites=tuple(crowded(k, 10) for k in range(5)), representation=UrdfTools())
+    unlimited = PromptComposer(PromptSettings(elite_characters=10**9)).compose(brief, None)
+    assert PromptComposer().compose(brief, None) == unlimited
+    assert "Not all could be shown" not in words(unlimited)
 
 
 # --- measurements of elites ------------------------------------------------------------------------------------

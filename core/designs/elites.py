@@ -1,0 +1,93 @@
+"""Write elites for a prompt, shortened where they would exceed its budget.
+
+Covered by `tests/core/designs/test_composer.py`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from core.design import Component, Evaluation
+from core.designs.reading import dump_design
+from core.interfaces import ToolRepresentation
+from core.text import clean
+
+_LONGEST = 300  # characters of a description in a shortened entry
+
+
+def elites_text(
+    elites: Sequence[Evaluation], representation: ToolRepresentation, *, numbers: bool, budget: int
+) -> tuple[str, bool]:
+    """Write elites as JSON; report whether some had to be shortened to keep within ``budget`` characters.
+
+    With ``numbers`` each has its plan and the measurements of its rollout. The last is shortened first: at first to a
+    list of its components, then to its id, reward and names, which are shown in any case.
+    """
+    entries = [_entry(elite, representation, numbers) for elite in elites]
+    text = _json(entries)
+    shortened = len(text) > budget
+    for shorten in (_listed, _named):
+        for k in reversed(range(len(entries))):
+            if len(text) <= budget:
+                break
+            entries[k] = shorten(entries[k], elites[k], representation)
+            text = _json(entries)
+    return text, shortened
+
+
+def _entry(elite: Evaluation, representation: ToolRepresentation, numbers: bool) -> dict[str, Any]:
+    candidate, design = elite.candidate, dump_design(elite.candidate, representation)
+    del design["action_description"], design["action_sets"]
+    data = {"id": candidate.id, "reward": round(elite.reward, 4), **design}
+    if not numbers:
+        return data
+    return data | {
+        "action_plan": np.round(candidate.plan, 4).tolist(),
+        "distance_m": _rounded(elite.distance_m),
+        "moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()},
+        "missed_m": _rounded(elite.ik_error_m),
+        "missed_rad": _rounded(elite.ik_error_rad),
+        "lag_rad": _rounded(elite.tracking_error_rad),
+        "warnings": list(elite.warnings),
+    }
+
+
+def _listed(entry: dict[str, Any], elite: Evaluation, representation: ToolRepresentation) -> dict[str, Any]:
+    """An entry with a line per component in place of the representation's text."""
+    tool = elite.candidate.tool
+    assert tool is not None
+    written = representation.dump(tool)
+    short = {key: _cut(key, value) for key, value in entry.items() if key not in written}
+    return short | ({"components": [_line(component) for component in tool.components]} if written else {})
+
+
+def _named(entry: dict[str, Any], elite: Evaluation, representation: ToolRepresentation) -> dict[str, Any]:
+    count = len(elite.candidate.tool.components) if elite.candidate.tool else 0
+    kept = ("id", "reward", "strategy_name", "tool_name", "gripper")
+    return {key: entry[key] for key in kept if key in entry} | {"left_out": f"{count} components, too long to be shown"}
+
+
+def _line(component: Component) -> str:
+    figures = component.shape.size, component.pose.position, component.pose.rpy
+    size, xyz, rpy = (" ".join(f"{number:.4g}" for number in numbers) for numbers in figures)
+    return f"{component.name} on {component.parent}: size {size}, xyz {xyz}, rpy {rpy}, {component.mass:.3g} kg"
+
+
+def _cut(key: str, value: Any) -> Any:
+    return clean(value, _LONGEST) if key.endswith("description") else value
+
+
+def _json(value: object) -> str:
+    """Indented JSON, with each list of numbers on one line."""
+    text = json.dumps(value, indent=1, ensure_ascii=False)
+    return re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
+
+
+def _rounded(number: float) -> float | None:
+    return round(number, 4) + 0.0 if math.isfinite(number) else None  # JSON has no nan
