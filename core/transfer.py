@@ -14,16 +14,17 @@ from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
 from rich.progress import track
 
 from core.cli import arguments, command, print_table, say, write_bytes
-from core.config.compose import check_seed, load, node, part
+from core.config.compose import check_seed, first_line, load, node, part
 from core.config.settings import PerturbationRange
 from core.design import TIE, Candidate, Evaluation, best_first
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.errors import UsageError
+from core.errors import UsageError, UserError
 from core.interfaces import RolloutSettings, ToolRepresentation
 from core.search.evolution import evaluate_all
 from core.simulation.robustness import check_draws, engines, perturbed, worst
@@ -123,7 +124,7 @@ def designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRul
         return read_designs(load_designs(path), representation, spawn)
     if cfg.top < 1:
         raise UsageError(f"top must be at least 1, got {cfg.top}")
-    tie = stored_config(path)["evolution"].get("tie", TIE)  # as the run chose its best
+    tie = stored_config(path).get("evolution", {}).get("tie", TIE)  # as the run chose its best
     return [e.candidate for e in best_first(stored_evaluations(path, representation, spawn), tie)[: cfg.top]]
 
 
@@ -137,10 +138,15 @@ def as_the_run(words: Sequence[str]) -> DictConfig:
     if not Path(cfg.designs).is_dir():
         return cfg
     run = stored_config(Path(cfg.designs))
-    cfg = load("transfer", [f"seed={run['seed']}", *(f"rollout.{k}={v}" for k, v in run["rollout"].items()), *words])
-    named = {word.lstrip("+~").partition("=")[0].partition(".")[0] for word in words}
-    for kind in {"task", "tool"} - named:
-        OmegaConf.update(cfg, kind, run[kind], merge=False, force_add=True)
+    named = {word.lstrip("+~").partition("=")[0] for word in words}
+    try:
+        for key in ("seed", *(f"rollout.{name}" for name in run.get("rollout", {}))):
+            if key not in named:
+                OmegaConf.update(cfg, key, OmegaConf.select(OmegaConf.create(run), key))
+        for kind in {"task", "tool"} - {key.partition(".")[0] for key in named}:
+            OmegaConf.update(cfg, kind, run[kind], merge=False, force_add=True)
+    except (KeyError, OmegaConfBaseException) as error:
+        raise UserError(f"{cfg.designs}: its configuration can't be used here: {first_line(error)}") from error
     return cfg
 
 

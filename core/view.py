@@ -38,7 +38,7 @@ def recordings(run: Path) -> list[Path]:
         return [run]
     if not run.is_dir():
         raise UserError(f"no run folder {run}")
-    found = sorted(run.glob("recording.rrd")) or sorted(run.glob("*/recording.rrd"))
+    found = [file for of in ("recording.rrd", "*/recording.rrd") for file in sorted(run.glob(of)) if file.is_file()]
     if not found:
         raise UserError(f"{run} holds no recording.rrd; runs with the listener rerun write one")
     return found

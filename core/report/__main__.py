@@ -13,7 +13,7 @@ from core.report.formats import Table, to_csv, to_markdown
 from core.report.page import figure_address, in_viewer, render
 from core.report.plots import FORMATS, Picture
 from core.report.results import Results
-from core.report.runs import find_runs
+from core.report.runs import find_runs, short
 from core.report.statistics import Resampling
 from core.report.tables import tables
 from core.report.terminal import show
@@ -115,7 +115,9 @@ def main() -> None:
         raise UsageError(f"resamples must be at least 1, got {cfg.resamples}")
     results = report(folders, Path(cfg.output), formats, Resampling(cfg.confidence, cfg.resamples))
     if not results.runs:
-        raise UserError(f"no run is finished; {len(results.left_out)} are listed in {Path(cfg.output) / 'index.html'}")
+        (first, *_), listed = results.left_out, Path(cfg.output) / "index.html"
+        why = f"{first.status}: {short(str(first.folder))}: {first.reason}"
+        raise UserError(f"no run is finished; {len(results.left_out)} are listed in {listed}; the first, {why}")
     show(results)
     say(str(Path(cfg.output) / "index.html"))
 

@@ -94,13 +94,21 @@ def _values(settings: Sequence[Mapping[str, str]], key: str) -> set[str | None]:
 def _shortest(methods: list[tuple[str | None, ...]], keys: list[str]) -> dict[tuple[str | None, ...], str]:
     names = {}
     for method in methods:
-        others = [other for other in methods if other != method]
-        every = (itertools.combinations(range(len(keys)), length) for length in range(1, len(keys) + 1))
-        for chosen in itertools.chain.from_iterable(every):
-            if all(any(other[i] != method[i] for i in chosen) for other in others):
-                names[method] = " ".join(_say(keys[i], method[i]) for i in chosen)
-                break
+        differences = [{i for i in range(len(keys)) if other[i] != method[i]} for other in methods if other != method]
+        pairs = itertools.chain.from_iterable(itertools.combinations(range(len(keys)), length) for length in (1, 2))
+        found = (set(pair) for pair in pairs if all(not found.isdisjoint(pair) for found in differences))
+        chosen = next(found, None) or _least(differences, len(keys))
+        names[method] = " ".join(_say(keys[i], method[i]) for i in sorted(chosen))
     return names
+
+
+def _least(differences: Sequence[set[int]], count: int) -> set[int]:
+    """Return keys of which none can be left out, the first rather than the last: the fewest take too long to find."""
+    chosen = set(range(count))
+    for i in reversed(range(count)):
+        if all(found & (chosen - {i}) for found in differences):
+            chosen.remove(i)
+    return chosen
 
 
 def _say(key: str, value: str | None) -> str:

@@ -110,7 +110,10 @@ def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutR
 
 def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
     """Find the run folders at or below ``folder``; one with Hydra's files and nothing else is of a run that failed."""
-    entries = {entry.name: entry for entry in os.scandir(folder)}
+    try:
+        entries = {entry.name: entry for entry in os.scandir(folder)}
+    except OSError as error:
+        raise UserError(f"{folder} can't be read: {error.strerror}") from error
     if RESULT in entries or STORE in entries:
         return [folder]
     skipped = (HYDRA, "best", "requests", "replies")

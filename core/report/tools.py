@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 SAME = 1e-4  # metres by which corners of equal tools may differ
 Shape = list[Array]  # corners (V, 3) of each component, as the arm holds it
+_FARTHEST, _THINNEST = 100.0, 1e-6  # metres
 _FINGER_BASE = 0.0584  # of the finger joints below the hand, in the Panda's description
 
 
@@ -142,6 +143,8 @@ def _winner(run: FinishedRun, row: sqlite3.Row, given: Tool | None, representati
     design = json.loads(row["design"])
     try:
         tool = given or representation.parse(design, gripper=bool(design["gripper"]))
+        if given is None:
+            _check_size(tool)
     except DesignError as error:
         raise UserError(f"the design of {row['candidate']} can't be read again: {error}") from error
     if given is None:
@@ -158,6 +161,14 @@ def _winner(run: FinishedRun, row: sqlite3.Row, given: Tool | None, representati
         _text(design, "strategy_name", MAX_NAME),
         _text(design, "strategy_description", MAX_DESCRIPTION),
     )
+
+
+def _check_size(tool: Tool) -> None:
+    """Refuse what can't be drawn. It may break a rule: there were others when it was tried."""
+    for component, solid in as_held(tool):
+        sides, corners = np.asarray(component.shape.size), np.asarray(solid.vertices)
+        if not (np.isfinite(corners).all() and np.abs(corners).max() < _FARTHEST and sides.min() > _THINNEST):
+            raise DesignError(f"component {component.name!r} has no size that can be drawn")
 
 
 def _text(design: dict[str, Any], name: str, longest: int) -> str:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from core.errors import UserError
 from core.store.rows import MAX_BYTES, TABLES, checksum, damages
+from core.text import clean
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -118,7 +119,7 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
                 _check(database, file, log)
                 yield database
     except (sqlite3.Error, OSError) as error:
-        raise UserError(f"{file} can't be read: {error}") from error
+        raise UserError(f"{file} can't be read: {_why(error)}") from error
 
 
 def _check(database: sqlite3.Connection, file: Path, log: Path) -> None:
@@ -142,6 +143,11 @@ def _check(database: sqlite3.Connection, file: Path, log: Path) -> None:
         for damage in damages(database):
             raise sqlite3.DatabaseError(damage)
     _sound.add(state)
+
+
+def _why(error: BaseException) -> str:
+    why = clean(str(error), 300)  # SQLite quotes a text that it can't decode
+    return why if "use a copy" in why else f"{why}; use a copy"
 
 
 class Database:
@@ -180,7 +186,7 @@ class Database:
         except UserError as error:
             if error.__cause__ is None:
                 raise
-            why = f"{file} is damaged: {' '.join(str(error.__cause__).split())}"
+            why = f"{file} is damaged: {_why(error.__cause__)}"
             raise UserError(f"{why}; it is left as it is, and so are the replies beside it") from error
 
     def begun(self) -> bool:

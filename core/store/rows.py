@@ -69,6 +69,11 @@ def _named(value: dict[str, Any]) -> dict[str, Any]:
     return value
 
 
+def _with_tie(value: dict[str, Any]) -> dict[str, Any]:
+    validated(Amount, value.get("tie", 0.0))
+    return value
+
+
 Json = BeforeValidator(parsed)
 Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**128)]
@@ -78,6 +83,7 @@ Distance = Annotated[Amount | None, BeforeValidator(lambda value: None if value 
 Reward = Annotated[Number, Field(ge=0, le=1)]
 Id = Annotated[str, Field(max_length=200)]
 Chosen = Annotated[dict[str, Any], AfterValidator(_named)]  # a part with its settings
+Evolution = Annotated[Chosen, AfterValidator(_with_tie)]
 
 
 @dataclass(frozen=True)
@@ -150,7 +156,7 @@ class _Config(_Schema):
     sim: Chosen = {}
     vlm: Chosen = {}
     tool: Chosen = {}
-    evolution: Chosen = {}
+    evolution: Evolution = {}
     fitness: Chosen = {}
     executor: Chosen = {}
     budget: _Budget = _Budget()

@@ -1,9 +1,9 @@
-"""A fuzzer for what reads run folders: ``python -m tests.fuzz.folders [stores|folders] [-max_total_time=60] [-seed=N]``.
+"""A fuzzer for run folders: ``python -m tests.fuzz.folders [stores|folders] [-max_total_time=60] [-seed=N]``.
 
-It damages copies of a few runs at random and calls the commands on them: ``stores`` changes `run.sqlite` by bits and by
-values, ``folders`` the files beside it; the default is both. A command does its work or ends with one line. A traceback,
-an error of several lines, and a report that counts other rewards are findings. Each is printed with its seed;
-``-seed=N -max_total_time=0`` repeats it.
+It damages copies of a few runs at random and calls the commands on them: ``stores`` changes `run.sqlite` by bits and
+by values, ``folders`` the files beside it; the default is both. A command does its work or ends with one line. A
+traceback, an error of several lines, and a report that counts other rewards are findings. Each is printed with its
+seed; ``-seed=N -max_total_time=0`` repeats it.
 """
 
 from __future__ import annotations

@@ -89,3 +89,13 @@ def test_of_equal_rewards_the_shorter_distance_is_the_best(tmp_path):
         write_run(tmp_path / str(seed), f"seed={seed}", rewards=[[0.5]], distances=[distance])
     (g,) = group(*find_runs([tmp_path]))
     assert (g.best.seed, g.best.best.distance_m) == (1, 0.5)
+
+
+def test_the_name_of_a_baseline_among_many_ablations_takes_no_time():
+    """It differs from each other run in one setting, so that its name needs them all."""
+    base = {"vlm": {"name": "offline", **{f"part_{i}": 1 for i in range(40)}}}
+    ablations = [{"vlm": base["vlm"] | {f"part_{i}": 0}} for i in range(40)]
+    names = label([("BringCube", config) for config in [base, *ablations]])
+    assert len(set(names)) == 41
+    assert names[1] == "vlm.part_0=0"
+    assert names[0].startswith("vlm.part_0=1 ")

@@ -95,7 +95,7 @@ def test_a_store_without_checksums_is_read_as_before(tmp_path):
         ("UPDATE strategies SET parents = ?", '{"a": 1}', "parents: "),
         ("DELETE FROM strategies WHERE strategy = ?", 1, "evaluations: g0-a0-s1-p0 has no row in strategies"),
         ("UPDATE replies SET prompt_tokens = ?", 2**63 - 1, "prompt_tokens: Input should be less than"),
-        ("UPDATE replies SET text = CAST(? AS TEXT)", b"\xff\xfe", "Could not decode to UTF-8"),
+        ("UPDATE replies SET text = CAST(? AS TEXT)", b"two\nlines \xff\xfe", "Could not decode to UTF-8"),
         ("UPDATE requests SET gripper = ?", 7, "gripper: "),
         ("UPDATE sessions SET versions = ?", "[1]", "versions: "),
         ("UPDATE generations SET summary = ?", '{"index": 0}', "summary.best_reward: Field required"),
