@@ -68,9 +68,10 @@ def make_runs(folder: Path) -> list[Path]:
     """Make one run that ended, one that was killed, one without a candidate, one of given tools, one of version 2."""
     whole, old = folder / "whole", folder / "old"
     call(run.main, *QUICK, *SMALL, "vlm=offline", "film=false", "listener=[]", f"hydra.run.dir={whole}")
-    killed = shutil.copytree(write_run(folder / "open", "seed=1", finish=False), folder / "killed")
-    failed = write_run(folder / "failed", "seed=2", rewards=[[None], [None]])
-    bare = write_run(folder / "bare", "seed=3", "tool=none", rewards=[[0.5, 0.25]])
+    words = ("vlm=offline", "sim=mujoco", *SMALL)
+    killed = shutil.copytree(write_run(folder / "open", "seed=1", *words, finish=False), folder / "killed")
+    failed = write_run(folder / "failed", "seed=2", *words, rewards=[[None], [None]])
+    bare = write_run(folder / "bare", "seed=3", "tool=none", *words, rewards=[[0.5, 0.25]])
     shutil.copytree(whole, old)
     with contextlib.closing(sqlite3.connect(old / "run.sqlite")) as database:
         for table in rows.TABLES:
@@ -165,7 +166,7 @@ def commands(folder: Path, out: Path) -> dict[str, tuple[Callable[[], Any], tupl
         "reports": (report.main, (str(folder.parent), to, "formats=[svg]", "resamples=10")),
         "gallery": (gallery.main, (str(folder), to, "top=1")),
         "galleries": (gallery.main, (str(folder.parent), to, "top=1")),
-        "resume": (run.main, (f"resume={folder}", "budget.n_iteration=2")),
+        "resume": (run.main, (f"resume={folder}", "budget.stop_reward=0.0")),
         "transfer": (transfer.main, (f"designs={folder}", "sims=[mujoco]", "seeds=[0]")),
         "replay": (run.main, (*QUICK, *SMALL, *replayed)),
         "evaluate": (evaluate.main, (*QUICK, design)),
@@ -205,7 +206,8 @@ def one_case(seed: int, mode: str, runs: list[Path], good: dict[str, Any], count
         folder, out = Path(scratch) / "runs" / source.name, Path(scratch) / "out"
         what = (damage_store if mode == "stores" or (mode == "both" and seed % 2) else damage_folder)(rng, folder)
         others = rng.choice(["reports", "gallery", "galleries", "view"])
-        for name in ("report", others, rng.choice(["resume", "transfer", "replay", "evaluate", "prompt"])):
+        ways = ["resume", "transfer", "replay", *(["evaluate", "prompt"] if (folder / "best").is_dir() else [])]
+        for name in ("report", others, rng.choice(ways)):
             shutil.rmtree(out, ignore_errors=True)
             printed, wrong = outcome(*commands(folder, out)[name], counts)
             found = rewards(out) if name == "report" and source.name != "old" else []
