@@ -140,8 +140,11 @@ def _check(database: sqlite3.Connection, file: Path, log: Path) -> None:
                 f"{file} was written by another version: its schema version is {version}, this version reads up to "
                 f"{SCHEMA_VERSION}; it is left as it is"
             )
-        for damage in damages(database):
-            raise sqlite3.DatabaseError(damage)
+        try:
+            for damage in damages(database):
+                raise sqlite3.DatabaseError(damage)
+        except UnicodeDecodeError as error:  # of a column's name
+            raise sqlite3.DatabaseError("a table's definition is no text") from error
     _sound.add(state)
 
 

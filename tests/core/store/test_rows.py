@@ -64,6 +64,13 @@ def test_every_value_is_under_a_checksum(tmp_path, table):
     assert isinstance(read_run(folder), FinishedRun)
 
 
+def test_a_flipped_bit_in_the_name_of_a_column(tmp_path):
+    folder = write_run(tmp_path / "run")
+    file = folder / "run.sqlite"
+    file.write_bytes(file.read_bytes().replace(b"tracking_error_rad REAL", b"\xf4racking_error_rad REAL"))
+    assert all("a table's definition is no text; use a copy" in line for line in said_of(folder))
+
+
 def test_a_store_without_checksums_is_read_as_before(tmp_path):
     folder = write_run(tmp_path / "run")
     before = [winner.candidate for winner in winners(read_run(folder))]
