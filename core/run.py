@@ -68,11 +68,14 @@ def _hydra() -> None:
     from omegaconf.errors import OmegaConfBaseException
 
     from core.config.compose import explain, prepared
+    from core.config.trust import KeyFound
 
     sys.argv[1:] = words = prepared("config", sys.argv[1:])  # where Hydra reads them
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises its errors, and explain makes one line of them
     try:
         hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")(_job)()
+    except KeyFound as found:
+        raise UserError(str(found)) from None
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, "config", [word for word in words if "=" in word and word[0] != "-"]) from error
     except OSError as error:

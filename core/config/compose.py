@@ -19,6 +19,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandat
 
 from core.cli import say
 from core.config import schemas, sources
+from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Simulator, Task, ToolRepresentation
 from core.plugins import KINDS, NOT_SETTINGS, Part
@@ -60,6 +61,7 @@ def prepared(name: str, overrides: Sequence[str]) -> list[str]:
     that a plugin brings. Elsewhere the ``+`` is dropped, so that an unknown key is an error.
     """
     new = renamed(overrides)
+    refuse_key_words(new)
     register(new)
     elsewhere = any(word.startswith(("--config-dir", "-cd", "hydra.searchpath=")) for word in new)
     return [_checked_addition(word, {field.name for field in fields(SCHEMAS[name])}, elsewhere) for word in new]
@@ -86,9 +88,11 @@ def load(name: str, overrides: Sequence[str]) -> DictConfig:
     """
     overrides = prepared(name, overrides)
     try:
-        return _compose(name, overrides)
+        config = _compose(name, overrides)
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, name, overrides) from error
+    refuse_keys(config)
+    return config
 
 
 def overview(name: str, overrides: Sequence[str]) -> str:

@@ -11,10 +11,10 @@ from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 from core.config.compose import explain, first_line, load, renamed
 from core.config.schemas import RunConfig
+from core.config.trust import as_stored, read_stored_yaml, refuse_key_words
 from core.errors import UsageError, UserError
 
 GROUPS = ("executor", "listener")
@@ -33,10 +33,7 @@ def hydra_config(folder: Path) -> dict[str, Any]:
         inside = sorted(store.parent for store in folder.glob("*/run.sqlite"))
         hint = f"; there is one in {inside[0]}" if inside else ""
         raise UserError(f"{folder} holds no run{hint}")
-    try:
-        return cast(dict[str, Any], OmegaConf.to_container(OmegaConf.load(file)))
-    except (OmegaConfBaseException, YAMLError, OSError, ValueError) as error:
-        raise UserError(f"{file} can't be used: {first_line(error)}") from error
+    return as_stored(read_stored_yaml(file), folder, references=True)
 
 
 def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
@@ -46,6 +43,7 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
         UsageError: a setting that can't change, or not to this value.
         UserError: this version can't read the configuration.
     """
+    refuse_key_words(overrides)
     try:
         before = cast(DictConfig, OmegaConf.merge(OmegaConf.structured(RunConfig), config))
     except OmegaConfBaseException as error:

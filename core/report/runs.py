@@ -13,10 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple
 
-from omegaconf import OmegaConf
-
+from core.config.trust import as_stored, read_stored_yaml
 from core.errors import UserError
 from core.store.database import reading
 from core.store.rows import Best, Figures, parsed, validated
@@ -130,6 +129,9 @@ def natural(name: str) -> list[tuple[int, int | str]]:
 
 def read_run(folder: Path) -> FinishedRun | LeftOutRun:
     """Read a run from its folder."""
+    for name in (STORE, RESULT):
+        if (folder / name).is_symlink():
+            return LeftOutRun(folder, "unreadable", f"{name} is a link, which is not followed")
     store, result = folder / STORE, folder / RESULT
     if not store.exists() and not result.exists():
         config = _hydra_config(folder)
@@ -169,10 +171,9 @@ def _task(config: dict[str, Any]) -> str:
 def _hydra_config(folder: Path) -> dict[str, Any]:
     """The configuration that Hydra wrote for a run without a store; empty if it can't be read."""
     try:
-        config = OmegaConf.to_container(OmegaConf.load(folder / HYDRA / "config.yaml"), resolve=True)
-    except Exception:  # anything that a damaged file makes the parser raise: the run is listed without its task
+        return read_stored_yaml(folder / HYDRA / "config.yaml")
+    except UserError:  # the run is listed without its task
         return {}
-    return cast(dict[str, Any], config) if isinstance(config, dict) else {}
 
 
 # --- the store --------------------------------------------------------------------------------------------------
@@ -184,7 +185,8 @@ def _stored(folder: Path) -> tuple[dict[str, Any], Figures | None]:
         found = database.execute("SELECT * FROM run").fetchone()
     row = dict(found) if found is not None else {}
     result = row.get("result")
-    return parsed(row.get("config", "{}")), None if result is None else validated(Figures, parsed(result))
+    config = as_stored(parsed(row.get("config", "{}")), folder)
+    return config, None if result is None else validated(Figures, parsed(result))
 
 
 def _progress(store: Path) -> str:

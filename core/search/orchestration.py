@@ -21,6 +21,7 @@ from core.config.compose import check_seed, node, part
 from core.config.resume import changed, hydra_config
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
+from core.config.trust import refuse_keys, refuse_stored_addresses
 from core.designs.composer import PromptComposer
 from core.errors import UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
@@ -48,6 +49,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         KeyboardInterrupt: outside of the loop (inside: `Result.stopped`); says how to go on.
     """
     config = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True))
+    refuse_keys(OmegaConf.create(config))
     budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
     check_budget(budget)
     check_seed(cfg.seed)
@@ -118,6 +120,8 @@ def save_best(result: Result, this: Run, simulator: Simulator, settings: Rollout
     best, folder = result.best, this.folder / "best"
     if best is None:
         return
+    if folder.is_symlink():
+        folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)  # a resumed run has one of an earlier best
     save_design(best.candidate, this.representation, folder)
     if film and result.stopped != INTERRUPTED:
@@ -140,7 +144,9 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
     """
     store = RunStore.open(folder)
     if store is None:
-        print_outcome(run(changed(hydra_config(folder), overrides), folder), folder)
+        config = hydra_config(folder)
+        refuse_stored_addresses(config, overrides)
+        print_outcome(run(changed(config, overrides), folder), folder)
         return
     try:
         cfg = changed(store.config, overrides)
@@ -150,6 +156,7 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
             say(f"{folder} holds a run that has come to its end")
             print_best(ended["best"], folder)
             return
+        refuse_stored_addresses(store.config, overrides)
         store.overrides = overrides
         there = f"{len(store.past.replies)} replies and {len(store.past.candidates)} evaluated candidates are there"
         say(f"{folder} goes on: {there}", file=sys.stderr)

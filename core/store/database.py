@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import stat
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import UserError
+from core.secrets import scrub
 from core.store.rows import MAX_BYTES, TABLES, checksum, damages
 from core.text import clean
 
@@ -64,6 +66,11 @@ _REFUSALS = {
     getattr(sqlite3, f"SQLITE_{name}")
     for name in ("FULL", "IOERR", "READONLY", "CANTOPEN", "PERM", "BUSY", "CORRUPT", "NOTADB")
 }
+# What runs write, as patterns; a folder comes before what is in it.
+_WRITTEN = (
+    *("run.sqlite*", "run.lock", "result.json*", "scene.png", "recording.rrd"),
+    *(f"{name}{below}" for name in (".hydra", "requests", "replies", "best") for below in ("", "/*", "/*/*")),
+)
 _PATIENCE_S = 10.0  # with another process that has the file open, such as a SQLite shell
 _sound: set[object] = set()  # the states of files that this process has checked
 
@@ -89,6 +96,19 @@ def _refused(folder: Path, why: str) -> str:
     return f"{folder} can't be written: {why}; what is in it is kept"
 
 
+def refuse_links(folder: Path) -> None:
+    """Check that what a run writes in its folder stays there.
+
+    Raises:
+        UserError: one of its files or folders is a link, or something else that is neither.
+    """
+    for name in _WRITTEN:
+        for path in folder.glob(name):
+            kind = path.lstat().st_mode
+            if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
+                raise UserError(f"{path} is a link or a device, and a run writes only within its folder; remove it")
+
+
 @contextmanager
 def reading(folder: Path) -> Iterator[sqlite3.Connection]:
     """Open the store in ``folder`` to read it. A process that writes it goes on, and no file is left beside it.
@@ -103,6 +123,8 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
     if not file.is_file():
         raise UserError(f"{folder} holds no run: there is no {FILE} in it")
     log, index = (file.with_name(f"{FILE}-{what}") for what in ("wal", "shm"))
+    if any(path.is_symlink() for path in (file, log, index)):
+        raise UserError(f"{file} is a link, which is not followed")
     try:
         with tempfile.TemporaryDirectory() as scratch:
             at, mode = file, "mode=ro"
@@ -164,6 +186,7 @@ class Database:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._using = threading.Lock()
+        refuse_links(folder)
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = _lock(folder / LOCK)
@@ -233,14 +256,14 @@ class Database:
         """Insert a row, within a `transaction`."""
         columns, marks = ", ".join(values), ", ".join("?" * len(values))
         verb = "REPLACE" if replacing else "INSERT"
-        added = self._connection.execute(f"{verb} INTO {table} ({columns}) VALUES ({marks})", list(values.values()))
+        added = self._connection.execute(f"{verb} INTO {table} ({columns}) VALUES ({marks})", _scrubbed(values))
         self._seal(table, added.lastrowid)
 
     def update(self, table: str, **values: Any) -> None:
         """Update the last row of a table, if it has one, within a `transaction`."""
         ((last,),) = self._connection.execute(f"SELECT max(rowid) FROM {table}").fetchall()  # noqa: S608
         columns = ", ".join(f"{name} = ?" for name in values)
-        self._connection.execute(f"UPDATE {table} SET {columns} WHERE rowid = ?", [*values.values(), last])  # noqa: S608
+        self._connection.execute(f"UPDATE {table} SET {columns} WHERE rowid = ?", [*_scrubbed(values), last])  # noqa: S608
         self._seal(table, last)
 
     def _seal(self, table: str, at: int | None) -> None:
@@ -257,6 +280,10 @@ class Database:
         with self._using:
             self._connection.close()
             self._lock.release()
+
+
+def _scrubbed(values: dict[str, Any]) -> list[Any]:
+    return [scrub(value) if isinstance(value, str) else value for value in values.values()]
 
 
 def _lock(file: Path) -> FileLock:

@@ -10,6 +10,7 @@ from pathlib import Path
 from sqlite3 import Row
 from typing import Any
 
+from core.config.trust import as_stored
 from core.design import Evaluation
 from core.designs.reading import read_designs
 from core.designs.rules import SpawnRules
@@ -32,8 +33,7 @@ def stored_config(folder: Path) -> dict[str, Any]:
     rows = _query(folder, "SELECT config FROM run")
     if not rows:
         raise UserError(f"{folder} holds a run that ended before it began; its store is empty")
-    config: dict[str, Any] = json.loads(rows[0]["config"])
-    return config
+    return as_stored(json.loads(rows[0]["config"]), folder)
 
 
 def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: SpawnRules) -> list[Evaluation]:

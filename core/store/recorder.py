@@ -19,12 +19,14 @@ from typing import Any
 
 from packaging.requirements import Requirement
 
+from core.config.trust import as_stored
 from core.design import Candidate, Evaluation
 from core.designs.reading import dump_design
 from core.errors import UserError
 from core.events import Generation, Result, Run
 from core.hooks import hookimpl
 from core.interfaces import Picture, Reply, Request, Text
+from core.secrets import scrub
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
 from core.store.progress import FIGURES, StoredProgress, digest
 
@@ -49,7 +51,7 @@ class RunStore:
         self.folder = database.folder
         self._database = database
         ((config, result),) = database.rows("SELECT config, result FROM run")
-        self.config: dict[str, Any] = json.loads(config)
+        self.config = as_stored(json.loads(config), database.folder)
         self.result: dict[str, Any] | None = json.loads(result) if result is not None else None
         self.past = StoredProgress(database)
         ((self.seconds,),) = database.rows("SELECT total(seconds) FROM sessions")
@@ -239,7 +241,9 @@ class RunStore:
 def _write(file: Path, text: str) -> None:
     """Write the whole text or nothing, whenever the process ends."""
     part = file.with_name(f"{file.name}.part")
-    part.write_text(text, encoding="utf-8")
+    part.unlink(missing_ok=True)
+    with part.open("x", encoding="utf-8") as stream:  # follows no link
+        stream.write(scrub(text))
     part.replace(file)
 
 

@@ -155,7 +155,14 @@ def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tm
         assert "python -m core.run resume=" in first.stderr
         assert re.search(r"best reward (0\.99|1\.0)", first.stdout)
         assert (tmp_path / "run" / "best" / "design.json").is_file()
-        second = command(tmp_path, "resume=run", "vlm.max_tokens_total=null")
+        refused = command(tmp_path, "resume=run", "vlm.max_tokens_total=null")
+        assert refused.returncode == 1
+        assert refused.stderr == (
+            f"error: the run leads to {server.url}, with what it sends, keys included; if you trust that, repeat it: "
+            f"vlm.api_base={server.url}\n"
+        )
+        assert len(server.calls) == 2
+        second = command(tmp_path, "resume=run", "vlm.max_tokens_total=null", f"vlm.api_base={server.url}")
     assert second.returncode == 0, second.stderr
     assert len({call.body["generationConfig"]["seed"] for call in server.calls}) == len(server.calls) == 4
     (generation,) = result(tmp_path / "run")["generations"]

@@ -1,0 +1,142 @@
+"""Keep keys out of what a run stores, and take what a run has stored as it stands: nothing in it is resolved."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import yaml
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from core.errors import UsageError, UserError
+from core.secrets import holds_secret, is_secret_name
+from core.text import clean
+
+MAX_BYTES = 100_000  # of a stored configuration
+_HINT = "it would be stored with the run; set the provider's environment variable instead, such as OPENAI_API_KEY"
+_ADDRESS = re.compile(r"(^|_)(base|url|host|address|endpoint|server)$")
+
+
+class KeyFound(BaseException):
+    """A key in a configuration, raised where Hydra catches every Exception."""
+
+
+class KeyCheck(Callback):  # type: ignore[misc]  # hydra has no types
+    """Look for keys before Hydra writes a file: a callback of Hydra's."""
+
+    def on_run_start(self, config: DictConfig, **_: Any) -> None:
+        try:
+            refuse_keys(config)
+        except UserError as error:
+            raise KeyFound(str(error)) from None
+
+    on_multirun_start = on_run_start
+
+
+def refuse_key_words(words: Sequence[str]) -> None:
+    """Look for keys in the words of a command line.
+
+    Raises:
+        UsageError: there is one; the message does not repeat it.
+    """
+    for word in words:
+        key, _, value = word.lstrip("+~").partition("=")
+        names = [*key.split("."), *re.findall(r"[\w-]+(?=['\"]?\s*:)", value)]
+        named = any(map(_is_key, names)) or any(map(is_secret_name, re.findall(r"[?&]([\w-]+)=", value)))
+        if value not in ("", "null") and (named or _holds(value) or holds_secret(key)):
+            raise UsageError(f"{clean(key, 100)} is a key or holds one: {_HINT}")
+
+
+def refuse_keys(config: DictConfig) -> None:
+    """Look for keys in a configuration, wherever they came from.
+
+    Raises:
+        UserError: there is one; the message does not repeat it.
+    """
+    plain = {key: node for key, node in cast(dict[str, Any], OmegaConf.to_container(config)).items() if key != "hydra"}
+    for path, value in _texts(plain):
+        if value != "???" and (any(map(_is_key, path.split("."))) or _holds(value)):
+            raise UserError(f"{path} of the configuration is a key or holds one: {_HINT}")
+
+
+def _is_key(name: str) -> bool:
+    return is_secret_name(name) and name.lower() != "key"  # of a piano, or a part's own
+
+
+def _holds(value: str) -> bool:
+    return holds_secret(value) or any(map(is_secret_name, re.findall(r"oc\.env:\s*(\w+)", value)))
+
+
+def _texts(node: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield each text in a configuration that is not empty, with its path; the keys too."""
+    if isinstance(node, str) and node:
+        yield path, node
+    items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    for key, item in items:
+        if "${" in str(key):
+            yield path, str(key)
+        yield from _texts(item, ".".join(filter(None, (path, key if isinstance(key, str) else ""))))
+
+
+def as_stored(config: Any, where: Path, *, references: bool = False) -> dict[str, Any]:
+    """Return a configuration that was read from a run's folder, if nothing in it would be resolved.
+
+    With ``references`` it may refer to its own keys, as Hydra writes it.
+
+    Raises:
+        UserError: it refers to something, such as an environment variable of this machine.
+    """
+    if not isinstance(config, dict):
+        raise UserError(f"{where}: its configuration is no object")
+    for path, value in _texts(config):
+        rest = re.sub(r"\$\{[\w.\[\]]+\}", "", value) if references else value
+        if "${" in rest:
+            raise UserError(
+                f"{where}: its configuration has {clean(value, 100)!r} for {clean(path, 100)}, which is not resolved "
+                "on another's word"
+            )
+    return config
+
+
+def read_stored_yaml(file: Path) -> dict[str, Any]:
+    """Read the configuration that Hydra wrote into a run's folder, unresolved.
+
+    Raises:
+        UserError: it can't be read, or is a link.
+    """
+    if file.is_symlink() or file.parent.is_symlink():
+        raise UserError(f"{file} is a link, which is not followed")
+    try:
+        with file.open("rb") as stream:
+            text = stream.read(MAX_BYTES + 1).decode()
+        if len(text) > MAX_BYTES or any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
+            raise UserError(f"{file} can't be used: it is too large")  # a few aliases may unfold to gigabytes
+        config = OmegaConf.to_container(OmegaConf.create(text))
+    except (OmegaConfBaseException, yaml.YAMLError, OSError, ValueError, RecursionError) as error:
+        why = str(error).strip().partition("\n")[0]
+        raise UserError(f"{file} can't be used: {clean(why, 200)}") from error
+    if not isinstance(config, dict):
+        raise UserError(f"{file} can't be used: it is no configuration")
+    return cast(dict[str, Any], config)
+
+
+def refuse_stored_addresses(config: dict[str, Any], repeated: Sequence[str]) -> None:
+    """Check that a stored run calls no server that the command line does not name too.
+
+    Requests would carry this machine's key there.
+
+    Raises:
+        UserError: there is an address of the model, the executor or a listener; says what to repeat.
+    """
+    given = {word.lstrip("+").partition("=")[0] for word in repeated}
+    for path, value in _texts({kind: config.get(kind) for kind in ("vlm", "executor", "listener")}):
+        if path not in given and ("://" in value or _ADDRESS.search(path.rpartition(".")[2])):
+            shown = clean(f"{path}={value}", 300)
+            raise UserError(
+                f"the run leads to {clean(value, 300)}, with what it sends, keys included; if you trust that, repeat "
+                f"it: {shown}"
+            )
