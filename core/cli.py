@@ -9,6 +9,7 @@ import os
 import select
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -34,6 +35,7 @@ def command(function: Callable[[], None]) -> NoReturn:
         if signal.getsignal(number) is not signal.SIG_IGN:  # ignored where a shell runs it in the background
             signal.signal(number, _Interrupt())
     sys.excepthook = _show_traceback
+    threading.excepthook = lambda args: _show_traceback(args.exc_type, args.exc_value, args.exc_traceback)
     try:
         function()
         sys.stdout.flush()
@@ -161,7 +163,7 @@ class _Interrupt:
             raise KeyboardInterrupt
 
 
-def _show_traceback(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+def _show_traceback(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
     say(*"".join(traceback.format_exception(kind, error, trace)).splitlines(), file=sys.stderr)
 
 

@@ -106,6 +106,11 @@ def test_a_line_shows_what_is_not_printable(capsys):
     [
         ("from core.errors import UserError; raise UserError('a\\x1b[2J\\u202eb')", 1, r"error: a\x1b[2J\u202eb"),
         ("raise ValueError('a\\x1b[2J\\u202eb')", 1, r"ValueError: a\x1b[2J\u202eb"),
+        (
+            "import threading; t = threading.Thread(target=int, args=['a\\x1b[2J']); t.start(); t.join()",
+            0,
+            r"ValueError: invalid literal for int() with base 10: 'a\x1b[2J'",
+        ),
         ("from core.cli import say; say('\u2717 a\u202eb')", 0, r"\u2717 a\u202eb"),
         ("from core.cli import print_table; print_table(['\u2717'], [])", 0, r"\u2717"),
         ("print('\u2717')", 0, r"\u2717"),
