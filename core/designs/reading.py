@@ -34,7 +34,7 @@ _MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM
 MAX_REPLY = 5_000_000  # characters, about ten times the longest answer of a model
 MAX_MALFORMED = 100  # malformed strategies of a malformed reply, and
 MAX_SAVED = 1000  # sound ones; the rest is not read
-MAX_REREAD = 3_000_000  # characters of malformed strategies, which may lie inside each other
+MAX_REREAD = 1_000_000  # characters of malformed strategies, which may lie inside each other
 
 _SEPARATORS = re.compile(r"[\s,]*")
 _OPENING = re.compile(r'"strategies"\s*:\s*\[')
