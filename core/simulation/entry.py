@@ -11,7 +11,7 @@ import numpy as np
 from core.geometry import Array, Box, Cylinder, Mesh, Sphere
 from core.simulation.tracks import ROBOT, Track
 
-CUT_M = 0.003  # so much farther in than the least way out
+CUT_M = (0.001, 0.003)  # so much farther in than the least way out: twice the thickness, within these limits
 # Two solids only touch while they are no deeper than this share of the thinner one's thickness, and this depth: one of
 # them the robot's, or two bodies, which may fall onto a thin wall at 4 m/s, 10 mm in an engine's step.
 SKIN, SKIN_M = 0.3, 0.005
@@ -19,12 +19,21 @@ BODY_SKIN, BODY_SKIN_M = 0.5, 0.01
 SAME = 0.9  # cosine of two directions that are about the same
 
 
+def thickness(one: Track, other: Track) -> float:
+    """The thickness of the thinner one, metres."""
+    return 2 * min(one.half_width, other.half_width)
+
+
+def cut(one: Track, other: Track) -> float:
+    """How much farther in than the least way out, metres, is a cut."""
+    return min(max(2 * thickness(one, other), CUT_M[0]), CUT_M[1])
+
+
 def skin(one: Track, other: Track) -> float:
     """The depth, metres, below which two solids only touch: the side that each is on is clear."""
-    thickness = 2 * min(one.half_width, other.half_width)
     if one.owner == ROBOT:
-        return min(SKIN_M, SKIN * thickness)
-    return min(BODY_SKIN_M, BODY_SKIN * thickness)
+        return min(SKIN_M, SKIN * thickness(one, other))
+    return min(BODY_SKIN_M, BODY_SKIN * thickness(one, other))
 
 
 class Side:

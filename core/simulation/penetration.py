@@ -20,7 +20,7 @@ from core.design import Tool
 from core.geometry import Array, Box, Cylinder, Sphere
 from core.interfaces import Recording
 from core.scene import Scene
-from core.simulation.entry import CUT_M, Side, skin
+from core.simulation.entry import Side, cut, skin, thickness
 from core.simulation.sampling import detours, finer, rough, taken
 from core.simulation.tracks import Track, body_tracks, robot_tracks, travelled
 
@@ -74,9 +74,8 @@ def findings(scene: Scene, tool: Tool, recording: Recording) -> list[Finding]:
         wanted = np.ones(len(samples) - 1)
         for one, other, _, deeper, travel in meetings:
             deeper = deeper[deeper < len(wanted)]
-            thin = 2 * min(one.half_width, other.half_width)
             way = np.diff(travel) + 2 * (one.aside + other.aside + 0 * travel)[:-1]  # there and back
-            wanted[deeper] = np.maximum(wanted[deeper], way[deeper] / thin)
+            wanted[deeper] = np.maximum(wanted[deeper], way[deeper] / thickness(one, other))
         more = finer(samples, wanted)
         if len(more) > len(samples):
             seen = taken(recording, more)
@@ -166,7 +165,8 @@ def _passage(
     """The time when one got into the other, seconds, and a description; None if it never did."""
     deep, through = _limits(one, other)
     limit, touching = min(deep, through), skin(one, other)
-    least, step = min(limit, touching), min(limit / 4, CUT_M)
+    least, far_in = min(limit, touching), cut(one, other)
+    step = min(limit / 4, far_in)
     gaps = _gaps(one, other)
     # From one sample to the next, a gap can't shrink and grow again by more than the travel allows.
     if gaps is not None and (
@@ -180,7 +180,7 @@ def _passage(
     entry: Array | None = None
     side: Side | None = None  # the same from when they last only touched
     reached = 0.0  # the largest depth since then
-    cut: tuple[float, str] | None = None
+    found: tuple[float, str] | None = None
     since, stuck = 0.0, None  # when it got in, and since when it is too deep
     k, share = samples[0], 0.0
     while True:
@@ -188,8 +188,8 @@ def _passage(
         now = instants[k] + (share * (instants[k + 1] - instants[k]) if share else 0.0)
         if depth < touching or (side is not None and side.same(out, rotation, others_rotation)):
             side = Side(out, rotation, others_rotation)
-        elif cut is None and side is not None and side.overlap(one, other, k, share) > depth + CUT_M:
-            cut = now, f"cut into {{}} at {now:.2f} s"  # it may come out on the other side
+        elif found is None and side is not None and side.overlap(one, other, k, share) > depth + far_in:
+            found = now, f"cut into {{}} at {now:.2f} s"  # it may come out on the other side
         if depth < (limit if entry is None else 0.0):
             if entry is not None and reached >= through and out @ others_rotation @ entry < 0.5:
                 return since, f"passed through {{}} at {since:.2f} s"
@@ -206,7 +206,7 @@ def _passage(
         ahead = gone[k] + (share * (gone[k + 1] - gone[k]) if share else 0.0)
         if depth >= least:
             if k == last:
-                return cut
+                return found
             ahead = min(ahead + step, gone[k + 1])
             k, share = (k + 1, 0.0) if ahead >= gone[k + 1] else (k, share)
             if ahead == gone[k]:
@@ -214,14 +214,14 @@ def _passage(
         else:
             ahead += max(least - depth, step) if -depth < _FROM_AFAR_M else -depth
             if ahead > gone[last]:
-                return cut
+                return found
             further = bisect_right(gone, ahead) - 1
             if further > k:
                 k, share = further, 0.0
                 if depth < 0:
                     at = bisect_left(samples, k)
                     if at == len(samples):
-                        return cut
+                        return found
                     k = samples[at]
                 continue
         share = (ahead - gone[k]) / (gone[k + 1] - gone[k])
