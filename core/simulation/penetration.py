@@ -17,10 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from core.design import Tool
-from core.geometry import Array, Box, Cylinder, Sphere
+from core.geometry import Array, Sphere
 from core.interfaces import Recording
 from core.scene import Scene
 from core.simulation.entry import Side, cut, skin, thickness
+from core.simulation.gaps import gap_bounds
 from core.simulation.sampling import detours, finer, rough, taken
 from core.simulation.tracks import Track, body_tracks, robot_tracks, travelled
 
@@ -166,19 +167,16 @@ def _passage(
     deep, through = _limits(one, other)
     limit, touching = min(deep, through), skin(one, other)
     least, far_in = min(limit, touching), cut(one, other)
-    step = min(limit / 4, far_in)
-    gaps = _gaps(one, other)
-    # From one sample to the next, a gap can't shrink and grow again by more than the travel allows.
-    if gaps is not None and (
-        ((gaps[:-1] + gaps[1:] - travel[1:] + travel[:-1]) / 2).take(near, mode="clip").min() > -least
-    ):
+    step = max(min(limit / 4, far_in), min(limit, thickness(one, other)) / 2)
+    near = _deep(one, other, near, travel, least)
+    if not len(near):
         return None
     distance = coal.ComputeDistance(other.geometry, one.geometry)
     samples, gone, instants = near.tolist(), travel.tolist(), times.tolist()  # faster one by one
     last = len(gone) - 1
-    # The direction out of ``other`` when the two were last apart, if ever; before that nothing counts.
+    # The direction out of ``other`` when they last only touched, if ever; before that nothing counts.
     entry: Array | None = None
-    side: Side | None = None  # the same from when they last only touched
+    side: Side | None = None  # the same, and since then it may have turned gradually
     reached = 0.0  # the largest depth since then
     found: tuple[float, str] | None = None
     since, stuck = 0.0, None  # when it got in, and since when it is too deep
@@ -190,7 +188,7 @@ def _passage(
             side = Side(out, rotation, others_rotation)
         elif found is None and side is not None and side.overlap(one, other, k, share) > depth + far_in:
             found = now, f"cut into {{}} at {now:.2f} s"  # it may come out on the other side
-        if depth < (limit if entry is None else 0.0):
+        if depth < (limit if entry is None else least):
             if entry is not None and reached >= through and out @ others_rotation @ entry < 0.5:
                 return since, f"passed through {{}} at {since:.2f} s"
             entry, reached = out @ others_rotation, 0.0
@@ -218,7 +216,7 @@ def _passage(
             further = bisect_right(gone, ahead) - 1
             if further > k:
                 k, share = further, 0.0
-                if depth < 0:
+                if depth < least:
                     at = bisect_left(samples, k)
                     if at == len(samples):
                         return found
@@ -227,32 +225,18 @@ def _passage(
         share = (ahead - gone[k]) / (gone[k + 1] - gone[k])
 
 
-def _gaps(one: Track, other: Track) -> Array | None:
-    """Distances (T,) between a ball and a ball, box or cylinder, metres, negative if they overlap; None for others."""
-    ball, solid = (one, other) if isinstance(one.shape, Sphere) else (other, one)
-    if not isinstance(ball.shape, Sphere):
-        return None
-    gaps: Array
-    match solid.shape:
-        case Sphere(radius):
-            offsets = ball.positions - solid.positions
-            gaps = np.sqrt(np.einsum("ti,ti->t", offsets, offsets)) - radius - ball.shape.radius
-            return gaps
-        case Box(size):
-            beyond = np.abs(_inside(ball, solid)) - np.asarray(size) / 2
-        case Cylinder(radius, length):
-            x, y, z = _inside(ball, solid).T
-            beyond = np.column_stack([np.hypot(x, y) - radius, np.abs(z) - length / 2])
-        case _:
-            return None
-    outside = np.maximum(beyond, 0.0)
-    gaps = np.sqrt((outside * outside).sum(axis=1)) + np.minimum(beyond.max(axis=1), 0.0) - ball.shape.radius
-    return gaps
+def _deep(one: Track, other: Track, near: npt.NDArray[np.intp], travel: Array, least: float) -> npt.NDArray[np.intp]:
+    """Those of the samples ``near`` from which on, until the next, two solids may get as deep as ``least``.
 
-
-def _inside(one: Track, other: Track) -> Array:
-    """Positions (T, 3) of one solid in the frame of the other."""
-    return ((one.positions - other.positions)[:, None] @ other.rotations)[:, 0]
+    From one sample to the next, a gap can't shrink and grow again by more than the travel allows.
+    """
+    after = np.minimum(near + 1, len(travel) - 1)
+    gaps = gap_bounds(one, other, np.union1d(near, after))
+    if gaps is None:
+        return near
+    at = np.union1d(near, after)
+    before, behind = gaps[np.searchsorted(at, near)], gaps[np.searchsorted(at, after)]
+    return near[(before + behind - travel[after] + travel[near]) / 2 <= -least]
 
 
 def _query(distance: Any, one: Track, other: Track, k: int, share: float) -> tuple[float, Array, Array, Array]:

@@ -76,9 +76,10 @@ def test_a_sheet_that_slides_into_a_gap(thick):
 
 @THIN
 def test_a_sheet_that_pushes_the_cube_ahead(thick):
-    """Its edge is as deep in the cube as engines let a hard thrust: less than a cut."""
+    """Its edge is as deep in the cube as two of its thicknesses: less than a cut."""
     scene = Scene((table(), sheet(thick), cube()))
-    assert pushed(scene, 0.06, [(0, 0, 0), (12 / 60, 0, 0), (1, 0.048, 0)]) == []
+    deep = 0.01 + 2 * thick
+    assert pushed(scene, 0.06, [(0, 0, 0), (deep / 0.06, 0, 0), (1, 0.06 - deep, 0)]) == []
 
 
 @pytest.mark.parametrize("pitch", [0.1, 0.3])
