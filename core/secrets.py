@@ -146,12 +146,14 @@ def _character(match: re.Match[str]) -> str:
     """The character that is written in an escaped form; empty: one that can't be seen."""
     utf16, byte, percent, hexadecimal, decimal, named, escaped = match.groups()
     if number := utf16 or byte or percent or hexadecimal:
-        return chr(int(number, 16))
-    if decimal:
-        return chr(int(decimal))
-    if named:
-        return html.unescape(match.group())
-    return _ESCAPED.get(escaped, escaped) if escaped else ""
+        found = chr(int(number, 16))
+    elif decimal:
+        found = chr(int(decimal))
+    elif named:
+        found = html.unescape(match.group())
+    else:
+        found = _ESCAPED.get(escaped, escaped) if escaped else ""
+    return re.sub(_UNSEEN, "", found)
 
 
 def _starred(text: str, spans: list[tuple[int, int]]) -> str:

@@ -34,6 +34,7 @@ FORMS = {
     "url base64": base64.urlsafe_b64encode(KEY.encode()).decode(),
     "hexadecimal": KEY.encode().hex(),
     "with marks": "\u200b".join(KEY),
+    "with marks in json": json.dumps("\u200b".join(KEY)),
     "with a control": KEY.replace("p", "p\x00"),
     "with half a pair": KEY.replace("p", "p\ud83d"),
 }

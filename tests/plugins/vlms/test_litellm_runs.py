@@ -1,5 +1,6 @@
 """Whole runs with a language model on a server: results, files, and no secrets in them."""
 
+import base64
 import json
 import os
 import re
@@ -14,7 +15,7 @@ import pytest
 from core.config.compose import load
 from core.search.orchestration import run
 from tests.plugins.vlms.asking import KEYS, VARIABLES
-from tests.plugins.vlms.servers import Reset, Say, Send, Stall, serving
+from tests.plugins.vlms.servers import Reset, Say, Send, Stall, document, serving
 
 ROOT = Path(__file__).parents[3]
 SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())["strategies"][0]
@@ -167,3 +168,45 @@ def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tm
     assert len({call.body["generationConfig"]["seed"] for call in server.calls}) == len(server.calls) == 4
     (generation,) = result(tmp_path / "run")["generations"]
     assert (generation["n_candidates"], generation["n_rejected"]) == (4, 0)
+
+
+def test_a_gateway_that_repeats_the_key_leaves_it_nowhere(tmp_path):
+    """The key ends in a line break; it is repeated in the tool's name, in the model's, in an error and in base64."""
+    key = "sk-planted0123456789"
+
+    def script(call):
+        sent = call.headers["authorization"]
+        assert sent == f"Bearer {key}"
+        coded = base64.b64encode(f"me:{key}".encode()).decode()
+        design = SOLUTION | {"tool_name": f"rod {sent} {coded}", "tool_description": "\u200b".join(key)}
+        if len(server.calls) > 1:
+            return Send(json.dumps({"error": {"message": f"no, {sent!r} {coded}"}}), 401)
+        answer = document(Say(json.dumps({"strategies": [design]})), call)
+        return Send(json.dumps(answer | {"model": f"m {sent}\x1b[2J"}))
+
+    words = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
+    words += ["vlm=openai", "hydra.run.dir=run"]
+    with serving(script) as server:
+        done = subprocess.run(
+            [
+                sys.executable,
+                "-m",
+                "core.run",
+                "vlm=openai",
+                f"vlm.api_base={server.url}/v1",
+                *words,
+                "hydra.run.dir=run",
+            ],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(ROOT), "OPENAI_API_KEY": f"{key}\r\n"},
+            capture_output=True,
+            text=True,
+            timeout=240,
+        )
+    assert done.returncode == 0, done.stderr
+    written = [file.read_bytes() for file in (tmp_path / "run").rglob("*") if file.is_file()]
+    written.append((done.stdout + done.stderr).encode())
+    assert len(written) > 10
+    for form in (key, "planted", base64.b64encode(f"me:{key}".encode()).decode()[4:-4], "\u200b".join(key)[:10]):
+        assert not [data for data in written if form.encode() in data]
+    assert any(b"***" in data for data in written)
