@@ -7,7 +7,7 @@ import sqlite3
 import stat
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -186,6 +186,8 @@ class Database:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._using = threading.Lock()
+        self._files: dict[str, tuple[int, int]] = {}  # as they were after the first transaction
+        self._lost: UserError | None = None
         refuse_links(folder)
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
@@ -242,6 +244,7 @@ class Database:
             UserError: it can't be written.
         """
         with self._using, writing(self.folder):
+            self._check_open()
             self._connection.execute(f"PRAGMA synchronous={'FULL' if paid else 'NORMAL'}")
             self._connection.execute("BEGIN IMMEDIATE")
             try:
@@ -251,6 +254,43 @@ class Database:
                 if self._connection.in_transaction:
                     self._connection.execute("ROLLBACK")
                 raise
+            self._check_files()
+
+    def _check_files(self) -> None:
+        """Check that the store's files are in their place: SQLite would write on to files that have no name.
+
+        Raises:
+            UserError: one was deleted or replaced. The connection is closed, and what was stored is in the folder.
+        """
+        names = (FILE, f"{FILE}-wal", f"{FILE}-shm", LOCK)
+        found = {name: identity for name in names if (identity := _identity(self.folder / name)) is not None}
+        self._files = self._files or found
+        if lost := [name for name in self._files if found.get(name) != self._files[name]]:
+            self._lost = UserError(self._rescue(lost))
+            raise self._lost
+
+    def _rescue(self, lost: Sequence[str]) -> str:
+        """Close the connection, and write the store to the folder again if its file is lost; say what happened."""
+        happened = f"{', '.join(lost)} in {self.folder} was deleted or replaced while the run was at work"
+        if not self.folder.is_dir():
+            self._connection.close()
+            return f"{self.folder} was deleted or moved while the run was at work; there is no store in its place"
+        if FILE not in lost:
+            self._connection.close()  # which brings all to the file
+            return f"{happened}; {FILE} is whole"
+        copy = self.folder / f"{FILE}.part"
+        copy.unlink(missing_ok=True)
+        with closing(sqlite3.connect(copy)) as database:
+            self._connection.backup(database)
+        self._connection.close()
+        file = self.folder / FILE
+        if file.exists():
+            kept = copy.replace(self.folder / f"{FILE}.kept")
+            return f"{happened}; all that it held is in {kept.name}, to be put in its place"
+        for name in (f"{FILE}-wal", f"{FILE}-shm"):
+            (self.folder / name).unlink(missing_ok=True)
+        copy.replace(file)
+        return f"{happened}; it is written again, and whole"
 
     def insert(self, table: str, *, replacing: bool = False, **values: Any) -> None:
         """Insert a row, within a `transaction`."""
@@ -272,8 +312,14 @@ class Database:
             set_checksum = f"UPDATE {table} SET checksum = ? WHERE rowid = ?"  # noqa: S608
             self._connection.execute(set_checksum, [checksum(row), at])
 
+    def _check_open(self) -> None:
+        """Raise again what closed the connection: another thread may still write."""
+        if self._lost is not None:
+            raise self._lost
+
     def rows(self, query: str) -> list[sqlite3.Row]:
         with self._using, writing(self.folder):
+            self._check_open()
             return self._connection.execute(query).fetchall()
 
     def close(self) -> None:
@@ -284,6 +330,15 @@ class Database:
 
 def _scrubbed(values: dict[str, Any]) -> list[Any]:
     return [scrub(value) if isinstance(value, str) else value for value in values.values()]
+
+
+def _identity(file: Path) -> tuple[int, int] | None:
+    """Return what tells a file from another of the same name; None: there is none."""
+    try:
+        status = file.stat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _lock(file: Path) -> FileLock:

@@ -1,0 +1,93 @@
+"""A store that is deleted, moved or replaced while a run is at work: the run ends with a line, and nothing is lost."""
+
+import shutil
+import sqlite3
+
+import pytest
+
+from core.errors import UserError
+from core.search.orchestration import resume, run
+from core.store.database import FILE, LOCK
+from tests import toys
+from tests.test_resume import assert_same_run, toy, whole  # noqa: F401  # fixtures
+
+
+def delete(folder):
+    (folder / FILE).unlink()
+
+
+def delete_all(folder):
+    for file in folder.glob("run.*"):
+        file.unlink()
+
+
+def move(folder):
+    (folder / FILE).rename(folder.parent / "moved.sqlite")
+
+
+def delete_log(folder):
+    (folder / f"{FILE}-wal").unlink()
+
+
+def delete_lock(folder):
+    (folder / LOCK).unlink()
+
+
+def replace(folder):
+    (folder / FILE).unlink()
+    sqlite3.connect(folder / FILE).execute("CREATE TABLE other (number)").connection.close()
+
+
+def cut_short(folder, act, monkeypatch, notes, at):
+    """Run until rollout number ``at``, when something happens to the folder."""
+    rollout, count = toys.ToyEngine.rollout, []
+
+    def rolled(self, task, jobs):
+        count.append(jobs)
+        if len(count) == at:
+            act(folder)
+        return rollout(self, task, jobs)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(toys.ToyEngine, "rollout", rolled)
+        with pytest.raises(UserError) as caught:
+            run(toys.config(notes.file), folder)
+    assert len(count) >= at
+    return str(caught.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("at", [1, 2, 4])
+@pytest.mark.parametrize("act", [delete, delete_all, move, delete_log, delete_lock])
+def test_a_store_that_is_gone_is_written_again(act, at, toy, whole, tmp_path, monkeypatch):  # noqa: F811
+    folder = tmp_path / "run"
+    line = cut_short(folder, act, monkeypatch, toy, at)
+    assert f"in {folder} was deleted or replaced while the run was at work; " in line
+    assert line.endswith(f"to go on: python -m core.run resume={folder}")
+    assert {file.name for file in folder.glob("run.*")} <= {FILE, LOCK}
+    asked = toy.lines("asked")
+    resume(folder)
+    assert_same_run(folder, whole)
+    assert len(set(toy.lines("asked"))) == len(toy.lines("asked")) >= len(asked)  # nothing is paid twice
+
+
+def test_a_store_that_is_replaced_is_kept_beside(toy, tmp_path, monkeypatch):  # noqa: F811
+    folder = tmp_path / "run"
+    line = cut_short(folder, replace, monkeypatch, toy, 3)
+    assert f"all that it held is in {FILE}.kept, to be put in its place" in line
+    assert sqlite3.connect(folder / FILE).execute("SELECT name FROM sqlite_master").fetchall() == [("other",)]
+    (folder / f"{FILE}.kept").replace(folder / FILE)
+    resume(folder)
+
+
+def test_a_folder_that_is_gone_is_not_made_again(toy, tmp_path, monkeypatch):  # noqa: F811
+    folder = tmp_path / "run"
+    assert f"{folder} was deleted or moved" in cut_short(folder, shutil.rmtree, monkeypatch, toy, 3)
+    assert not folder.exists()
+
+
+def test_a_folder_that_is_moved_goes_on_where_it_is(toy, whole, tmp_path, monkeypatch):  # noqa: F811
+    folder, new = tmp_path / "run", tmp_path / "new"
+    assert f"{folder} was deleted or moved" in cut_short(folder, lambda old: old.rename(new), monkeypatch, toy, 3)
+    resume(new)
+    assert_same_run(new, whole)
