@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig
 
 from core.config.compose import load
+from core.config.folders import new_folder, stamp
 from core.events import Result
 from core.search.orchestration import run
 from core.store.database import writing
@@ -37,8 +37,8 @@ class Experiment:
         Raises:
             UserError: a part or a setting is wrong, or the folder already holds a run or can't be written.
         """
-        now = datetime.now().strftime("%Y-%m-%d_%H-%M-%S")  # local time, as in the command
-        self.folder = Path(folder) if folder is not None else Path("runs") / self.config.task.name / now
+        given = folder if folder is not None else new_folder(f"runs/{self.config.task.name}/{stamp()}")
+        self.folder = Path(given)
         with writing(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
         self.result = run(self.config, self.folder)

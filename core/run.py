@@ -68,9 +68,14 @@ def _hydra() -> None:
     from omegaconf.errors import OmegaConfBaseException
 
     from core.config.compose import explain, prepared
+    from core.config.folders import new_folder, stamp
     from core.config.trust import KeyFound
 
-    sys.argv[1:] = words = prepared("config", sys.argv[1:])  # where Hydra reads them
+    words = prepared("config", sys.argv[1:])
+    flags = {word for word in words if word.startswith("-")}
+    if flags and flags <= {"-m", "--multirun"} and not any("hydra.sweep.dir=" in word for word in words):
+        words.append(f"hydra.sweep.dir={new_folder(f'multirun/{stamp()}')}")  # one for all jobs, in any process
+    sys.argv[1:] = words  # where Hydra reads them
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises its errors, and explain makes one line of them
     try:
         hydra.main(version_base="1.3", config_path="pkg://conf", config_name="config")(_job)()
