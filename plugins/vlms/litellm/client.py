@@ -101,7 +101,7 @@ class Client:
             ) from error
         self.model = model
         given = {"max_tokens": max_output_tokens, "api_base": api_base}
-        self._settings: dict[str, Any] = {"timeout": timeout_s, "num_retries": 0, "max_retries": 0}
+        self._settings: dict[str, Any] = {"timeout": timeout_s + 1.0, "num_retries": 0, "max_retries": 0}
         self._settings |= {name: value for name, value in given.items() if value is not None}
         missing = self._missing_keys()
         if missing and api_base is None:
