@@ -25,6 +25,7 @@ from core.simulation.tracks import Track, body_tracks, robot_tracks
 
 LIGHT, SHEET_M, BLADE_M = 1.02, 0.00095, 0.002  # the first: over the least mass that the rules allow
 GHOST_M, TIP_M_S, INSIDE_CM2, AIR_M = 0.008, 6.0, 1.0, 0.02  # from here on a motion or an end counts as absurd
+COMMANDED_HZ, LOOKED_HZ = 25.0, 50.0
 _SIZE, _TURN_RAD, _JOINT, _WAY_M, _WAY_RAD, _GRIP = 0.4, 0.2, 0.4, 0.04, 0.15, 0.3  # what a number of 1 changes
 _TOUCH_M, EATEN_M = 0.002, 0.002
 _EMPTY = Scene(())
@@ -183,13 +184,17 @@ def ghost(tried: Tried) -> float:
 
 def fling(tried: Tried) -> float:
     """How far the tool's fastest point is from absurd speed."""
-    return _lack(max(track.top_speed(tried.recording.times) for track in tried.commanded), TIP_M_S)
+    travels = np.array([track.travel for track in tried.commanded])
+    return _lack(float((travels[:, 2:] - travels[:, :-2]).max(initial=0.0)) * COMMANDED_HZ / 2, TIP_M_S)
 
 
 def cut(tried: Tried) -> float:
     """How far the rollout is from a tool that has been inside of something (`inside`)."""
     assert tried.evaluation.candidate.tool is not None
-    return _lack(inside(tried.scene, tried.evaluation.candidate.tool, tried.recording)[0], INSIDE_CM2)
+    seen, every = tried.recording, max(1, round(1 / LOOKED_HZ / float(np.diff(tried.recording.times[:2])[0])))
+    states = State(seen.states.names, *(array[::every] for array in seen.states.arrays))
+    seen = Recording(seen.times[::every], seen.arm[::every], seen.fingers[::every], states)
+    return _lack(inside(tried.scene, tried.evaluation.candidate.tool, seen)[0], INSIDE_CM2)
 
 
 def floating(tried: Tried) -> float:
@@ -362,7 +367,7 @@ def tried(scene: Scene, evaluation: Evaluation, job: Rollout, recording: Recordi
 
 def _still(trajectory: JointTrajectory, scene: Scene = _EMPTY) -> Recording:
     """A recording in which the robot follows a trajectory exactly, and nothing else moves."""
-    times = np.linspace(0.0, trajectory.duration, max(2, round(25 * trajectory.duration)))
+    times = np.arange(max(2, round(COMMANDED_HZ * trajectory.duration))) / COMMANDED_HZ
     arm, fingers = trajectory.sample(times)
     return Recording(times, arm, np.stack([fingers] * 2, axis=1), State.stack([scene.state()] * len(times)))
 

@@ -3,7 +3,7 @@
 For every task and every objective of `tests.benchmarks.absurd`, CMA-ES varies geometry and plan together and looks for
 a high reward of a tool that is absurd by construction. It starts from the reference solution and from the embedded
 designer's best, each with a box shrunk, and from random chains of boxes. What earns 0.5 or more is a finding, kept in
-``findings/TASK.OBJECTIVE.json``, a designs file. Pairs that the folder has are not searched again.
+``findings/TASK.OBJECTIVE.SEED.json``, a designs file. What the folder has is not searched again; another seed adds.
 
 ``judge`` plays every finding once more in all of ``sims`` and 200 times a second, and draws a film strip. ``honest``
 counts the penetrations that are found in reference solutions and in ``count`` designs of the embedded designer.
@@ -48,6 +48,7 @@ USAGE = (
 FOUND = 0.5
 SHARES = {"GatherSpheres": 0.05, "TurkeyLegs": 0.15, "CleanTable": 0.5, "ElevatePlate": 0.5}  # of rollouts, by cost
 DENSE_HZ, FRAMES = 200.0, 8
+PENETRATIONS = ("passed through", "deep inside", "cut into")
 POOL, SIGMA, SHRUNK = 24, 0.5, -3.0  # random starts to choose from; the first spread; a shrunk box's numbers
 
 console = Console(stderr=True)
@@ -80,7 +81,11 @@ class Pair:
 
     @property
     def file(self) -> Path:
-        return self.folder / "searched" / f"{self.task}.{self.objective}.json"
+        return self.folder / "searched" / f"{self.task}.{self.objective}.{self.seed}.json"
+
+    @property
+    def designs(self) -> Path:
+        return self.folder / f"seed_{self.seed}"
 
 
 def main() -> None:
@@ -106,7 +111,7 @@ def search(given: Settings) -> None:
     names, folder, sim = measuring.tasks(given.tasks), Path(given.folder), engines(given.sims[:1])[given.sims[0]]
     workers, whole = measuring.workers(given.workers), sum(SHARES.get(name, 1.0) for name in names)
     for name in names:
-        measuring.designs(name, 12, sim.name, given.seed, workers, folder)
+        measuring.designs(name, 12, sim.name, given.seed, workers, folder / f"seed_{given.seed}")
     pairs = []
     for objective in given.objectives:
         for name in names:
@@ -167,7 +172,7 @@ class _Search:
         """Yield each start with its name, the first mean, and its number of rollouts."""
         each = self.pair.rollouts // 6
         files = {"the solution": measuring.SOLUTIONS / f"{self.pair.task}.json"}
-        files["a design"] = self.pair.folder / "designs" / f"{self.pair.task}.json"
+        files["a design"] = self.pair.designs / "designs" / f"{self.pair.task}.json"
         for name, file in files.items():
             read = read_designs(load_designs(file), installed().create("tool", "urdf"), self.spawn)
             read = [candidate for candidate in read if candidate.problem is None]
@@ -248,11 +253,14 @@ def table(given: Settings) -> None:
     lines = [f"| task | rollouts | {' | '.join(given.objectives)} |", "|---" * (2 + len(given.objectives)) + "|"]
     rollouts, seconds = 0, 0.0
     for name in measuring.tasks(given.tasks):
-        files = [folder / "searched" / f"{name}.{objective}.json" for objective in given.objectives]
-        records = [json.loads(file.read_text()) if file.exists() else None for file in files]
-        count = sum(record["rollouts"] for record in records if record)
-        rollouts, seconds = rollouts + count, seconds + sum(record["seconds"] for record in records if record)
-        cells = ("–" if record is None else f"{record['best']:.2f}" for record in records)
+        count, cells = 0, []
+        for objective in given.objectives:
+            files = (folder / "searched").glob(f"{name}.{objective}.*.json")
+            records = [json.loads(file.read_text()) for file in files]
+            count += sum(record["rollouts"] for record in records)
+            seconds += sum(record["seconds"] for record in records)
+            cells.append(f"{max(record['best'] for record in records):.2f}" if records else "–")
+        rollouts += count
         lines.append(f"| {name} | {count:,} | {' | '.join(cells)} |")
     lines.append(
         f"\n{rollouts:,} rollouts in {seconds / 3600:.2f} hours of a core, {rollouts / max(seconds, 1):.1f} a second."
@@ -269,23 +277,23 @@ def judge(given: Settings) -> None:
     folder, sims = Path(given.folder), engines(given.sims)
     rows = []
     for file in sorted((folder / "findings").glob("*.json")):
-        name, objective = file.stem.split(".")
+        name, objective, seed = file.stem.split(".")
         if name not in measuring.tasks(given.tasks) or objective not in given.objectives:
             continue
         task: Task = installed().create("task", name)
-        read = read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, given.seed))
+        read = read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, int(seed)))
         for number, candidate in enumerate(read[:2]):
             rewards, warnings = [], Counter[str]()
             for sim in sims.values():
-                (evaluation,) = Evaluator(Part("task", name), sim, given.seed)([candidate])
+                (evaluation,) = Evaluator(Part("task", name), sim, int(seed))([candidate])
                 rewards.append(evaluation.reward)
                 warnings.update([evaluation.reason or ", ".join(evaluation.warnings)])
             simulator = next(iter(sims.values())).create()
-            recording, found = dense(task, simulator, candidate, given.seed)
-            air = hanging(task.scene(given.seed), candidate.tool, recording) if recording else (0.0, "")
+            recording, found = dense(task, simulator, candidate, int(seed))
+            air = hanging(task.scene(int(seed)), candidate.tool, recording) if recording else (0.0, "")
             strip = folder / "strips" / f"{file.stem}.{number}.png"
             strip.parent.mkdir(exist_ok=True)
-            strip.write_bytes(png(film_strip(task, simulator, candidate, given.seed)))
+            strip.write_bytes(png(film_strip(task, simulator, candidate, int(seed))))
             doubt = (rewards[0] - min(rewards)) + bool(found) + min(air[0] / 0.02, 1.0)
             rows.append({"finding": strip.stem, "rewards": rewards, "dense": found, "air": air, "doubt": doubt})
     rows.sort(key=lambda row: -row["doubt"])
@@ -342,7 +350,8 @@ def honest(given: Settings) -> None:
     )
     with measuring.executor(workers) as executor:
         for name in names:
-            designs = measuring.designs(name, -(-given.count // len(names)), "mujoco", given.seed, workers, folder)
+            count = -(-given.count // len(names))
+            designs = measuring.designs(name, count, "mujoco", given.seed, workers, folder / "honest")
             task: Task = installed().create("task", name)
             solution = load_designs(measuring.SOLUTIONS / f"{name}.json")
             solved = read_designs(solution, installed().create("tool", "urdf"), SpawnRules(task, given.seed))
@@ -351,7 +360,7 @@ def honest(given: Settings) -> None:
                 counts = []
                 for candidates in (designs.candidates, solved):
                     done = list(evaluate_all(candidates, evaluator, executor))
-                    bad = [e for e in done if any("passed through" in w or "deep inside" in w for w in e.warnings)]
+                    bad = [e for e in done if any(word in w for word in PENETRATIONS for w in e.warnings)]
                     flagged += [f"{name} {shown} {e.candidate.id} {e.reward:.2f}: {e.warnings}" for e in bad]
                     counts += [len(done), sum(e.reward >= FOUND for e in done), len(bad)]
                 sys.stdout.write(f"| {name} | {shown} | {counts[0]} | {counts[1]} | {counts[2]} | {counts[5]} |\n")

@@ -91,17 +91,17 @@ def test_a_small_search_is_written_once_and_gives_the_same_again(tmp_path, monke
     for folder in (tmp_path / "one", tmp_path / "one", tmp_path / "two"):
         monkeypatch.setattr(sys, "argv", ["", "search", f"folder={folder}", *words])
         adversary.main()
-        file = folder / "searched" / "BringCube.gram.json"
+        file = folder / "searched" / "BringCube.gram.0.json"
         results.append((file.stat().st_ino, [word for word in file.read_text().split("\n") if "seconds" not in word]))
         assert "| BringCube |" in capsys.readouterr().out
     assert results[0] == results[1]
     assert results[0][1] == results[2][1]
-    found = tmp_path / "one" / "findings" / "BringCube.gram.json"
+    found = tmp_path / "one" / "findings" / "BringCube.gram.0.json"
     assert found.exists()
     monkeypatch.setattr(sys, "argv", ["", "judge", f"folder={tmp_path / 'one'}", *words])
     adversary.main()
-    assert "BringCube.gram.0" in capsys.readouterr().out
-    assert (tmp_path / "one" / "strips" / "BringCube.gram.0.png").stat().st_size > 10_000
+    assert "BringCube.gram.0.0" in capsys.readouterr().out
+    assert (tmp_path / "one" / "strips" / "BringCube.gram.0.0.png").stat().st_size > 10_000
 
 
 def test_mistakes(monkeypatch):
