@@ -343,29 +343,40 @@ def film_strip(task: Task, simulator: Simulator, candidate: Candidate, seed: int
 
 def honest(given: Settings) -> None:
     """Print how many honest designs have a penetration, by task and engine, and name them."""
-    names, sims, folder = measuring.tasks(given.tasks), engines(given.sims), Path(given.folder)
-    workers, flagged = measuring.workers(given.workers), []
-    sys.stdout.write(
-        "| task | engine | designs | earn 0.5 or more | penetrations | among solutions |\n" + "|---" * 6 + "|\n"
-    )
+    names, sims, folder = measuring.tasks(given.tasks), engines(given.sims), Path(given.folder) / "honest"
+    workers, each = measuring.workers(given.workers), -(-given.count // len(names))
+    lines, flagged = ["| task | engine | solutions | designs | earn 0.5 or more | penetrations |", "|---" * 6 + "|"], []
     with measuring.executor(workers) as executor:
-        for name in names:
-            count = -(-given.count // len(names))
-            designs = measuring.designs(name, count, "mujoco", given.seed, workers, folder / "honest")
-            task: Task = installed().create("task", name)
-            solution = load_designs(measuring.SOLUTIONS / f"{name}.json")
-            solved = read_designs(solution, installed().create("tool", "urdf"), SpawnRules(task, given.seed))
-            for shown, sim in sims.items():
-                evaluator = Evaluator(Part("task", name), sim, given.seed, RolloutSettings(penetration="warn"))
-                counts = []
-                for candidates in (designs.candidates, solved):
-                    done = list(evaluate_all(candidates, evaluator, executor))
-                    bad = [e for e in done if any(word in w for word in PENETRATIONS for w in e.warnings)]
-                    flagged += [f"{name} {shown} {e.candidate.id} {e.reward:.2f}: {e.warnings}" for e in bad]
-                    counts += [len(done), sum(e.reward >= FOUND for e in done), len(bad)]
-                sys.stdout.write(f"| {name} | {shown} | {counts[0]} | {counts[1]} | {counts[2]} | {counts[5]} |\n")
-                sys.stdout.flush()
-    sys.stdout.write("\n".join(["", *flagged]) + "\n")
+        for shown, sim in sims.items():
+            for name in names:
+                file = folder / f"{name}.{shown}.json"
+                if not file.exists():
+                    designs = measuring.designs(name, each, "mujoco", given.seed, workers, folder)
+                    spawn = SpawnRules(installed().create("task", name), given.seed)
+                    solution = load_designs(measuring.SOLUTIONS / f"{name}.json")
+                    solved = read_designs(solution, installed().create("tool", "urdf"), spawn, agent=-1)
+                    settings = RolloutSettings(penetration="warn")
+                    evaluator = Evaluator(Part("task", name), sim, given.seed, settings)
+                    played = list(evaluate_all([*solved, *designs.candidates], evaluator, executor))
+                    record = [
+                        {
+                            "id": e.candidate.id,
+                            "solution": e.candidate.agent < 0,
+                            "reward": e.reward,
+                            "warnings": e.warnings,
+                        }
+                        for e in sorted(played, key=lambda e: e.candidate.key)
+                    ]
+                    measuring.save(file, record)
+                record = json.loads(file.read_text())
+                found = [e for e in record if any(word in text for word in PENETRATIONS for text in e["warnings"])]
+                flagged += [f"{name} {shown} {e['id']} {e['reward']:.2f}: {'; '.join(e['warnings'])}" for e in found]
+                solutions = sum(e["solution"] for e in record)
+                earn = sum(e["reward"] >= FOUND for e in record if not e["solution"])
+                cells = (name, shown, solutions, len(record) - solutions, earn, len(found))
+                lines.append(f"| {' | '.join(map(str, cells))} |")
+                console.print(lines[-1], highlight=False)
+    sys.stdout.write("\n".join([*lines, "", *flagged]) + "\n")
 
 
 if __name__ == "__main__":
