@@ -6,6 +6,7 @@ way out is downward, and no longer than the sheet is thick. Covered by `tests/co
 
 from __future__ import annotations
 
+import coal
 import numpy as np
 
 from core.geometry import Array, Box, Cylinder, Mesh, Sphere
@@ -72,4 +73,6 @@ def _reach(track: Track, direction: Array) -> float:
         case Cylinder(radius, length):
             return radius * float(np.hypot(direction[0], direction[1])) + abs(float(direction[2])) * length / 2
         case Mesh() | None:
+            if isinstance(track.geometry, coal.Box):  # of a link: the gripper's fingers have some
+                return float(np.abs(direction) @ track.geometry.halfSide)
             return float((np.asarray(track.geometry.points()) @ direction).max())
