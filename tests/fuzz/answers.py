@@ -55,7 +55,7 @@ def mutate(rng: random.Random, whole: Any) -> Any:
             node[key] = copy.deepcopy(rng.choice(at)[0])
         elif what == 2 and isinstance(node, dict):
             node[rng.choice(NAMES)] = copy.deepcopy(rng.choice(VALUES))
-        elif what == 3 and isinstance(node, list):
+        elif what == 3 and isinstance(node, list) and len(node) < 1000:
             node *= rng.choice([0, 2, 1000])
         else:
             node[key] = copy.deepcopy(rng.choice(VALUES))
