@@ -160,7 +160,10 @@ class Request:
 
 @dataclass(frozen=True)
 class Reply:
-    """The answer to a request: the raw text, or ``error``. Token counts and cost are None where they are unknown."""
+    """The answer to a request: the raw text, or ``error``. Token counts and cost are None where they are unknown.
+
+    ``unanswered``: the call failed for a reason that may pass, and nothing was paid. A resumed run asks again.
+    """
 
     request_id: str
     text: str
@@ -169,6 +172,7 @@ class Reply:
     prompt_tokens: int | None = None
     completion_tokens: int | None = None
     cost_usd: float | None = None
+    unanswered: bool = False
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ _LONGEST = 200, 2000  # characters of a model's name and of an error
 def checked(reply: Reply) -> Reply:
     """Return the reply in a form that can be stored and printed.
 
-    A count or a cost that can't be is unknown then; a text that is none is an error.
+    A count or a cost that can't be is unknown then; a text that is none is an error. What has a text or a count of
+    tokens was paid for, and is an answer.
     """
     text, error = reply.text, reply.error
     if not isinstance(text, str):
@@ -30,6 +31,7 @@ def checked(reply: Reply) -> Reply:
         prompt_tokens=_count(reply.prompt_tokens),
         completion_tokens=_count(reply.completion_tokens),
         cost_usd=_cost(reply.cost_usd),
+        unanswered=reply.unanswered is True and error is not None and not text and not reply.prompt_tokens,
     )
 
 

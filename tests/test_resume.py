@@ -2,7 +2,6 @@
 to what it would have come to.
 """
 
-import itertools
 import json
 import logging
 import os
@@ -27,7 +26,7 @@ from tests.disks import mount, small_files
 ROOT = Path(__file__).parents[1]
 POINTS = int(os.environ.get("VLMGINEER_KILLS", "25"))
 TIMES = ("wall_time_s", "rollouts_per_s")
-LOCAL = ("notes", "limit", "fails_at", "workers")  # settings that may differ between sessions
+LOCAL = ("notes", "limit", "down", "fails_at", "workers")  # settings that may differ between sessions
 
 
 @pytest.fixture
@@ -63,7 +62,7 @@ def tables(folder):
     names = [name for (name,) in rows(folder / FILE, "SELECT name FROM sqlite_master WHERE type = 'table'")]
     assert len(names) > 6
     found = {name: sorted(rows(folder / FILE, f"SELECT * FROM {name}"), key=repr) for name in names}
-    assert all(row[-1] for row in itertools.chain(*found.values()))  # the checksum
+    assert not any(rows(folder / FILE, f"SELECT 1 FROM {name} WHERE checksum IS NULL") for name in names)
     assert found.pop("sessions")
     ((version, config, result, _),) = found.pop("run")
     config = json.loads(config)
@@ -167,6 +166,42 @@ def test_a_proposal_that_failed_is_neither_asked_for_again_nor_waited_for(toy, w
     resume(folder, ["vlm.limit=null"])
     assert toy.lines("asked").count("g0-a1") == toy.lines("asked").count("g0-a2") == 1
     assert_same_run(folder, whole)
+
+
+@pytest.mark.parametrize("down", ["g0-.*", "g1-.*", "g0-a3|g1-.*", "g1-a[23]"])
+def test_what_a_service_did_not_answer_is_asked_again(toy, whole, tmp_path, capsys, down):
+    """A refusal beside it, of agent 2, stays; so does each answer."""
+    folder = tmp_path / "run"
+    if down == "g1-a[23]":  # answers come, the last one when the service is back
+        begin(toy, folder, vlm_down=down, executor_fails_at=4)
+    else:
+        with pytest.raises(UserError) as error:
+            begin(toy, folder, vlm_down=down)
+        number = 0 if down == "g0-.*" else 1
+        assert str(error.value) == (
+            f"the model answered no request of generation {number}: service is down; requests without an answer are "
+            f"sent again when the run goes on; to go on: python -m core.run resume={folder}"
+        )
+        with pytest.raises(UserError, match=f"no request of generation {number}"):
+            resume(folder)  # it is still down
+        assert "requests without an answer are sent again" in capsys.readouterr().err
+    resume(folder, ["vlm.down=''", "executor.fails_at=null"])
+    asked = toy.lines("asked")
+    assert sorted(asked) == [f"g{g}-a{a}" for g in range(2) for a in range(4)]
+    assert_same_run(folder, whole)
+
+
+def test_what_a_service_did_not_answer_stays_once_the_next_generation_builds_on_it(toy, tmp_path):
+    folder = tmp_path / "run"
+    begin(toy, folder, vlm_down="g0-a3", vlm_limit=6)
+    assert rows(folder / FILE, "SELECT request_id FROM replies WHERE unanswered") == [("g0-a3",)]
+    before = result_of(folder)["generations"][0]
+    resume(folder, ["vlm.down=''", "vlm.limit=null"])
+    assert "g0-a3" not in toy.lines("asked")
+    assert result_of(folder)["generations"][0] == before
+    asked = len(toy.lines("asked"))
+    resume(folder)  # at its end
+    assert len(toy.lines("asked")) == asked == 7
 
 
 def test_a_run_in_which_every_proposal_fails_ends(toy, tmp_path, capsys):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -43,16 +44,18 @@ class Notes:
 
 class ToyModel(VLM):
     """Design rods at random. Agent 1 gives no JSON, agent 2 gets an error, agent 3 repeats agent 0. With ``limit`` it
-    answers that many requests, including those that were answered before the run was resumed.
+    answers that many requests, including those that were answered before the run was resumed. The service is ``down``
+    for requests whose ids match.
     """
 
     model = "a toy"
 
-    def __init__(self, notes: str, limit: int | None = None, only_agent: int | None = None) -> None:
+    def __init__(self, notes: str, limit: int | None = None, only_agent: int | None = None, down: str = "") -> None:
         self.notes = Notes(notes)
         self.limit = limit
         self.only_agent = only_agent  # all agents are like this one
         self.answered: set[str] = set()
+        self.down = down
 
     @hookimpl
     def reply_received(self, reply):
@@ -62,6 +65,9 @@ class ToyModel(VLM):
         for i, request in enumerate(requests):
             if self.limit is not None and len(self.answered) >= self.limit:
                 raise LimitReached(f"{self.limit} replies are all there may be; {len(requests) - i} are left without")
+            if self.down and re.fullmatch(self.down, request.id):
+                yield Reply(request.id, "", self.model, "service is down", unanswered=True)
+                continue
             self.notes.add(f"asked {request.id}")
             agent = (request.brief.agent if self.only_agent is None else self.only_agent) % 4
             text = "" if agent == 2 else "I would rather not." if agent == 1 else answer(request.brief)

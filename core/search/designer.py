@@ -59,9 +59,17 @@ class ModelDesigner:
 
         Raises:
             LimitReached: after the last candidate; see `VLM.complete`.
+            UserError: no request got an answer, for a reason that may pass.
         """
         requests = self.requests(generation, elites, range(self.budget.n_agent))
-        yield from self._candidates(requests, repair=self.prompts.settings.repair)
+        failures: list[Reply | None] = []
+        yield from self._candidates(requests, failures, repair=self.prompts.settings.repair)
+        unanswered = [reply for reply in failures if reply is not None and reply.unanswered]
+        if unanswered and None not in failures:
+            raise UserError(
+                f"the model answered no request of generation {generation}: {unanswered[0].error}; requests without "
+                "an answer are sent again when the run goes on"
+            )
 
     def requests(self, generation: int, elites: Sequence[Evaluation], agents: Iterable[int]) -> list[Request]:
         """Compose the request of each of the ``agents``."""
@@ -71,12 +79,18 @@ class ModelDesigner:
             pictures = {name: picture for name, picture in drawn.items() if picture is not None}
         return [self._request(generation, agent, elites, pictures) for agent in agents]
 
-    def _candidates(self, requests: Sequence[Request], *, repair: bool) -> Iterator[Candidate]:
-        """Yield the candidates of all replies; with ``repair``, ask once more where a reply can't be read."""
+    def _candidates(
+        self, requests: Sequence[Request], failures: list[Reply | None], *, repair: bool
+    ) -> Iterator[Candidate]:
+        """Yield the candidates of all replies; with ``repair``, ask once more where a reply can't be read.
+
+        Each reply with an error is appended to ``failures``, and None for each other one.
+        """
         repairs: list[Request] = []
         missing = {request.id: request for request in requests}
         for reply in self._replies(requests):
             request = missing.pop(reply.request_id)
+            failures.append(reply if reply.error is not None else None)
             try:
                 candidates = self._read(request.brief, reply)
             except DesignError as error:
@@ -88,7 +102,7 @@ class ModelDesigner:
             yield from candidates
         yield from (_lost(request.brief, "no reply came") for request in missing.values())
         if repairs:
-            yield from self._candidates(repairs, repair=False)
+            yield from self._candidates(repairs, failures, repair=False)
 
     def _replies(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """Yield replies as they arrive.

@@ -159,6 +159,8 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         refuse_stored_addresses(store.config, overrides)
         store.overrides = overrides
         there = f"{len(store.past.replies)} replies and {len(store.past.candidates)} evaluated candidates are there"
+        if store.past.again:
+            there += f"; {len(store.past.again)} requests without an answer are sent again"
         say(f"{folder} goes on: {there}", file=sys.stderr)
         print_outcome(run(cfg, folder, store), folder)
     finally:

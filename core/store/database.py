@@ -59,6 +59,7 @@ _STEPS: tuple[tuple[str, ...], ...] = (
         )""",
     ),
     tuple(f"ALTER TABLE {table} ADD COLUMN checksum TEXT" for table in TABLES),
+    ("ALTER TABLE replies ADD COLUMN unanswered INTEGER",),
 )
 SCHEMA_VERSION = len(_STEPS)
 
@@ -305,6 +306,11 @@ class Database:
         columns = ", ".join(f"{name} = ?" for name in values)
         self._connection.execute(f"UPDATE {table} SET {columns} WHERE rowid = ?", [*_scrubbed(values), last])  # noqa: S608
         self._seal(table, last)
+
+    def delete(self, table: str, **values: Any) -> None:
+        """Delete the rows that have these values, within a `transaction`."""
+        where = " AND ".join(f"{name} = ?" for name in values)
+        self._connection.execute(f"DELETE FROM {table} WHERE {where}", [*values.values()])  # noqa: S608
 
     def _seal(self, table: str, at: int | None) -> None:
         """Write the checksum of a row, from its values as SQLite holds them."""

@@ -20,21 +20,39 @@ from core.store.database import Database
 FIGURES = ("reward", "distance_m", "ik_error_m", "ik_error_rad", "tracking_error_rad")
 
 
+# Replies and rollouts of later generations build on a failure as on a result: it stays then.
+_AGAIN = """
+    SELECT id, generation, agent FROM requests JOIN replies ON request_id = id WHERE unanswered AND generation >= (
+        SELECT max(generation) FROM (
+            SELECT generation FROM requests JOIN replies ON request_id = id WHERE unanswered IS NULL
+            UNION ALL SELECT generation FROM evaluations WHERE status != 'rejected'
+            UNION ALL SELECT 0
+        )
+    )"""
+
+
 class StoredProgress:
     """The stored requests, replies and evaluations of a run.
 
     Attributes:
         requests: digests by request id; None where an older version stored none.
-        replies: replies by request id.
+        replies: replies by request id, without those to ask for again.
         candidates: the ids of the evaluated candidates.
+        again: ids of requests that got no answer, for a reason that may pass, and that nothing stored builds on.
     """
 
     def __init__(self, database: Database) -> None:
         self._folder = database.folder
+        self.again: dict[str, tuple[int, int]] = {row[0]: row[1:] for row in map(tuple, database.rows(_AGAIN))}
         self.requests: dict[str, str | None] = dict(map(tuple, database.rows("SELECT id, digest FROM requests")))
         replies = "SELECT request_id, text, model, error, prompt_tokens, completion_tokens, cost_usd FROM replies"
-        self.replies = {row["request_id"]: Reply(*row) for row in database.rows(replies)}
-        self._evaluations = {row["candidate"]: row for row in database.rows("SELECT * FROM evaluations")}
+        stored = [Reply(*row) for row in database.rows(replies)]
+        self.replies = {reply.request_id: reply for reply in stored if reply.request_id not in self.again}
+        lost = {(*agent, "rejected") for agent in self.again.values()}
+        rows = database.rows("SELECT * FROM evaluations")
+        self._evaluations = {
+            row["candidate"]: row for row in rows if (row["generation"], row["agent"], row["status"]) not in lost
+        }
         self.candidates = set(self._evaluations)
         self._by_content = {row["content"]: row for row in self._evaluations.values() if row["content"] is not None}
 

@@ -116,6 +116,10 @@ class RunStore:
                 changes = ", ".join(f"{name} {before.get(name)} -> {found.get(name)}" for name in names)
                 _log.warning("versions have changed since this run began (%s): it may come to something else", changes)
         with self._database.transaction():
+            for request, (generation, agent) in self.past.again.items():
+                self._database.delete("replies", request_id=request)
+                self._database.delete("evaluations", generation=generation, agent=agent, status="rejected")
+                self._database.delete("generations", number=generation)
             self._database.insert(
                 "sessions",
                 began=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -160,11 +164,11 @@ class RunStore:
             # A reply that arrives after an interrupted run has ended becomes a file only.
             if self._open and reply.request_id not in self.past.replies:
                 with self._database.transaction(paid=True):
-                    self._database.insert("replies", **vars(reply))
+                    self._database.insert("replies", **vars(reply) | {"unanswered": 1 if reply.unanswered else None})
         finally:
             file = self.folder / "replies" / f"{reply.request_id}.txt"
             with writing(self.folder):
-                if not file.exists():
+                if not (file.exists() or reply.unanswered):
                     _write(file, reply.text)
 
     @hookimpl

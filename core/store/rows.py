@@ -204,6 +204,7 @@ class _Reply(_Schema):
     prompt_tokens: Count | None
     completion_tokens: Count | None
     cost_usd: Amount | None
+    unanswered: Literal[1] | None = None
 
 
 class _Strategy(_Schema):

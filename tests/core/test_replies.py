@@ -31,3 +31,11 @@ def test_a_sound_reply_is_the_same():
     reply = Reply("g0-a0", '{"a": "\\u00e9"}\n', "gemini/gemini-2.5-pro", None, 1000, 7, 0.01)
     assert checked(reply) == reply
     assert checked(Reply("g0-a0", None, "m")).error == "the text is null"
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "tokens", "unanswered"),
+    [("", "down", None, True), ("{}", "down", None, False), ("", None, None, False), ("", "down", 9, False)],
+)
+def test_only_a_failure_that_cost_nothing_is_unanswered(text, error, tokens, unanswered):
+    assert checked(Reply("g0-a0", text, "m", error, tokens, unanswered=True)).unanswered is unanswered

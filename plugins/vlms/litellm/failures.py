@@ -10,10 +10,11 @@ from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import TypeVar
 
+from core.errors import fault
 from core.secrets import scrub
 from core.text import clean
 from core.threads import run_in_thread
-from plugins.vlms.litellm.transport import BadAnswer
+from plugins.vlms.litellm.transport import BadAnswer, Redirected
 
 T = TypeVar("T")
 
@@ -22,6 +23,8 @@ MAX_WAIT_S = 60.0
 MAX_REQUESTED_WAIT_S = 300.0  # a server that requests a longer wait means a daily quota
 MAX_MESSAGE = 400
 LONGEST_READ = 10_000  # characters of an error, which may hold a whole answer
+
+_ACCOUNT = re.compile(r"api.?key|credit balance|billing|quota", re.IGNORECASE)  # some providers send status 400
 
 
 class TimedOut(Exception):
@@ -61,6 +64,14 @@ def pause(error: Exception, tries: int) -> float | None:
         return requested if requested <= MAX_REQUESTED_WAIT_S else None
     # At random, so that agents that were refused together do not retry together.
     return min(MAX_WAIT_S, FIRST_WAIT_S * 2.0 ** min(tries - 1, 10)) * random.uniform(0.75, 1.25)  # noqa: S311
+
+
+def unanswered(error: Exception) -> bool:
+    """Say if a call failed for a reason that may pass: an outage, a limit, an account, an address or this machine."""
+    status = _status(error)
+    account = 400 <= status < 500 and _ACCOUNT.search(str(error)) is not None
+    passing = status in (401, 402, 403, 404, 407, 408, 429) or status >= 500
+    return passing or account or isinstance(error, TimedOut | Redirected) or fault(error) is not None
 
 
 def _status(error: Exception) -> int:

@@ -15,7 +15,7 @@ from core.interfaces import VLM, Estimate, Reply, Request
 from core.threads import run_in_thread
 from plugins.vlms.litellm.cache import Cache
 from plugins.vlms.litellm.client import Client, estimate
-from plugins.vlms.litellm.failures import explain, pause, within
+from plugins.vlms.litellm.failures import explain, pause, unanswered, within
 from plugins.vlms.litellm.spending import Spending
 
 _log = logging.getLogger(__name__)
@@ -112,7 +112,7 @@ class LanguageModel(VLM):
                 except LimitReached as limit:
                     results.put(limit)
                 except Exception as error:
-                    results.put(Reply(request.id, "", self.model, error=explain(error)))
+                    results.put(self._failed(request, error))
 
         def ended(error: Exception | None) -> None:
             if error is not None:
@@ -157,7 +157,7 @@ class LanguageModel(VLM):
                 wait_s = pause(error, tries)
                 if tries > self.retries or wait_s is None:
                     after = f" (after {tries} tries)" if tries > 1 else ""
-                    return Reply(request.id, "", self.model, error=explain(error) + after)
+                    return self._failed(request, error, after)
                 stop.wait(wait_s)
             else:
                 if self._spending.limited:
@@ -166,6 +166,9 @@ class LanguageModel(VLM):
                 if self._cache is not None and reply.error is None:
                     self._cache.put(request, reply)
                 return reply
+
+    def _failed(self, request: Request, error: Exception, after: str = "") -> Reply:
+        return Reply(request.id, "", self.model, error=explain(error) + after, unanswered=unanswered(error))
 
     def _judged(self, reply: Reply, finish: str) -> Reply:
         """The reply, with the reason why it has no text. A text that was cut off is passed on."""

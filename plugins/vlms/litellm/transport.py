@@ -24,6 +24,10 @@ class BadAnswer(Exception):
     """An answer that is not read; the message is one line, without keys."""
 
 
+class Redirected(BadAnswer):
+    """An answer that only names another address."""
+
+
 def transport(**settings: Any) -> httpx.BaseTransport:
     """Make the transport for all of LiteLLM's clients; ``settings`` are those of `httpx.Client`, such as ``verify``."""
     # A client of its own, since httpx looks at the environment's proxies only there.
@@ -63,7 +67,7 @@ class _Transport(httpx.BaseTransport):
 
 
 def _refuse_redirect(answer: httpx.Response) -> None:
-    """Raise a BadAnswer for a redirect.
+    """Raise Redirected for a redirect.
 
     It names the host, but neither path nor query, which may repeat a key.
     """
@@ -74,7 +78,7 @@ def _refuse_redirect(answer: httpx.Response) -> None:
         there = target.host if target.host != answer.url.host else f"{target.scheme}://{target.netloc.decode()}"
     except (httpx.InvalidURL, ValueError, TypeError):
         there = "an address that can't be read"
-    raise BadAnswer(
+    raise Redirected(
         f"{answer.url.host} redirects to {there or 'nowhere'} (status {answer.status_code}), which is not followed: "
         "the key would go there; set vlm.api_base to the right address"
     )

@@ -48,7 +48,7 @@ def test_every_value_is_under_a_checksum(tmp_path, table):
     with closing(sqlite3.connect(file)) as database:
         cursor = database.execute(f"SELECT * FROM {table} ORDER BY rowid DESC LIMIT 1")
         names, values = [column[0] for column in cursor.description], cursor.fetchone()
-    assert names[-1] == "checksum"
+    assert "checksum" in names
     for name, value in zip(names, values, strict=True):
         if value is None or name == "schema_version":
             continue
@@ -78,6 +78,8 @@ def test_a_store_without_checksums_is_read_as_before(tmp_path):
     for table in TABLES:
         with closing(sqlite3.connect(folder / "run.sqlite")) as database:
             database.execute(f"ALTER TABLE {table} DROP COLUMN checksum")
+            if table == "replies":
+                database.execute("ALTER TABLE replies DROP COLUMN unanswered")
     assert [winner.candidate for winner in winners(read_run(folder))] == before
     RunStore.open(folder).run_ended()
     assert isinstance(read_run(folder), FinishedRun)

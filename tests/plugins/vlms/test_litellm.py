@@ -186,6 +186,10 @@ def cases(protocol):
     ]
 
 
+# Of the cases: is it asked again by a resumed run?
+UNANSWERED = [False] * 5 + [True] * 5 + [False] * 8
+
+
 @pytest.mark.parametrize("protocol", PAID)
 def test_each_fault_costs_its_own_reply_only_and_no_key_is_shown(protocol, caplog):
     wanted = cases(protocol)
@@ -198,6 +202,8 @@ def test_each_fault_costs_its_own_reply_only_and_no_key_is_shown(protocol, caplo
         assert reply.text == text, str(acts)[:1000]
         assert (reply.error is None) == (error is None), (acts, reply)
         assert error is None or re.search(error, reply.error), (acts, reply.error)
+        if agent < len(UNANSWERED):
+            assert reply.unanswered == UNANSWERED[agent], acts
         assert tries is None or calls.count(agent) == tries, acts
         shown = reply.error or ""
         assert shown.isprintable()
@@ -213,7 +219,7 @@ def test_a_server_that_stalls_meets_the_time_limit(protocol):
     scripts = [in_turn(Stall()), in_turn(Stall(drip=True), FINE), in_turn(FINE)]
     with serving(lambda call: scripts[agent_of(call)](call)) as server:
         replies = ask(server, protocol, agents=3, timeout_s=1.0, retries=2)
-    assert replies[0].error == "no answer within 1 s (after 3 tries)"
+    assert (replies[0].error, replies[0].unanswered) == ("no answer within 1 s (after 3 tries)", True)
     assert [replies[agent].text for agent in (1, 2)] == [FINE.text] * 2
     calls = [agent_of(call) for call in server.calls]
     assert calls.count(0) == 3
@@ -259,6 +265,7 @@ def test_a_thread_that_ends_is_not_waited_for(agents, monkeypatch):
 def test_no_server():
     (reply,) = LanguageModel("openai/gpt-4.1", "http://127.0.0.1:9/v1", retries=1).complete([request(0)])
     assert reply.error.endswith("(after 2 tries)")
+    assert reply.unanswered
 
 
 # --- made or refused --------------------------------------------------------------------------------------------

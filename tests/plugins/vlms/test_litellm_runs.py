@@ -170,6 +170,61 @@ def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tm
     assert (generation["n_candidates"], generation["n_rejected"]) == (4, 0)
 
 
+OUTAGES = [
+    [Send('{"error": {"message": "overloaded"}}', 503)],
+    [Send('{"error": {"message": "slow down"}}', 429)],
+    [Send('{"error": {"message": "revoked"}}', 401)],
+    [
+        Send(
+            '{"error": {"code": 400, "message": "API key expired. Renew it.", "status": "INVALID_ARGUMENT"}}',
+            400,
+        )
+    ],
+    [Send('{"error": {"message": "no such model"}}', 404)],
+    [Send("", 302, (("Location", "https://example.com/"),))],
+    [Reset()],
+    [Stall()],
+]
+REFUSED = [Say("", "SAFETY")]
+
+
+def test_a_provider_that_is_down_ends_the_run_and_what_it_did_not_answer_is_asked_again(tmp_path):
+    """Each agent meets another outage; the answer of the last one is refused, which is an answer."""
+    good, down, seeds = Say(json.dumps({"strategies": [SOLUTION]})), True, []
+
+    def script(call):
+        seed = call.body["generationConfig"]["seed"]
+        if seed not in seeds:
+            seeds.append(seed)
+        acts = [*OUTAGES, REFUSED][seeds.index(seed)] if down else [good]
+        return acts[0]
+
+    words = [*COMMON, f"budget.n_agent={len(OUTAGES) + 1}", "budget.n_tool=1", "budget.n_action=1"]
+    words += ["budget.n_iteration=0", "vlm.retries=0", "hydra.run.dir=run"]
+    with serving(script) as server:
+        again = f"vlm.api_base={server.url}"
+        nowhere = command(tmp_path, "vlm=gemini", "vlm.api_base=http://127.0.0.1:9", *words)
+        first = command(tmp_path, "resume=run", "vlm.timeout_s=8", again)
+        asked = len(server.calls)
+        down = False
+        second = command(tmp_path, "resume=run", again)
+        assert len(server.calls) - asked == len(OUTAGES)
+        third = command(tmp_path, "resume=run", again)
+        assert len(server.calls) - asked == len(OUTAGES)
+    for done in (nowhere, first):
+        assert (done.returncode, done.stdout) == (1, "")
+        (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+        assert line.startswith("error: the model answered no request of generation 0: ")
+        assert re.search(r"; to go on: python -m core.run resume=\S*run$", line)
+        assert "Traceback" not in done.stderr
+    assert asked == len(OUTAGES) + 1
+    assert f"there; {len(OUTAGES)} requests without an answer are sent again" in second.stderr
+    assert second.returncode == third.returncode == 0, second.stderr
+    (generation,) = result(tmp_path / "run")["generations"]
+    assert (generation["n_candidates"], generation["n_rejected"]) == (len(OUTAGES) + 1, 1)
+    assert "has come to its end" in third.stdout
+
+
 def test_a_gateway_that_repeats_the_key_leaves_it_nowhere(tmp_path):
     """The key ends in a line break; it is repeated in the tool's name, in the model's, in an error and in base64."""
     key = "sk-planted0123456789"
