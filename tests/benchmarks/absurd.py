@@ -27,7 +27,7 @@ LIGHT, SHEET_M, BLADE_M = 1.02, 0.00095, 0.002  # the first: over the least mass
 GHOST_M, TIP_M_S, INSIDE_CM2, AIR_M = 0.008, 6.0, 1.0, 0.02  # from here on a motion or an end counts as absurd
 COMMANDED_HZ, LOOKED_HZ = 25.0, 50.0
 _SIZE, _TURN_RAD, _JOINT, _WAY_M, _WAY_RAD, _GRIP = 0.4, 0.2, 0.4, 0.04, 0.15, 0.3  # what a number of 1 changes
-_TOUCH_M, EATEN_M = 0.002, 0.002
+_TOUCH_M, EATEN_M = 0.002, 0.003
 _EMPTY = Scene(())
 _AT_REST_M_S, _LIFTED_M = 0.1, 0.01
 
