@@ -6,11 +6,100 @@ Along any direction the gap between two convex solids is no larger than their di
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array, Box, Cylinder, Shape, Sphere
 from core.simulation.tracks import Track
+
+Flags = npt.NDArray[np.bool_]
+
+ROUNDING_M = 1e-9  # in comparisons of lengths
+
+
+def may_meet(
+    pairs: Sequence[tuple[Track, Track]], least: Array, within: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Report where solids may get as deep in each other as ``least`` (P,), from a sample to the next: (P, T - 1).
+
+    Only intervals ``within`` (P, T - 1) are looked at, all pairs at once. Boxes along the world's axes are compared
+    first, then those along the solids' own. Along an axis that is fixed in one solid, points of the other move
+    straight on, but for what the two turn, and the gap to them is a concave function of time: it is smallest at one
+    of the ends. So solids that slide along each other don't come nearer.
+    """
+    tracks = list({id(track): track for pair in pairs for track in pair}.values())
+    number = {id(track): i for i, track in enumerate(tracks)}
+    counts = np.array([len(track.positions) for track in tracks])
+    first, moves = np.cumsum(counts) - counts, (counts > 1).astype(np.intp)
+    low, high, rotations, positions, middles, asides = (
+        np.concatenate([getattr(track, name) for track in tracks])
+        for name in ("low", "high", "rotations", "positions", "middles", "aside")
+    )
+    halves, reaches = np.array([track.box for track in tracks]), np.array([track.reach for track in tracks])
+    both = np.array([[number[id(track)] for track in pair] for pair in pairs])
+
+    met, at = np.nonzero(within)
+    one, other = both[met].T
+    a, b = first[one] + moves[one] * at, first[other] + moves[other] * at
+    limits = least[met] - ROUNDING_M
+    # Solids are no deeper in each other than their boxes along any axis.
+    near = np.flatnonzero((np.minimum(high[a] - low[b], high[b] - low[a]) >= limits[:, None]).all(axis=1))
+    met, at, one, other, a, b = (array[near] for array in (met, at, one, other, a, b))
+
+    after, others_after = a + moves[one], b + moves[other]
+    # The two ends of all intervals, each once.
+    ends = np.zeros((len(pairs), within.shape[1] + 1), dtype=np.intp)
+    ends[met, at] = ends[met, at + 1] = 1
+    pair, instant = np.nonzero(ends)
+    ends[pair, instant] = np.arange(len(pair))
+    i, j = both[pair].T
+    k, m = first[i] + moves[i] * instant, first[j] + moves[j] * instant
+    seen, mine = _along_axes(rotations[k], rotations[m], middles[k] - middles[m], halves[i], halves[j])
+    begin, end = ends[met, at], ends[met, at + 1]
+    turn, others_turn = _angle(rotations[a], rotations[after]), _angle(rotations[b], rotations[others_after])
+    apart = positions[a] - positions[b]
+    moved = _length(positions[after] - positions[others_after] - apart)
+    far = _length(apart) + moved
+    gaps = np.maximum(
+        np.minimum(seen[begin], seen[end]).max(axis=1) - _curved(far, moved, turn, others_turn, reaches[one]),
+        np.minimum(mine[begin], mine[end]).max(axis=1) - _curved(far, moved, others_turn, turn, reaches[other]),
+    )
+    kept = np.zeros_like(within)
+    kept[met, at] = gaps - asides[a] - asides[b] <= -limits[near]
+    return kept
+
+
+def _along_axes(
+    rotations: Array, others_rotations: Array, apart: Array, halves: Array, others_halves: Array
+) -> tuple[Array, Array]:
+    """The gaps (N, 6) between two boxes along the second's axes, either way, and along the first's."""
+    widths = np.abs(others_rotations.swapaxes(1, 2) @ rotations)
+    ahead, extents = (apart[:, None] @ others_rotations)[:, 0], others_halves + (widths @ halves[:, :, None])[:, :, 0]
+    seen = np.concatenate([ahead - extents, -ahead - extents], axis=1)
+    ahead, extents = (apart[:, None] @ rotations)[:, 0], halves + (others_halves[:, None] @ widths)[:, 0]
+    return seen, np.concatenate([ahead - extents, -ahead - extents], axis=1)
+
+
+def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Array) -> Array:
+    """How far points of a solid get from a straight way in the frame of another, metres, at most.
+
+    It is an eighth of the acceleration, in units of the interval.
+    """
+    points = far + reach
+    curved: Array = (others_turn**2 * points + 2 * others_turn * (moved + reach * turn) + turn**2 * reach) / 8
+    return curved
+
+
+def _angle(rotations: Array, after: Array) -> Array:
+    angles: Array = np.arccos(np.clip(((rotations * after).sum(axis=(1, 2)) - 1) / 2, -1.0, 1.0))
+    return angles
+
+
+def _length(vectors: Array) -> Array:
+    lengths: Array = np.sqrt((vectors * vectors).sum(axis=1))
+    return lengths
 
 
 def gap_bounds(one: Track, other: Track, samples: npt.NDArray[np.intp]) -> Array | None:

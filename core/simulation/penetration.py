@@ -8,7 +8,7 @@ samples poses are interpolated, and an instant is skipped if the solids can't ha
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -21,7 +21,7 @@ from core.geometry import Array, Sphere
 from core.interfaces import Recording
 from core.scene import Scene
 from core.simulation.entry import Side, cut, skin, thickness
-from core.simulation.gaps import gap_bounds
+from core.simulation.gaps import gap_bounds, may_meet
 from core.simulation.sampling import detours, finer, rough, taken
 from core.simulation.tracks import Track, body_tracks, robot_tracks, travelled
 
@@ -69,21 +69,27 @@ def findings(scene: Scene, tool: Tool, recording: Recording) -> list[Finding]:
     seen = taken(recording, samples)
     around, aside = detours(recording, samples) if len(samples) < len(recording.times) else (None, None)
     robot, bodies = robot_tracks(tool, seen, around), body_tracks(scene, seen, aside)
-    flung = _flung(seen, max((track.top_speed(seen.times) for track in robot), default=0.0))
-    meetings = list(_meetings(robot, bodies))
+    flung = _flung(seen, lambda: max((track.top_speed(seen.times) for track in robot), default=0.0))
+    pairs = _pairs(robot, bodies)
+    meetings = _meetings(pairs, np.ones((len(pairs), max(len(samples) - 1, 0)), dtype=bool))
     if meetings and around is not None:
         wanted = np.ones(len(samples) - 1)
-        for one, other, _, deeper, travel in meetings:
-            deeper = deeper[deeper < len(wanted)]
-            way = np.diff(travel) + 2 * (one.aside + other.aside + 0 * travel)[:-1]  # there and back
-            wanted[deeper] = np.maximum(wanted[deeper], way[deeper] / thickness(one, other))
+        for one, other, near, travel in meetings:
+            way = np.diff(travel) + 2 * (one.aside + other.aside)[:-1]  # there and back
+            wanted[near] = np.maximum(wanted[near], way[near] / thickness(one, other))
         more = finer(samples, wanted)
         if len(more) > len(samples):
             seen = taken(recording, more)
             met = {id(track) for meeting in meetings for track in meeting[:2]}
-            chosen = ({i for i, track in enumerate(tracks) if id(track) in met} for tracks in (robot, bodies))
-            robot = robot_tracks(tool, seen, only=next(chosen))
-            meetings = list(_meetings(robot, body_tracks(scene, seen, only=next(chosen))))
+            at, others_at = ([i for i, track in enumerate(tracks) if id(track) in met] for tracks in (robot, bodies))
+            fine = dict(zip((id(robot[i]) for i in at), robot_tracks(tool, seen, only=set(at)), strict=True))
+            others = body_tracks(scene, seen, only=set(others_at))
+            fine.update(zip((id(bodies[i]) for i in others_at), others, strict=True))
+            within = np.zeros((len(meetings), len(samples)), dtype=bool)
+            for i, meeting in enumerate(meetings):
+                within[i, meeting.near] = True
+            within = within[:, np.searchsorted(samples, more[:-1], side="right") - 1]
+            meetings = _meetings([(fine[id(one)], fine[id(other)]) for one, other, *_ in meetings], within)
     return _passages(meetings, seen.times) + flung
 
 
@@ -92,7 +98,7 @@ def findings(scene: Scene, tool: Tool, recording: Recording) -> list[Finding]:
 
 def _passages(meetings: Iterable[_Meeting], times: Array) -> list[Finding]:
     found: dict[tuple[str, str], tuple[float, str]] = {}
-    for one, other, near, _, travel in meetings:
+    for one, other, near, travel in meetings:
         passage = _passage(one, other, near, travel, times)
         if passage is not None:
             names = one.name, other.name
@@ -101,57 +107,56 @@ def _passages(meetings: Iterable[_Meeting], times: Array) -> list[Finding]:
 
 
 class _Meeting(NamedTuple):
-    """Two solids with bounding boxes that ever overlap by as much as counts; at least one of them is in motion.
+    """Two solids that may get as deep in each other as counts; at least one of them is in motion.
 
-    ``near`` are the samples at which the boxes meet or are about to, rising; at those of ``deeper`` they overlap by so
-    much. ``travel`` (T,) is that of the first in the frame of the second (see `Track.travel`).
+    ``near`` are the samples, rising, from which on they may, until the next. ``travel`` (T,) is that of the first in
+    the frame of the second (see `Track.travel`).
     """
 
     one: Track
     other: Track
     near: npt.NDArray[np.intp]
-    deeper: npt.NDArray[np.intp]
     travel: Array
 
 
-def _meetings(robot: Sequence[Track], bodies: Sequence[Track]) -> Iterator[_Meeting]:
-    moving = [track for track in (*robot, *bodies) if len(track.travel) > 1]
+def _pairs(robot: Sequence[Track], bodies: Sequence[Track]) -> list[tuple[Track, Track]]:
+    """Pair solids of different owners that are ever where the other one ever is; at least one is in motion."""
+    moving = [track for track in (*robot, *bodies) if len(track.positions) > 1]
     if not moving:
-        return
-    low = np.array([track.low.T for track in moving]).swapaxes(0, 1).copy()  # (3, M, T)
-    high = np.array([track.high.T for track in moving]).swapaxes(0, 1).copy()
-    lowest, highest = low.min(axis=2), high.max(axis=2)
-    reaches = np.array([track.reach for track in moving])
+        return []
+    low, high = np.array([(t.low.min(axis=0), t.high.max(axis=0)) for t in moving]).swapaxes(0, 1)
+    below, above = np.array([(t.low.min(axis=0), t.high.max(axis=0)) for t in bodies]).swapaxes(0, 1)
+    met = ((low <= above[:, None]) & (high >= below[:, None])).all(axis=2)
     order = {id(track): i for i, track in enumerate(moving)}
-    for other in bodies:
-        count = order.get(id(other), len(moving))  # of two bodies that move, each pair once
-        below, above = other.low.min(axis=0)[:, None], other.high.max(axis=0)[:, None]
-        if not ((lowest[:, :count] <= above) & (highest[:, :count] >= below)).all(axis=0).any():
-            continue
-        near = np.ones((count, low.shape[2]), dtype=bool)
-        for axis in range(3):
-            near &= low[axis, :count] <= other.high[:, axis]
-            near &= high[axis, :count] >= other.low[:, axis]
-        met = [i for i in np.flatnonzero(near.any(axis=1)) if moving[i].owner != other.owner]
-        # Solids are no deeper in each other than their boxes along any axis.
-        depths = np.minimum(high[:, met] - other.low.T[:, None], other.high.T[:, None] - low[:, met]).min(axis=0)
-        counts = np.array([min(*_limits(moving[i], other), skin(moving[i], other)) for i in met])
-        deeper = depths >= counts[:, None]
-        kept = deeper.any(axis=1)
-        met, deeper = [i for i, keep in zip(met, kept, strict=True) if keep], deeper[kept]
-        if not met:
-            continue
-        if len(other.travel) == 1:
-            travels = [moving[i].travel for i in met]
-        else:
-            positions = np.array([moving[i].positions for i in met]) - other.positions
-            rotations = np.array([moving[i].rotations for i in met])
-            if not isinstance(other.shape, Sphere):  # the frame of a ball does not turn
-                back = other.rotations.swapaxes(1, 2)
-                positions, rotations = (back @ positions[..., None])[..., 0], back @ rotations
-            travels = list(travelled(rotations, positions, reaches[met]))
-        for i, deep, travel in zip(met, deeper, travels, strict=True):
-            yield _Meeting(moving[i], other, np.flatnonzero(near[i]), np.flatnonzero(deep), travel)
+    return [
+        (moving[i], bodies[j])
+        for j, i in np.argwhere(met).tolist()
+        if i < order.get(id(bodies[j]), len(moving)) and moving[i].owner != bodies[j].owner  # each pair once
+    ]
+
+
+def _meetings(pairs: Sequence[tuple[Track, Track]], within: npt.NDArray[np.bool_]) -> list[_Meeting]:
+    if not within.any():
+        return []
+    least = np.array([min(*_limits(one, other), skin(one, other)) for one, other in pairs])
+    kept = may_meet(pairs, least, within)
+    return [
+        _Meeting(one, other, np.flatnonzero(near), _travel(one, other))
+        for (one, other), near in zip(pairs, kept, strict=True)
+        if near.any()
+    ]
+
+
+def _travel(one: Track, other: Track) -> Array:
+    """How far points of the first have moved in the frame of the second since the first sample, at most, metres."""
+    if len(other.positions) == 1:
+        return one.travel
+    positions, rotations = one.positions - other.positions, one.rotations
+    if not isinstance(other.shape, Sphere):  # the frame of a ball does not turn
+        back = other.rotations.swapaxes(1, 2)
+        positions, rotations = (back @ positions[..., None])[..., 0], back @ rotations
+    travel: Array = travelled(rotations[None], positions[None], np.array([one.reach]))[0]
+    return travel
 
 
 def _limits(one: Track, other: Track) -> tuple[float, float]:
@@ -254,7 +259,7 @@ def _query(distance: Any, one: Track, other: Track, k: int, share: float) -> tup
 # --- flung ------------------------------------------------------------------------------------------------------
 
 
-def _flung(recording: Recording, robot_speed: float) -> list[Finding]:
+def _flung(recording: Recording, top_speed: Callable[[], float]) -> list[Finding]:
     """Find bodies faster than the robot and a fall can have made them, and bodies that are far away.
 
     Raises:
@@ -268,7 +273,7 @@ def _flung(recording: Recording, robot_speed: float) -> list[Finding]:
     for name, speed, far in zip(states.names, fastest, farthest, strict=True):
         if speed > EXPLODED_M_S:
             raise Explosion(f"{name!r} reached {speed:.0f} m/s")
-        if speed > max(FLUNG_M_S, FLUNG_TIMES * robot_speed):
+        if speed > FLUNG_M_S and speed > FLUNG_TIMES * (robot_speed := top_speed()):
             found.append(
                 Finding(f"{name!r} was flung: it reached {speed:.1f} m/s, the robot {robot_speed:.1f} m/s", False)
             )

@@ -75,19 +75,23 @@ def taken(recording: Recording, samples: Indices) -> Recording:
 
 
 def detours(recording: Recording, samples: Indices) -> tuple[Detour, list[Detour]]:
-    """How far the robot and each free body get from the straight way between two of ``samples``."""
-    states = recording.states
-    turned = 2 * _aside(states.quaternions, samples)
-    moved = _aside(states.positions, samples)
-    joints = _aside(recording.arm[:, :, None], samples).sum(axis=1)
-    return Detour(joints, joints), [Detour(moved[:, i], turned[:, i]) for i in range(len(states.names))]
+    """How far the robot and each free body get from the straight way between two of ``samples``, at most."""
+    states, count = recording.states, len(recording.times)
+    arrays = (recording.arm, states.positions.reshape(count, -1), states.quaternions.reshape(count, -1))
+    aside = _aside(np.concatenate(arrays, axis=1), samples)
+    joints, moved, turned = np.split(aside, np.cumsum([array.shape[1] for array in arrays[:2]]), axis=1)
+    moved = np.sqrt((moved.reshape(len(samples), -1, 3) ** 2).sum(axis=2))
+    turned = 2 * np.sqrt((turned.reshape(len(samples), -1, 4) ** 2).sum(axis=2))
+    arm = joints.sum(axis=1)
+    return Detour(arm, arm), [Detour(moved[:, i], turned[:, i]) for i in range(len(states.names))]
 
 
 def _aside(values: Array, samples: Indices) -> Array:
-    """The largest distance of ``values`` (T, N, D) from the line between two samples (S,): (S, N), the last 0."""
+    """The largest distance of each of ``values`` (T, N) from the line between two samples (S,): (S, N), the last 0."""
     at = np.arange(len(values))
-    before = np.minimum(np.searchsorted(samples, at, side="right") - 1, len(samples) - 2)
-    share = ((at - samples[before]) / (samples[before + 1] - samples[before]))[:, None, None]
-    line = values[samples[before]] * (1 - share) + values[samples[before + 1]] * share
-    aside = np.sqrt(((values - line) ** 2).sum(axis=2))
-    return np.append(np.maximum.reduceat(aside, samples[:-1], axis=0), np.zeros((1, values.shape[1])), axis=0)
+    before = np.repeat(np.arange(len(samples) - 1), np.diff(samples))
+    share = ((at[:-1] - samples[before]) / np.diff(samples)[before])[:, None]
+    known = values[samples]
+    line = known[before] + np.diff(known, axis=0)[before] * share
+    aside = np.maximum.reduceat(np.abs(values[:-1] - line), samples[:-1], axis=0)
+    return np.append(aside, np.zeros((1, values.shape[1])), axis=0)

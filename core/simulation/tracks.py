@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import coal
@@ -44,11 +44,12 @@ class Track:
     Attributes:
         owner: the body that the solid is part of, or the robot.
         shape: None for a link's hull.
-        travel: (T,) metres, an upper bound of how far any point has moved since the first sample.
+        middles: (T, 3) the middle of the bounding box ``box``, which is along the solid's own axes.
         low: (T, 3), with ``high`` the bounding box at a sample and on the way to the next.
         reach: how far from the frame's origin rotation moves a point, metres.
         half_width: half of the smallest extent, metres.
-        aside: (T,) how far it gets from the straight way to the next sample, metres, at most; or 0.
+        box: half of its extents along its own axes, (3,), metres.
+        aside: (T,) how far it gets from the straight way to the next sample, metres, at most.
     """
 
     name: str
@@ -57,12 +58,13 @@ class Track:
     geometry: Any
     rotations: Array
     positions: Array
-    travel: Array
+    middles: Array
     low: Array
     high: Array
     reach: float
     half_width: float
-    aside: Array | float = 0.0
+    box: Array
+    aside: Array
     transforms: dict[int, tuple[Any, Array]] = field(default_factory=dict)  # results of `at`, by sample
 
     @classmethod
@@ -84,15 +86,21 @@ class Track:
         middles, extents = positions + _times(rotations, solid.middle), _times(np.abs(rotations), solid.half)
         low, high = middles - extents, middles + extents
         low[:-1], high[:-1] = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
-        aside = 0.0 if detour is None else detour.moved + (solid.far + arm) * detour.turned
+        aside = np.zeros(len(positions))
         if detour is not None:
+            aside = detour.moved + (solid.far + arm) * detour.turned
             low, high = (low.T - aside).T, (high.T + aside).T
-        (travel,) = travelled(rotations[None], positions[None], np.array([solid.reach]))
         half = float(solid.half.min())
         return cls(
-            *(name, owner, solid.shape, solid.geometry, rotations, positions, travel, low, high, solid.reach, half),
-            aside,
+            *(name, owner, solid.shape, solid.geometry, rotations, positions, middles, low, high, solid.reach, half),
+            *(solid.half, aside),
         )
+
+    @cached_property
+    def travel(self) -> Array:
+        """An upper bound (T,) of how far any point has moved since the first sample, metres."""
+        travel: Array = travelled(self.rotations[None], self.positions[None], np.array([self.reach]))[0]
+        return travel
 
     def top_speed(self, times: Array) -> float:
         """An upper bound of the speed of any point, m/s, averaged over a tenth of a second."""
@@ -228,7 +236,7 @@ class _Measured:
     half: Array
     reach: float
 
-    @property
+    @cached_property
     def far(self) -> float:
         """How far from the owner's frame it extends, metres."""
         place = 0.0 if self.pose is None else float(np.linalg.norm(self.pose.position))

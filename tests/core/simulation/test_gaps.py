@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.scene import Scene
-from core.simulation.gaps import gap_bounds
+from core.simulation.gaps import gap_bounds, may_meet
 from core.simulation.tracks import body_tracks
 from tests.core.simulation.test_penetration import body, recording
 
@@ -33,7 +33,9 @@ def test_no_gap_is_smaller_than_its_bound(one, other, seed):
     for k, bound in enumerate(bounds):
         result = coal.DistanceResult()
         gap = distance(a.at(k, 0.0)[0], b.at(k, 0.0)[0], coal.DistanceRequest(), result)
-        assert bound <= (gap + 1e-6 if gap > 0 else 0.9 * gap)  # how deep round ones are, Coal knows to a few percent
+        # How deep round ones are, Coal does not know: it has said 97 mm of a ball in a disc of 10 mm.
+        deepest = gap if isinstance(one, Box) and isinstance(other, Box) else 0.0
+        assert bound <= (gap if gap > 0 else deepest) + 1e-6
 
 
 @pytest.mark.parametrize("other", SHAPES)
@@ -56,3 +58,41 @@ def test_hulls_have_none():
     hull = Mesh.from_trimesh(Box((0.1, 0.1, 0.1)).to_trimesh())
     a, b = tracks(hull, Sphere(0.1), {}, {"one": np.zeros((1, 3)), "other": np.ones((1, 3))})
     assert gap_bounds(a, b, np.arange(1)) is None
+
+
+@given(one=st.sampled_from(SHAPES), other=st.sampled_from(SHAPES), seed=st.integers(0, 2**32 - 1))
+def test_solids_do_not_meet_where_they_may_not(one, other, seed):
+    """At ten instants between samples, of motions of some 5 cm and 30 degrees from one to the next."""
+    random = np.random.default_rng(seed)
+    count = 12
+    least = random.choice([0.0, 0.002, 0.01]) if isinstance(one, Box) and isinstance(other, Box) else 0.0
+    paths, turns = {}, {}
+    for name in ("one", "other"):
+        paths[name] = np.cumsum(random.normal(0, 0.03, (count, 3)), axis=0) + random.uniform(-0.1, 0.1, 3)
+        steps = Rotation.from_rotvec(random.normal(0, 0.3, (count, 3)))
+        turning = [Rotation.random(rng=random)]
+        for step in steps:
+            turning.append(step * turning[-1])
+        turns[name] = Rotation.concatenate(turning[1:]).as_quat(scalar_first=True)
+    a, b = tracks(one, other, turns, paths)
+    (may,) = may_meet([(a, b)], np.array([least]), np.ones((1, count - 1), dtype=bool))
+    distance = coal.ComputeDistance(a.geometry, b.geometry)
+    for k in np.flatnonzero(~may).tolist():
+        for share in np.linspace(0.0, 1.0, 10, endpoint=False).tolist():
+            result = coal.DistanceResult()
+            gap = distance(a.at(k, share)[0], b.at(k, share)[0], coal.DistanceRequest(), result)
+            assert gap >= -least - 1e-6
+
+
+def test_what_slides_along_a_surface_does_not_come_nearer():
+    a, b = tracks(
+        Box((0.1, 0.1, 0.02)),
+        Box((1.0, 1.0, 0.02)),
+        {},
+        {
+            "one": np.column_stack([np.linspace(-0.3, 0.3, 8), np.zeros(8), np.full(8, 0.02)]),
+            "other": np.zeros((8, 3)),
+        },
+    )
+    assert not may_meet([(a, b)], np.array([0.001]), np.ones((1, 7), dtype=bool)).any()
+    assert may_meet([(a, b)], np.array([0.0]), np.ones((1, 7), dtype=bool)).all()

@@ -25,16 +25,6 @@ SWINGS = {
             [0.4562, 0.0258, 0.6009, -0.007, 0.0034, 0.0566],
         ],
     ),
-    "ElevatePlate, slower": (
-        (0.2915, 0.0666),
-        -1,
-        [
-            [0.3984, -0.3792, 0.45, -0.0161, 0.0038, -0.7608],
-            [0.3984, -0.3792, 0.2002, -0.0161, 0.0038, -0.7608],
-            [0.5495, 0.0238, 0.2002, -0.0161, 0.0038, 0.0432],
-            [0.5496, 0.0215, 0.5991, -0.0161, 0.0038, 0.039],
-        ],
-    ),
     "BringCube": (
         (0.455, 0.1204),
         -1,
@@ -66,12 +56,10 @@ SWINGS = {
 # What earned 0.84 and more as long as it was not found; in the other engines the swing pushes the thing aside.
 PAID = [
     *(("ElevatePlate", "mujoco", mm) for mm in (0.5, 1)),
-    *(("ElevatePlate", "pybullet", mm) for mm in (0.5, 1)),
-    *(("ElevatePlate, slower", "sapien", mm) for mm in (0.5, 1, 2)),
+    ("ElevatePlate", "pybullet", 0.5),
     *(("BringCube", "mujoco", mm) for mm in (0.5, 1, 2)),
     *(("BringCube", "sapien", mm) for mm in (0.5, 1, 2)),
     *(("BringCube", "pybullet", mm) for mm in (0.5, 1)),
-    *(("HighObject", "sapien", mm) for mm in (0.5, 1, 2)),
 ]
 UNPAID = [("ElevatePlate", "mujoco", 2), ("HighObject", "mujoco", 0.5), ("HighObject", "mujoco", 2)]
 
@@ -86,7 +74,7 @@ def swing(name, engine, mm):
             Component("sheet", "panda_virtual", sheet, Box((length, width, mm / 1000)), mass=0.1),
         )
     )
-    task = installed().create("task", name.split(",")[0])
+    task = installed().create("task", name)
     settings = RolloutSettings(penetration="warn")
     (evaluation,) = evaluate_batch(task, simulator(engine), [Candidate(tool, np.array(plan))], 0, settings)
     return evaluation
