@@ -37,6 +37,7 @@ MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
 
 MAX_WAYPOINTS = 200
 MAX_REACH_M = 3.0
+MAX_WAY_M = 100.0  # from waypoint to waypoint in all; inverse kinematics is solved every 2 cm
 MAX_ANGLE_RAD = 100.0
 WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 
@@ -143,7 +144,11 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
     if not 1 <= len(plan) <= MAX_WAYPOINTS:
         raise DesignError(f"the action plan has {len(plan)} waypoints; between 1 and {MAX_WAYPOINTS} are needed")
     names = WAYPOINT if gripper else WAYPOINT[:6]
-    return np.array([_check_waypoint(waypoint, f"waypoint {i}", names) for i, waypoint in enumerate(plan, start=1)])
+    checked = np.array([_check_waypoint(waypoint, f"waypoint {i}", names) for i, waypoint in enumerate(plan, start=1)])
+    way = float(np.linalg.norm(np.diff(checked[:, :3], axis=0), axis=1).sum())
+    if way > MAX_WAY_M:
+        raise DesignError(f"the waypoints are {way:.0f} m apart in all; at most {MAX_WAY_M:g} m are allowed")
+    return checked
 
 
 def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> list[float]:

@@ -9,6 +9,7 @@ advancement (B. Mirtich, "Impulse-based dynamic simulation of rigid body systems
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, product
@@ -35,6 +36,10 @@ _APART, _APART_ON_FLANGE = 3, 2
 
 _SAMPLE_M = 0.15  # farthest motion of any point between two samples of the first comparison
 _STEP_M = 0.001  # shortest step: a depth of less than this beyond the limit may be missed
+# Distances measured for one plan. Reference solutions need a few hundred; a plan that needs more grazes the arm all the
+# way, with many components.
+MAX_DISTANCES = 50_000
+_BLOCK = 500_000  # gaps between capsules that are computed at once; each needs some 200 bytes
 _REQUEST = coal.DistanceRequest()
 
 
@@ -42,7 +47,8 @@ _REQUEST = coal.DistanceRequest()
 class SelfCollision:
     """Two parts of the robot and how deep one is in the other, metres, at ``time_s`` of the motion, when deepest.
 
-    ``with_tool``: the first is a component of the tool.
+    ``with_tool``: the first is a component of the tool. ``unchecked``: the search was given up here, since parts were
+    near each other all the way until then (`MAX_DISTANCES`).
     """
 
     time_s: float
@@ -50,10 +56,14 @@ class SelfCollision:
     other: str
     depth_m: float
     with_tool: bool
+    unchecked: bool = False
 
     def describe(self) -> str:
         """Say which part is in which, how deep and when."""
         whole = "the tool's" if self.with_tool else "the arm's"
+        if self.unchecked:
+            near = f"stays so near the arm's {self.other!r}, as others do, that collisions can't be ruled out"
+            return f"{whole} {self.part!r} {near}: the search was given up at {self.time_s:.2f} s,"
         depth = f"{self.depth_m * 1000:.0f} mm inside the arm's {self.other!r}"
         return f"{whole} {self.part!r} is {depth} at {self.time_s:.2f} s,"
 
@@ -97,23 +107,29 @@ def find_self_collision(tool: Tool, trajectory: JointTrajectory) -> SelfCollisio
     Targets are linear between instants, and all of the motion is covered: two parts deeper in each other than
     ``DEEP_M`` and a millimetre are found however short it lasts. Left out are pairs that the limits of one or two
     joints keep apart, a component and the link that bears it, and what hangs on one finger with what hangs on the
-    other: fingers close until they meet something.
+    other: fingers close until they meet something. Work is bounded: see `SelfCollision.unchecked`.
     """
     pairs, robot = _pairs(tool), _robot(tool.gripper)
     joints = np.column_stack([trajectory.arm, *[trajectory.fingers] * (robot.model.nq - trajectory.arm.shape[1])])
     turned = np.vstack([np.zeros(joints.shape[1]), np.cumsum(np.abs(np.diff(joints, axis=0)), axis=0)])
     rows, near = _near(robot, pairs, joints, turned)
     first, found = np.inf, None
+    budget, unchecked = iter(range(MAX_DISTANCES)), False
     for pair in np.flatnonzero(near.any(axis=1)):
-        search = _Search(robot, pairs, int(pair), joints, turned)
-        row = search.first(rows[:-1][near[pair]], rows[1:][near[pair]], first)
+        search = _Search(robot, pairs, int(pair), joints, turned, budget)
+        try:
+            row = search.first(rows[:-1][near[pair]], rows[1:][near[pair]], first)
+        except _GivenUp as given_up:
+            if found is None:
+                first, found, unchecked = given_up.row, search, True
+            break
         if row is not None:
             first, found = row, search
     if found is None:
         return None
-    depth, row = found.deepest(first)
+    depth, row = (found.depth(first), first) if unchecked else found.deepest(first)
     time = float(np.interp(row, np.arange(len(joints)), trajectory.times))
-    return SelfCollision(time, found.one.name, found.other.name, depth, found.one.name not in robot.links)
+    return SelfCollision(time, found.one.name, found.other.name, depth, found.one.name not in robot.links, unchecked)
 
 
 # --- the robot --------------------------------------------------------------------------------------------------
@@ -256,7 +272,8 @@ def _near(
     ends = positions[of][:, None] + np.einsum("nsij,nej->nesi", rotations[of], ends)  # (N, 2, S + 1, 3)
     radii = np.array([part.radius for part in pairs.parts])
     one, other = pairs.numbers.T
-    gaps = _segment_distances(ends[one, 0], ends[one, 1], ends[other, 0], ends[other, 1])
+    blocks = np.array_split(ends, -(-len(one) * len(rows) // _BLOCK), axis=2)
+    gaps = np.hstack([_segment_distances(b[one, 0], b[one, 1], b[other, 0], b[other, 1]) for b in blocks])
     gaps -= (radii[one] + radii[other])[:, None]
     travel = pairs.levers @ np.diff(turned[rows], axis=0).T
     least = (gaps[:, :-1] + gaps[:, 1:] - travel) / 2
@@ -297,11 +314,23 @@ def _segment_distances(a: Array, b: Array, c: Array, d: Array) -> Array:
     return distances
 
 
-class _Search:
-    """One pair along the trajectory, followed with Coal. Instants are rows of the targets, with fractions."""
+class _GivenUp(Exception):
+    """No distance is left to be measured at a row of the targets."""
 
-    def __init__(self, robot: _Robot, pairs: _Pairs, pair: int, joints: Array, turned: Array) -> None:
-        self.robot, self.joints = robot, joints
+    def __init__(self, row: float) -> None:
+        self.row = row
+
+
+class _Search:
+    """One pair along the trajectory, followed with Coal. Instants are rows of the targets, with fractions.
+
+    Each distance measured in search of the first collision is taken from ``budget``.
+    """
+
+    def __init__(
+        self, robot: _Robot, pairs: _Pairs, pair: int, joints: Array, turned: Array, budget: Iterator[int]
+    ) -> None:
+        self.robot, self.joints, self.budget = robot, joints, budget
         self.one, self.other = (pairs.parts[number] for number in pairs.numbers[pair])
         self.deep = float(pairs.deep[pair])
         self.moved: Array = turned @ pairs.levers[pair]
@@ -312,11 +341,17 @@ class _Search:
         return _depth(self.robot, self.one, self.other, here + (row - k) * (self.joints[k + 1] - here))
 
     def first(self, starts: Array, stops: Array, until: float) -> float | None:
-        """The first row before ``until`` at which the two are too deep in each other, from a start to its stop."""
+        """The first row before ``until`` at which the two are too deep in each other, from a start to its stop.
+
+        Raises:
+            _GivenUp: the budget is spent.
+        """
         row = 0.0
         for start, stop in zip(starts, stops, strict=True):
             row, stop = max(row, float(start)), min(float(stop), until)
             while row <= stop:
+                if next(self.budget, None) is None:
+                    raise _GivenUp(row)
                 depth = self.depth(row)
                 if depth > self.deep:
                     return row

@@ -231,6 +231,7 @@ def test_plans_become_arrays():
         (3, "not a number"),
         ([], "has 0 waypoints; between 1 and 200"),
         ([WAYPOINT] * 201, "has 201 waypoints"),
+        ([[2.9 * (-1) ** i, 0, 0.5, 0, 0, 0] for i in range(200)], "are 1154 m apart in all; at most 100 m"),
         ([WAYPOINT, 5], "waypoint 2 must be a list of 6 numbers, not a number"),
         ([WAYPOINT, WAYPOINT, [*WAYPOINT, 1]], "waypoint 3 has 7 numbers, 6 are needed: x, y, z, roll, pitch, yaw$"),
         ([[]], "waypoint 1 has 0 numbers"),

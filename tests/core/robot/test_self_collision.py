@@ -19,7 +19,7 @@ from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, RolloutSettings, Task
 from core.plugins import installed
 from core.robot import self_collision
-from core.robot.description import FINGER_OPEN, assemble
+from core.robot.description import FINGER_OPEN, HOME_JOINTS, assemble
 from core.robot.kinematics import arm
 from core.robot.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
 from core.robot.solids import Solid, robot_solids, signed_distance, solid_geometry
@@ -195,6 +195,29 @@ def test_few_distances_are_measured(monkeypatch):
     find_self_collision(candidate.tool, trajectory)
     pairs = len(self_collision._pairs(candidate.tool).deep)
     assert len(calls) < pairs * len(trajectory.times) / 200
+
+
+def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch):
+    """A hundred thin boxes turn about the flange's axis for two minutes, close below the wrist."""
+    hub = Component("hub", "panda_virtual", Pose(np.array([0.0, 0.0, -0.01])), Box((0.02, 0.02, 0.02)))
+    rays = []
+    for number, angle in enumerate(np.linspace(0.0, 2 * np.pi, 99, endpoint=False)):
+        turn = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
+        place = Pose(np.array([0.1 * np.cos(angle), 0.1 * np.sin(angle), 0.06]), turn)
+        rays.append(Component(f"ray {number}", "hub", place, Box((0.15, 0.004, 0.004))))
+    times = np.arange(0.0, 119.0, 0.01)
+    joints = np.tile(np.array(HOME_JOINTS), (len(times), 1))
+    joints[:, 6] = 2.5 * np.sin(0.8 * times)
+    trajectory = JointTrajectory(times, joints, np.full(len(times), FINGER_OPEN))
+    calls = []
+    measure = self_collision._depth
+    monkeypatch.setattr(self_collision, "_depth", lambda *given: calls.append(1) or measure(*given))
+    met = find_self_collision(Tool((hub, *rays)), trajectory)
+    assert len(calls) < self_collision.MAX_DISTANCES + 1000
+    assert met.unchecked
+    assert "collisions can't be ruled out: the search was given up at" in met.describe()
+    monkeypatch.setattr(self_collision, "MAX_DISTANCES", 10**9)
+    assert find_self_collision(Tool((hub, *rays[:5])), trajectory) is None
 
 
 # --- what becomes of a plan -------------------------------------------------------------------------------------
