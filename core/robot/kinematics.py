@@ -18,6 +18,8 @@ from core.robot.description import HOME_JOINTS, assemble
 _RADIAN_WEIGHT = 0.3
 _POSITION_TOLERANCE = 1e-5
 _MAX_STEPS = 60
+# Of a whole sequence; reference solutions need some hundred. Beyond it each pose gets few, and may be missed by more.
+_MAX_STEPS_ALL, _FEW_STEPS = 50_000, 3
 
 _EYE = np.eye(6)
 _STRIDE = np.full(7, 0.5)
@@ -70,11 +72,13 @@ class Arm:
         Positions (K, 3) and rotations (K, 3, 3) are those of ``panda_virtual`` in the world. Each solution starts from
         the one before, the first from ``seed``. The method is damped least squares on the pose error (position and
         rotation vector). A joint that presses against its limit is held there while the others go on. For a pose out
-        of reach the nearest pose found is returned, with its error.
+        of reach the nearest pose found is returned, with its error. Work is bounded: see ``_MAX_STEPS_ALL``.
         """
+        left = _MAX_STEPS_ALL
         joints, errors = np.empty((len(positions), 7)), np.empty((len(positions), 2))
         for k, (position, rotation) in enumerate(zip(positions, rotations, strict=True)):
-            seed, error = self._closest(position, rotation, seed)
+            seed, error, steps = self._closest(position, rotation, seed, _MAX_STEPS if left > 0 else _FEW_STEPS)
+            left -= steps
             joints[k] = seed
             errors[k] = math.sqrt(error[:3].dot(error[:3])), math.sqrt(error[3:].dot(error[3:])) / _RADIAN_WEIGHT
         return joints, errors
@@ -88,13 +92,17 @@ class Arm:
         error[3:] = _RADIAN_WEIGHT * pin.log3(self._back.dot(rotation))
         return error
 
-    def _closest(self, position: Array, rotation: Array, seed: Array) -> tuple[Array, Array]:
-        """Solve one pose: joints, and their `_miss`. Most planning time is spent here: numpy's fastest calls."""
+    def _closest(self, position: Array, rotation: Array, seed: Array, most: int) -> tuple[Array, Array, int]:
+        """Solve one pose: joints, their `_miss`, and the steps taken.
+
+        Most planning time is spent here: numpy's fastest calls.
+        """
         lower, upper = self.lower, self.upper
         q = np.minimum(np.maximum(seed, lower), upper)
         error = self._miss(position, rotation, q)
         cost, damping = float(error.dot(error)), 1e-4
-        for count in range(_MAX_STEPS):
+        count = 0
+        for count in range(most):
             if cost < _POSITION_TOLERANCE**2:
                 break
             jacobian = pin.computeFrameJacobian(self._model, self._data, q, self._frame, pin.LOCAL)
@@ -120,7 +128,7 @@ class Arm:
                 damping *= 10
                 if damping > 1e3:
                     break
-        return q, error
+        return q, error, count
 
     def home_for(self, pose: Pose) -> Array:
         """Find the joints with which the arm starts at ``pose``.

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.geometry import Pose
+from core.robot import kinematics
 from core.robot.description import HOME_JOINTS
 from core.robot.kinematics import arm
 
@@ -114,3 +115,24 @@ def test_a_home_out_of_reach():
 
 def test_one_arm_per_process():
     assert arm() is ARM
+
+
+@pytest.mark.slow
+def test_work_is_bounded_for_poses_out_of_reach(monkeypatch):
+    """Poses flip inside the base, where no step gets near: few steps are left for the last ones."""
+    count = 6000
+    positions = np.zeros((count, 3))
+    positions[1::2, 2] = 0.4
+    flips = np.array([Pose.xyz_rpy((0.0, 0.0, 0.0), (3.1 * k, 3.1 * k, 0.0)).rotation.as_matrix() for k in (0, 1)])
+    rotations = flips[np.arange(count) % 2]
+    calls = []
+    measure = type(ARM)._miss
+    monkeypatch.setattr(type(ARM), "_miss", lambda *given: calls.append(1) or measure(*given))
+    joints, errors = ARM.follow(positions, rotations, ARM.home)
+    assert len(calls) < kinematics._MAX_STEPS_ALL + (kinematics._FEW_STEPS + 2) * count
+    assert within_limits(joints)
+    assert errors[-2:, 0].min() > 0.01
+    calls.clear()
+    first, _ = ARM.follow(positions[:100], rotations[:100], ARM.home)
+    np.testing.assert_array_equal(first, joints[:100])
+    assert len(calls) > 1000
