@@ -198,6 +198,11 @@ def test_a_body_faster_than_the_robot_can_make_it_was_flung():
     swing = recording(scene, path, arms=sweep(1.0, 10))  # some 5 m/s
     swing.states.linear_velocities[:] = (8.0, 0, 0)
     assert findings(scene, ROD, swing) == []
+    (found,) = findings(scene, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)}, arms=sweep(1.0, 10)))
+    robot_speed = float(found.text.split()[-2])
+    for times, count in ((2.1, 0), (2.4, 1)):  # an elastic blow gives twice the speed
+        swing.states.linear_velocities[:] = (times * robot_speed, 0, 0)
+        assert len(findings(scene, ROD, swing)) == count
 
 
 def test_a_fall_is_no_fling():
