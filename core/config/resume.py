@@ -46,8 +46,11 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
     refuse_key_words(overrides)
     try:
         before = cast(DictConfig, OmegaConf.merge(OmegaConf.structured(RunConfig), config))
+        lacks = sorted(OmegaConf.missing_keys(before))
     except OmegaConfBaseException as error:
         raise UserError(f"the run's configuration can't be used by this version: {first_line(error)}") from error
+    if lacks:
+        raise UserError(f"the run's configuration can't be used: it lacks {', '.join(lacks[:3])}")
     after = before.copy()
     try:
         for override in OverridesParser.create().parse_overrides(renamed(overrides)):

@@ -1,5 +1,7 @@
 """The settings that may change as a run goes on; `tests/test_resume.py` goes on with whole runs."""
 
+import copy
+
 import pytest
 from omegaconf import OmegaConf
 
@@ -43,3 +45,11 @@ def test_a_folder_without_a_run(tmp_path):
     (tmp_path / "sweep" / "run.sqlite").touch()
     with pytest.raises(UserError, match=r"holds no run; there is one in .*sweep"):
         hydra_config(tmp_path)
+
+
+@pytest.mark.parametrize(("group", "key"), [("budget", "n_tool"), (None, "executor")])
+def test_a_configuration_that_lacks_a_setting(began, group, key):
+    config = copy.deepcopy(began)
+    del (config[group] if group else config)[key]
+    with pytest.raises(UserError, match=f"can't be used: it lacks {group + '.' if group else ''}{key}$"):
+        changed(config, [])
