@@ -71,8 +71,9 @@ class Faulty(Simulator):
 def candidate(number: int, fault: str | None = None) -> Candidate:
     """Return candidate ``number``; there are two plans to a tool, whose mass chooses the fault."""
     mass = 0.1 + (0 if fault is None else FAULTS.index(fault) + 1) / 1000
-    size = Box((0.02, 0.02, 0.1 + (number // 2) / 1000))
-    tool = Tool((Component("rod", "panda_virtual", Pose(), size, mass),))
+    length = 0.1 + (number // 2) / 1000
+    down = Pose(np.array([0.0, 0.0, -length / 2]))  # clear of the arm
+    tool = Tool((Component("rod", "panda_virtual", down, Box((0.02, 0.02, length)), mass),))
     plan = np.array([[0.5, 0.001 * (number % 50), 0.42, 0, 0, 0]])
     return Candidate(tool, plan, 0, 0, number // 2, number % 2)
 
