@@ -7,7 +7,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.stiffness import compliance, corners
@@ -15,7 +15,8 @@ from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Task, ToolRepresentation
 from core.plugins import describe_part
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, FLANGE, assemble
+from core.robot.description import FINGER_JOINTS, FINGER_OPEN, FLANGE
+from core.robot.frames import link_frames
 from core.robot.kinematics import arm
 from core.robot.solids import Solid, Solids, body_solids, contact, robot_solids, signed_distance, solid_geometry
 from core.text import kind, shorten
@@ -225,7 +226,10 @@ class SpawnRules:
     def _robot(self, gripper: bool) -> tuple[Solids, dict[str, Pose]]:
         """The robot's solids, and the world poses of its links."""
         if gripper not in self._robots:
-            frames = _link_frames(self._joints, gripper)
+            placed = link_frames(gripper, self._joints[None], np.full((1, len(FINGER_JOINTS)), FINGER_OPEN))
+            frames = {
+                name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in placed.items()
+            }
             solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(gripper))
             self._robots[gripper] = Solids(solids), frames
         return self._robots[gripper]
@@ -264,18 +268,3 @@ def _check_halves(solids: dict[str, Solid], placed: dict[str, tuple[str, Pose]])
                     f"components {one!r} and {other!r}, on different fingers, start {depth * 1000:.1f} mm inside each "
                     "other; move them apart"
                 )
-
-
-def _link_frames(joints: Array, gripper: bool) -> dict[str, Pose]:
-    model = pin.buildModelFromXML(assemble(Tool(gripper=gripper), visuals=False))
-    configuration = pin.neutral(model)
-    targets = dict(zip(ARM_JOINTS, joints, strict=True)) | dict.fromkeys(FINGER_JOINTS if gripper else (), FINGER_OPEN)
-    for name, value in targets.items():
-        configuration[model.joints[model.getJointId(name)].idx_q] = value
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, configuration)
-    return {
-        frame.name: Pose.from_matrix(placement.homogeneous)
-        for frame, placement in zip(model.frames, data.oMf, strict=True)
-        if frame.type == pin.FrameType.BODY
-    }

@@ -23,7 +23,8 @@ import pinocchio as pin
 from core.design import Tool
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
-from core.robot.description import ARM_JOINTS, FINGER_OPEN, HOME_JOINTS, assemble
+from core.robot.description import ARM_JOINTS, FINGER_OPEN, HOME_JOINTS
+from core.robot.frames import RobotModel, joint_frames, joint_values, robot_model
 from core.robot.solids import robot_solids, solid_geometry
 
 # Depth that counts, metres. Hulls are larger than the links: of the poses in which two hulls overlap by more than this,
@@ -109,8 +110,8 @@ def find_self_collision(tool: Tool, trajectory: JointTrajectory) -> SelfCollisio
     joints keep apart, a component and the link that bears it, and what hangs on one finger with what hangs on the
     other: fingers close until they meet something. Work is bounded: see `SelfCollision.unchecked`.
     """
-    pairs, robot = _pairs(tool), _robot(tool.gripper)
-    joints = np.column_stack([trajectory.arm, *[trajectory.fingers] * (robot.model.nq - trajectory.arm.shape[1])])
+    pairs, robot = _pairs(tool), robot_model(tool.gripper)
+    joints = joint_values(robot, trajectory.arm, np.column_stack([trajectory.fingers] * 2))
     turned = np.vstack([np.zeros(joints.shape[1]), np.cumsum(np.abs(np.diff(joints, axis=0)), axis=0)])
     rows, near = _near(robot, pairs, joints, turned)
     first, found = np.inf, None
@@ -135,41 +136,10 @@ def find_self_collision(tool: Tool, trajectory: JointTrajectory) -> SelfCollisio
 # --- the robot --------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Robot:
-    """The kinematic model, the joints before each joint (itself included), and the links' solids.
-
-    ``axes``: of each joint, turning about (3,) and moving along (3,). ``gripper``: the names of the gripper's links.
-    """
-
-    model: Any
-    data: Any
-    axes: tuple[tuple[Array, Array], ...]
-    supports: tuple[frozenset[int], ...]
-    links: dict[str, tuple[int, Pose]]
-    parts: tuple[_Part, ...]
-    gripper: frozenset[str]
-
-
 @lru_cache(maxsize=2)
-def _robot(gripper: bool) -> _Robot:
-    model = pin.buildModelFromXML(assemble(Tool(gripper=gripper), visuals=False))
-    links = {
-        frame.name: (frame.parentJoint, Pose.from_matrix(frame.placement.homogeneous))
-        for frame in model.frames
-        if frame.type == pin.FrameType.BODY
-    }
-    supports = tuple(frozenset(support.tolist()) - {0} for support in model.supports)
-    axes = [(np.zeros(3), np.zeros(3))]
-    for joint in list(model.joints)[1:]:
-        data = joint.createData()
-        joint.calc(data, pin.neutral(model))
-        motion = np.asarray(data.S).reshape(6)
-        axes.append((motion[3:], motion[:3]))
-    solids = robot_solids(gripper)
-    parts = tuple(_part(s.name, links[s.name][0], s.geometry, links[s.name][1] @ s.pose) for s in solids)
-    own = frozenset(s.name for s in solids) - frozenset(s.name for s in robot_solids(False))
-    return _Robot(model, model.createData(), tuple(axes), supports, links, parts, own)
+def _link_parts(gripper: bool) -> tuple[_Part, ...]:
+    links = robot_model(gripper).links
+    return tuple(_part(s.name, links[s.name][0], s.geometry, links[s.name][1] @ s.pose) for s in robot_solids(gripper))
 
 
 def _part(name: str, joint: int, geometry: Any, pose: Pose) -> _Part:
@@ -192,17 +162,17 @@ def _part(name: str, joint: int, geometry: Any, pose: Pose) -> _Part:
 
 @lru_cache(maxsize=8)
 def _pairs(tool: Tool) -> _Pairs:
-    robot = _robot(tool.gripper)
+    robot, own = robot_model(tool.gripper), _link_parts(tool.gripper)
     mounted = []
     for component, (mount, pose) in zip(tool.components, tool.placed().values(), strict=True):
         joint, at = robot.links[mount]
         mounted.append(_part(component.name, joint, solid_geometry(component.shape), at @ pose))
     count = len(mounted)
     limits = {(one + count, other + count): deep for (one, other), deep in _link_limits(tool.gripper).items()}
-    for (one, part), (other, link) in product(enumerate(mounted), enumerate(robot.parts, start=count)):
+    for (one, part), (other, link) in product(enumerate(mounted), enumerate(own, start=count)):
         if part.joint != link.joint and not _on_two_fingers(robot, part, link):
             limits[one, other] = DEEP_M
-    parts, numbers = (*mounted, *robot.parts), np.array(list(limits), dtype=np.intp)
+    parts, numbers = (*mounted, *own), np.array(list(limits), dtype=np.intp)
     levers = np.array([_levers(robot, part) for part in parts])
     fixed = levers == 0.0
     one, other = numbers.T
@@ -213,24 +183,25 @@ def _pairs(tool: Tool) -> _Pairs:
 @lru_cache(maxsize=2)
 def _link_limits(gripper: bool) -> dict[tuple[int, int], float]:
     """Pairs of links that may collide, by their numbers, and the depth from which on they do."""
-    robot, limits = _robot(gripper), {}
+    robot, limits = robot_model(gripper), {}
+    hand = {part.name for part in _link_parts(gripper)} - {part.name for part in _link_parts(False)}
     home = np.array([*HOME_JOINTS, *[FINGER_OPEN] * (robot.model.nq - len(HOME_JOINTS))])
-    for (one, part), (other, link) in combinations(enumerate(robot.parts), 2):
+    for (one, part), (other, link) in combinations(enumerate(_link_parts(gripper)), 2):
         between = robot.supports[part.joint] ^ robot.supports[link.joint]
         apart = sum(robot.model.names[joint] in ARM_JOINTS for joint in between)
-        least = _APART_ON_FLANGE if robot.gripper & {part.name, link.name} else _APART
+        least = _APART_ON_FLANGE if hand & {part.name, link.name} else _APART
         limit = DEEP_M if apart >= _APART else DEEP_NEAR_M
         if apart >= least and _depth(robot, part, link, home) <= limit:
             limits[one, other] = limit
     return limits
 
 
-def _on_two_fingers(robot: _Robot, one: _Part, other: _Part) -> bool:
+def _on_two_fingers(robot: RobotModel, one: _Part, other: _Part) -> bool:
     before, behind = robot.supports[one.joint], robot.supports[other.joint]
     return bool(before - behind and behind - before)
 
 
-def _levers(robot: _Robot, part: _Part) -> Array:
+def _levers(robot: RobotModel, part: _Part) -> Array:
     """How far each joint (J,) moves any point of a part at most, metres per radian or per metre."""
     levers = np.zeros(robot.model.njoints - 1)
     joint, reach = part.joint, float(np.linalg.norm(part.points, axis=1).max())
@@ -245,7 +216,7 @@ def _levers(robot: _Robot, part: _Part) -> Array:
     return levers
 
 
-def _depth(robot: _Robot, one: _Part, other: _Part, joints: Array) -> float:
+def _depth(robot: RobotModel, one: _Part, other: _Part, joints: Array) -> float:
     """The penetration depth of two parts, metres; negative if they are apart."""
     pin.forwardKinematics(robot.model, robot.data, joints)
     places = []
@@ -260,13 +231,13 @@ def _depth(robot: _Robot, one: _Part, other: _Part, joints: Array) -> float:
 
 
 def _near(
-    robot: _Robot, pairs: _Pairs, joints: Array, turned: Array
+    robot: RobotModel, pairs: _Pairs, joints: Array, turned: Array
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
     """Choose samples (S + 1,) among the targets' rows, and mark where pairs may collide until the next one (P, S)."""
     moved = turned @ pairs.levers.max(axis=0)
     rows = np.searchsorted(moved, np.arange(0.0, moved[-1] + _SAMPLE_M, _SAMPLE_M)[1:-1])
     rows = np.unique([0, *rows, len(moved) - 1])
-    rotations, positions = _frames(robot, joints[rows])
+    rotations, positions = joint_frames(robot, joints[rows])
     of = [part.joint for part in pairs.parts]
     ends = np.array([part.ends for part in pairs.parts])
     ends = positions[of][:, None] + np.einsum("nsij,nej->nesi", rotations[of], ends)  # (N, 2, S + 1, 3)
@@ -278,26 +249,6 @@ def _near(
     travel = pairs.levers @ np.diff(turned[rows], axis=0).T
     least = (gaps[:, :-1] + gaps[:, 1:] - travel) / 2
     return rows, least < -pairs.deep[:, None]
-
-
-def _frames(robot: _Robot, joints: Array) -> tuple[Array, Array]:
-    """Rotations (J, S, 3, 3) and positions (J, S, 3) of the joints' frames, the world's first."""
-    count = len(joints)
-    rotations, positions = np.empty((robot.model.njoints, count, 3, 3)), np.zeros((robot.model.njoints, count, 3))
-    rotations[0] = np.eye(3)
-    for joint in range(1, robot.model.njoints):
-        parent, placement = robot.model.parents[joint], robot.model.jointPlacements[joint]
-        about, along = robot.axes[joint]
-        values = joints[:, joint - 1, None]
-        cross = pin.skew(about)
-        turn = np.eye(3).ravel() + np.sin(values) * cross.ravel() + (1 - np.cos(values)) * (cross @ cross).ravel()
-        rotation = rotations[parent].reshape(-1, 3).dot(placement.rotation).reshape(-1, 3, 3)
-        positions[joint] = positions[parent] + rotations[parent].reshape(-1, 3).dot(placement.translation).reshape(
-            -1, 3
-        )
-        positions[joint] += values * rotation.dot(along)
-        rotations[joint] = rotation @ turn.reshape(-1, 3, 3)
-    return rotations, positions
 
 
 def _segment_distances(a: Array, b: Array, c: Array, d: Array) -> Array:
@@ -328,7 +279,7 @@ class _Search:
     """
 
     def __init__(
-        self, robot: _Robot, pairs: _Pairs, pair: int, joints: Array, turned: Array, budget: Iterator[int]
+        self, robot: RobotModel, pairs: _Pairs, pair: int, joints: Array, turned: Array, budget: Iterator[int]
     ) -> None:
         self.robot, self.joints, self.budget = robot, joints, budget
         self.one, self.other = (pairs.parts[number] for number in pairs.numbers[pair])

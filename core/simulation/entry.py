@@ -9,7 +9,8 @@ from __future__ import annotations
 import coal
 import numpy as np
 
-from core.geometry import Array, Box, Cylinder, Mesh, Sphere
+from core.geometry import Array, Mesh
+from core.simulation.gaps import reach
 from core.simulation.tracks import ROBOT, Track
 
 CUT_M = (0.001, 0.003)  # so much farther in than the least way out: twice the thickness, within these limits
@@ -58,21 +59,15 @@ class Side:
         apart = at.getTranslation() - others_at.getTranslation()
         depths = []
         for direction in (rotation @ self._own, others_rotation @ self._others):
-            reach = _reach(one, -(direction @ rotation)) + _reach(other, direction @ others_rotation)
-            depths.append(reach - float(apart @ direction))
+            extents = _reach(one, -(direction @ rotation)) + _reach(other, direction @ others_rotation)
+            depths.append(extents - float(apart @ direction))
         return min(depths)
 
 
 def _reach(track: Track, direction: Array) -> float:
     """How far a solid extends from its frame's origin in a direction (3,) of its frame, metres."""
-    match track.shape:
-        case Sphere(radius):
-            return radius
-        case Box(size):
-            return float(np.abs(direction) @ size) / 2
-        case Cylinder(radius, length):
-            return radius * float(np.hypot(direction[0], direction[1])) + abs(float(direction[2])) * length / 2
-        case Mesh() | None:
-            if isinstance(track.geometry, coal.Box):  # of a link: the gripper's fingers have some
-                return float(np.abs(direction) @ track.geometry.halfSide)
-            return float((np.asarray(track.geometry.points()) @ direction).max())
+    if track.shape is not None and not isinstance(track.shape, Mesh):
+        return float(reach(track.shape, direction[None, :, None])[0, 0])
+    if isinstance(track.geometry, coal.Box):  # of a link: the gripper's fingers have some
+        return float(np.abs(direction) @ track.geometry.halfSide)
+    return float((np.asarray(track.geometry.points()) @ direction).max())

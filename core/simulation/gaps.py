@@ -126,16 +126,16 @@ def _frames(track: Track, samples: npt.NDArray[np.intp]) -> tuple[Array, Array]:
 
 def _seen(shape: Shape, other: Shape, turned: Array, ahead: Array) -> Array:
     """The largest gap along the axes and a radius of ``shape``; rotations and positions of the other in its frame."""
-    gaps = np.abs(ahead) - _reach(other, turned.swapaxes(1, 2))
+    gaps = np.abs(ahead) - reach(other, turned.swapaxes(1, 2))
     match shape:
         case Box(size):
             largest: Array = (gaps - np.asarray(size) / 2).max(axis=1)
         case Sphere(radius):
             out, far = _unit(ahead)
-            largest = far - radius - _reach(other, (turned.swapaxes(1, 2) @ out[:, :, None]))[:, 0]
+            largest = far - radius - reach(other, (turned.swapaxes(1, 2) @ out[:, :, None]))[:, 0]
         case Cylinder(radius, length):
             out, far = _unit(ahead * (1.0, 1.0, 0.0))
-            radial = far - radius - _reach(other, (turned.swapaxes(1, 2) @ out[:, :, None]))[:, 0]
+            radial = far - radius - reach(other, (turned.swapaxes(1, 2) @ out[:, :, None]))[:, 0]
             largest = np.maximum(gaps[:, 2] - length / 2, radial)
     if isinstance(shape, Box) and isinstance(other, Sphere):  # near an edge or a corner of the box
         beyond = np.maximum(np.abs(ahead) - np.asarray(shape.size) / 2, 0.0)
@@ -150,16 +150,16 @@ def _unit(vectors: Array) -> tuple[Array, Array]:
     return vectors / np.maximum(lengths, 1e-12)[:, None], lengths
 
 
-def _reach(shape: Shape, directions: Array) -> Array:
+def reach(shape: Shape, directions: Array) -> Array:
     """How far a shape extends from its middle along K directions (N, 3, K) of its frame: (N, K)."""
     match shape:
         case Box(size):
-            reach: Array = (np.abs(directions) * (np.asarray(size) / 2)[:, None]).sum(axis=1)
+            extents: Array = (np.abs(directions) * (np.asarray(size) / 2)[:, None]).sum(axis=1)
         case Cylinder(radius, length):
             across = np.sqrt(directions[:, 0] ** 2 + directions[:, 1] ** 2)
-            reach = radius * across + length / 2 * np.abs(directions[:, 2])
+            extents = radius * across + length / 2 * np.abs(directions[:, 2])
         case Sphere(radius):
-            reach = np.full((len(directions), directions.shape[2]), radius)
+            extents = np.full((len(directions), directions.shape[2]), radius)
         case _:
             raise TypeError(shape)
-    return reach
+    return extents

@@ -10,6 +10,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import coal
@@ -22,7 +23,7 @@ from core.interfaces import Recording
 from core.scene import Scene
 from core.simulation.entry import Side, cut, skin, thickness
 from core.simulation.gaps import gap_bounds, may_meet
-from core.simulation.sampling import detours, finer, rough, taken
+from core.simulation.sampling import Indices, coarse_samples, detours, refined_samples, subset
 from core.simulation.tracks import Track, body_tracks, robot_tracks, travelled
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
@@ -65,32 +66,48 @@ def findings(scene: Scene, tool: Tool, recording: Recording) -> list[Finding]:
     for values in (states.positions, states.quaternions, states.linear_velocities, recording.arm):
         if not np.isfinite(values).all():
             raise Explosion("a body's state is not finite")
-    samples = rough(recording)
-    seen = taken(recording, samples)
-    around, aside = detours(recording, samples) if len(samples) < len(recording.times) else (None, None)
-    robot, bodies = robot_tracks(tool, seen, around), body_tracks(scene, seen, aside)
-    flung = _flung(seen, lambda: max((track.top_speed(seen.times) for track in robot), default=0.0))
+    samples = coarse_samples(recording)
+    coarse = subset(recording, samples)
+    dense = len(samples) < len(recording.times)
+    around, aside = detours(recording, samples) if dense else (None, None)
+    robot, bodies = robot_tracks(tool, coarse, around), body_tracks(scene, coarse, aside)
     pairs = _pairs(robot, bodies)
     meetings = _meetings(pairs, np.ones((len(pairs), max(len(samples) - 1, 0)), dtype=bool))
-    if meetings and around is not None:
-        wanted = np.ones(len(samples) - 1)
-        for one, other, near, travel in meetings:
-            way = np.diff(travel) + 2 * (one.aside + other.aside)[:-1]  # there and back
-            wanted[near] = np.maximum(wanted[near], way[near] / thickness(one, other))
-        more = finer(samples, wanted)
-        if len(more) > len(samples):
-            seen = taken(recording, more)
-            met = {id(track) for meeting in meetings for track in meeting[:2]}
-            at, others_at = ([i for i, track in enumerate(tracks) if id(track) in met] for tracks in (robot, bodies))
-            fine = dict(zip((id(robot[i]) for i in at), robot_tracks(tool, seen, only=set(at)), strict=True))
-            others = body_tracks(scene, seen, only=set(others_at))
-            fine.update(zip((id(bodies[i]) for i in others_at), others, strict=True))
-            within = np.zeros((len(meetings), len(samples)), dtype=bool)
-            for i, meeting in enumerate(meetings):
-                within[i, meeting.near] = True
-            within = within[:, np.searchsorted(samples, more[:-1], side="right") - 1]
-            meetings = _meetings([(fine[id(one)], fine[id(other)]) for one, other, *_ in meetings], within)
-    return _passages(meetings, seen.times) + flung
+    times = coarse.times
+    if meetings and dense:
+        times, meetings = _closer(scene, tool, recording, samples, robot, bodies, meetings)
+    top_speed = partial(_top_speed, robot, coarse.times)
+    return _passages(meetings, times) + _flung(coarse, top_speed)
+
+
+def _closer(
+    scene: Scene,
+    tool: Tool,
+    recording: Recording,
+    samples: Indices,
+    robot: Sequence[Track],
+    bodies: Sequence[Track],
+    meetings: Sequence[_Meeting],
+) -> tuple[Array, list[_Meeting]]:
+    """Look at meetings again, with more samples where solids move by more than they are thick; return their times."""
+    wanted = np.ones(len(samples) - 1)
+    for one, other, near, travel in meetings:
+        way = np.diff(travel) + 2 * (one.aside + other.aside)[:-1]  # there and back
+        wanted[near] = np.maximum(wanted[near], way[near] / thickness(one, other))
+    more = refined_samples(samples, wanted)
+    closer = subset(recording, more)
+    if len(more) == len(samples):
+        return closer.times, list(meetings)
+    met = {id(track) for meeting in meetings for track in meeting[:2]}
+    at, others_at = ([i for i, track in enumerate(tracks) if id(track) in met] for tracks in (robot, bodies))
+    tracks = dict(zip((id(robot[i]) for i in at), robot_tracks(tool, closer, only=set(at)), strict=True))
+    others = body_tracks(scene, closer, only=set(others_at))
+    tracks.update(zip((id(bodies[i]) for i in others_at), others, strict=True))
+    within = np.zeros((len(meetings), len(samples)), dtype=bool)
+    for i, meeting in enumerate(meetings):
+        within[i, meeting.near] = True
+    within = within[:, np.searchsorted(samples, more[:-1], side="right") - 1]
+    return closer.times, _meetings([(tracks[id(one)], tracks[id(other)]) for one, other, *_ in meetings], within)
 
 
 # --- penetration ------------------------------------------------------------------------------------------------
@@ -115,7 +132,7 @@ class _Meeting(NamedTuple):
 
     one: Track
     other: Track
-    near: npt.NDArray[np.intp]
+    near: Indices
     travel: Array
 
 
@@ -165,9 +182,7 @@ def _limits(one: Track, other: Track) -> tuple[float, float]:
     return min(DEEP_M, max(across / 2, min(THIN_M, 0.9 * across))), THROUGH * across
 
 
-def _passage(
-    one: Track, other: Track, near: npt.NDArray[np.intp], travel: Array, times: Array
-) -> tuple[float, str] | None:
+def _passage(one: Track, other: Track, near: Indices, travel: Array, times: Array) -> tuple[float, str] | None:
     """The time when one got into the other, seconds, and a description; None if it never did."""
     deep, through = _limits(one, other)
     limit, touching = min(deep, through), skin(one, other)
@@ -230,16 +245,16 @@ def _passage(
         share = (ahead - gone[k]) / (gone[k + 1] - gone[k])
 
 
-def _deep(one: Track, other: Track, near: npt.NDArray[np.intp], travel: Array, least: float) -> npt.NDArray[np.intp]:
+def _deep(one: Track, other: Track, near: Indices, travel: Array, least: float) -> Indices:
     """Those of the samples ``near`` from which on, until the next, two solids may get as deep as ``least``.
 
     From one sample to the next, a gap can't shrink and grow again by more than the travel allows.
     """
     after = np.minimum(near + 1, len(travel) - 1)
-    gaps = gap_bounds(one, other, np.union1d(near, after))
+    at = np.union1d(near, after)
+    gaps = gap_bounds(one, other, at)
     if gaps is None:
         return near
-    at = np.union1d(near, after)
     before, behind = gaps[np.searchsorted(at, near)], gaps[np.searchsorted(at, after)]
     return near[(before + behind - travel[after] + travel[near]) / 2 <= -least]
 
@@ -257,6 +272,10 @@ def _query(distance: Any, one: Track, other: Track, k: int, share: float) -> tup
 
 
 # --- flung ------------------------------------------------------------------------------------------------------
+
+
+def _top_speed(robot: Sequence[Track], times: Array) -> float:
+    return max((track.top_speed(times) for track in robot), default=0.0)
 
 
 def _flung(recording: Recording, top_speed: Callable[[], float]) -> list[Finding]:

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from core.design import Tool
-from core.geometry import Array, Box, Cylinder, Mesh, Shape, Sphere
+from core.geometry import Array
 from core.interfaces import JointTrajectory, Recording
 from core.scene import Scene, State
-from core.simulation.tracks import SAMPLE_HZ, Detour, tool_speed
+from core.simulation.tracks import SAMPLE_HZ, Detour, smallest_extent, tool_speed
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
 
@@ -22,20 +22,8 @@ Indices = npt.NDArray[np.intp]
 
 
 def thinnest(scene: Scene) -> float:
-    """The smallest extent of all collision shapes of a scene, metres."""
-    return min((_thickness(part.shape) for body in scene.bodies for part in body.collisions), default=math.inf)
-
-
-def _thickness(shape: Shape) -> float:
-    match shape:
-        case Box(size):
-            return float(min(size))
-        case Sphere(radius):
-            return 2 * radius
-        case Cylinder(radius, length):
-            return min(2 * radius, length)
-        case Mesh(vertices):
-            return float(np.ptp(vertices, axis=0).min())
+    """Find the smallest extent of all collision shapes of a scene, metres."""
+    return min((smallest_extent(part.shape) for body in scene.bodies for part in body.collisions), default=math.inf)
 
 
 def sample_hz(tool: Tool, trajectory: JointTrajectory, thin: float) -> float:
@@ -43,7 +31,7 @@ def sample_hz(tool: Tool, trajectory: JointTrajectory, thin: float) -> float:
 
     ``thin`` is that of the scene, metres. The rate is `SAMPLE_HZ` times a power of two, so that there are few.
     """
-    thin = min([thin, *(min(component.shape.size) for component in tool.components)])
+    thin = min([thin, *(smallest_extent(component.shape) for component in tool.components)])
     return min(MAX_HZ, SAMPLE_HZ * _power(tool_speed(tool, trajectory) / thin / SAMPLE_HZ))
 
 
@@ -52,14 +40,14 @@ def _power(wanted: float) -> float:
     return 2.0 ** math.ceil(math.log2(max(wanted, 1.0)))
 
 
-def rough(recording: Recording) -> Indices:
+def coarse_samples(recording: Recording) -> Indices:
     """The samples of a recording that are about `SAMPLE_HZ` apart, the first and the last among them."""
     count = len(recording.times)
     every = max(1, round(1 / (SAMPLE_HZ * float(recording.times[1] - recording.times[0])))) if count > 1 else 1
     return np.append(np.arange(0, count - 1, every), count - 1)
 
 
-def finer(samples: Indices, wanted: Array) -> Indices:
+def refined_samples(samples: Indices, wanted: Array) -> Indices:
     """Add samples where there are ``wanted`` (S - 1,) times as many between two, if the recording has so many."""
     parts = [samples]
     for k in np.flatnonzero(wanted > 1):
@@ -68,8 +56,8 @@ def finer(samples: Indices, wanted: Array) -> Indices:
     return np.unique(np.concatenate(parts))
 
 
-def taken(recording: Recording, samples: Indices) -> Recording:
-    """Only these samples of a recording."""
+def subset(recording: Recording, samples: Indices) -> Recording:
+    """Return only these samples of a recording."""
     states = State(recording.states.names, *(array[samples] for array in recording.states.arrays))
     return Recording(recording.times[samples], recording.arm[samples], recording.fingers[samples], states)
 
@@ -77,13 +65,14 @@ def taken(recording: Recording, samples: Indices) -> Recording:
 def detours(recording: Recording, samples: Indices) -> tuple[Detour, list[Detour]]:
     """How far the robot and each free body get from the straight way between two of ``samples``, at most."""
     states, count = recording.states, len(recording.times)
-    arrays = (recording.arm, states.positions.reshape(count, -1), states.quaternions.reshape(count, -1))
+    moved, turned = states.positions.reshape(count, -1), states.quaternions.reshape(count, -1)
+    arrays = (recording.arm, recording.fingers, moved, turned)
     aside = _aside(np.concatenate(arrays, axis=1), samples)
-    joints, moved, turned = np.split(aside, np.cumsum([array.shape[1] for array in arrays[:2]]), axis=1)
+    arm, fingers, moved, turned = np.split(aside, np.cumsum([array.shape[1] for array in arrays[:3]]), axis=1)
     moved = np.sqrt((moved.reshape(len(samples), -1, 3) ** 2).sum(axis=2))
     turned = 2 * np.sqrt((turned.reshape(len(samples), -1, 4) ** 2).sum(axis=2))
-    arm = joints.sum(axis=1)
-    return Detour(arm, arm), [Detour(moved[:, i], turned[:, i]) for i in range(len(states.names))]
+    robot = Detour(fingers.max(axis=1), arm.sum(axis=1))
+    return robot, [Detour(moved[:, i], turned[:, i]) for i in range(len(states.names))]
 
 
 def _aside(values: Array, samples: Indices) -> Array:

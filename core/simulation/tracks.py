@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import coal
@@ -19,13 +19,12 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Array, Mesh, Pose, Shape, Sphere
 from core.interfaces import JointTrajectory, Recording
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS, assemble
+from core.robot.frames import compose, link_frames, robot_model, times
 from core.robot.solids import hull, robot_solids, solid_geometry
 from core.scene import Scene
 
 SAMPLE_HZ = 25.0
 ROBOT = "the robot"  # the owner of its links and of the tool
-_ARM_M = 1.0  # the arm's reach
 
 
 class Detour(NamedTuple):
@@ -80,10 +79,10 @@ class Track:
     ) -> Track:
         """Make a track; a ``detour`` of its owner widens its bounding boxes, ``arm`` metres away."""
         if solid.pose is not None:
-            rotations, positions = _compose(rotations, positions, solid.pose)
+            rotations, positions = compose(rotations, positions, *solid.pose)
         if isinstance(solid.shape, Sphere):
             rotations = np.broadcast_to(np.eye(3), rotations.shape)
-        middles, extents = positions + _times(rotations, solid.middle), _times(np.abs(rotations), solid.half)
+        middles, extents = positions + times(rotations, solid.middle), times(np.abs(rotations), solid.half)
         low, high = middles - extents, middles + extents
         low[:-1], high[:-1] = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
         aside = np.zeros(len(positions))
@@ -91,10 +90,8 @@ class Track:
             aside = detour.moved + (solid.far + arm) * detour.turned
             low, high = (low.T - aside).T, (high.T + aside).T
         half = float(solid.half.min())
-        return cls(
-            *(name, owner, solid.shape, solid.geometry, rotations, positions, middles, low, high, solid.reach, half),
-            *(solid.half, aside),
-        )
+        shape, geometry, reach, box = solid.shape, solid.geometry, solid.reach, solid.half
+        return cls(name, owner, shape, geometry, rotations, positions, middles, low, high, reach, half, box, aside)
 
     @cached_property
     def travel(self) -> Array:
@@ -142,18 +139,11 @@ def robot_tracks(
     tool: Tool, recording: Recording, detour: Detour | None = None, only: set[int] | None = None
 ) -> list[Track]:
     """Follow the links that move, and the tool's components; ``only`` those with these numbers among them."""
-    _, links, own = _robot(tool.gripper)
-    rotations, positions = _joints(tool.gripper, recording.arm, recording.fingers)
-
-    @cache
-    def frames(link: str) -> tuple[Array, Array]:
-        joint, at = links[link]
-        return _compose(rotations[joint], positions[joint], at)
-
-    solids = [(name, name, solid) for name, solid in own] + _tool_solids(tool)
+    frames = link_frames(tool.gripper, recording.arm, recording.fingers)
+    reach = robot_model(tool.gripper).reach
     return [
-        Track.make(name, ROBOT, solid, *frames(link), detour, _ARM_M)
-        for i, (name, link, solid) in enumerate(solids)
+        Track.make(name, ROBOT, solid, *frames[link], detour, reach)
+        for i, (name, link, solid) in enumerate([*_link_solids(tool.gripper), *_tool_solids(tool)])
         if only is None or i in only
     ]
 
@@ -162,15 +152,14 @@ def tool_speed(tool: Tool, trajectory: JointTrajectory) -> float:
     """An upper bound of the speed of any point of a tool on its way, m/s, averaged over a sample of `SAMPLE_HZ`."""
     times = np.append(np.arange(0.0, trajectory.duration, 1 / SAMPLE_HZ), trajectory.duration)
     arm, opening = trajectory.sample(times)
-    rotations, positions = _joints(tool.gripper, arm, np.column_stack([opening, opening]))
+    frames = link_frames(tool.gripper, arm, np.column_stack([opening, opening]))
     reaches: dict[str, float] = {}
     for _, link, solid in _tool_solids(tool):
         reaches[link] = max(solid.far, reaches.get(link, 0.0))
     fastest = 0.0
     for link, reach in reaches.items():
-        joint, at = _robot(tool.gripper)[1][link]
-        turned, moved = _compose(rotations[joint], positions[joint], at)
-        (travel,) = travelled(turned[None], moved[None], np.array([reach]))
+        rotations, positions = frames[link]
+        (travel,) = travelled(rotations[None], positions[None], np.array([reach]))
         fastest = max(fastest, float((np.diff(travel) / np.diff(times)).max(initial=0.0)))
     return fastest
 
@@ -214,17 +203,6 @@ class _Place(NamedTuple):
         return cls(pose.rotation.as_matrix(), pose.position)
 
 
-def _compose(rotations: Array, positions: Array, at: _Place) -> tuple[Array, Array]:
-    """Rotations (T, 3, 3) and positions (T, 3) of a place that is given in moving frames, in the world."""
-    return _times(rotations, at.rotation), positions + _times(rotations, at.position)
-
-
-def _times(rotations: Array, other: Array) -> Array:
-    """Multiply rotations (T, 3, 3) by a matrix (3, 3) or a vector (3,): as one matrix, in a tenth of the time."""
-    product: Array = rotations.reshape(-1, 3).dot(other)
-    return product.reshape(len(rotations), 3, *other.shape[1:])
-
-
 @dataclass(frozen=True, eq=False)
 class _Measured:
     """A solid in its owner's frame: its bounding box there (``middle``, ``half``), and `Track.reach`."""
@@ -241,6 +219,11 @@ class _Measured:
         """How far from the owner's frame it extends, metres."""
         place = 0.0 if self.pose is None else float(np.linalg.norm(self.pose.position))
         return place + float(np.linalg.norm(np.abs(self.middle) + self.half))
+
+
+def smallest_extent(shape: Shape) -> float:
+    """Measure a shape's smallest extent along its own axes, metres."""
+    return 2 * float(_measured(shape, Pose()).half.min())
 
 
 @lru_cache(maxsize=256)
@@ -264,43 +247,10 @@ def _measure(geometry: Any, pose: Pose, shape: Shape | None = None) -> _Measured
 
 
 @lru_cache(maxsize=2)
-def _robot(gripper: bool) -> tuple[Any, dict[str, tuple[int, _Place]], list[tuple[str, _Measured]]]:
-    """The kinematic model; for each link its joint's number and its place there; and the solids that move, by link."""
-    model = pin.buildModelFromXML(assemble(Tool(gripper=gripper), visuals=False))
-    bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
-    links = {
-        frame.name: (frame.parentJoint, _Place.of(Pose.from_matrix(frame.placement.homogeneous))) for frame in bodies
-    }
-    solids = [(s.name, _measure(s.geometry, s.pose)) for s in robot_solids(gripper) if links[s.name][0] > 0]
-    return model, links, solids
-
-
-def _joints(gripper: bool, arm: Array, fingers: Array) -> tuple[Array, Array]:
-    """Rotations (J, T, 3, 3) and positions (J, T, 3) of the joints' frames in the world, numbered as in the model.
-
-    ``arm`` (T, 7) and ``fingers`` (T, 2) are the joints. numpy does all samples at once, in a tenth of the time that
-    Pinocchio needs one by one.
-    """
-    model, _, _ = _robot(gripper)
-    count = len(arm)
-    rotations, positions = np.zeros((model.njoints, count, 3, 3)), np.zeros((model.njoints, count, 3))
-    rotations[0] = np.eye(3)
-    cosines, sines = np.cos(arm), np.sin(arm)
-    for joint in range(1, model.njoints):
-        parent, placement = model.parents[joint], model.jointPlacements[joint]
-        at = _Place(placement.rotation, placement.translation)
-        rotations[joint], positions[joint] = _compose(rotations[parent], positions[parent], at)
-        if joint <= len(ARM_JOINTS):  # about z
-            turn = np.zeros((count, 3, 3))
-            turn[:, 0, 0] = turn[:, 1, 1] = cosines[:, joint - 1]
-            turn[:, 1, 0], turn[:, 0, 1] = sines[:, joint - 1], -sines[:, joint - 1]
-            turn[:, 2, 2] = 1.0
-            rotations[joint] = rotations[joint] @ turn
-        else:  # along y, the second finger's frame the other way
-            side = 1.0 if model.names[joint] == FINGER_JOINTS[0] else -1.0
-            opening = fingers[:, FINGER_JOINTS.index(model.names[joint])]
-            positions[joint] += side * opening[:, None] * rotations[joint][:, :, 1]
-    return rotations, positions
+def _link_solids(gripper: bool) -> list[tuple[str, str, _Measured]]:
+    """The solids of the links that move: twice the link's name, and the solid."""
+    links = robot_model(gripper).links
+    return [(s.name, s.name, _measure(s.geometry, s.pose)) for s in robot_solids(gripper) if links[s.name][0] > 0]
 
 
 @lru_cache(maxsize=8)

@@ -7,14 +7,15 @@ from typing import Any
 
 import collada
 import numpy as np
-import pinocchio as pin
 import trimesh
 from collada.triangleset import BoundTriangleSet
 from lxml import etree
+from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Array, Pose
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS, assemble
+from core.robot.description import assemble
+from core.robot.frames import link_frames
 
 
 def links(gripper: bool) -> dict[str, trimesh.Trimesh]:
@@ -54,22 +55,7 @@ def tracks(gripper: bool, arm: Array, fingers: Array) -> dict[str, Array]:
     """The motion of each link in the world, at arm joints (T, 7) and fingers (T, 2): (T, 7), x, y, z in metres, then a
     quaternion (x, y, z, w), as Rerun has them.
     """
-    model, frames = _model(gripper)
-    data = model.createData()
-    joints = [*ARM_JOINTS, *(FINGER_JOINTS if gripper else ())]
-    columns = [model.joints[model.getJointId(name)].idx_q for name in joints]
-    q = np.zeros((len(arm), model.nq))
-    q[:, columns] = np.hstack([arm, fingers])[:, : len(joints)]
-    poses = np.empty((len(frames), len(arm), 7))
-    for t, row in enumerate(q):
-        pin.framesForwardKinematics(model, data, row)
-        for k, number in enumerate(frames.values()):
-            poses[k, t] = pin.SE3ToXYZQUAT(data.oMf[number])
-    return dict(zip(frames, poses, strict=True))
-
-
-@lru_cache(maxsize=2)
-def _model(gripper: bool) -> tuple[pin.Model, dict[str, int]]:
-    """The kinematics, and the numbers of the links' frames."""
-    model = pin.buildModelFromXML(assemble(Tool(gripper=gripper), visuals=False))
-    return model, {f.name: n for n, f in enumerate(model.frames) if f.type == pin.FrameType.BODY}
+    return {
+        name: np.hstack([positions, Rotation.from_matrix(rotations).as_quat()])
+        for name, (rotations, positions) in link_frames(gripper, arm, fingers).items()
+    }

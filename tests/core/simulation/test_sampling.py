@@ -9,7 +9,7 @@ from core.interfaces import JointTrajectory
 from core.robot.kinematics import arm
 from core.scene import Scene, table
 from core.simulation.penetration import findings
-from core.simulation.sampling import finer, rough, sample_hz, taken, thinnest
+from core.simulation.sampling import coarse_samples, refined_samples, sample_hz, subset, thinnest
 from core.simulation.tracks import SAMPLE_HZ
 from tests.core.simulation.test_penetration import WALL, body, recording, straight
 
@@ -40,20 +40,20 @@ def test_so_are_tools_that_meet_something_thin():
 
 def test_samples_are_added_where_they_are_wanted():
     film = recording(Scene((WALL, body("thing", Box((0.03, 0.03, 0.03)), (0.2, 0, 0.25)))), path(161), hz=400.0)
-    few = rough(film)
+    few = coarse_samples(film)
     assert few.tolist() == list(range(0, 161, 16))
     wanted = np.ones(10)
     wanted[3], wanted[5] = 3.0, 1000.0
-    more = finer(few, wanted)
+    more = refined_samples(few, wanted)
     assert sorted(set(more) - set(few)) == [52, 56, 60, *range(81, 96)]
-    assert np.array_equal(taken(film, more).times, film.times[more])
-    assert np.array_equal(taken(film, more).states.positions, film.states.positions[more])
+    assert np.array_equal(subset(film, more).times, film.times[more])
+    assert np.array_equal(subset(film, more).states.positions, film.states.positions[more])
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 17, 18])
 def test_the_first_and_the_last_sample_are_always_looked_at(count):
     film = recording(Scene((WALL, body("thing", Box((0.03, 0.03, 0.03)), (0.2, 0, 0.25)))), path(count + 1), hz=400.0)
-    assert rough(film)[[0, -1]].tolist() == [0, count]
+    assert coarse_samples(film)[[0, -1]].tolist() == [0, count]
 
 
 def path(count):
@@ -69,4 +69,4 @@ def test_what_happens_between_two_rough_samples_is_found():
     film = recording(scene, {"thing": np.vstack([still, there, still])}, hz=400.0)
     (found,) = findings(scene, stick(0.02), film)
     assert "passed through 'wall'" in found.text
-    assert findings(scene, stick(0.02), taken(film, np.arange(0, 144, round(400 / SAMPLE_HZ)))) == []
+    assert findings(scene, stick(0.02), subset(film, np.arange(0, 144, round(400 / SAMPLE_HZ)))) == []
