@@ -14,11 +14,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from core.errors import UserError
+from core.files import FileMark, file_mark
 
 # Waits until the process has ended, which closes the pipe; workers may write while they end.
 _REMOVE = 'read -r _; for i in 1 2 3 4 5; do rm -rf -- "$1"; [ -e "$1" ] || exit 0; sleep 1; done'
-
-_Mark = tuple[int, ...]
 
 
 class _Root:
@@ -26,7 +25,7 @@ class _Root:
 
     def __init__(self, folder: Path, *, own: bool) -> None:
         self.folder = folder
-        self.mark = _identity(folder)  # a folder of the same name may come later, of another user
+        self.mark = file_mark(folder)  # a folder of the same name may come later, of another user
         self.process = os.getpid()
         self.own = own
         self.remover: subprocess.Popen[bytes] | None = None
@@ -43,8 +42,9 @@ class _Root:
 
     def gone(self) -> bool:
         """Say if this process has no such folder: it was deleted, or this process was forked."""
-        found = _identity(self.folder)
-        return not found or found != self.mark or self.process != os.getpid()
+        found = file_mark(self.folder)
+        same = found and self.mark and found.identity == self.mark.identity
+        return not same or self.process != os.getpid()
 
     def remove(self) -> None:
         if not self.own or self.process != os.getpid():  # forked: it is the parent's
@@ -59,7 +59,7 @@ class _Root:
 _roots: list[_Root] = []  # the last one is in use; earlier ones were deleted by something else
 _elsewhere: str | None = None  # where folders for temporary files usually are, in a worker
 _lock = threading.Lock()
-_written: dict[Path, dict[Path, _Mark]] = {}  # by folder
+_written: dict[Path, dict[Path, FileMark | None]] = {}  # by folder
 
 
 def scratch() -> Path:
@@ -109,10 +109,10 @@ def remove_scratch() -> None:
 def write_once(file: Path, make: Callable[[], str]) -> Path:
     """Write the text that ``make`` returns, unless the file was written before and is as it was; return the file."""
     marks = _written.setdefault(file.parent, {})
-    if file not in marks or marks[file] != _mark(file):
+    if file not in marks or marks[file] != file_mark(file):
         marks.pop(file, None)
         file.write_text(make())
-        marks[file] = _mark(file)
+        marks[file] = file_mark(file)
     return file
 
 
@@ -127,24 +127,10 @@ def intact(folder: Path) -> Iterator[None]:
         yield
     finally:
         for file, mark in _written.get(folder, {}).items():
-            if _mark(file) != mark:
+            if file_mark(file) != mark:
                 _written.pop(folder)
                 raise FileNotFoundError(errno.ENOENT, "a temporary file was deleted meanwhile", str(file))
 
 
 def _no_room(error: OSError) -> UserError:
     return UserError(f"no temporary folder can be made: {error}; make room, or set TMPDIR to a folder that has it")
-
-
-def _identity(folder: Path) -> _Mark:
-    """Return what tells a folder from another; empty: it is gone."""
-    return _mark(folder)[:2]
-
-
-def _mark(file: Path) -> _Mark:
-    """Return what changes when a file does; empty: it is gone."""
-    try:
-        status = file.stat()
-    except OSError:
-        return ()
-    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns

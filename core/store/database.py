@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import UserError
+from core.files import file_mark
 from core.secrets import scrub
 from core.store.rows import MAX_BYTES, TABLES, checksum, damages
 from core.text import clean
@@ -152,8 +153,7 @@ def _check(database: sqlite3.Connection, file: Path, log: Path) -> None:
         sqlite3.DatabaseError: it is damaged.
         UserError: another version wrote it.
     """
-    stats = [path.stat() for path in (file, log) if path.exists()]
-    state = (file.resolve(), *((s.st_ino, s.st_size, s.st_mtime_ns) for s in stats))
+    state = file.resolve(), file_mark(file), file_mark(log)
     if state in _sound:
         return
     version = _version(database)
@@ -264,7 +264,7 @@ class Database:
             UserError: one was deleted or replaced. The connection is closed, and what was stored is in the folder.
         """
         names = (FILE, f"{FILE}-wal", f"{FILE}-shm", LOCK)
-        found = {name: identity for name in names if (identity := _identity(self.folder / name)) is not None}
+        found = {name: mark.identity for name in names if (mark := file_mark(self.folder / name)) is not None}
         self._files = self._files or found
         if lost := [name for name in self._files if found.get(name) != self._files[name]]:
             self._lost = UserError(self._rescue(lost))
@@ -336,15 +336,6 @@ class Database:
 
 def _scrubbed(values: dict[str, Any]) -> list[Any]:
     return [scrub(value) if isinstance(value, str) else value for value in values.values()]
-
-
-def _identity(file: Path) -> tuple[int, int] | None:
-    """Return what tells a file from another of the same name; None: there is none."""
-    try:
-        status = file.stat()
-    except OSError:
-        return None
-    return status.st_dev, status.st_ino
 
 
 def _lock(file: Path) -> FileLock:

@@ -24,6 +24,7 @@ from core.design import Candidate, Evaluation
 from core.designs.reading import dump_design
 from core.errors import UserError
 from core.events import Generation, Result, Run
+from core.files import write_whole
 from core.hooks import hookimpl
 from core.interfaces import Picture, Reply, Request, Text
 from core.secrets import scrub
@@ -243,12 +244,7 @@ class RunStore:
 
 
 def _write(file: Path, text: str) -> None:
-    """Write the whole text or nothing, whenever the process ends."""
-    part = file.with_name(f"{file.name}.part")
-    part.unlink(missing_ok=True)
-    with part.open("x", encoding="utf-8") as stream:  # follows no link
-        stream.write(scrub(text))
-    part.replace(file)
+    write_whole(file, scrub(text).encode())
 
 
 def report(run: Run, result: Result) -> dict[str, Any]:

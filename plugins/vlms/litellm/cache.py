@@ -6,18 +6,16 @@ time. An entry that can't be read counts as missing.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import logging
-import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import platformdirs
 
 from core.errors import UserError
+from core.files import write_whole
 from core.interfaces import Reply, Request
 from plugins.vlms.litellm.client import render
 
@@ -77,21 +75,7 @@ class Cache:
         """Write a reply that is not an error."""
         file = self.file(request)
         try:
-            _write(file, json.dumps({name: getattr(reply, name) for name in _STORED}))
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(file, json.dumps({name: getattr(reply, name) for name in _STORED}).encode())
         except OSError as error:  # the run has the reply all the same
             _log.warning("the reply to %s can't be cached in %s: %s", request.id, file.parent, error.strerror)
-
-
-def _write(file: Path, text: str) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    handle, partial = tempfile.mkstemp(dir=file.parent, suffix=".partial")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        Path(partial).replace(file)
-    except OSError:
-        with contextlib.suppress(OSError):
-            Path(partial).unlink()
-        raise

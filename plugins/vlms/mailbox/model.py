@@ -5,14 +5,12 @@ from __future__ import annotations
 import errno
 import json
 import os
-import secrets
 import stat
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 from core.cli import say
 from core.design import DesignError
@@ -21,6 +19,7 @@ from core.designs.reading import Unread, parse_reply, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError, check_positive
 from core.events import Run
+from core.files import FileMark, file_mark, write_whole
 from core.hooks import hookimpl
 from core.interfaces import VLM, Picture, Reply, Request
 
@@ -92,7 +91,7 @@ class Mailbox(VLM):
 
 @dataclass(eq=False)
 class Letter:
-    """One request and its folder. By file, it keeps what `_mark` gave at the last check and at a refusal.
+    """One request and its folder. By file, it keeps what `file_mark` gave at the last check and at a refusal.
 
     Others may write to the folder: nothing is written or read through a link.
     """
@@ -100,8 +99,8 @@ class Letter:
     request: Request
     folder: Path
     quiet_s: float
-    _last: dict[str, tuple[Mark, float]] = field(default_factory=dict)  # and when it was first seen
-    _refused: dict[str, Mark] = field(default_factory=dict)
+    _last: dict[str, tuple[FileMark, float]] = field(default_factory=dict)  # and when it was first seen
+    _refused: dict[str, FileMark] = field(default_factory=dict)
 
     def post(self) -> None:
         """Write the request, if it is not there yet.
@@ -136,14 +135,14 @@ class Letter:
     def _read(self, name: str) -> str | None:
         """The text of one file, if it is new, complete and usable."""
         file = self.folder / name
-        mark = _mark(file)
-        if mark is None or mark == self._refused.get(name):
+        mark = file_mark(file)
+        if mark is None or mark.size == 0 or mark == self._refused.get(name):
             return None
         now = time.monotonic()
         known, since = self._last.get(name, (None, now))
         self._last[name] = mark, since if known == mark else now
         # By its date too, so that a reply of an earlier session is read at once. A date may lie in the future.
-        quiet = time.time() - mark.changed_ns / 1e9 >= self.quiet_s or (known == mark and now - since >= self.quiet_s)
+        quiet = time.time() - mark.modified_ns / 1e9 >= self.quiet_s or (known == mark and now - since >= self.quiet_s)
         if known != mark and not quiet:  # perhaps still being written
             return None
         text, complete, usable = "", False, False
@@ -188,35 +187,10 @@ def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
 
 
 def _write(file: Path, data: bytes) -> None:
-    """Write atomically, so that no reader gets half of it, and through no link: one in its place is replaced."""
+    """Write a file whole, in a folder that is no link."""
     if file.parent.is_symlink():
         raise OSError(errno.ELOOP, f"it is a link to {file.parent.readlink()}")
-    partial = file.with_name(f".{secrets.token_hex(8)}.partial")
-    try:
-        with partial.open("xb") as stream:
-            stream.write(data)
-        partial.replace(file)
-    except OSError:
-        partial.unlink(missing_ok=True)
-        raise
-
-
-class Mark(NamedTuple):
-    """What changes when a file does; its date alone can be chosen."""
-
-    size: int
-    changed_ns: int
-    number: int
-    touched_ns: int
-
-
-def _mark(file: Path) -> Mark | None:
-    """The mark of a file; None: it is missing or empty."""
-    try:
-        status = file.lstat()
-    except OSError:
-        return None
-    return Mark(status.st_size, status.st_mtime_ns, status.st_ino, status.st_ctime_ns) if status.st_size else None
+    write_whole(file, data)
 
 
 def _load(file: Path) -> str:

@@ -1,0 +1,50 @@
+"""Write files whole, and notice when they change."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from pathlib import Path
+from typing import NamedTuple
+
+
+class FileMark(NamedTuple):
+    """Numbers of which at least one changes when a file is changed or replaced."""
+
+    device: int
+    number: int
+    size: int
+    modified_ns: int
+    changed_ns: int  # unlike the date of modification it can't be chosen
+
+    @property
+    def identity(self) -> tuple[int, int]:
+        """What stays the same while a file is written, and differs when another takes its place."""
+        return self[:2]
+
+
+def file_mark(file: Path) -> FileMark | None:
+    """Return the mark of a file, of a folder, or of a link itself; None: there is none."""
+    try:
+        status = file.lstat()
+    except OSError:
+        return None
+    return FileMark(status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+
+
+def write_whole(file: Path, data: bytes) -> None:
+    """Write a file so that no reader gets half of it, whenever the process ends. A link in its place is replaced.
+
+    Raises:
+        OSError: it can't be written.
+    """
+    part = file.with_name(f".{secrets.token_hex(8)}.part")
+    try:
+        with part.open("xb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        part.replace(file)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
