@@ -163,6 +163,8 @@ def main() -> None:
     if prices[0] is not None and prices[1] is not None:
         dollars = f"{1e6 * prices[0]:g} in, {1e6 * prices[1]:g} out"
         say(f"US dollars for a million tokens: {dollars} ({estimate.priced_by})")
+    if cfg.prompt.check:
+        say("prompt.check=true: each agent asks twice; the second prompt is this one, the first answer, and findings")
     say(str(Path(cfg.output)))
 
 

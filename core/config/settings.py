@@ -28,6 +28,7 @@ class PromptSettings:
             (``numbers``), or also a picture (``full``).
         elite_characters: the length of the text of all elites, beyond which those of the lowest ranks are shortened.
         repair: ask once more, with the reason, if a reply can't be read.
+        check: return what is found about the designs of a reply before they are tried, and take the second answer.
         system: the templates of the system message; empty: no system message.
         initial: the templates of a first sampling; empty: no first sampling, elites come from elsewhere.
         evolution: the templates of a request that shows elites.
@@ -39,6 +40,7 @@ class PromptSettings:
     feedback: str = "paper"
     elite_characters: int = 100_000
     repair: bool = False
+    check: bool = False
     system: list[str] = field(default_factory=lambda: list(SYSTEM))
     initial: list[str] = field(default_factory=lambda: list(INITIAL))
     evolution: list[str] = field(default_factory=lambda: list(EVOLUTION))

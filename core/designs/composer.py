@@ -30,11 +30,11 @@ from core.robot.trajectory import plan_motion
 from core.scene import Body, Geom, Goal, floor, table
 
 SUFFIX = ".md.j2"
-REPAIR = "repair"
+REPAIR, CHECK = "repair", "check"
 VOCABULARY = (Task, Geom, Body, Goal, table, floor)  # of a task's source
 
 MAX_IDEA = 50_000  # characters
-MAX_REPAIRED = 400_000  # characters of an unreadable reply that are sent back
+MAX_REPEATED = 400_000  # characters of a reply that are sent back
 
 
 class PromptComposer:
@@ -54,6 +54,7 @@ class PromptComposer:
         if settings.feedback not in FEEDBACK:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
+        parts |= {CHECK} if settings.check else set()  # a folder of older templates has none
         self._templates, names = _load(Path(settings.dir) if settings.dir else None, parts)
         self._idea = _read_idea(settings.file, wanted="idea" in names)
 
@@ -94,10 +95,21 @@ class PromptComposer:
         Raises:
             UserError: the template fails.
         """
-        correction = Message("user", (self._render(REPAIR, {"problem": problem, "brief": request.brief}),))
-        text = reply.text[:MAX_REPAIRED]
+        return self._ask_again(request, reply, REPAIR, {"problem": problem})
+
+    def check(self, request: Request, reply: Reply, findings: str) -> tuple[Message, ...]:
+        """Compose the messages of ``request``, the reply, and what was found about its designs.
+
+        Raises:
+            UserError: the template fails.
+        """
+        return self._ask_again(request, reply, CHECK, {"findings": findings})
+
+    def _ask_again(self, request: Request, reply: Reply, part: str, values: dict[str, Any]) -> tuple[Message, ...]:
+        message = Message("user", (self._render(part, {**values, "brief": request.brief}),))
+        text = reply.text[:MAX_REPEATED]
         answer = [Message("assistant", (Text(text),))] if text.strip() else []
-        return (*request.messages, *answer, correction)
+        return (*request.messages, *answer, message)
 
     def _values(self, brief: Brief, picture: Picture | None) -> dict[str, Any]:
         """The names that templates may use, and their values."""

@@ -15,6 +15,7 @@ from core.config.settings import Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.reading import parse_reply, read_designs
+from core.designs.review import review
 from core.designs.rules import SpawnRules, given_tool
 from core.errors import NoPicture, UserError, choices
 from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulator, Task, ToolRepresentation
@@ -80,13 +81,22 @@ class ModelDesigner:
         return [self._request(generation, agent, elites, pictures) for agent in agents]
 
     def _candidates(
-        self, requests: Sequence[Request], failures: list[Reply | None], *, repair: bool
+        self,
+        requests: Sequence[Request],
+        failures: list[Reply | None],
+        *,
+        repair: bool,
+        checked: Mapping[str, list[Candidate]] | None = None,
     ) -> Iterator[Candidate]:
-        """Yield the candidates of all replies; with ``repair``, ask once more where a reply can't be read.
+        """Yield the candidates of all replies, after asking again where the settings say so.
 
-        Each reply with an error is appended to ``failures``, and None for each other one.
+        With ``repair`` it asks once more where a reply can't be read. With the prompts' setting ``check`` it asks once
+        more after every reply that can. ``checked`` has the first candidates of each request that does so: they count
+        where the second answer can't be read. Each reply with an error is appended to ``failures``, and None for each
+        other one.
         """
-        repairs: list[Request] = []
+        first = dict(checked or {})
+        again: list[Request] = []
         missing = {request.id: request for request in requests}
         for reply in self._replies(requests):
             request = missing.pop(reply.request_id)
@@ -94,15 +104,32 @@ class ModelDesigner:
             try:
                 candidates = self._read(request.brief, reply)
             except DesignError as error:
-                if repair:
+                if repair and request.id not in first:
                     messages = self.prompts.repair(request, reply, str(error))
-                    repairs.append(replace(request, id=f"{request.id}-repair", messages=messages))
-                    continue
-                candidates = [_lost(request.brief, f"the reply can't be read: {error}")]
-            yield from candidates
-        yield from (_lost(request.brief, "no reply came") for request in missing.values())
-        if repairs:
-            yield from self._candidates(repairs, failures, repair=False)
+                    again.append(replace(request, id=f"{request.id}-repair", messages=messages))
+                else:
+                    yield from self._unusable(request, f"the reply can't be read: {error}", first)
+                continue
+            if reply.error is not None:
+                yield from self._unusable(request, f"the model gave no answer: {reply.error}", first)
+            elif self.prompts.settings.check and request.id not in first:
+                found = review(candidates, self.task, self.prompts.rollout)
+                messages = self.prompts.check(request, reply, found)
+                again.append(replace(request, id=f"{request.id}-check", messages=messages))
+                first[again[-1].id] = candidates
+            else:
+                yield from candidates
+        for request in missing.values():
+            yield from self._unusable(request, "no reply came", first)
+        if again:
+            yield from self._candidates(again, failures, repair=False, checked=first)
+
+    def _unusable(self, request: Request, problem: str, first: Mapping[str, list[Candidate]]) -> list[Candidate]:
+        """The candidates that count where a request got no designs: a lost one, or those of the first answer."""
+        if request.id not in first:
+            return [_lost(request.brief, problem)]
+        say(f"{request.id}: {problem}; the first answer counts", file=sys.stderr)
+        return first[request.id]
 
     def _replies(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """Yield replies as they arrive.
@@ -157,13 +184,13 @@ class ModelDesigner:
         return Request(f"g{generation}-a{agent}", brief, messages, schema, float(np.clip(temperature, 0.0, 2.0)))
 
     def _read(self, brief: Brief, reply: Reply) -> list[Candidate]:
-        """Read the candidates of a reply, at most as many as the brief asks for.
+        """Read the candidates of a reply, at most as many as the brief asks for; none of a reply with an error.
 
         Raises:
             DesignError: the reply can't be read.
         """
         if reply.error is not None:
-            return [_lost(brief, f"the model gave no answer: {reply.error}")]
+            return []
         return read_designs(
             parse_reply(reply.text),
             self.representation,

@@ -20,9 +20,11 @@ from core.store.database import Database
 FIGURES = ("reward", "distance_m", "ik_error_m", "ik_error_rad", "tracking_error_rad")
 
 
-# Replies and rollouts of later generations build on a failure as on a result: it stays then.
+# Replies and rollouts of later generations build on a failure as on a result: it stays then. The second request of
+# ``prompt.check`` stays too: the candidates of the first answer have taken its place.
 _AGAIN = """
-    SELECT id, generation, agent FROM requests JOIN replies ON request_id = id WHERE unanswered AND generation >= (
+    SELECT id, generation, agent FROM requests JOIN replies ON request_id = id
+    WHERE unanswered AND id NOT LIKE '%-check' AND generation >= (
         SELECT max(generation) FROM (
             SELECT generation FROM requests JOIN replies ON request_id = id WHERE unanswered IS NULL
             UNION ALL SELECT generation FROM evaluations WHERE status != 'rejected'

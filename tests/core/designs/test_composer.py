@@ -24,7 +24,7 @@ from core.config.compose import load, node
 from core.config.schemas import PromptConfig
 from core.config.settings import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
-from core.designs.composer import REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown, counted
+from core.designs.composer import CHECK, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown, counted
 from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Pose
 from core.interfaces import Brief, Message, Picture, Reply, Request, Task, Text, ToolRepresentation
@@ -413,6 +413,21 @@ def test_a_repair_shows_the_reply_and_its_problem() -> None:
     assert [m.role for m in empty] == ["system", "user", "user"]
 
 
+def test_a_check_shows_the_reply_and_the_findings() -> None:
+    brief, prompts = make_brief(), PromptComposer(PromptSettings(check=True))
+    first = Request("g0-a0", brief, prompts.compose(brief, PICTURE), {}, 1.0)
+    messages = prompts.check(first, Reply("g0-a0", "{}", "m"), "- it is {{ heavy }}")
+    assert messages[:3] == (*first.messages, Message("assistant", (Text("{}"),)))
+    assert "\n\n- it is {{ heavy }}\n\n" in messages[3].parts[0].text
+
+
+def test_a_folder_without_the_template_of_checks_can_be_used_without_them(tmp_path: Path) -> None:
+    shutil.copytree(FOLDER, tmp_path / "mine", ignore=shutil.ignore_patterns("check*", "__pycache__"))
+    PromptComposer(PromptSettings(dir=str(tmp_path / "mine")))
+    with pytest.raises(UserError, match=r"no prompt template 'check\.md\.j2'"):
+        PromptComposer(PromptSettings(dir=str(tmp_path / "mine"), check=True))
+
+
 # --- one elite, or of the other kind ----------------------------------------------------------------------------
 
 
@@ -464,7 +479,7 @@ def test_execution_of_plans_is_described() -> None:
 
 def test_each_template_is_used() -> None:
     human = settings_of("human")
-    used = {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN, REPAIR, *human.initial, *human.evolution, *human.given}
+    used = {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN, REPAIR, CHECK, *human.initial, *human.evolution, *human.given}
     assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == used
 
 
