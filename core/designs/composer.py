@@ -20,6 +20,7 @@ from jinja2.sandbox import SandboxedEnvironment
 
 from core.config.settings import FEEDBACK, PromptSettings
 from core.design import Tool
+from core.designs.arm_sheet import describe_arm
 from core.designs.elites import elites_text
 from core.designs.rules import MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
@@ -138,6 +139,7 @@ class PromptComposer:
             "home_xyz": _numbers(task.home.position),
             "home_rpy": _numbers(task.home.rpy),
             "rollout": self.rollout,
+            "arm": describe_arm(task.home),
             "max_waypoints": MAX_WAYPOINTS,
             "schema": json.dumps(answer_schema(brief), indent=1, ensure_ascii=False),
             "elites": elites,

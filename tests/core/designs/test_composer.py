@@ -30,6 +30,7 @@ from core.geometry import Array, Box, Pose
 from core.interfaces import Brief, Message, Picture, Reply, Request, Task, Text, ToolRepresentation
 from core.robot.description import FINGER_OPEN, assemble
 from core.robot.kinematics import arm
+from core.robot.reach import as_table, compute_reach
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings
@@ -516,7 +517,7 @@ def test_another_folder(folder: Path) -> None:
 def test_a_misspelt_name_is_an_error(folder: Path) -> None:
     (folder / "units.md.j2").write_text("{{ brif.n_tool }}", encoding="utf-8")
     with pytest.raises(
-        UserError, match=r"units\.md\.j2: 'brif' is undefined; a template may use: bare, brief, "
+        UserError, match=r"units\.md\.j2: 'brif' is undefined; a template may use: arm, bare, brief, "
     ) as error:
         from_folder(folder).compose(make_brief(), None)
     assert "\n" not in str(error.value)
@@ -691,14 +692,12 @@ def test_where_the_hand_is_at_home() -> None:
         assert corners(robot.find(f"link[@name='{name}']"), frames[name])[:, 2].min() == pytest.approx(-0.113, abs=1e-3)
 
 
-def test_the_workspace_can_be_reached() -> None:
-    """Pointing down, in front and to the sides: just inside its border, and not just outside."""
-    for angle in (-1.0, 0.0, 1.0):
-        for radius, reached in ((0.5, True), (0.75, True), (0.85, False)):
-            x, y = radius * np.cos(angle), radius * np.sin(angle)
-            seed = arm().home + np.array([angle, 0, 0, 0, 0, 0, angle])
-            solution = arm().inverse(Pose.xyz_rpy((x, y, 0.1)), seed)
-            assert (solution.error_m < 1e-3) == reached, (angle, radius)
+def test_the_workspace_is_that_of_this_arm() -> None:
+    text = words(PromptComposer().compose(make_brief(), None)).split("# Workspace")[1].split("# Spawn")[0]
+    assert as_table(compute_reach(arm())) in text
+    assert "joint 4's lower limit (z 0.1 to 0.5)" in text
+    joints = [float(angle) for angle in text.split("The joints at home: ")[1].split(".\n")[0].split(", ")]
+    np.testing.assert_allclose(arm().forward(np.array(joints)).position, PushCube.home.position, atol=0.01)
 
 
 def test_the_motion_is_as_in_the_action_rules() -> None:

@@ -1,0 +1,149 @@
+"""Compute where the end-effector can be, with the inverse kinematics that motions use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import count
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.design import Tool
+from core.geometry import Array, Pose
+from core.interfaces import JointTrajectory
+from core.robot.frames import robot_model
+from core.robot.kinematics import Arm, Solution
+from core.robot.self_collision import find_self_collision
+
+PITCHES = (-0.8, -0.5, 0.0, 0.5, 0.8)
+SELF = "the arm itself"
+_RISE_M = 0.1  # between two heights
+_STEP_M, _STEP_RAD = 0.02, 0.1
+_NEAR_M, _NEAR_RAD = 0.003, 0.02  # a pose missed by less counts as reached
+_AT_LIMIT_RAD = 1e-3
+
+
+@dataclass(frozen=True)
+class Span:
+    """The smallest and largest distances from the base's axis that are reached, metres.
+
+    ``inner`` and ``outer`` say what binds just beyond them, such as ``joint 4's lower limit``; nothing does where the
+    arm is stretched.
+    """
+
+    least: float
+    most: float
+    inner: tuple[str, ...] = ()
+    outer: tuple[str, ...] = ()
+
+
+Row = dict[float, Span | None]  # by pitch; None: nothing is reached
+
+
+@lru_cache(maxsize=4)
+def compute_reach(arm: Arm, pitches: tuple[float, ...] = PITCHES) -> dict[float, Row]:
+    """Compute the reach straight ahead of the base at roll = yaw = 0, by height from z = 0 up and by pitch.
+
+    A pose counts as reached if the inverse kinematics comes near it from the pose beside it, and the arm is clear of
+    itself there. Distances are rounded inwards to 2 cm.
+    """
+    table: dict[float, Row] = {}
+    for number in count():
+        height = round(number * _RISE_M, 3)
+        row = {pitch: span_at(arm, height, pitch) for pitch in pitches}
+        if not any(row.values()):
+            break
+        table[height] = row
+    return table
+
+
+def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
+    """Find the distances that are reached at this height and pitch: out from near home's, and back in from there."""
+    farthest = int(robot_model(False).reach / _STEP_M)
+    home = round(float(np.hypot(*arm.forward(arm.home).position[:2])) / _STEP_M)
+    turn = Rotation.from_euler("y", pitch)
+    poses = [Pose.from_rotation((step * _STEP_M, 0.0, height), turn) for step in range(farthest)]
+    for first in sorted(range(farthest), key=lambda step: abs(step - home)):
+        start = arm.inverse(poses[first], arm.home)
+        if _is_near(start):
+            break
+    else:
+        return None
+    out, beyond = _march(arm, poses[first + 1 :], start.joints)
+    most = first + len(out) - 1
+    back, within = _march(arm, poses[:most][::-1], out[-1])
+    inner = _binding(arm, within)
+    if clear := _clear(back):
+        back, inner = back[:clear], (SELF,)
+    return Span((most - len(back) + 1) * _STEP_M, most * _STEP_M, inner, _binding(arm, beyond))
+
+
+def turns_at(arm: Arm, position: Array) -> tuple[tuple[float, float], ...]:
+    """Find how far the end-effector turns at ``position`` by roll, pitch or yaw alone: least and most, radians."""
+    start, angles = arm.home_for(Pose(position)), np.arange(1, int(np.pi / _STEP_RAD) + 1) * _STEP_RAD
+
+    def most(axis: Array) -> float:
+        way, _ = _march(arm, [Pose.from_rotation(position, Rotation.from_rotvec(axis * a)) for a in angles], start)
+        return float(((_clear(way) or len(way)) - 1) * _STEP_RAD)
+
+    return tuple((-most(-axis), most(axis)) for axis in np.eye(3))
+
+
+def _march(arm: Arm, poses: Iterable[Pose], seed: Array) -> tuple[list[Array], Solution | None]:
+    """Go from pose to pose while they are reached: the joints, from ``seed`` on, and the first solution that misses."""
+    way = [seed]
+    for pose in poses:
+        solution = arm.inverse(pose, way[-1])
+        if not _is_near(solution):
+            return way, solution
+        way.append(solution.joints)
+    return way, None
+
+
+def _is_near(solution: Solution) -> bool:
+    return solution.error_m < _NEAR_M and solution.error_rad < _NEAR_RAD
+
+
+def _clear(way: list[Array]) -> int:
+    """Count the joints before the arm meets itself on the way; 0 if it does not."""
+    met = find_self_collision(Tool(), JointTrajectory(np.arange(float(len(way))), np.array(way), np.zeros(len(way))))
+    return 0 if met is None else max(1, int(np.ceil(met.time_s)))
+
+
+def _binding(arm: Arm, missed: Solution | None) -> tuple[str, ...]:
+    """Name the joints that are at a limit where a pose is missed."""
+    if missed is None:
+        return ()
+    low, high = missed.joints - arm.lower < _AT_LIMIT_RAD, arm.upper - missed.joints < _AT_LIMIT_RAD
+    sides = enumerate(zip(low, high, strict=True), 1)
+    return tuple(f"joint {n}'s {'lower' if below else 'upper'} limit" for n, (below, above) in sides if below or above)
+
+
+def as_table(reach: dict[float, Row]) -> str:
+    """Write the reach as a Markdown table in centimetres, a row for each height in metres."""
+    pitches = list(next(iter(reach.values())))
+    lines = [["z", *(f"{pitch:g}" for pitch in pitches)], ["-"] * (len(pitches) + 1)]
+    for height, row in reach.items():
+        spans = [f"{100 * span.least:.0f}-{100 * span.most:.0f}" if span else "none" for span in row.values()]
+        lines.append([f"{height:g}", *spans])
+    return "\n".join(f"|{'|'.join(cells)}|" for cells in lines)
+
+
+def describe_limits(reach: dict[float, Row]) -> str:
+    """Say what binds at the inner edge, the commonest first, and at which heights and pitches."""
+    met: dict[str, list[tuple[float, float]]] = {}
+    for height, row in reach.items():
+        for pitch, span in row.items():
+            for limit in span.inner if span else ():
+                met.setdefault(limit, []).append((height, pitch))
+    pitches = [pitch for row in reach.values() for pitch in row]
+    words = []
+    for limit, places in sorted(met.items(), key=lambda item: -len(item[1])):
+        at, turned = zip(*places, strict=True)
+        where = f"z {min(at):g} to {max(at):g}"
+        where += f", pitch up to {max(turned):g}" if max(turned) < max(pitches) else ""
+        where += f", pitch from {min(turned):g}" if min(turned) > min(pitches) else ""
+        words.append(f"{limit} ({where})")
+    return "; ".join(words)

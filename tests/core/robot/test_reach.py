@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from core.geometry import Pose
+from core.robot.kinematics import arm
+from core.robot.reach import PITCHES, SELF, as_table, compute_reach, describe_limits, turns_at
+from core.robot.trajectory import plan_motion
+
+HOME = Pose(np.array([0.5, 0.0, 0.5]))
+REACH = compute_reach(arm())
+
+
+def missed(*waypoints):
+    """Metres and radians by which a motion from home misses these waypoints: x, y, z, pitch, yaw."""
+    plan = np.array([[x, y, z, 0.0, pitch, yaw] for x, y, z, pitch, yaw in waypoints])
+    motion = plan_motion(plan, HOME, arm())
+    return motion.ik_error_m, motion.ik_error_rad
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 1.3, -1.3])
+@pytest.mark.parametrize(("height", "pitch"), [(0.0, -0.5), (0.1, 0.0), (0.3, 0.5), (0.5, -0.8), (0.5, 0.8)])
+def test_a_motion_reaches_both_edges_in_every_direction(height, pitch, azimuth):
+    span = REACH[height][pitch]
+    x, y = np.cos(azimuth), np.sin(azimuth)
+    middle = (span.least + span.most) / 2
+    way = [(r * x, r * y, height, pitch, azimuth) for r in (middle, span.most, max(span.least, 0.02))]
+    error_m, error_rad = missed(*way)
+    assert error_m < 0.005
+    assert error_rad < 0.03
+
+
+@pytest.mark.parametrize("pitch", PITCHES)
+@pytest.mark.parametrize("height", [0.1, 0.4, 0.8])
+def test_no_other_posture_reaches_farther(height, pitch):
+    """From thirty random postures: the outer edge is the arm's, not that of one way to it."""
+    beyond = Pose.xyz_rpy((REACH[height][pitch].most + 0.05, 0.0, height), (0.0, pitch, 0.0))
+    rng = np.random.default_rng(0)
+    found = [arm().inverse(beyond, rng.uniform(arm().lower, arm().upper)) for _ in range(30)]
+    assert min(one.error_m + one.error_rad for one in found) > 0.01
+
+
+def test_the_reach_ends_above():
+    heights = list(REACH)
+    assert heights == [round(0.1 * n, 1) for n in range(len(heights))]
+    assert all(any(row.values()) for row in REACH.values())
+    above = Pose(np.array([0.1, 0.0, heights[-1] + 0.1]))
+    assert arm().inverse(above, arm().home).error_m > 0.003
+
+
+def test_what_binds_at_the_inner_edge():
+    assert "joint 4's lower limit" in REACH[0.3][0.0].inner  # the elbow is folded
+    assert "joint 6's upper limit" in REACH[0.1][-0.5].inner  # the wrist points forward
+    assert REACH[0.1][0.8].inner == (SELF,)  # the hand is at the base
+    assert REACH[0.3][0.0].outer == ()  # the arm is stretched
+    words = describe_limits(REACH)
+    assert words.startswith("joint 4's lower limit (z 0.1 to 0.5)")
+    assert "joint 6's upper limit (z 0 to 0.2, pitch up to 0)" in words
+
+
+def test_the_table_has_a_row_for_each_height():
+    lines = as_table(REACH).splitlines()
+    assert lines[0] == "|z|-0.8|-0.5|0|0.5|0.8|"
+    assert len(lines) == 2 + len(REACH)
+    span = REACH[0.3][0.0]
+    assert lines[5].split("|")[1:5:3] == ["0.3", f"{100 * span.least:.0f}-{100 * span.most:.0f}"]
+    assert "none" in lines[-1]
+
+
+def test_turns_at_home_end_where_they_say():
+    turns = turns_at(arm(), HOME.position)
+    for axis, (least, most) in zip("xyz", turns, strict=True):
+        for angle, step in ((least, -0.15), (most, 0.15)):
+            seed = arm().home_for(HOME)
+            for share in np.linspace(0.0, 1.0, 40):
+                solution = arm().inverse(
+                    Pose.from_rotation(HOME.position, Rotation.from_euler(axis, share * angle)), seed
+                )
+                seed = solution.joints
+                assert solution.error_rad < 0.02, (axis, angle)
+            if abs(angle) < 3.0:
+                beyond = Rotation.from_euler(axis, angle + step)
+                assert arm().inverse(Pose.from_rotation(HOME.position, beyond), seed).error_rad > 0.02, (axis, angle)
