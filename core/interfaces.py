@@ -9,6 +9,7 @@ part breaks these contracts, by `tests/core/plugins/test_wrong_parts.py`.
 from __future__ import annotations
 
 import inspect
+import json
 import math
 import sys
 from abc import ABC, abstractmethod
@@ -201,12 +202,14 @@ class VLM(ABC):
     """
 
     model: str  # the name that is printed and stored with each reply
+    takes_schema: bool = False  # it passes on `Request.schema` itself, so that the prompt's text leaves it out
 
     @classmethod
     def estimate(cls, request: Request, model: str) -> Estimate:
         """Estimate the size and cost of a request. It calls no model and needs no key; here by a rule of thumb."""
         parts = [part for message in request.messages for part in message.parts]
         characters = sum(len(part.text) for part in parts if isinstance(part, Text))
+        characters += len(json.dumps(request.schema)) if cls.takes_schema else 0
         pictures = sum(isinstance(part, Picture) for part in parts)
         tokens = round(characters / CHARACTERS_PER_TOKEN) + pictures * TOKENS_PER_PICTURE
         rule = f"{CHARACTERS_PER_TOKEN:g} characters to a token, {TOKENS_PER_PICTURE} tokens to a picture"

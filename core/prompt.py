@@ -34,9 +34,11 @@ USAGE = (
 
 
 class NoModel(VLM):
-    """A model that receives no request."""
+    """A model that receives no request, in place of another."""
 
-    model = "none"
+    def __init__(self, factory: object) -> None:
+        self.model = "none"
+        self.takes_schema = getattr(factory, "takes_schema", False)
 
     def complete(self, requests: Sequence[Request]) -> Any:
         raise TypeError("prompts are composed here, not sent")
@@ -58,7 +60,7 @@ def compose(cfg: DictConfig) -> Request:
     designer = make_designer(
         task,
         part("sim", cfg.sim).create(),
-        NoModel(),
+        NoModel(installed().factory("vlm", cfg.vlm.name)),
         representation,
         PromptComposer(node(cfg.prompt, PromptConfig), settings),
         Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)}),

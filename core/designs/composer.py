@@ -7,7 +7,6 @@ A prompt (first sampling, evolution, plans for a given tool) is a list of parts;
 from __future__ import annotations
 
 import importlib.resources
-import inspect
 import json
 import re
 from collections.abc import Mapping
@@ -22,17 +21,21 @@ from core.config.settings import FEEDBACK, PromptSettings
 from core.design import Tool
 from core.designs.arm_sheet import describe_arm
 from core.designs.elites import elites_text
+from core.designs.excerpts import class_source, function_source, helpers
+from core.designs.layout import layout_table
 from core.designs.rules import MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
 from core.geometry import Vector
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text
-from core.robot.description import FINGER_FRICTION, TOOL_FRICTION, assemble
+from core.robot.description import FINGER_FRICTION, TOOL_FRICTION
+from core.robot.outline import outline
 from core.robot.trajectory import plan_motion
-from core.scene import Body, Geom, Goal, floor, table
+from core.scene import Body
 
 SUFFIX = ".md.j2"
 REPAIR, CHECK = "repair", "check"
-VOCABULARY = (Task, Geom, Body, Goal, table, floor)  # of a task's source
+TASK = ("name", "description", "home", "success_reward", "scene", "reward")  # the members that are shown
+BODY = ("name", "pose", "mass", "visuals", "collisions", "friction", "rolling_friction", "restitution")
 
 MAX_IDEA = 50_000  # characters
 MAX_REPEATED = 400_000  # characters of a reply that are sent back
@@ -60,12 +63,17 @@ class PromptComposer:
         self._idea = _read_idea(settings.file, wanted="idea" in names)
 
     def compose(
-        self, brief: Brief, picture: Picture | None, elite_pictures: Mapping[str, Picture] | None = None
+        self,
+        brief: Brief,
+        picture: Picture | None,
+        elite_pictures: Mapping[str, Picture] | None = None,
+        *,
+        schema: bool = True,
     ) -> tuple[Message, ...]:
         """Compose a system message and a user message.
 
         The user message has one text per part, then the picture of the scene, then ``elite_pictures`` (by the elites'
-        ids), each after a line that names its elite.
+        ids), each after a line that names its elite. ``schema``: the text holds the JSON schema of the answer.
 
         Raises:
             UserError: a template uses an unknown name or fails otherwise; or there are no elites, and the prompt has
@@ -73,7 +81,7 @@ class PromptComposer:
             ValueError: an elite has no tool.
         """
         pictured = dict(elite_pictures or {})
-        values = self._values(brief, picture) | {"pictured": list(pictured)}
+        values = self._values(brief, picture, schema) | {"pictured": list(pictured)}
         parts = self.settings.evolution if brief.elites else self.settings.initial
         parts = self.settings.given if values["given"] is not None else parts
         if not parts:
@@ -112,7 +120,7 @@ class PromptComposer:
         answer = [Message("assistant", (Text(text),))] if text.strip() else []
         return (*request.messages, *answer, message)
 
-    def _values(self, brief: Brief, picture: Picture | None) -> dict[str, Any]:
+    def _values(self, brief: Brief, picture: Picture | None, schema: bool) -> dict[str, Any]:
         """The names that templates may use, and their values."""
         task, representation = brief.task, brief.representation
         given = representation.given(task)
@@ -133,15 +141,17 @@ class PromptComposer:
             "friction": {"tool": TOOL_FRICTION, "fingers": FINGER_FRICTION},
             "tool_rules": representation.instructions(brief).strip(),
             "task_source": task.source().rstrip("\n"),
-            "vocabulary": "\n\n".join(inspect.getsource(part).rstrip() for part in VOCABULARY),
-            "executor": inspect.getsource(plan_motion).rstrip(),
-            "urdf": assemble(mounted, visuals=False, mesh_path=lambda path: path.name).rstrip(),
+            "layout": layout_table(task, brief.scene_seed),
+            "vocabulary": f"{class_source(Task, *TASK)}\n\n{class_source(Body, *BODY)}",
+            "helpers": helpers(task),
+            "executor": function_source(plan_motion),
+            "urdf": outline(mounted),
             "home_xyz": _numbers(task.home.position),
             "home_rpy": _numbers(task.home.rpy),
             "rollout": self.rollout,
             "arm": describe_arm(task.home),
             "max_waypoints": MAX_WAYPOINTS,
-            "schema": json.dumps(answer_schema(brief), indent=1, ensure_ascii=False),
+            "schema": json.dumps(answer_schema(brief), ensure_ascii=False, separators=(",", ":")) if schema else "",
             "elites": elites,
             "shortened": shortened,
             "other_kind": any(e.candidate.tool and e.candidate.tool.gripper != brief.gripper for e in brief.elites),

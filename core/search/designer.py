@@ -179,7 +179,7 @@ class ModelDesigner:
             seed=int(rng.integers(2**31)),
             elites=tuple(elites),
         )
-        messages = self.prompts.compose(brief, self.picture, pictures)
+        messages = self.prompts.compose(brief, self.picture, pictures, schema=not self.vlm.takes_schema)
         schema = answer_schema(brief)
         return Request(f"g{generation}-a{agent}", brief, messages, schema, float(np.clip(temperature, 0.0, 2.0)))
 

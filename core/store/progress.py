@@ -97,7 +97,7 @@ class CachedVLM(VLM):
     """A model that gives stored replies first, and asks another model for the rest."""
 
     def __init__(self, vlm: VLM, replies: Mapping[str, Reply]) -> None:
-        self.model = vlm.model
+        self.model, self.takes_schema = vlm.model, vlm.takes_schema
         self._vlm = vlm
         self._replies = replies
 

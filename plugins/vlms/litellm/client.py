@@ -5,18 +5,20 @@ from __future__ import annotations
 import base64
 import importlib
 import importlib.metadata
+import json
 import logging
 import os
 import threading
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
 import httpx
 
 from core.errors import UserError
-from core.interfaces import Estimate, Message, Picture, Reply, Request
+from core.interfaces import Estimate, Message, Picture, Reply, Request, Text
 from core.replies import checked
 from core.secrets import is_secret_name
 from core.text import clean, kind
@@ -65,7 +67,7 @@ def load() -> ModuleType:
 def estimate(request: Request, model: str) -> Estimate:
     """Count tokens with LiteLLM's counter, which takes every picture for a small one; prices are from its list."""
     litellm = load()
-    tokens = litellm.token_counter(model=model, messages=render(request.messages))
+    tokens = litellm.token_counter(model=model, messages=render(explained(request)))
     price = _price(litellm, model)
     version = importlib.metadata.version("litellm")
     if price is None:
@@ -116,14 +118,14 @@ class Client:
         self._accepted["response_format"] = bool(schemas)
         left_out = [name for name, accepted in self._accepted.items() if not accepted]
         if left_out:
-            names = ", no ".join(left_out).replace("response_format", "JSON schema")
+            names = ", no ".join(left_out).replace("response_format", "JSON schema (the prompt's text holds it)")
             _log.warning("%s accepts no %s: left out of its requests", model, names)
 
     def spent(self, request: Request, reply: Reply) -> tuple[int, float]:
         """Tokens and US dollars of a call: as the reply reports them, otherwise counted; 0 dollars without a price."""
         prompt, completion = reply.prompt_tokens, reply.completion_tokens
         if prompt is None:
-            prompt = int(self._litellm.token_counter(model=self.model, messages=render(request.messages)))
+            prompt = int(self._litellm.token_counter(model=self.model, messages=render(explained(request))))
         if completion is None:
             completion = int(self._litellm.token_counter(model=self.model, text=reply.text))
         if reply.cost_usd is not None:
@@ -152,7 +154,7 @@ class Client:
     def ask(self, request: Request) -> tuple[Reply, str]:
         """Make one call; return the reply, and why the model stopped ("stop", "length", "content_filter"...).
 
-        A schema that the provider refuses is left out from then on: the prompt holds it too.
+        A schema that the provider refuses is in the prompt's text from then on.
 
         Raises:
             Exception: any error of LiteLLM's.
@@ -167,7 +169,7 @@ class Client:
         with self._schema_lock:
             if self._accepted["response_format"]:
                 self._accepted["response_format"] = False
-                _log.warning("%s refused the JSON schema of the answer: left out of its requests", self.model)
+                _log.warning("%s refused the JSON schema of the answer: from now on in the prompt's text", self.model)
         return self._call(request, False)
 
     def _call(self, request: Request, with_schema: bool) -> tuple[Reply, str]:
@@ -182,7 +184,8 @@ class Client:
                 "type": "json_schema",
                 "json_schema": {"name": "designs", "schema": request.schema, "strict": True},
             }
-        messages = render(request.messages)
+        sees_schema = with_schema and self._provider not in _LOCAL  # those use it as a grammar alone
+        messages = render(request.messages if sees_schema else explained(request))
         try:
             response = self._litellm.completion(model=self.model, messages=messages, drop_params=True, **settings)
         except Exception as error:
@@ -213,6 +216,13 @@ class Client:
             return float(self._litellm.completion_cost(completion_response=response, model=self.model)) or None
         except Exception:  # a model that is not in the list; the class of the error varies
             return None
+
+
+def explained(request: Request) -> tuple[Message, ...]:
+    """The messages of a request, with the schema as text at the end."""
+    schema = json.dumps(request.schema, ensure_ascii=False, separators=(",", ":"))
+    *before, last = request.messages
+    return (*before, replace(last, parts=(*last.parts, Text(f"JSON schema of the answer:\n```json\n{schema}\n```\n"))))
 
 
 def render(messages: Sequence[Message]) -> list[dict[str, Any]]:

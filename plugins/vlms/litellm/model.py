@@ -44,6 +44,8 @@ class LanguageModel(VLM):
             folder that can't be made.
     """
 
+    takes_schema = True
+
     model: str = ""
     api_base: str | None = None
     concurrency: int = 20

@@ -37,7 +37,9 @@ def test_the_request_arrives_in_the_protocols_form(protocol):
     assert call.protocol == protocol
     assert call.pictures == [PNG]
     assert call.system == "Be brief."
-    assert "".join(call.texts).replace("\n", "") == "I am agent 0.Design."
+    said, _, schema = "".join(call.texts).replace("\n", "").partition("JSON schema of the answer:")
+    assert said == "I am agent 0.Design."
+    assert bool(schema) == (protocol == "ollama")  # which holds the model to it without showing it
     sent = call.body
     if protocol == "openai":
         assert sent["response_format"]["json_schema"]["schema"] == SCHEMA
@@ -68,6 +70,7 @@ def test_unknown_price_is_not_zero_and_unknown_model_gets_no_schema():
         (reply,) = LanguageModel("openai/my-own", server.url + "/v1").complete([request(0)])
     assert reply.cost_usd is None
     assert "response_format" not in server.calls[0].body
+    assert json.dumps(SCHEMA, separators=(",", ":")) in "".join(server.calls[0].texts)
 
 
 def test_vllm_is_sent_the_schema_for_any_model_and_no_key_of_other_providers():
@@ -107,6 +110,8 @@ def test_schema_that_is_refused_is_left_out(caplog):
     assert [reply.error for reply in replies] == [None, None]
     assert len(server.calls) == 3
     assert len([record for record in caplog.records if record.levelno == logging.WARNING]) == 1
+    shown = ["JSON schema of the answer" in "".join(call.texts) for call in server.calls]
+    assert shown == [False, True, True]
 
 
 # --- together, within limits ------------------------------------------------------------------------------------

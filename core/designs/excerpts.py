@@ -1,0 +1,62 @@
+"""Take from source files what a prompt needs."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import sys
+import textwrap
+from collections.abc import Callable
+from typing import Any
+
+from core.interfaces import Task
+
+_SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
+
+
+def function_source(function: Callable[..., Any]) -> str:
+    """Take a function's source, without the sections of its docstring."""
+    return _SECTION.sub("", inspect.getsource(function), count=1).rstrip()
+
+
+def class_source(part: type, *members: str) -> str:
+    """Take a class's head, its docstring without sections, and these members."""
+    text = _SECTION.sub("", inspect.getsource(part), count=1)
+    lines, (node,) = text.splitlines(), ast.parse(text).body
+    assert isinstance(node, ast.ClassDef)
+    kept = lines[: node.body[0].end_lineno]
+    for child in node.body[1:]:
+        target = child.target if isinstance(child, ast.AnnAssign) else None
+        name = target.id if isinstance(target, ast.Name) else getattr(child, "name", None)
+        if name in members:
+            decorators = getattr(child, "decorator_list", [])
+            first = min(each.lineno for each in (child, *decorators))
+            kept += [*[""] * bool(decorators), *lines[first - 1 : child.end_lineno]]
+    return "\n".join(kept)
+
+
+def helpers(task: Task) -> str:
+    """Take the heads and docstrings of the functions that a task's file imports from its own package.
+
+    A function without a docstring is taken whole.
+    """
+    module = sys.modules[type(task).__module__]
+    package = module.__name__.partition(".")[0]
+    functions = [inspect.unwrap(value) for value in vars(module).values() if callable(value)]
+    taken = [
+        _head(function)
+        for function in functions
+        if inspect.isfunction(function)
+        and function.__module__ != module.__name__
+        and function.__module__.partition(".")[0] == package
+    ]
+    return "\n\n".join(taken)
+
+
+def _head(function: Callable[..., Any]) -> str:
+    text = textwrap.dedent(inspect.getsource(function))
+    (node,) = ast.parse(text).body
+    assert isinstance(node, ast.FunctionDef)
+    documented = ast.get_docstring(node) is not None
+    return "\n".join(text.splitlines()[: node.body[0].end_lineno if documented else None])

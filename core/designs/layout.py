@@ -1,0 +1,165 @@
+"""Write where the bodies of a layout are at the start, as a table for a prompt."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from itertools import groupby
+
+import numpy as np
+
+from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.interfaces import Task
+from core.robot.solids import Solid, signed_distance, solid_geometry
+from core.scene import Body, Geom
+
+_ALIKE = 3  # bodies alike, one after the other, from which on they share a row
+_HOLLOW = 3  # parts of a hollow body, and sides on which they bound its middle, at least
+_STEP_M = 0.0005
+_HEAD = ("body", "position", "shape", "x", "y", "z", "mass", "friction")
+
+
+@lru_cache(maxsize=4)
+def layout_table(task: Task, seed: int) -> str:
+    """Write a row for each body of a layout: position, turn, shape, extent in the world, mass and friction.
+
+    Lengths are rounded to a millimetre. Bodies that differ in pose alone share a row. Of a hollow body, the row has the
+    free space along the axes through its middle.
+    """
+    rows = [_HEAD, ("---",) * len(_HEAD)]
+    for _, alike in groupby(task.scene(seed).bodies, _description):
+        bodies = list(alike)
+        rows += [_row(bodies)] if len(bodies) >= _ALIKE else [_row([body]) for body in bodies]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _row(bodies: Sequence[Body]) -> tuple[str, ...]:
+    first = bodies[0]
+    if len(bodies) == 1:
+        name, place = first.name, _placed(first.pose)
+    else:
+        name = f"{len(bodies)} alike: {first.name} ... {bodies[-1].name}"
+        place = "; ".join(_placed(body.pose) for body in bodies)
+    bounds = [_bounds(_parts(body), body.pose) for body in bodies]
+    low, high = np.min([low for low, _ in bounds], axis=0), np.max([high for _, high in bounds], axis=0)
+    extents = (f"{_mm(a)} to {_mm(b)}" for a, b in zip(low, high, strict=True))
+    mass = f"{first.mass:.3g} kg" if first.mass else "fixed"
+    return name, place, _shape(first, alone=len(bodies) == 1), *extents, mass, _friction(first)
+
+
+def _description(body: Body) -> tuple[object, ...]:
+    """What bodies that share a row have in common."""
+    parts = tuple((_named(part.shape), part.pose) for part in _parts(body))
+    return bool(body.collisions), parts, body.mass, body.friction, body.rolling_friction, body.restitution
+
+
+def _parts(body: Body) -> tuple[Geom, ...]:
+    return body.collisions or body.visuals
+
+
+def _placed(pose: Pose) -> str:
+    roll, pitch, yaw = pose.rpy.round(3) + 0.0
+    turn = f" rpy {_numbers((roll, pitch, yaw))}" if roll or pitch else f" yaw {_mm(yaw)}" if yaw else ""
+    return _numbers(pose.position) + turn
+
+
+def _shape(body: Body, *, alone: bool) -> str:
+    """Describe a body's collision shapes; ``alone``: it has its row to itself."""
+    if not body.collisions:
+        return "a mark: nothing touches it"
+    parts = body.collisions
+    if len(parts) == 1 and not isinstance(parts[0].shape, Mesh):
+        return _named(parts[0].shape)
+    counts = Counter(type(part.shape).__name__.lower().replace("mesh", "convex part") for part in parts)
+    plural = {"box": "boxes"}
+    words = [f"{n} {plural.get(kind, f'{kind}s')}" if n > 1 else f"1 {kind}" for kind, n in counts.items()]
+    low, high = _bounds(parts, Pose())
+    size = f", {_numbers(high - low)} along its own axes" if np.abs(body.pose.rpy).max() > 0.001 or not alone else ""
+    return " + ".join(words) + size + _inside(body, low, high)
+
+
+def _inside(body: Body, low: Array, high: Array) -> str:
+    """Describe the free space through the middle of a hollow body."""
+    middle = (low + high) / 2
+    solids = [Solid("", solid_geometry(part.shape), part.pose) for part in body.collisions]
+    if len(solids) < _HOLLOW or _distance(solids, middle) <= 0:
+        return ""
+    upright = np.abs(body.pose.rpy).max() <= 0.001
+    shift = body.pose.position if upright else np.zeros(3)
+    words, met = [], 0
+    for axis, name in enumerate("xyz"):
+        ends = []
+        for sign, limit in ((-1, low), (1, high)):
+            way = sign * np.eye(3)[axis]
+            free = _free(solids, middle, way, abs(float(limit[axis] - middle[axis])))
+            met += free is not None
+            ends.append("open" if free is None else _mm((middle + free * way + shift)[axis]))
+        words.append(f"{name} {ends[0]} to {ends[1]}")
+    frame = "" if upright else " in its own frame"
+    return f"; hollow, free through its middle{frame}: {', '.join(words)}" if met >= _HOLLOW else ""
+
+
+def _free(solids: Sequence[Solid], start: Array, way: Array, most: float) -> float | None:
+    """The distance from ``start`` along ``way`` to the first solid; None: there is none within ``most`` metres."""
+    gone = 0.0
+    while gone < most:
+        gap = _distance(solids, start + gone * way)
+        if gap < _STEP_M:
+            return gone + max(gap, 0.0)
+        gone += gap
+    return None
+
+
+def _distance(solids: Sequence[Solid], point: Array) -> float:
+    dot = Solid("", solid_geometry(Sphere(1e-6)), Pose(point))
+    return min(signed_distance(dot, solid) for solid in solids)
+
+
+def _bounds(parts: Sequence[Geom], pose: Pose) -> tuple[Array, Array]:
+    """The lowest and the highest corner of the box around shapes, along the axes of the frame that has ``pose``."""
+    bounds = list(_part_bounds(parts, pose))
+    return np.min([low for low, _ in bounds], axis=0), np.max([high for _, high in bounds], axis=0)
+
+
+def _part_bounds(parts: Sequence[Geom], pose: Pose) -> Iterator[tuple[Array, Array]]:
+    for part in parts:
+        at = pose @ part.pose
+        if isinstance(part.shape, Sphere):  # its own box would turn with it
+            yield at.position - part.shape.radius, at.position + part.shape.radius
+        elif isinstance(part.shape, Cylinder):
+            axis = at.rotation.as_matrix()[:, 2]
+            half = part.shape.length / 2 * np.abs(axis) + part.shape.radius * np.sqrt(np.maximum(1 - axis**2, 0.0))
+            yield at.position - half, at.position + half
+        else:
+            corners = part.shape.vertices if isinstance(part.shape, Mesh) else part.shape.to_trimesh().vertices
+            points = at.apply(corners)
+            yield points.min(axis=0), points.max(axis=0)
+
+
+def _named(shape: Shape) -> str:
+    match shape:
+        case Box(size):
+            return f"box {_numbers(size)}"
+        case Sphere(radius):
+            return f"sphere, radius {_mm(radius)}"
+        case Cylinder(radius, length):
+            return f"cylinder, radius {_mm(radius)}, length {_mm(length)}"
+        case Mesh(vertices):
+            return f"convex part of {len(vertices)} corners, {_numbers(np.ptp(vertices, axis=0))}"
+
+
+def _friction(body: Body) -> str:
+    if not body.collisions:
+        return "-"
+    rolling = f", rolling {body.rolling_friction:g}" if body.rolling_friction else ""
+    bounce = f", restitution {body.restitution:g}" if body.restitution else ""
+    return f"{body.friction:g}{rolling}{bounce}"
+
+
+def _numbers(values: Sequence[float] | Array) -> str:
+    return " ".join(_mm(value) for value in values)
+
+
+def _mm(value: float) -> str:
+    return f"{round(float(value), 3) + 0.0:g}"

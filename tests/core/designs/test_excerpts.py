@@ -1,0 +1,48 @@
+"""What is taken from source files is enough to read a task, and follows the code."""
+
+import ast
+
+from core.designs.composer import BODY, TASK
+from core.designs.excerpts import class_source, function_source, helpers
+from core.interfaces import Task
+from core.plugins import installed
+from core.robot.trajectory import plan_motion
+from core.scene import Body
+from tests.core.designs.test_composer import PushCube
+
+
+def test_a_class_keeps_its_docstring_and_the_members_that_are_asked_for():
+    text = class_source(Body, *BODY)
+    ast.parse(text)
+    assert text.startswith("@dataclass(frozen=True)\nclass Body:\n")
+    assert "product of theirs" in text
+    assert "Raises:" not in text
+    assert "restitution: float = 0.0" in text
+    assert "def " not in text
+    task = class_source(Task, *TASK)
+    ast.parse(task)
+    assert "success_reward: ClassVar[float] = 0.95  # from here on the task counts as solved" in task
+    assert task.count("@abstractmethod") == 2
+    assert "def source" not in task
+    members = {line.split(":")[0].split("(")[0].split()[-1] for line in task.splitlines() if line.startswith("    ")}
+    assert set(TASK) <= members
+
+
+def test_a_function_keeps_its_body():
+    text = function_source(plan_motion)
+    ast.parse(text)
+    assert "Args:" not in text
+    assert "def plan_motion(" in text
+    assert "return Motion(" in text
+
+
+def test_helpers_are_those_of_the_tasks_own_package():
+    create = installed().create
+    assert helpers(create("task", "BringCube")) == ""
+    shown = helpers(create("task", "HighObject"))
+    ast.parse(shown)
+    assert "def open_box(" in shown
+    assert "Lengths are outer ones" in shown
+    assert "def table(" not in shown  # the table of the layout has its numbers
+    assert "return" not in shown
+    assert helpers(PushCube()) == ""
