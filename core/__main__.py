@@ -23,6 +23,7 @@ COMMANDS = {
     "view": "show the recording of a run",
     "plugins": "list the installed parts, or check one",
     "conformance": "check that a part does what its kind must do",
+    "facts": "measure how exact the arm is in engines, and write a sheet about it",
     "new": "write a plugin package to start from",
 }
 USAGE = "usage: vlmgineer NAME [ARGUMENT ...]      (vlmgineer NAME --help: what a command takes)"

@@ -62,7 +62,7 @@ def compose(cfg: DictConfig) -> Request:
         part("sim", cfg.sim).create(),
         NoModel(installed().factory("vlm", cfg.vlm.name)),
         representation,
-        PromptComposer(node(cfg.prompt, PromptConfig), settings),
+        PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name),
         Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)}),
         seed=cfg.seed,
         sampling=node(cfg.sampling, Sampling),

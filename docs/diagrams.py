@@ -28,6 +28,7 @@ FLOORS = {
         "prompt",
         "transfer",
         "gallery",
+        "facts",
         "view",
         "__main__",
     ),

@@ -143,6 +143,19 @@ class ReportConfig:
 
 
 @dataclass
+class FactsConfig:
+    """Settings of ``python -m core.facts``.
+
+    ``output``: a JSON file to write; other engines in it are kept. ``page``: a Markdown file that has the sheet between
+    two lines ``<!-- sheet -->``.
+    """
+
+    sims: list[Any] = MISSING
+    output: str | None = None
+    page: str | None = None
+
+
+@dataclass
 class GalleryConfig:
     """Settings of ``python -m core.gallery``.
 

@@ -1,45 +1,127 @@
-"""Say in a prompt where the arm reaches.
-
-Covered by `tests/core/designs/test_composer.py`.
-"""
+"""Say in a prompt where the arm reaches, how fast it is and how exact."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from core.geometry import Pose
+from core.interfaces import RolloutSettings
+from core.robot.description import ACCELERATION_LIMITS, measured_figures
 from core.robot.kinematics import arm
 from core.robot.reach import as_table, compute_reach, describe_limits, turns_at
+from core.robot.trajectory import plan_motion
+
+WAYS = ("forward", "left", "up")
+LENGTHS_M = (0.1, 0.2, 0.4)
+_EACH_M = 0.6  # up to here each height is shown, above it every other
+_AT_WILL_RAD = 2.8  # nearly half a turn to both sides
+_SAMPLES = 400
+
+
+class Segment(NamedTuple):
+    """A straight way through home: its direction, its length in metres, its time in seconds, and the ratio of its peak
+    speed to its mean.
+    """
+
+    way: str
+    length: float
+    seconds: float
+    peak: float
 
 
 class ArmSheet(NamedTuple):
     """What templates may say of the arm: ``reach`` a table, ``turns`` by roll, pitch and yaw at home, ``joints`` there.
 
-    ``limits`` says what binds at the reach's inner edge.
+    ``limits`` says what binds at the reach's inner edge; ``speed`` and ``exactness`` are sentences.
     """
 
     reach: str
     limits: str
     turns: str
     joints: str
+    speed: str
+    exactness: str
 
 
-def describe_arm(home: Pose) -> ArmSheet:
-    """Describe the arm that starts with its end-effector at ``home``."""
-    return _sheet(tuple(home.position.tolist()), tuple(home.quaternion.tolist()))
+def describe_arm(home: Pose, rollout: RolloutSettings, engine: str) -> ArmSheet:
+    """Describe the arm that starts with its end-effector at ``home``, in the engine of this name."""
+    return _sheet(tuple(home.position.tolist()), tuple(home.quaternion.tolist()), astuple(rollout), engine)
 
 
 @lru_cache(maxsize=16)
-def _sheet(position: tuple[float, ...], quaternion: tuple[float, ...]) -> ArmSheet:
+def _sheet(
+    position: tuple[float, ...], quaternion: tuple[float, ...], rollout: tuple[Any, ...], engine: str
+) -> ArmSheet:
     robot, home = arm(), Pose(np.array(position), np.array(quaternion))
     reach = compute_reach(robot)
     turns = zip(("roll", "pitch", "yaw"), turns_at(robot, home.position), strict=True)
     return ArmSheet(
-        as_table(reach),
+        as_table({z: row for z, row in reach.items() if z <= _EACH_M or round(10 * z) % 2 == 0}),
         describe_limits(reach),
-        ", ".join(f"{name} from {least:.1f} to {most:.1f}" for name, (least, most) in turns),
-        ", ".join(f"{angle + 0.0:.2f}" for angle in robot.home_for(home).round(2)),
+        ", ".join(f"{name} {_turn(*least_most)}" for name, least_most in turns),
+        ", ".join(f"{angle + 0.0:g}" for angle in robot.home_for(home).round(2)),
+        describe_speed(segments(home, RolloutSettings(*rollout))),
+        describe_exactness(measured_figures(), engine),
+    )
+
+
+def _turn(least: float, most: float) -> str:
+    return "at will" if min(-least, most) > _AT_WILL_RAD else f"{least:.1f} to {most:.1f}"
+
+
+def segments(home: Pose, rollout: RolloutSettings) -> list[Segment]:
+    """Time straight segments around home."""
+    found = []
+    for axis, way in zip(np.eye(3), WAYS, strict=True):
+        for length in LENGTHS_M:
+            ends = [[*(home.position + side * length / 2 * axis), *home.rpy] for side in (-1, 1)]
+            motion = plan_motion(np.array(ends), home, arm(), segment_s=rollout.segment_s, speed=rollout.speed)
+            first, last = motion.arrivals.tolist()
+            joints, _ = motion.trajectory.sample(np.linspace(first, last, _SAMPLES))
+            steps = np.linalg.norm(np.diff(arm().positions(joints), axis=0), axis=1)
+            found.append(Segment(way, length, last - first, float(steps.max() / steps.mean())))
+    return found
+
+
+def describe_speed(segments: Sequence[Segment]) -> str:
+    """Say how long segments take, and how much faster than on average they are at most."""
+    by_length = [[one for one in segments if one.length == length] for length in (LENGTHS_M[0], LENGTHS_M[-1])]
+    times = [f"{'/'.join(f'{one.seconds:.2g}' for one in group)} s for {group[0].length:g} m" for group in by_length]
+    peaks = min(one.peak for one in segments), max(one.peak for one in segments)
+    limits = ", ".join(f"{limit:g}" for limit in ACCELERATION_LIMITS)
+    return (
+        f"Segments {'/'.join(WAYS)} through home take {', '.join(times)}, with a peak speed of {peaks[0]:.2g} to "
+        f"{peaks[1]:.2g} times the mean. Joints accelerate by at most {limits} rad/s2, half of it for bends of the path"
+    )
+
+
+def short(figure: float) -> str:
+    """Write a figure with two digits, and no fewer before the point."""
+    return f"{figure:.2g}" if abs(figure) < 100 else f"{figure:.0f}"
+
+
+def describe_exactness(measured: Mapping[str, Mapping[str, float | None]], engine: str) -> str:
+    """Say how exact the arm is in this engine, or where it was not measured, over all in which it was."""
+    figures = [measured[engine]] if engine in measured else list(measured.values())
+    if not figures:
+        return ""
+
+    def over(name: str, digits: int = 2) -> str:
+        numbers = [round(figure, digits) for one in figures if (figure := one[name]) is not None]
+        return " to ".join(dict.fromkeys(short(bound(numbers)) for bound in (min, max))) if numbers else ""
+
+    where = engine if engine in measured else f"{len(figures)} engines"
+    force = [f"{push} N per mm"] if (push := over("push_n_per_mm")) else []
+    force += ["full force at once"] if any(one["push_n_per_mm"] is None for one in figures) else []
+    most = max(figure for one in figures if (figure := one["most_n"]) is not None)
+    return (
+        f"Measured in {where}: in motion it lags by up to {over('lag_mm')} mm, with 1 kg mounted by "
+        f"{over('lag_mm_1kg')} mm ({over('lag_rad_1kg', 4)} rad at a joint); at rest it misses by {over('rest_mm')} "
+        f"mm, under a load of 1 kg by {over('sag_mm_1kg')} mm. Held back, it presses with {' or '.join(force)}, "
+        f"{most:.0f} N at most; sent 2 mm into the table and 0.1 m along it, it ends {over('slid_miss_mm')} mm behind"
     )

@@ -44,13 +44,17 @@ MAX_REPEATED = 400_000  # characters of a reply that are sent back
 class PromptComposer:
     """Composes prompts from the templates of one folder.
 
-    Templates describe how plans are executed by the settings ``rollout``. None stands for default settings.
+    Templates describe how plans are executed by the settings ``rollout`` in the ``engine`` of this name. None stands
+    for default settings, and an engine whose arm was not measured for all those in which it was.
 
     Raises:
         UserError: the folder, a part's template or the person's file is missing, or a template is not valid Jinja.
     """
 
-    def __init__(self, settings: PromptSettings | None = None, rollout: RolloutSettings | None = None) -> None:
+    def __init__(
+        self, settings: PromptSettings | None = None, rollout: RolloutSettings | None = None, engine: str = ""
+    ) -> None:
+        self.engine = engine
         self.settings = settings = settings or PromptSettings()
         self.rollout = rollout or RolloutSettings()
         if settings.elite_characters < 0:
@@ -149,7 +153,7 @@ class PromptComposer:
             "home_xyz": _numbers(task.home.position),
             "home_rpy": _numbers(task.home.rpy),
             "rollout": self.rollout,
-            "arm": describe_arm(task.home),
+            "arm": describe_arm(task.home, self.rollout, self.engine),
             "max_waypoints": MAX_WAYPOINTS,
             "schema": json.dumps(answer_schema(brief), ensure_ascii=False, separators=(",", ":")) if schema else "",
             "elites": elites,

@@ -9,6 +9,7 @@ where pybullet_data's copy has placeholders. `tests/core/robot/test_description.
 from __future__ import annotations
 
 import importlib.metadata
+import json
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -40,6 +41,9 @@ MOTOR_INERTIA = (0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064
 # The flange that bears a rigid tool: outer diameter of ISO 9409-1-50, centred at the mount's origin.
 FLANGE = Cylinder(radius=0.0315, length=0.01)
 
+# How exact the arm is in each engine: `core.facts` measures and writes it.
+MEASURED = Path(__file__).with_name("measured.json")
+
 _HAND_LINKS = ("panda_hand", "panda_hand_tcp", *GRIPPER_MOUNTS)
 _MESH_PREFIX = "package://example-robot-data/robots/panda_description/"
 
@@ -61,6 +65,13 @@ def description_folder() -> Path:
         if file.match("panda_description/urdf/panda.urdf"):
             return Path(str(file.locate())).resolve().parents[1]
     raise UserError("the Panda's description is missing: pip install example-robot-data")
+
+
+@lru_cache(maxsize=1)
+def measured_figures() -> dict[str, dict[str, float | None]]:
+    """Read what was measured, by engine and figure (`core.conformance.exactness`)."""
+    figures: dict[str, dict[str, float | None]] = json.loads(MEASURED.read_text(encoding="utf-8"))
+    return figures
 
 
 def _numbers(values: Iterable[float]) -> str:

@@ -29,7 +29,7 @@ _AT_LIMIT_RAD = 1e-3
 class Span:
     """The smallest and largest distances from the base's axis that are reached, metres.
 
-    ``inner`` and ``outer`` say what binds just beyond them, such as ``joint 4's lower limit``; nothing does where the
+    ``inner`` and ``outer`` say what binds just beyond them, such as ``joint 4 at its lowest``; nothing does where the
     arm is stretched.
     """
 
@@ -118,7 +118,9 @@ def _binding(arm: Arm, missed: Solution | None) -> tuple[str, ...]:
         return ()
     low, high = missed.joints - arm.lower < _AT_LIMIT_RAD, arm.upper - missed.joints < _AT_LIMIT_RAD
     sides = enumerate(zip(low, high, strict=True), 1)
-    return tuple(f"joint {n}'s {'lower' if below else 'upper'} limit" for n, (below, above) in sides if below or above)
+    return tuple(
+        f"joint {n} at its {'lowest' if below else 'highest'}" for n, (below, above) in sides if below or above
+    )
 
 
 def as_table(reach: dict[float, Row]) -> str:
@@ -142,8 +144,8 @@ def describe_limits(reach: dict[float, Row]) -> str:
     words = []
     for limit, places in sorted(met.items(), key=lambda item: -len(item[1])):
         at, turned = zip(*places, strict=True)
-        where = f"z {min(at):g} to {max(at):g}"
+        where = f"z {min(at):g}-{max(at):g}"
         where += f", pitch up to {max(turned):g}" if max(turned) < max(pitches) else ""
         where += f", pitch from {min(turned):g}" if min(turned) > min(pitches) else ""
         words.append(f"{limit} ({where})")
-    return "; ".join(words)
+    return ", ".join(words)

@@ -65,7 +65,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
 
     executor: Executor = part("executor", cfg.executor).create()
-    prompts = PromptComposer(node(cfg.prompt, PromptConfig), settings)
+    prompts = PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name)
     events = event_hub()
     designer = make_designer(
         task,

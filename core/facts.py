@@ -1,0 +1,140 @@
+"""``python -m core.facts [sims=[NAME,...]] [output=FILE.json] [page=FILE.md]``: measure how exact the arm is in
+engines, and print a sheet about it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from omegaconf import OmegaConf
+
+from core.cli import arguments, command, say, write_bytes
+from core.config.compose import load
+from core.conformance.exactness import measure
+from core.conformance.worlds import HOME
+from core.designs.arm_sheet import segments, short
+from core.errors import UserError
+from core.interfaces import RolloutSettings
+from core.robot.description import ACCELERATION_LIMITS, ARM_JOINTS
+from core.robot.kinematics import arm
+from core.robot.reach import as_table, compute_reach, describe_limits
+from core.simulation.robustness import engines
+
+USAGE = "usage: python -m core.facts [sims=[NAME,...]] [output=FILE.json] [page=FILE.md]"
+MARK = "<!-- sheet -->\n"
+Figures = Mapping[str, Mapping[str, float | None]]
+
+LABELS = {
+    "lag_rad": "largest lag of a joint in motion, rad",
+    "lag_mm": "largest lag of the end-effector in motion, mm",
+    "rest_mm": "miss at rest after the motion, mm",
+    "lag_rad_0.3kg": "lag of a joint, tool of 0.3 kg, rad",
+    "lag_mm_0.3kg": "lag of the end-effector, tool of 0.3 kg, mm",
+    "rest_mm_0.3kg": "miss at rest, tool of 0.3 kg, mm",
+    "lag_rad_1kg": "lag of a joint, tool of 1 kg, rad",
+    "lag_mm_1kg": "lag of the end-effector, tool of 1 kg, mm",
+    "rest_mm_1kg": "miss at rest, tool of 1 kg, mm",
+    "sag_mm_1kg": "sag under a load of 1 kg that it carries, mm",
+    "push_n_per_mm": "force for each millimetre that it is held back, N",
+    "most_n": "largest load that it holds, N",
+    "pressed_depth_mm": "2 mm into the table: depth of the tip, mm",
+    "pressed_lag_rad": "2 mm into the table: lag of a joint, rad",
+    "pressed_slip_mm": "2 mm into the table: largest slip of the tip, mm",
+    "pressed_bounce_mm": "2 mm into the table: largest height of the tip after contact, mm",
+    "slid_miss_mm": "then 0.1 m along the table: miss at rest, mm",
+    "pressed_cube_mm": "2 mm into a cube of 0.1 kg on the table: its largest shift, mm",
+}
+
+
+def sheet(figures: Figures) -> str:
+    """Write all facts about the arm as Markdown: reach, speed, and the figures of each engine."""
+    robot, reach = arm(), compute_reach(arm())
+    timed = segments(HOME, RolloutSettings())
+    joints = zip(
+        ARM_JOINTS, robot.home, robot.lower, robot.upper, robot.velocity_limits, ACCELERATION_LIMITS, strict=True
+    )
+    parts = {
+        "Reach": [
+            "Smallest and largest horizontal distance of the end-effector from the base's axis in centimetres, "
+            "straight ahead at roll = yaw = 0, by height z in metres and pitch in radians:",
+            as_table(reach),
+            f"At the inner edge binds: {describe_limits(reach)}.",
+        ],
+        "Joints": [
+            _table(
+                ["joint", "home rad", "lowest rad", "highest rad", "speed rad/s", "acceleration rad/s²"],
+                [[name, *(f"{number + 0.0:.4g}" for number in numbers)] for name, *numbers in joints],
+            )
+        ],
+        "Speed": [
+            _table(
+                ["straight through home", "length m", "time s", "peak speed / mean speed"],
+                [[one.way, f"{one.length:g}", f"{one.seconds:.2f}", f"{one.peak:.2f}"] for one in timed],
+            )
+        ],
+        "Exactness": [
+            _table(
+                ["figure", *figures],
+                [[text, *(_number(one.get(name)) for one in figures.values())] for name, text in LABELS.items()],
+            )
+        ],
+    }
+    return "".join(f"## {title}\n\n" + "".join(f"{text}\n\n" for text in texts) for title, texts in parts.items())
+
+
+def _table(columns: list[str], rows: list[list[str]]) -> str:
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (columns, ["---"] * len(columns), *rows))
+
+
+def _number(figure: float | None) -> str:
+    return "full force at once" if figure is None else short(figure)
+
+
+def write_page(file: Path, text: str) -> None:
+    """Replace what stands between two marks in a page.
+
+    Raises:
+        UserError: the page can't be read or written, or has not two marks.
+    """
+    try:
+        pieces = file.read_text(encoding="utf-8").split(MARK)
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"page={file} can't be read: {error}") from error
+    if len(pieces) != 3:
+        raise UserError(f"page={file} needs two lines {MARK.strip()}, between which the sheet goes")
+    write_bytes(file, f"{pieces[0]}{MARK}\n{text}{MARK}{pieces[2]}".encode())
+
+
+def read_figures(file: Path) -> dict[str, dict[str, float | None]]:
+    """Read the figures of engines that were measured before; none without a file.
+
+    Raises:
+        UserError: it is no such file.
+    """
+    try:
+        known = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    except (OSError, ValueError) as error:
+        raise UserError(f"output={file} can't be read: {error}") from error
+    if not isinstance(known, dict) or not all(isinstance(one, dict) for one in known.values()):
+        raise UserError(f"output={file} is no file of figures; name another one")
+    return known
+
+
+def main() -> None:
+    cfg = load("facts", arguments(USAGE))
+    figures = read_figures(Path(cfg.output)) if cfg.output is not None else {}
+    for name, sim in engines(OmegaConf.to_container(cfg.sims)).items():  # type: ignore[arg-type]
+        found = measure(sim.create())
+        figures[name] = {key: None if figure is None else round(figure, 5) + 0.0 for key, figure in found.items()}
+    if cfg.output is not None:
+        write_bytes(Path(cfg.output), (json.dumps(figures, indent=1) + "\n").encode())
+    text = sheet(figures)
+    if cfg.page is not None:
+        write_page(Path(cfg.page), text)
+    say(*text.splitlines())
+
+
+if __name__ == "__main__":
+    command(main)
