@@ -1,17 +1,18 @@
-"""Define what a simulator takes and returns: joint trajectories, rollouts, recordings and outcomes.
+"""Define what a simulator takes and returns: joint trajectories, rollouts, recordings, outcomes; and observations.
 
-Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/test_trajectory.py` and
-`tests/core/simulation/test_rendering.py`.
+Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/test_trajectory.py`,
+`tests/core/simulation/test_rendering.py` and `tests/core/simulation/test_observing.py`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 
-from core.design import Tool
+from core.design import Evaluation, Tool
 from core.errors import UsageError, check_positive, choices
 from core.geometry import Array
 from core.scene import State
@@ -68,7 +69,8 @@ class RolloutSettings:
     longer than ``max_motion_s`` is rejected. ``penetration`` says what a rollout earns in which solids passed through
     one another (`core.simulation.penetration`): with ``forbid`` nothing, with ``warn`` the task's reward; both add a
     warning. With ``ignore`` nothing is checked. A plan that drives the arm through itself or the tool through the arm
-    (`core.robot.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``.
+    (`core.robot.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``. With ``observe`` each
+    evaluation's details hold an observation of its rollout (`core.simulation.observing`).
     """
 
     segment_s: float = 0.5
@@ -77,6 +79,7 @@ class RolloutSettings:
     speed: float = 0.95
     max_motion_s: float = 120.0
     penetration: str = "forbid"
+    observe: bool = False
 
     def __post_init__(self) -> None:
         check_positive("rollout.", segment_s=self.segment_s, speed=self.speed, max_motion_s=self.max_motion_s)
@@ -97,6 +100,24 @@ class Recording:
     arm: Array
     fingers: Array
     states: State
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two things that touched in a rollout, from ``first_s`` to ``last_s``, perhaps with pauses.
+
+    Times are those of a `Recording`, seconds. ``one`` is a component of the tool, a link of the arm or a body, as
+    ``kind`` says; ``other`` is a body. A finger counts as the tool if attachments hang from it. ``depth_m`` is the
+    largest penetration; a negative one is the smallest gap. ``force_n`` is the largest force; None: not measured.
+    """
+
+    kind: Literal["tool", "arm", "body"]
+    one: str
+    other: str
+    first_s: float
+    last_s: float
+    depth_m: float
+    force_n: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,3 +149,76 @@ class World(Protocol):
 
     def state(self) -> State:
         """Return the state of the free bodies."""
+
+
+OBSERVATION = "observation"  # of `Evaluation.details`
+
+Class = Literal["solved", "placed", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
+CLASSES: tuple[Class, ...] = get_args(Class)
+
+Point = tuple[float, float, float]
+Offset = tuple[float | None, float | None, float | None]
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A body's way from its start to its end, its place at the end, metres, and how far its upward axis turned."""
+
+    by: Point
+    to: Point
+    tilt_deg: float
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What is observed of a rollout. Lengths are metres, times seconds from the start of the motion.
+
+    Attributes:
+        result: what became of the bodies of the task's goal, see `core.simulation.observing`.
+        what: the body that this happened to, or the thing that the robot was stuck at.
+        at_s: when it happened.
+        moved: the free bodies that moved, and those of the goal.
+        errors: for each body of the goal, its place at the end minus the wanted one; None: that coordinate is free.
+        contacts: the first contacts, the robot's before those of bodies with each other.
+        contacts_left_out: how many more there were.
+        clearances: the least distance of the robot to each body that it did not touch.
+        miss: the number of the waypoint, from 1, on the way to which the arm can follow least, and its two errors
+            there, metres and radians.
+        lag_rad: the largest lag of a joint, and ``lag_s``: when.
+        arrivals: when each waypoint is reached.
+        instants: of the places in ``paths``.
+        paths: the places of the bodies that moved most.
+    """
+
+    result: Class
+    what: str = ""
+    at_s: float | None = None
+    moved: Mapping[str, Moved] = field(default_factory=dict)
+    errors: Mapping[str, Offset] = field(default_factory=dict)
+    contacts: tuple[Contact, ...] = ()
+    contacts_left_out: int = 0
+    clearances: Mapping[str, float] = field(default_factory=dict)
+    miss: tuple[int, float, float] = (1, 0.0, 0.0)
+    lag_rad: float = 0.0
+    lag_s: float = 0.0
+    arrivals: tuple[float, ...] = ()
+    instants: tuple[float, ...] = ()
+    paths: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
+
+    def details(self) -> dict[str, Any]:
+        """Return the entry of `Evaluation.details` that `observation` reads back."""
+        return {OBSERVATION: asdict(self)}
+
+
+def observation(evaluation: Evaluation) -> Observation | None:
+    """Read the observation that is stored with an evaluation; None: there is none."""
+    stored = evaluation.details.get(OBSERVATION)
+    if stored is None:
+        return None
+    return Observation(
+        **stored
+        | {
+            "moved": {name: Moved(**moved) for name, moved in stored["moved"].items()},
+            "contacts": tuple(Contact(**contact) for contact in stored["contacts"]),
+        }
+    )

@@ -31,7 +31,8 @@ class Motion:
 
     ``distance_m``: metres travelled by the end-effector's origin from home through all waypoints, along the joint path.
     ``ik_error_m``, ``ik_error_rad``: the largest errors of the inverse kinematics from the first waypoint on.
-    ``arrivals``: when each of the N waypoints is reached (N,), seconds.
+    ``arrivals``: when each of the N waypoints is reached (N,), seconds. ``misses``: those errors on the way to each, at
+    most (N, 2), metres and radians; for the first only on arrival.
     """
 
     trajectory: JointTrajectory
@@ -39,6 +40,7 @@ class Motion:
     ik_error_m: float
     ik_error_rad: float
     arrivals: Array
+    misses: Array
 
 
 def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, speed: float = 0.95) -> Motion:
@@ -71,10 +73,12 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
         fingers.append(FINGER_OPEN * (1 - np.minimum(np.maximum(closed, 0.0), 1.0)))
 
     distance = float(np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1).sum())
-    worst = errors[ends[1] - 1 :].max(axis=0)  # errors before the first waypoint do no harm
+    starts = [ends[1] - 1, *ends[1:-1]]  # errors before the first waypoint do no harm
+    misses = np.maximum.reduceat(errors, starts, axis=0)
+    worst = misses.max(axis=0)
     trajectory = JointTrajectory(np.concatenate(times), np.concatenate(targets), np.concatenate(fingers))
     arrivals = np.array([instants[-1] for instants in times[1:]])
-    return Motion(trajectory, distance, float(worst[0]), float(worst[1]), arrivals)
+    return Motion(trajectory, distance, float(worst[0]), float(worst[1]), arrivals, misses)
 
 
 def _path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from core.plugins.blame import PluginError, describe_failure
 from core.robot.kinematics import arm
 from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import Motion, plan_motion
-from core.scene import State
+from core.scene import Scene, State
+from core.simulation.contacts import find_contacts
+from core.simulation.observing import observe
 from core.simulation.penetration import Explosion, Finding, findings
 from core.simulation.sampling import sample_hz, thinnest
 from core.text import shorten
@@ -113,7 +116,7 @@ def evaluate_batch(
                 continue
             crossed[i] = (where,)
         motions[i] = motion
-        if settings.penetration != "ignore":
+        if settings.penetration != "ignore" or settings.observe:
             job = replace(job, record_hz=sample_hz(job.tool, job.trajectory, thin))
         jobs.append(job)
     outcomes = dict(zip(motions, _outcomes(simulator, task, jobs), strict=True))
@@ -121,7 +124,7 @@ def evaluate_batch(
     found: dict[int, list[Finding]] = {}
     for i, outcome in outcomes.items():
         tool = candidates[i].tool
-        if outcome.recording is not None and tool is not None:
+        if outcome.recording is not None and tool is not None and settings.penetration != "ignore":
             try:
                 found[i] = findings(scene, tool, outcome.recording)
             except Explosion as error:
@@ -150,8 +153,19 @@ def evaluate_batch(
             if not 0.0 <= reward <= 1.0:
                 reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
                 evaluation = replace(evaluation, status="failed", reward=0.0, reason=reason)
+            if settings.observe:
+                evaluation = replace(evaluation, details=_observed(task, scene, motions[i], outcomes[i], evaluation))
             evaluations[i] = judged(evaluation, found.get(i, []), forbid=settings.penetration == "forbid")
     return [evaluations[i] for i in range(len(candidates))]
+
+
+def _observed(task: Task, scene: Scene, motion: Motion, outcome: Outcome, evaluation: Evaluation) -> dict[str, Any]:
+    """Observe a rollout, as an evaluation's details; empty if the engine recorded nothing."""
+    tool = evaluation.candidate.tool
+    if outcome.recording is None or tool is None:
+        return {}
+    contacts = find_contacts(scene, tool, outcome.recording)
+    return observe(task, scene, motion, outcome, evaluation.reward, contacts).details()
 
 
 def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:

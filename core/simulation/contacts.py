@@ -1,0 +1,203 @@
+"""Find which things touched in a rollout and when, and how near the robot came to the others.
+
+Only recordings are read, so the notion is the same in every engine: two things are in contact while the gap between
+their collision shapes is at most what engines leave between things that rest on each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import coal
+import numpy as np
+import numpy.typing as npt
+
+from core.design import Tool
+from core.geometry import Array, Mesh
+from core.interfaces import Contact, Recording
+from core.scene import Scene
+from core.simulation.gaps import gap_bounds, may_meet
+from core.simulation.sampling import Indices, coarse_samples, subset
+from core.simulation.tracks import Track, body_tracks, robot_tracks
+
+TOUCH_M, HULL_M = 0.0005, 0.001  # the largest gap of a contact; so much more for each hull: PyBullet's margin
+STRUCK_M_S = 0.3  # a body whose velocity changes by more than this between two samples was struck
+STRUCK_M = 0.1  # by something that came within this distance, or nearer
+MAX_QUERIES = 40  # exact distances for the clearance of a body
+
+Key = tuple[str, str, str]  # kind, one and other of a `Contact`
+Flags = npt.NDArray[np.bool_]
+
+_REQUEST = coal.DistanceRequest()
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """What touched what in a rollout.
+
+    Attributes:
+        taken: the T samples of the recording that were looked at.
+        touching: for each two things that ever touched, at which samples (T,).
+        resting: the bodies among them that touched before the motion began.
+        depths: the largest penetration of each two, metres.
+        clearances: the smallest gap between the robot and each body that it never touched, metres.
+    """
+
+    taken: Recording
+    touching: dict[Key, Flags]
+    resting: frozenset[Key]
+    depths: dict[Key, float]
+    clearances: dict[str, float]
+
+    @cached_property
+    def all(self) -> tuple[Contact, ...]:
+        """The contacts, the earliest first, without those of bodies that touched before the motion began."""
+        found = []
+        for key in self.touching.keys() - self.resting:
+            first, last = self.taken.times[np.flatnonzero(self.touching[key])[[0, -1]]].tolist()
+            found.append(Contact(*key, first, last, self.depths[key]))  # type: ignore[arg-type]
+        return tuple(sorted(found, key=lambda contact: (contact.first_s, contact.one, contact.other)))
+
+    def with_robot(self, body: str) -> Flags:
+        """Report at which samples (T,) the arm or the tool touches a body."""
+        found = np.zeros(len(self.taken.times), dtype=bool)
+        for (kind, _, other), flags in self.touching.items():
+            if kind != "body" and other == body:
+                found |= flags
+        return found
+
+    def held(self, body: str) -> Flags:
+        """Report at which samples (T,) the robot touches a body, or another body that touches it."""
+        found = self.with_robot(body)
+        for (kind, one, other), flags in self.touching.items():
+            if kind == "body" and body in (one, other):
+                found |= flags & self.with_robot(other if one == body else one)
+        return found
+
+
+def find_contacts(scene: Scene, tool: Tool, recording: Recording) -> Contacts:
+    """Find the contacts of a rollout of ``tool`` in ``scene``, at samples about `SAMPLE_HZ` apart."""
+    taken = subset(recording, coarse_samples(recording))
+    robot, bodies = robot_tracks(tool, taken), body_tracks(scene, taken)
+    links, mounts = len(robot) - len(tool.components), tool.mounts
+    kinds = {id(track): "tool" if i >= links or track.name in mounts else "arm" for i, track in enumerate(robot)}
+    struck = _struck(taken)
+    touching: dict[Key, Flags] = {}
+    depths: dict[Key, float] = {}
+    for one, other, near, hit in _near(robot, bodies, struck):
+        key = kinds.get(id(one), "body"), one.name, other.name
+        touched, depth = _touched(one, other, near, hit)
+        if touched.any():
+            touching[key] = touching.get(key, False) | touched
+            depths[key] = max(depth, depths.get(key, depth))
+    settled = int(np.searchsorted(taken.times, 0.0, side="right"))
+    resting = frozenset(key for key, touched in touching.items() if key[0] == "body" and touched[:settled].any())
+    missed = {body.name for body in scene.bodies} - {other for kind, _, other in touching if kind != "body"}
+    return Contacts(taken, touching, resting, depths, _clearances(robot, [t for t in bodies if t.owner in missed]))
+
+
+def _near(
+    robot: Sequence[Track], bodies: Sequence[Track], struck: Mapping[str, Flags]
+) -> Iterator[tuple[Track, Track, Flags, Flags]]:
+    """Pair solids of different owners with the intervals (T - 1,) in which they may touch.
+
+    Also with those in which one of them was struck, and the other was near enough.
+    """
+    moving = [track for track in (*robot, *bodies) if len(track.positions) > 1]
+    if not moving or not bodies:
+        return
+    low, high = np.array([(t.low.min(axis=0), t.high.max(axis=0)) for t in moving]).swapaxes(0, 1)
+    below, above = np.array([(t.low.min(axis=0), t.high.max(axis=0)) for t in bodies]).swapaxes(0, 1)
+    most = TOUCH_M + 2 * HULL_M
+    met = ((low - most <= above[:, None]) & (high + most >= below[:, None])).all(axis=2)
+    order = {id(track): i for i, track in enumerate(moving)}
+    pairs = [
+        (moving[i], bodies[j])
+        for j, i in np.argwhere(met).tolist()
+        if i < order.get(id(bodies[j]), len(moving)) and moving[i].owner != bodies[j].owner  # each pair once
+    ]
+    if not pairs:
+        return
+    intervals = len(moving[0].positions) - 1
+    never = np.zeros(intervals, dtype=bool)
+    hit = np.array([struck.get(one.owner, never) | struck.get(other.owner, never) for one, other in pairs])
+    near = may_meet(pairs, np.array([-touch(*pair) for pair in pairs]), np.ones((len(pairs), intervals), dtype=bool))
+    hit = may_meet(pairs, np.full(len(pairs), -STRUCK_M), hit)
+    for pair, when, blows in zip(pairs, near, hit, strict=True):
+        if when.any() or blows.any():
+            yield *pair, when, blows
+
+
+def touch(one: Track, other: Track) -> float:
+    """The gap up to which two solids are in contact, metres."""
+    return TOUCH_M + HULL_M * sum(track.shape is None or isinstance(track.shape, Mesh) for track in (one, other))
+
+
+def _touched(one: Track, other: Track, near: Flags, struck: Flags) -> tuple[Flags, float]:
+    """Report at which samples (T,) two solids touch, and how deep they are in each other at most, metres.
+
+    They also touch at the end of an interval (T - 1,) in which one of them is ``struck``, if they may have met in it.
+    """
+    at = np.flatnonzero(np.append(near | struck, False) | np.append(False, near | struck))
+    most = touch(one, other)
+    gaps = _gaps(one, other, at, most)
+    touched = np.zeros(len(near) + 1, dtype=bool)
+    touched[at] = gaps <= most
+    if (hit := np.flatnonzero(struck)).size:
+        travel = sum((np.diff(track.travel)[hit] for track in (one, other) if len(track.positions) > 1), np.zeros(1))
+        closed = gaps[np.searchsorted(at, hit)] + gaps[np.searchsorted(at, hit + 1)] - travel <= 2 * most
+        touched[hit[closed] + 1] = True
+    return touched, -float(gaps.min())
+
+
+def _gaps(one: Track, other: Track, at: Indices, most: float) -> Array:
+    """The gaps (N,) of two solids at samples ``at``, metres, negative if they overlap; exact up to ``most``."""
+    bounds = gap_bounds(one, other, at)
+    gaps = np.full(len(at), -np.inf) if bounds is None else bounds
+    distance = coal.ComputeDistance(other.geometry, one.geometry)
+    for i in np.flatnonzero(gaps <= most).tolist():
+        gaps[i] = _distance(distance, one, other, int(at[i]))
+    return gaps
+
+
+def _distance(distance: Any, one: Track, other: Track, sample: int) -> float:
+    return float(distance(other.at(sample, 0.0)[0], one.at(sample, 0.0)[0], _REQUEST, coal.DistanceResult()))
+
+
+def _struck(recording: Recording) -> dict[str, Flags]:
+    """Report for each free body in which intervals (T - 1,) its velocity changes abruptly."""
+    states = recording.states
+    changes = np.linalg.norm(np.diff(states.linear_velocities, axis=0), axis=2)
+    limits = STRUCK_M_S + 9.81 * np.diff(recording.times)[:, None]  # it may fall
+    return dict(zip(states.names, (changes > limits).T, strict=True))
+
+
+def _clearances(robot: Sequence[Track], bodies: Sequence[Track]) -> dict[str, float]:
+    """The smallest distance of the robot to each body, over all samples, metres."""
+    if not robot or not bodies:
+        return {}
+    middles, extents = _boxes(robot)
+    found: dict[str, float] = {}
+    for body in bodies:
+        body_middles, body_extents = _boxes([body])
+        apart = np.maximum(np.abs(middles - body_middles) - extents - body_extents, 0.0)
+        bounds = np.sqrt((apart * apart).sum(axis=2))  # (robot, T)
+        best = found.get(body.owner, np.inf)
+        for at in np.argsort(bounds, axis=None)[:MAX_QUERIES].tolist():
+            number, sample = divmod(at, bounds.shape[1])
+            if bounds[number, sample] >= best:
+                break
+            track = robot[number]
+            best = min(best, _distance(coal.ComputeDistance(body.geometry, track.geometry), track, body, sample))
+        found[body.owner] = best
+    return found
+
+
+def _boxes(tracks: Sequence[Track]) -> tuple[Array, Array]:
+    """Middles and half lengths of bounding boxes along the world's axes, each (N, T, 3)."""
+    middles = np.array([track.middles for track in tracks])
+    turned, boxes = np.abs([track.rotations for track in tracks]), np.array([track.box for track in tracks])
+    return middles, (turned @ boxes[:, None, :, None])[..., 0]

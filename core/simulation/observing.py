@@ -1,0 +1,228 @@
+"""Observe a rollout: what moved where, what touched, and what became of the bodies of the task's goal.
+
+The goal's bodies are classed by the first rule that applies:
+
+- solved: the reward is `Task.success_reward` or more. Placed: it is less, yet all are where the goal wants them.
+- The earliest of these causes, if there is one. The first two count only from the robot's first touch of these bodies
+  to its last, or at any time if it touches none.
+  - unreachable: the arm misses the way to a waypoint by more than `MISSED_M` or `MISSED_RAD`.
+  - stuck: a joint lags by more than `STUCK_RAD` while the robot touches something that does not yield.
+  - dropped: one was lifted by `LIFTED_M` or more while held, and fell by `FALLEN_M` or more while not held.
+  - tipped: its upward axis turned by more than `TIPPED_DEG` and stayed so, not in a fall.
+- never touched: the robot touched none of them, and none moved by more than `NUDGED_M`. Missed: all else.
+
+Dropped and tipped need at least half of the bodies that are not in place, or with `Goal.any` one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.geometry import Array, Sphere
+from core.interfaces import Contact, Observation, Outcome, Recording, Task
+from core.jobs import Class, Moved, Offset, Point
+from core.robot.trajectory import Motion
+from core.scene import Goal, Scene, State
+from core.simulation.contacts import Contacts, Flags
+
+MISSED_M, MISSED_RAD = 0.02, 0.1
+STUCK_RAD = 0.05  # reference solutions lag by less than 0.012
+UNYIELDING_M, UNYIELDING_S = 0.005, 0.2  # what moves by no more than this in that time does not yield
+LIFTED_M, FALLEN_M = 0.02, 0.02
+TIPPED_DEG, FELL_M = 45.0, 0.05
+NUDGED_M = 0.005
+PLACE_M = 0.02  # the tolerance of a goal's place, if the goal names a smaller one
+
+INSTANTS, PATHS, MAX_CONTACTS = 8, 4, 40
+
+_STILL_M, _STILL_DEG = 0.001, 1.0
+
+Cause = tuple[float, Class, str]  # when, what, and to which body
+Span = tuple[float, float]  # from when to when
+
+
+def observe(
+    task: Task, scene: Scene, motion: Motion, outcome: Outcome, reward: float, contacts: Contacts
+) -> Observation:
+    """Observe a rollout that came to its end; ``contacts`` are those of its recording."""
+    assert outcome.start is not None
+    assert outcome.end is not None
+    start, end, taken = outcome.start, outcome.end, contacts.taken
+    goal = min(task.goals, key=lambda goal: _left(goal, start, end), default=None)
+    bodies = goal.bodies if goal is not None else start.names
+    lags = _lags(motion, taken)
+    result, what, at = _judge(task, scene, motion, outcome, reward, contacts, lags)
+    worst = int((motion.misses / (MISSED_M, MISSED_RAD)).max(axis=1).argmax())
+    shifts = {name: _moved(start, end, name) for name in start.names}
+    moved = {name: m for name, m in shifts.items() if name in bodies or _stirred(m)}
+    found = sorted(contacts.all, key=lambda contact: contact.kind == "body")
+    instants = np.linspace(0.0, taken.times[-1], INSTANTS)
+    samples = np.abs(taken.times - instants[:, None]).argmin(axis=1)
+    ways = {name: float(np.ptp(taken.states.position(name), axis=0).max()) for name in moved}
+    followed = sorted((name for name in moved if ways[name] > _STILL_M), key=lambda name: -ways[name])[:PATHS]
+    return Observation(
+        result,
+        what,
+        None if at is None else round(at, 2),
+        moved,
+        {name: _offset(goal, end.position(name)) for name in bodies} if goal is not None and goal.place else {},
+        tuple(_rounded(contact) for contact in found[:MAX_CONTACTS]),
+        max(0, len(found) - MAX_CONTACTS),
+        {name: round(gap, 4) for name, gap in contacts.clearances.items()},
+        (worst + 1, round(float(motion.misses[worst, 0]), 4), round(float(motion.misses[worst, 1]), 4)),
+        round(float(outcome.tracking_error_rad), 4),
+        round(float(taken.times[int(lags.argmax())]), 2),
+        tuple(round(instant, 2) for instant in motion.arrivals.tolist()),
+        tuple(round(instant, 2) for instant in taken.times[samples].tolist()),
+        {name: tuple(_point(p) for p in taken.states.position(name)[samples]) for name in followed},
+    )
+
+
+def _judge(
+    task: Task, scene: Scene, motion: Motion, outcome: Outcome, reward: float, contacts: Contacts, lags: Array
+) -> tuple[Class, str, float | None]:
+    """Choose the class, see the module; also the thing that it is about, and when it happened, seconds."""
+    start, end, taken = outcome.start, outcome.end, contacts.taken
+    assert start is not None
+    assert end is not None
+    if reward >= task.success_reward:
+        return "solved", "", None
+    names = tuple(dict.fromkeys(name for goal in task.goals for name in goal.bodies)) or start.names
+    left = [name for name in names if not any(_in_place(goal, name, start, end) for goal in task.goals)]
+    if not left:
+        return "placed", "", None
+    touches = np.flatnonzero(np.logical_or.reduce([contacts.with_robot(name) for name in names]))
+    work = (float(taken.times[touches[0]]), float(taken.times[touches[-1]])) if touches.size else (0.0, np.inf)
+    causes = [*_unreachable(motion, work), *_stuck(scene, contacts, lags, work)]
+    fallen = [cause for name in left if (cause := _fallen(scene, contacts, name, start)) is not None]
+    if len(fallen) >= (1 if any(goal.any for goal in task.goals) else len(left) / 2):
+        causes += fallen
+    if causes:
+        at, result, what = min(causes)
+        return result, what, at
+    untouched = not touches.size and all(
+        _length(end.position(name) - start.position(name)) <= NUDGED_M for name in names
+    )
+    return ("never touched" if untouched else "missed"), "", None
+
+
+def _unreachable(motion: Motion, work: Span) -> Iterator[Cause]:
+    begins = np.append(0.0, motion.arrivals[:-1])
+    at_work = (motion.arrivals >= work[0]) & (begins <= work[1])
+    for i in np.flatnonzero(at_work & (motion.misses > (MISSED_M, MISSED_RAD)).any(axis=1))[:1].tolist():
+        yield float(begins[i]), "unreachable", f"waypoint {i + 1}"
+
+
+def _stuck(scene: Scene, contacts: Contacts, lags: Array, work: Span) -> Iterator[Cause]:
+    """Find stretches of large lag, at whose peak the robot touches something that does not yield."""
+    times, states = contacts.taken.times, contacts.taken.states
+    for begin, stop in _runs(lags > STUCK_RAD):
+        if times[stop - 1] < work[0] or times[begin] > work[1]:
+            continue
+        peak = begin + int(lags[begin:stop].argmax())
+        before = int(np.searchsorted(times, times[peak] - UNYIELDING_S))
+        for (kind, _, other), touched in contacts.touching.items():
+            if kind != "body" and touched[max(0, peak - 2) : peak + 3].any():
+                ends = None if scene[other].fixed else states.position(other)[[before, peak]]
+                if ends is None or _length(ends[1] - ends[0]) <= UNYIELDING_M:
+                    yield float(times[begin]), "stuck", other
+
+
+def _fallen(scene: Scene, contacts: Contacts, name: str, start: State) -> Cause | None:
+    """Find when a body was dropped, or tipped over."""
+    taken = contacts.taken
+    heights, rest = taken.states.position(name)[:, 2], float(start.position(name)[2])
+    held = contacts.held(name)
+    for begin, stop in _runs(~held):
+        top = heights[begin - 1] if begin else rest
+        if top - rest >= LIFTED_M and top - heights[begin:stop].min() >= FALLEN_M:
+            return float(taken.times[begin - 1]), "dropped", name
+    if all(isinstance(part.shape, Sphere) for part in scene[name].collisions):
+        return None
+    tilts = _tilts(taken, start, name)
+    upright = np.flatnonzero(tilts <= TIPPED_DEG)
+    after = int(upright[-1]) + 1 if upright.size else 0
+    if after < len(tilts) and heights[after] >= rest - FELL_M:
+        return float(taken.times[after]), "tipped", name
+    return None
+
+
+def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
+    """Yield where flags begin to be set and where they end."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def _lags(motion: Motion, taken: Recording) -> Array:
+    """The largest lag of a joint at each sample (T,), radians; 0 before the motion begins."""
+    wanted, _ = motion.trajectory.sample(taken.times)
+    lags: Array = np.where(taken.times < 0, 0.0, np.abs(taken.arm - wanted).max(axis=1))
+    return lags
+
+
+def _tilts(taken: Recording, start: State, name: str) -> Array:
+    """How far a body's upward axis has turned since ``start``, degrees, at each sample (T,)."""
+    first = Rotation.from_quat(start.quaternion(name), scalar_first=True)
+    turned = Rotation.from_quat(taken.states.quaternion(name), scalar_first=True) * first.inv()
+    angles: Array = np.degrees(np.arccos(np.clip(turned.as_matrix()[:, 2, 2], -1.0, 1.0)))
+    return angles
+
+
+def _moved(start: State, end: State, name: str) -> Moved:
+    turned = [Rotation.from_quat(state.quaternion(name), scalar_first=True) for state in (start, end)]
+    upright = float(np.clip((turned[1] * turned[0].inv()).as_matrix()[2, 2], -1.0, 1.0))
+    by = end.position(name) - start.position(name)
+    return Moved(_point(by), _point(end.position(name)), round(float(np.degrees(np.arccos(upright))), 1))
+
+
+def _stirred(moved: Moved) -> bool:
+    return _length(moved.by) > _STILL_M or moved.tilt_deg > _STILL_DEG
+
+
+def _offset(goal: Goal, position: Array) -> Offset:
+    """A place minus the goal's."""
+    assert goal.place is not None
+    x, y, z = (None if w is None else round(float(p) - w, 4) for w, p in zip(goal.place, position, strict=True))
+    return x, y, z
+
+
+def _in_place(goal: Goal, name: str, start: State, end: State) -> bool:
+    if name not in goal.bodies:
+        return False
+    if goal.away is not None:
+        return _length(end.position(name) - start.position(name)) >= goal.away
+    return _apart(goal, end.position(name)) <= max(goal.tolerance, PLACE_M)
+
+
+def _left(goal: Goal, start: State, end: State) -> float:
+    """How far the goal's bodies are from where it wants them, on average, metres."""
+    if goal.away is not None:
+        moved = [_length(end.position(name) - start.position(name)) for name in goal.bodies]
+        return float(np.mean([max(goal.away - way, 0.0) for way in moved]))
+    return float(np.mean([_apart(goal, end.position(name)) for name in goal.bodies]))
+
+
+def _apart(goal: Goal, position: Array) -> float:
+    return _length([offset for offset in _offset(goal, position) if offset is not None])
+
+
+def _length(vector: Array | tuple[float, ...] | list[float]) -> float:
+    return float(np.linalg.norm(vector))
+
+
+def _point(position: Array) -> Point:
+    x, y, z = (round(float(number), 4) + 0.0 for number in position)
+    return x, y, z
+
+
+def _rounded(contact: Contact) -> Contact:
+    return replace(
+        contact,
+        first_s=round(contact.first_s, 2),
+        last_s=round(contact.last_s, 2),
+        depth_m=round(contact.depth_m, 4) + 0.0,
+    )

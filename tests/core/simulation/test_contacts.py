@@ -1,0 +1,92 @@
+"""Contacts from recordings made on purpose; in real engines they are in `test_observing.py`."""
+
+import numpy as np
+import pytest
+
+from core.design import Component, Tool
+from core.geometry import Box, Mesh, Pose, Sphere
+from core.robot.kinematics import arm
+from core.scene import Scene
+from core.simulation.contacts import HULL_M, TOUCH_M, find_contacts
+from tests.core.simulation.test_penetration import HZ, ROD, body, recording, straight
+
+CUBE = Box((0.1, 0.1, 0.1))
+HULL = Mesh.from_trimesh(CUBE.to_trimesh())
+
+
+def contacts(paths, *bodies, tool=ROD, **given):
+    scene = Scene(bodies)
+    return find_contacts(scene, tool, recording(scene, paths, **given))
+
+
+def there_and_back(gap, count=21):
+    """A way along x that ends, in its middle, ``gap`` before a wall at x = 0.5 for a cube of 0.1 m, then back."""
+    way = np.zeros((count, 3))
+    way[:, 0] = 0.45 - gap - np.abs(np.linspace(-0.2, 0.2, count))
+    return way
+
+
+@pytest.mark.parametrize(("shape", "most"), [(CUBE, TOUCH_M), (HULL, TOUCH_M + HULL_M)])
+def test_things_are_in_contact_up_to_the_gap_that_engines_leave(shape, most):
+    wall = body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0)
+    cube = body("cube", shape, (0, 0, 0))
+    (found,) = contacts({"cube": there_and_back(most - 1e-5)}, wall, cube).all
+    assert (found.kind, found.one, found.other) == ("body", "cube", "wall")
+    assert found.first_s == found.last_s == pytest.approx(10 / HZ)
+    assert found.depth_m == pytest.approx(1e-5 - most, abs=1e-6)
+    assert found.force_n is None
+    assert contacts({"cube": there_and_back(most + 1e-5)}, wall, cube).all == ()
+
+
+def test_what_rests_on_something_from_the_start_is_no_new_contact():
+    ground = body("ground", Box((4.0, 4.0, 0.1)), (0, 0, -0.05), mass=0.0)
+    cube, post = body("cube", CUBE, (0, 0, 0.05)), body("post", CUBE, (1.0, 0, 0.05), mass=0.0)
+    found = contacts({"cube": straight((0, 0, 0.05), (0.9, 0, 0.05), 30)}, ground, cube, post)
+    assert [contact.other for contact in found.all] == ["post"]
+    assert ("body", "cube", "ground") in found.resting
+
+
+def test_a_body_that_is_struck_between_two_samples_was_in_contact():
+    """A ball flies away between two samples, so that at neither the two are nearer than a centimetre."""
+    club, ball = body("club", CUBE, (0, 0, 0)), body("ball", Sphere(0.05), (0.2, 0, 0))
+    club_x = np.array([0.0, 0.04, 0.08, 0.12, 0.16])
+    ball_x = np.array([0.2, 0.2, 0.2, 0.24, 0.32])
+    paths = {"club": np.outer(club_x, [1, 0, 0]), "ball": np.outer(ball_x, [1, 0, 0])}
+    speeds = np.zeros((5, 3))
+    speeds[3:, 0] = 2.0
+    (found,) = contacts(paths, club, ball, velocities={"ball": speeds}).all
+    assert {found.one, found.other} == {"club", "ball"}
+    assert found.first_s == pytest.approx(3 / HZ)
+    assert contacts(paths, club, ball).all == ()  # if its velocity had not changed
+
+
+def test_contacts_of_tool_and_arm_are_told_apart_and_the_rest_has_a_clearance():
+    """Between the two instants the arm turns about its base, so that the rod sweeps over a post, or a link does."""
+    joints = np.repeat(arm().home[None], 21, axis=0)
+    joints[:, 0] += np.linspace(-0.5, 0.5, 21)
+    rod = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
+    low = body("low", Box((0.05, 0.05, 0.32)), (0.5, 0, 0.16), mass=0.0)
+    high = body("high", Box((0.05, 0.05, 0.1)), (0.5, 0, 0.6), mass=0.0)
+    aside = body("aside", Box((0.05, 0.05, 0.2)), (0.5, 0, 0.19), mass=0.0)
+    free = body("free", Sphere(0.01), (2.0, 0, 0))
+    found = contacts({"free": np.tile([2.0, 0, 0], (21, 1))}, low, high, aside, free, tool=rod, arms=joints)
+    assert {(c.kind, c.other) for c in found.all} == {("tool", "low"), ("arm", "high")}
+    assert found.with_robot("low")[10]
+    assert not found.with_robot("low")[[0, -1]].any()
+    assert found.clearances.keys() == {"aside", "free"}
+    assert found.clearances["aside"] == pytest.approx(0.01, abs=1e-4)
+
+
+def test_a_body_is_held_by_one_that_the_robot_touches():
+    joints = np.repeat(arm().home[None], 3, axis=0)
+    tray, egg = body("tray", CUBE, (0.5, 0, 0.25)), body("egg", Sphere(0.02), (0.56, 0, 0.32))
+    still = {"tray": np.tile([0.5, 0, 0.25], (3, 1)), "egg": np.tile([0.54, 0, 0.32], (3, 1))}
+    found = contacts(still, tray, egg, arms=joints)
+    assert not found.with_robot("egg").any()
+    assert found.held("egg").all()
+
+
+def test_without_motion_or_bodies_nothing_touches():
+    assert contacts({"cube": np.zeros((1, 3))}, body("cube", CUBE, (0, 0, 0))).all == ()
+    scene = Scene(())
+    assert find_contacts(scene, ROD, recording(scene, {"nothing": np.zeros((3, 3))})).all == ()

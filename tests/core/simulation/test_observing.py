@@ -1,0 +1,116 @@
+"""Rollouts that fail on purpose, each in a known way, and what is observed of them."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.config.compose import load, part
+from core.design import Evaluation
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.interfaces import Observation, RolloutSettings, observation
+from core.simulation.rollout import evaluate_batch
+from tests.engines import simulator
+
+FAILURES = Path(__file__).parents[2] / "failures"  # the names of the strategies say how they fail
+SOLUTIONS = Path(__file__).parents[2] / "tasks" / "solutions"
+OBSERVED = RolloutSettings(observe=True)
+
+
+@cache
+def evaluations(file: Path, settings=None, engine="mujoco") -> tuple[Evaluation, ...]:
+    cfg = load("evaluate", [f"task={file.stem}"])
+    task = part("task", cfg.task).create()
+    candidates = read_designs(load_designs(file), part("tool", cfg.tool).create(), SpawnRules(task, 0))
+    observed = OBSERVED if settings is None else RolloutSettings()
+    return tuple(evaluate_batch(task, simulator(engine), candidates, 0, observed))
+
+
+def observed(file: Path) -> dict[str, Observation]:
+    found = {}
+    for evaluation in evaluations(file):
+        assert (evaluation.status, evaluation.reason) == ("ok", "")
+        found[evaluation.candidate.strategy_name] = observation(evaluation)
+    return found
+
+
+@pytest.mark.slow
+def test_twelve_failures_are_named_two_of_each_kind():
+    named, kinds = [], []
+    for file in sorted(FAILURES.glob("*.json")):
+        for evaluation in evaluations(file):
+            wanted = evaluation.candidate.strategy_name
+            kinds.append(wanted)
+            named.append(observation(evaluation).result == wanted)
+    assert sorted(kinds) == sorted(
+        2 * ["never touched", "missed", "dropped", "tipped", "stuck", "unreachable"], key=str
+    )
+    assert sum(named) >= 11, list(zip(kinds, named, strict=True))
+
+
+@pytest.mark.parametrize("task", ["BringCube", "HighObject", "SnatchCookie"])
+def test_observing_changes_no_reward_and_no_figure(task):
+    file = FAILURES / f"{task}.json"
+    for with_it, without in zip(evaluations(file), evaluations(file, "off"), strict=True):
+        for name in ("status", "reward", "distance_m", "ik_error_m", "tracking_error_rad", "moved_m", "warnings"):
+            assert getattr(with_it, name) == getattr(without, name), name
+        assert without.details == {}
+
+
+def test_an_observation_survives_the_store():
+    for evaluation in evaluations(FAILURES / "BringCube.json"):
+        stored = json.loads(json.dumps(evaluation.details))
+        again = observation(Evaluation(evaluation.candidate, "ok", details=stored))
+        assert json.dumps(again.details()) == json.dumps(evaluation.details)
+    assert observation(Evaluation(evaluation.candidate, "ok")) is None
+
+
+def test_what_is_observed_of_a_solution():
+    (found,) = observed(SOLUTIONS / "BringCube.json").values()
+    assert (found.result, found.what, found.at_s) == ("solved", "", None)
+    assert found.moved["cube"].by == pytest.approx((-0.4, 0, 0), abs=0.002)
+    assert found.moved["cube"].to == pytest.approx((0.6, 0, 0.035), abs=0.002)
+    assert found.errors["cube"] == pytest.approx((0, 0, 0), abs=0.002)
+    (contact,) = found.contacts
+    assert (contact.kind, contact.one, contact.other) == ("tool", "blade", "cube")
+    assert 1.0 < contact.first_s < contact.last_s <= found.instants[-1]
+    assert found.clearances["table"] == pytest.approx(0.03, abs=0.002)
+    assert len(found.arrivals) == 3
+    assert len(found.instants) == len(found.paths["cube"]) == 8
+    xs = [x for x, _, _ in found.paths["cube"]]
+    assert xs == sorted(xs, reverse=True)
+
+
+def test_the_worst_miss_names_its_waypoint_and_stuck_its_obstacle():
+    found = observed(FAILURES / "BringCube.json")
+    number, miss_m, _ = found["unreachable"].miss
+    assert (number, found["unreachable"].what) == (2, "waypoint 2")
+    assert miss_m > 0.2
+    stuck = found["stuck"]
+    assert stuck.what == "table"
+    assert stuck.lag_rad > 0.1
+    assert stuck.at_s <= stuck.lag_s
+    assert found["never touched"].clearances["cube"] < 0.06
+
+
+@pytest.mark.slow
+def test_solutions_have_no_unwanted_class():
+    for task in ("ElevatePlate", "OneBook", "ScoreGoal"):
+        assert [o.result for o in observed(SOLUTIONS / f"{task}.json").values()] == ["solved"], task
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["pybullet", "sapien"])
+def test_other_engines_name_the_same_failures(engine):
+    """Those that hang on no friction."""
+    for task in ("BringCube", "HighObject", "LiftBox"):
+        for evaluation in evaluations(FAILURES / f"{task}.json", engine=engine):
+            assert observation(evaluation).result == evaluation.candidate.strategy_name
+
+
+def test_a_plan_of_one_waypoint_has_one_miss():
+    (found,) = (e for e in evaluations(FAILURES / "BringCube.json") if e.candidate.strategy_name == "unreachable")
+    assert np.isclose(found.ik_error_m, observation(found).miss[1], atol=1e-4)
