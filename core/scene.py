@@ -234,11 +234,36 @@ class Goal:
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera at ``position``, looking at ``target``, world z up; ``fov_deg`` is the vertical field of view."""
+    """A camera at ``position``, looking at ``target``, world z up, or y where it looks straight down.
+
+    ``fov_deg`` is the vertical field of view. With ``height_m`` the projection is parallel instead, and a picture shows
+    so many metres from its bottom to its top.
+    """
 
     position: tuple[float, float, float] = (1.55, -1.15, 1.15)
     target: tuple[float, float, float] = (0.55, 0.0, 0.15)
     fov_deg: float = 60.0
+    height_m: float | None = None
+
+    @property
+    def axes(self) -> Array:
+        """The directions to the right, up and forward in the picture, as rows (3, 3)."""
+        forward = np.subtract(self.target, self.position)
+        forward = forward / np.linalg.norm(forward)
+        upright = [0.0, 0.0, 1.0] if np.hypot(forward[0], forward[1]) > 1e-6 else [0.0, 1.0, 0.0]
+        right = np.cross(forward, upright)
+        right = right / np.linalg.norm(right)
+        return np.stack([right, np.cross(right, forward), forward])
+
+    def project(self, points: Array, width: int, height: int) -> Array:
+        """Project points (..., 3) into a picture: pixels (..., 2) from its left and its top edge."""
+        seen = (points - np.asarray(self.position)) @ self.axes.T
+        if self.height_m is None:
+            scale = height / 2 / np.tan(np.radians(self.fov_deg) / 2) / seen[..., 2:]
+        else:
+            scale = np.asarray(height / self.height_m)
+        pixels: Array = np.array([width / 2, height / 2]) + scale * seen[..., :2] * [1.0, -1.0]
+        return pixels
 
 
 def table() -> Body:

@@ -15,6 +15,7 @@ INITIAL = ("mission_initial", "procedure", *_RULES)
 EVOLUTION = ("mission_evolve", "elites", "procedure", "evolution_rules", *_RULES)
 GIVEN = ("mission_given", "elites", "procedure", *_PLANS, *_REPLY)
 FEEDBACK = ("paper", "numbers", "full")
+VIEWS = ("camera", "front", "side", "top")
 
 
 @dataclass
@@ -24,6 +25,8 @@ class PromptSettings:
     Attributes:
         dir: a folder of templates that replace the project's own.
         file: a text file with a person's idea of the tool and its motion, for templates that quote it.
+        views: the pictures of the scene: from the task's ``camera``, or with axes from the ``front``, ``side`` and
+            ``top``; empty: none.
         feedback: what is shown of elites: tool and reward (``paper``), also the plan and measurements of the rollout
             (``numbers``), or also a picture (``full``).
         elite_characters: the length of the text of all elites, beyond which those of the lowest ranks are shortened.
@@ -37,6 +40,7 @@ class PromptSettings:
 
     dir: str | None = None
     file: str | None = None
+    views: list[str] = field(default_factory=lambda: ["camera"])
     feedback: str = "paper"
     elite_characters: int = 100_000
     repair: bool = False

@@ -17,7 +17,7 @@ import jinja2
 import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
-from core.config.settings import FEEDBACK, PromptSettings
+from core.config.settings import FEEDBACK, VIEWS, PromptSettings
 from core.design import Tool
 from core.designs.arm_sheet import describe_arm
 from core.designs.elites import elites_text
@@ -61,6 +61,9 @@ class PromptComposer:
             raise UsageError(f"prompt.elite_characters must be 0 or greater, got {settings.elite_characters}")
         if settings.feedback not in FEEDBACK:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
+        for view in settings.views:
+            if view not in VIEWS:
+                raise choices("view", str(view), VIEWS, "prompt.views")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
         parts |= {CHECK} if settings.check else set()  # a folder of older templates has none
         self._templates, names = _load(Path(settings.dir) if settings.dir else None, parts)
@@ -71,13 +74,15 @@ class PromptComposer:
         brief: Brief,
         picture: Picture | None,
         elite_pictures: Mapping[str, Picture] | None = None,
+        views: Mapping[str, Picture] | None = None,
         *,
         schema: bool = True,
     ) -> tuple[Message, ...]:
         """Compose a system message and a user message.
 
-        The user message has one text per part, then the picture of the scene, then ``elite_pictures`` (by the elites'
-        ids), each after a line that names its elite. ``schema``: the text holds the JSON schema of the answer.
+        The user message has one text per part, then the picture of the scene, its ``views`` (by name), and
+        ``elite_pictures`` (by the elites' ids), each after a line that names it. ``schema``: the text holds the JSON
+        schema of the answer.
 
         Raises:
             UserError: a template uses an unknown name or fails otherwise; or there are no elites, and the prompt has
@@ -85,7 +90,8 @@ class PromptComposer:
             ValueError: an elite has no tool.
         """
         pictured = dict(elite_pictures or {})
-        values = self._values(brief, picture, schema) | {"pictured": list(pictured)}
+        values = self._values(brief, picture, schema)
+        values |= {"pictured": list(pictured), "views": list(views or {})}
         parts = self.settings.evolution if brief.elites else self.settings.initial
         parts = self.settings.given if values["given"] is not None else parts
         if not parts:
@@ -95,6 +101,8 @@ class PromptComposer:
             )
         user: list[Text | Picture] = [text for part in parts if (text := self._render(part, values)).text.strip()]
         user += [picture] if picture else []
+        for name, view in (views or {}).items():
+            user += [Text(f"{name.capitalize()} view:\n\n"), view]
         for name, elite_picture in pictured.items():
             user += [Text(f"Elite {name}:\n\n"), elite_picture]
         messages = [Message("user", tuple(user))]

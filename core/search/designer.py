@@ -22,6 +22,7 @@ from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulat
 from core.plugins import describe_part
 from core.replies import checked
 from core.simulation.pictures import draw_stages, png, report_missing
+from core.simulation.views import draw_view
 from core.text import shorten
 from core.threads import run_in_thread
 
@@ -35,7 +36,8 @@ class ModelDesigner:
 
     An agent's seed, temperature and kind of tool follow from ``seed``, the generation and the agent's number alone. Of
     two ``tool_kinds`` each agent gets one at random. Where the representation gives a tool, agents are asked for plans
-    only. ``show`` draws an elite's rollout; it is called if the prompts' feedback is ``full``.
+    only. ``pictures`` has those of the scene by view, without the gripper (False) and with it. ``show`` draws an
+    elite's rollout; it is called if the prompts' feedback is ``full``.
     """
 
     task: Task
@@ -47,7 +49,7 @@ class ModelDesigner:
     seed: int
     sampling: Sampling
     tool_kinds: Sequence[str]
-    picture: Picture | None
+    pictures: Mapping[bool, Mapping[str, Picture]]
     events: pluggy.PluginManager
     show: Callable[[Candidate], Picture | None] | None = None
 
@@ -179,7 +181,9 @@ class ModelDesigner:
             seed=int(rng.integers(2**31)),
             elites=tuple(elites),
         )
-        messages = self.prompts.compose(brief, self.picture, pictures, schema=not self.vlm.takes_schema)
+        views = dict(self.pictures.get(gripper, {}))
+        scene = views.pop("camera", None)
+        messages = self.prompts.compose(brief, scene, pictures, views, schema=not self.vlm.takes_schema)
         schema = answer_schema(brief)
         return Request(f"g{generation}-a{agent}", brief, messages, schema, float(np.clip(temperature, 0.0, 2.0)))
 
@@ -239,7 +243,7 @@ def make_designer(
         if name not in TOOL_KINDS:
             raise choices("tool kind", str(name), TOOL_KINDS, "task.tool_kinds")
     given = given_tool(representation, task, seed)
-    mounted = given if given is not None else Tool(gripper=tuple(tool_kinds) == ("gripper",))
+    bare = [Tool(gripper=name == "gripper") for name in dict.fromkeys(tool_kinds)]
 
     def show(candidate: Candidate) -> Picture | None:
         try:
@@ -251,16 +255,24 @@ def make_designer(
             return None
         return Picture(png(stages), f"elite_{candidate.id}")
 
-    picture, drawable = None, True
-    try:
-        picture = Picture(png(simulator.render(task, seed=seed, tool=mounted)))
-    except NoPicture as error:
-        drawable = False
-        report_missing("pictures", error)
-    except OSError as error:
-        raise UserError(f"the scene can't be drawn: {error}") from error
-    except Exception as error:
-        report_missing("picture of the scene", error)
+    pictures: dict[bool, dict[str, Picture]] = {}
+    drawable = True
+    for number, mounted in enumerate(bare if given is None else [given]):
+        pictures[mounted.gripper] = {}
+        for view in prompts.settings.views if drawable else ():
+            name = "_".join(["scene", *([view] if view != "camera" else []), *(["gripper"] if number else [])])
+            try:
+                picture = Picture(png(draw_view(task, simulator, view, seed, mounted)), name)
+            except NoPicture as error:
+                drawable = False
+                report_missing("pictures", error)
+                break
+            except OSError as error:
+                raise UserError(f"the scene can't be drawn: {error}") from error
+            except Exception as error:
+                report_missing(f"picture of the scene ({view})", error)
+            else:
+                pictures[mounted.gripper][view] = picture
     return ModelDesigner(
         task,
         vlm,
@@ -270,7 +282,7 @@ def make_designer(
         seed=seed,
         sampling=sampling,
         tool_kinds=tool_kinds,
-        picture=picture,
+        pictures=pictures,
         events=events,
         show=show if drawable else None,
     )

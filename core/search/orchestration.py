@@ -11,6 +11,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, cast
 
@@ -90,8 +91,9 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     try:
         with writing(folder):
-            if designer.picture is not None:
-                (folder / "scene.png").write_bytes(designer.picture.png)
+            for picture in chain.from_iterable(views.values() for views in designer.pictures.values()):
+                if picture.name == "scene":
+                    (folder / "scene.png").write_bytes(picture.png)
         events.hook.run_started(run=this)
         with executor:
             result = evolve(strategy, fitness, executor, budget, events, store.past.evaluation)

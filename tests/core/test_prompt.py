@@ -88,6 +88,30 @@ def test_evolution_shows_what_the_designs_earned(designs, kinds):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("views", [["camera", "front", "side", "top"], ["top"], []])
+def test_the_scene_is_drawn_from_where_the_settings_say(views):
+    """Of two kinds of tools, gripper tools get a picture with the hand, rigid ones a picture without."""
+    words = [f"prompt.views=[{','.join(views)}]", "task=SnatchCookie", "task.tool_kinds=[rigid,gripper]", "sim=mujoco"]
+    by_kind = {}
+    for agent in range(8):
+        request = composed(*words, f"agent={agent}")
+        by_kind.setdefault(request.brief.gripper, request)
+        if len(by_kind) == 2:
+            break
+    pictures = {}
+    for gripper, request in by_kind.items():
+        names = [part.name for part in request.messages[-1].parts if isinstance(part, Picture)]
+        suffix = "_gripper" if gripper else ""
+        assert names == [f"scene_{view}{suffix}".replace("_camera", "") for view in views]
+        text = text_of(request)
+        assert ("## Picture" in text) == ("camera" in views)
+        assert ("## Views" in text) == ("top" in views)
+        assert ("in parallel projection, from the front, the side, the top" in text) == ("front" in views)
+        pictures[gripper] = [part.png for part in request.messages[-1].parts if isinstance(part, Picture)]
+    assert all(bare != hand for bare, hand in zip(pictures[False], pictures[True], strict=True))
+
+
+@pytest.mark.slow
 def test_elites_are_at_most_k_top_and_may_be_drawn(designs):
     request = composed(f"designs={designs}", "budget.k_top=1", "prompt.feedback=full")
     assert [elite.candidate.id for elite in request.brief.elites] == ["g0-a0-s1-p1"]
@@ -113,6 +137,7 @@ def test_the_stages_of_a_rollout_differ(designs, tmp_path):
         (["prompt=evolve"], "this prompt evolves elites, and there are none"),
         (["designs=missing.json"], "no designs file missing.json"),
         (["prompt=human"], "prompt.file is empty"),
+        (["prompt.views=[camera,back]"], r"no view 'back'"),
         (["agent=-1"], "agent must be 0 or greater"),
         (["tool=rlbench"], "no given tool for task 'OneBook'"),
         (["task.tool_kinds=[rigd]"], "no tool kind 'rigd'"),

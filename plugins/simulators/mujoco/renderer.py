@@ -87,7 +87,7 @@ class MuJoCoRenderer(Renderer):
         mujoco.mj_camlight(self._model, self._data)
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        self._model.vis.global_.fovy = camera.fov_deg
+        self._model.vis.global_.fovy = camera.fov_deg if camera.height_m is None else camera.height_m
         everything = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(
             self._model, self._data, mujoco.MjvOption(), mujoco.MjvPerturb(), _look(camera), everything, self._scene
@@ -178,8 +178,10 @@ def _look(camera: Camera) -> Any:
     way = np.subtract(camera.target, camera.position)
     view = mujoco.MjvCamera()
     view.type = mujoco.mjtCamera.mjCAMERA_FREE
+    view.orthographic = camera.height_m is not None
     view.lookat[:] = camera.target
     view.distance = float(np.linalg.norm(way))
-    view.azimuth = float(np.degrees(np.arctan2(way[1], way[0])))
+    along = camera.axes[1] if np.hypot(way[0], way[1]) < 1e-6 else way
+    view.azimuth = float(np.degrees(np.arctan2(along[1], along[0])))
     view.elevation = float(np.degrees(np.arctan2(way[2], np.hypot(way[0], way[1]))))
     return view

@@ -18,6 +18,8 @@ from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.world import joint_numbers, load_robot, robot_file
 
+_NEAR_M, _FAR_M = 0.02, 10.0
+_AWAY_M = 400.0  # so far, a metre in depth changes sizes by a quarter of a percent
 _OUT_OF_SIGHT = [0.0, 0.0, -100.0]
 
 
@@ -88,8 +90,7 @@ class PyBulletRenderer(Renderer):
         _, _, pixels, _, numbers = p.getCameraImage(
             width,
             height,
-            p.computeViewMatrix(camera.position, camera.target, [0.0, 0.0, 1.0]),
-            p.computeProjectionMatrixFOV(camera.fov_deg, width / height, 0.02, 10.0),
+            *_matrices(camera, width / height),
             lightDirection=[1.0, -1.0, 2.0],
             lightDistance=4.0,  # nearer, the shadow map ends within the picture
             lightAmbientCoeff=0.55,
@@ -101,3 +102,16 @@ class PyBulletRenderer(Renderer):
         )
         picture = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
         return picture, np.reshape(np.asarray(numbers, dtype=np.int64), (height, width))
+
+
+def _matrices(camera: Camera, aspect: float) -> tuple[list[float], list[float]]:
+    """Compute the view matrix and the projection matrix, column by column."""
+    target, (_, up, forward) = np.asarray(camera.target), camera.axes
+    position, fov_deg, near, far = np.asarray(camera.position), camera.fov_deg, _NEAR_M, _FAR_M
+    if camera.height_m is not None:  # the software renderer draws nothing in parallel projection: from far away instead
+        position = position - _AWAY_M * forward
+        distance = float(np.linalg.norm(target - position))
+        fov_deg = 2 * float(np.degrees(np.arctan(camera.height_m / 2 / distance)))
+        near, far = near + _AWAY_M, far + _AWAY_M
+    view: list[float] = p.computeViewMatrix(position.tolist(), target.tolist(), up.tolist())
+    return view, p.computeProjectionMatrixFOV(fov_deg, aspect, near, far)

@@ -23,6 +23,7 @@ from plugins.simulators.sapien.engine import sapien
 from plugins.simulators.sapien.shapes import to_sapien
 
 _GAMMA = 2.2
+_NEAR_M, _FAR_M = 0.02, 10.0
 
 
 class SapienRenderer(Renderer):
@@ -70,9 +71,12 @@ class SapienRenderer(Renderer):
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
         size = width, height
         if size not in self._cameras:
-            self._cameras[size] = self._scene.add_camera("camera", *size, 1.0, 0.02, 10.0)
+            self._cameras[size] = self._scene.add_camera("camera", *size, 1.0, _NEAR_M, _FAR_M)
         shot = self._cameras[size]
-        shot.set_fovy(np.radians(camera.fov_deg), compute_x=True)
+        if camera.height_m is not None:
+            shot.set_orthographic_parameters(_NEAR_M, _FAR_M, camera.height_m / 2)
+        else:
+            shot.set_fovy(np.radians(camera.fov_deg), compute_x=True)
         shot.entity.pose = to_sapien(_look(camera))
         self._scene.update_render()
         shot.take_picture()
@@ -84,11 +88,8 @@ class SapienRenderer(Renderer):
 
 def _look(camera: Camera) -> Pose:
     """Compute a camera's pose: it looks along its x axis, z up."""
-    forward = np.subtract(camera.target, camera.position)
-    forward /= np.linalg.norm(forward)
-    left = np.cross([0.0, 0.0, 1.0], forward)
-    left /= np.linalg.norm(left)
-    axes = np.stack([forward, left, np.cross(forward, left)], axis=1)
+    right, up, forward = camera.axes
+    axes = np.stack([forward, -right, up], axis=1)
     return Pose.from_rotation(camera.position, Rotation.from_matrix(axes))
 
 

@@ -58,7 +58,7 @@ def designer(vlm, budget=None, kinds=("rigid",), seed=3, events=None, temperatur
         seed=seed,
         sampling=Sampling(temperature),
         tool_kinds=kinds,
-        picture=None,
+        pictures={},
         events=events or event_hub(),
         show=show,
     )
