@@ -1,5 +1,5 @@
-"""``python -m core.facts [sims=[NAME,...]] [output=FILE.json] [page=FILE.md]``: measure how exact the arm is in
-engines, and print a sheet about it.
+"""``python -m core.facts [sims=[NAME,...]] [output=FILE.json]``: measure how exact the arm is in engines, and
+print a sheet about it.
 """
 
 from __future__ import annotations
@@ -15,15 +15,13 @@ from core.config.compose import load
 from core.conformance.exactness import measure
 from core.conformance.worlds import HOME
 from core.designs.arm_sheet import segments, short
-from core.errors import UserError
 from core.interfaces import RolloutSettings
 from core.robot.description import ACCELERATION_LIMITS, ARM_JOINTS
 from core.robot.kinematics import arm
 from core.robot.reach import as_table, compute_reach, describe_limits
 from core.simulation.robustness import engines
 
-USAGE = "usage: python -m core.facts [sims=[NAME,...]] [output=FILE.json] [page=FILE.md]"
-MARK = "<!-- sheet -->\n"
+USAGE = "usage: python -m core.facts [sims=[NAME,...]] [output=FILE.json]"
 Figures = Mapping[str, Mapping[str, float | None]]
 
 LABELS = {
@@ -92,48 +90,15 @@ def _number(figure: float | None) -> str:
     return "full force at once" if figure is None else short(figure)
 
 
-def write_page(file: Path, text: str) -> None:
-    """Replace what stands between two marks in a page.
-
-    Raises:
-        UserError: the page can't be read or written, or has not two marks.
-    """
-    try:
-        pieces = file.read_text(encoding="utf-8").split(MARK)
-    except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"page={file} can't be read: {error}") from error
-    if len(pieces) != 3:
-        raise UserError(f"page={file} needs two lines {MARK.strip()}, between which the sheet goes")
-    write_bytes(file, f"{pieces[0]}{MARK}\n{text}{MARK}{pieces[2]}".encode())
-
-
-def read_figures(file: Path) -> dict[str, dict[str, float | None]]:
-    """Read the figures of engines that were measured before; none without a file.
-
-    Raises:
-        UserError: it is no such file.
-    """
-    try:
-        known = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-    except (OSError, ValueError) as error:
-        raise UserError(f"output={file} can't be read: {error}") from error
-    if not isinstance(known, dict) or not all(isinstance(one, dict) for one in known.values()):
-        raise UserError(f"output={file} is no file of figures; name another one")
-    return known
-
-
 def main() -> None:
     cfg = load("facts", arguments(USAGE))
-    figures = read_figures(Path(cfg.output)) if cfg.output is not None else {}
+    figures: dict[str, dict[str, float | None]] = {}
     for name, sim in engines(OmegaConf.to_container(cfg.sims)).items():  # type: ignore[arg-type]
         found = measure(sim.create())
         figures[name] = {key: None if figure is None else round(figure, 5) + 0.0 for key, figure in found.items()}
     if cfg.output is not None:
         write_bytes(Path(cfg.output), (json.dumps(figures, indent=1) + "\n").encode())
-    text = sheet(figures)
-    if cfg.page is not None:
-        write_page(Path(cfg.page), text)
-    say(*text.splitlines())
+    say(*sheet(figures).splitlines())
 
 
 if __name__ == "__main__":

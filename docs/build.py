@@ -1,9 +1,11 @@
-"""Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``table``.
+"""Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``arm``,
+``table``.
 
 Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
-``docs/example.ipynb`` and keeps the outputs of its cells. Table (takes hours): the rewards of doing nothing, the
-reference solution, the embedded designer and the bare gripper, written into ``docs/tasks.md``.
+``docs/example.ipynb`` and keeps the outputs of its cells. Arm: the sheet of ``docs/arm.md``. Table (takes hours): the
+rewards of doing nothing, the reference solution, the embedded designer and the bare gripper, written into
+``docs/tasks.md``.
 """
 
 from __future__ import annotations
@@ -21,12 +23,14 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
+from core import facts
 from core.config.compose import load
 from core.design import Candidate, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings
 from core.plugins import installed
+from core.robot.description import measured_figures
 from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
 from core.simulation.pictures import save_film
@@ -136,6 +140,12 @@ def collision_shapes(body: Body) -> tuple[Geom, ...]:
     )
 
 
+def arm_sheet(file: Path) -> None:
+    """Write the sheet about the arm into its page."""
+    before, after = (file.read_text(encoding="utf-8").split(mark)[side] for side, mark in ((0, BEGIN), (1, END)))
+    file.write_text(f"{before}{BEGIN}\n\n{facts.sheet(measured_figures())}{END}{after}", encoding="utf-8")
+
+
 def notebook(file: Path) -> None:
     """Run a notebook in an empty folder and write it back with its outputs."""
     import nbclient
@@ -221,7 +231,7 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["pictures", "scene", "diagrams", "notebook", "table"])
+    parser.add_argument("what", choices=["pictures", "scene", "diagrams", "notebook", "arm", "table"])
     parser.add_argument("--tasks", nargs="*", default=installed().names("task"))
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
     parser.add_argument("--gripper-seeds", nargs="*", type=int, default=[0, 1, 2])
@@ -234,6 +244,8 @@ def main() -> None:
     elif given.what == "diagrams":
         for name, draw in DRAWINGS.items():
             (DOCS / "images" / f"{name}.svg").write_text(draw(), encoding="utf-8")
+    elif given.what == "arm":
+        arm_sheet(DOCS / "arm.md")
     elif given.what == "notebook":
         notebook(DOCS / "example.ipynb")
     else:

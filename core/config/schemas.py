@@ -144,15 +144,10 @@ class ReportConfig:
 
 @dataclass
 class FactsConfig:
-    """Settings of ``python -m core.facts``.
-
-    ``output``: a JSON file to write; other engines in it are kept. ``page``: a Markdown file that has the sheet between
-    two lines ``<!-- sheet -->``.
-    """
+    """Settings of ``python -m core.facts``. ``output``: a JSON file to write as well."""
 
     sims: list[Any] = MISSING
     output: str | None = None
-    page: str | None = None
 
 
 @dataclass
