@@ -1,4 +1,4 @@
-"""Write the robot as a short URDF that is read, not simulated: frames, joints, limits and boxes around its links."""
+"""Write the robot's URDF as a table that is read, not simulated: frames, joints, limits and boxes around its links."""
 
 from __future__ import annotations
 
@@ -12,71 +12,59 @@ from core.geometry import Array
 from core.robot.description import assemble, read_numbers
 from core.robot.solids import robot_solids
 
-_KEPT = ("parent", "child", "origin", "axis", "limit", "mimic")  # of a joint
-_LIMITS = ("lower", "upper", "velocity")
+HEAD = ("link on its parent", "joint", "xyz", "rpy", "range", "speed", "box around the link")
+_MOTIONS = {"revolute": "turns about", "continuous": "turns about", "prismatic": "slides along"}
 
 
 def outline(tool: Tool) -> str:
-    """Write the robot with ``tool`` as URDF, a line for each link and joint.
+    """Write a row for each link of the robot with ``tool``.
 
-    Of a robot's link, the collision shape is the smallest box along its axes around all of its shapes. Components of
-    the tool keep theirs. Visuals, inertias, efforts and dynamics are left out.
+    It has the joint that bears the link, as in URDF: its motion, its origin in the parent's frame, its limits. The box
+    is the smallest one along the link's axes around all of its collision shapes, from its lowest to its highest corner.
     """
-    robot = etree.fromstring(assemble(tool, visuals=False))
-    boxes = _boxes(tool.gripper)
-    lines = []
-    for element in robot:
-        if element.tag == "link":
-            collision = element.find("collision")
-            element[:] = [] if collision is None else [collision]
-            name = str(element.get("name"))
-            if name in boxes:
-                _replace(collision, *boxes[name])
-        elif element.tag == "joint":
-            element[:] = [child for child in element if child.tag in _KEPT]
-            for limit in element.iter("limit"):
-                for other in set(limit.attrib) - set(_LIMITS):
-                    del limit.attrib[other]
-        else:
-            continue
-        lines.append(_line(element))
-    return "\n".join([f'<robot name="{robot.get("name")}">', *lines, "</robot>"])
+    robot: Any = etree.fromstring(assemble(tool, visuals=False))
+    joints = {joint.find("child").get("link"): joint for joint in robot.findall("joint")}
+    boxes = _boxes(tool)
+    rows = [HEAD, ("---",) * len(HEAD)]
+    for link in robot.findall("link"):
+        name = str(link.get("name"))
+        rows.append((*_joint(joints.get(name), name), boxes.get(name, "-")))
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
-def _boxes(gripper: bool) -> dict[str, tuple[Array, Array]]:
-    """The lowest and highest corner of the box around each of the robot's links, in the link's frame."""
-    boxes: dict[str, tuple[Array, Array]] = {}
-    for solid in robot_solids(gripper):
+def _joint(joint: Any, link: str) -> tuple[str, ...]:
+    if joint is None:
+        return link, "the base", "-", "-", "-", "-"
+    origin, limit = joint.find("origin"), joint.find("limit")
+    xyz, rpy = (np.zeros(3) if origin is None else read_numbers(origin, name) for name in ("xyz", "rpy"))
+    way = _MOTIONS.get(joint.get("type"))
+    motion = joint.get("type") if way is None else f"{way} {_axis(read_numbers(joint.find('axis'), 'xyz'))}"
+    bounds = [float(limit.get(name, 0)) for name in ("lower", "upper", "velocity")] if limit is not None else []
+    span = f"{bounds[0]:g} to {bounds[1]:g}" if bounds and joint.get("type") != "continuous" else "-"
+    held = f"{link} on {joint.find('parent').get('link')}"
+    return held, motion, _numbers(xyz), _numbers(rpy), span, f"{bounds[2]:g}" if bounds else "-"
+
+
+def _axis(axis: Array) -> str:
+    """The name of an axis, such as ``-y``; the numbers of one that is askew."""
+    names = {tuple(sign * way): f"{'-' if sign < 0 else ''}{name}" for sign in (1, -1) for name, way in _AXES}
+    return names.get(tuple(axis), _numbers(axis))
+
+
+_AXES = tuple(zip("xyz", np.eye(3), strict=True))
+
+
+def _boxes(tool: Tool) -> dict[str, str]:
+    """The box around each link of the robot, rounded to a millimetre, and each component's."""
+    bounds: dict[str, tuple[Array, Array]] = {}
+    for solid in robot_solids(tool.gripper):
         center, half = solid.bounds()
-        low, high = boxes.get(solid.name, (center - half, center + half))
-        boxes[solid.name] = np.minimum(low, center - half), np.maximum(high, center + half)
-    return boxes
-
-
-def _replace(collision: Any, low: Array, high: Array) -> None:
-    collision[:] = []
-    etree.SubElement(collision, "origin", xyz=_numbers(((low + high) / 2).round(3)))
-    etree.SubElement(etree.SubElement(collision, "geometry"), "box", size=_numbers((high - low).round(3)))
-
-
-def _line(element: Any) -> str:
-    """Write an element on one line, numbers rounded, and zeros, which are the default, left out."""
-    for box in element.iter("box"):
-        box.set("size", _numbers(read_numbers(box, "size")))
-    for origin in list(element.iter("origin")):
-        for name in ("xyz", "rpy"):
-            numbers = read_numbers(origin, name)
-            origin.set(name, _numbers(numbers))
-            if not numbers.round(4).any():
-                del origin.attrib[name]
-        if not origin.attrib:
-            origin.getparent().remove(origin)
-    plain = etree.Element(element.tag, element.attrib)
-    plain[:] = element[:]
-    for each in plain.iter():
-        each.text = each.tail = None
-    etree.cleanup_namespaces(plain)
-    return str(etree.tostring(plain, encoding="unicode"))
+        low, high = bounds.get(solid.name, (center - half, center + half))
+        bounds[solid.name] = np.minimum(low, center - half), np.maximum(high, center + half)
+    bounds = {name: (low.round(3), high.round(3)) for name, (low, high) in bounds.items()}
+    halves = {component.name: np.array(component.shape.size) / 2 for component in tool.components}
+    bounds |= {name: (-half, half) for name, half in halves.items()}
+    return {name: f"{_numbers(low)} to {_numbers(high)}" for name, (low, high) in bounds.items()}
 
 
 def _numbers(values: Array) -> str:

@@ -1,4 +1,4 @@
-"""The robot as short URDF: the same frames and limits as the whole one, and boxes around its links."""
+"""The robot as a table: the same frames and limits as its description, and boxes around its links."""
 
 import numpy as np
 import pinocchio as pin
@@ -6,8 +6,8 @@ import pytest
 from lxml import etree
 
 from core.design import Tool
-from core.robot.description import assemble
-from core.robot.outline import outline
+from core.robot.description import assemble, read_numbers
+from core.robot.outline import HEAD, outline
 from core.robot.solids import robot_solids
 from plugins.tools.rlbench import broom
 
@@ -18,39 +18,73 @@ TOOLS = [
 ]
 
 
+def rows(tool):
+    """The rows of the table by link, each as a dictionary with the parent."""
+    lines = outline(tool).splitlines()[2:]
+    found = [dict(zip(HEAD, [cell.strip() for cell in line.strip("|").split("|")], strict=True)) for line in lines]
+    return {row[HEAD[0]].partition(" on ")[0]: row | {"parent": row[HEAD[0]].partition(" on ")[2]} for row in found}
+
+
+def rebuilt(tool):
+    """A URDF made of nothing but the table."""
+    robot = etree.Element("robot", name="again")
+    for name, row in rows(tool).items():
+        etree.SubElement(robot, "link", name=name)
+        if not row["parent"]:
+            continue
+        motion, *words = row["joint"].split()
+        kind = {"turns": "revolute", "slides": "prismatic", "fixed": "fixed"}[motion]
+        joint = etree.SubElement(robot, "joint", name=f"to_{name}", type=kind)
+        etree.SubElement(joint, "parent", link=row["parent"])
+        etree.SubElement(joint, "child", link=name)
+        etree.SubElement(joint, "origin", xyz=row["xyz"], rpy=row["rpy"])
+        if words:
+            sign = -1 if words[-1].startswith("-") else 1
+            axis = sign * np.eye(3)["xyz".index(words[-1][-1])]
+            etree.SubElement(joint, "axis", xyz=" ".join(map(str, axis)))
+            lower, upper = row["range"].split(" to ")
+            etree.SubElement(joint, "limit", lower=lower, upper=upper, velocity=row["speed"], effort="1")
+    return etree.tostring(robot, encoding="unicode")
+
+
 def frames(urdf):
-    model = pin.buildModelFromXML(urdf if "effort=" in urdf else urdf.replace("<limit ", '<limit effort="1" '))
+    model = pin.buildModelFromXML(urdf)
     data = model.createData()
     pin.framesForwardKinematics(model, data, np.linspace(0.1, 0.9, model.nq))
-    placed = {f.name: data.oMf[i].homogeneous for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY}
-    return model, placed
+    return model, {f.name: data.oMf[i].homogeneous for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY}
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_frames_and_limits_are_those_of_the_whole_description(tool):
-    (short, shown), (whole, placed) = frames(outline(tool)), frames(assemble(tool, visuals=False))
-    assert list(shown) == list(placed)
+def test_frames_and_limits_are_those_of_the_description(tool):
+    (short, shown), (whole, placed) = frames(rebuilt(tool)), frames(assemble(tool, visuals=False))
+    assert set(shown) == set(placed)
     for name, pose in placed.items():
         np.testing.assert_allclose(shown[name], pose, atol=3e-4)
     for name in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit"):
         np.testing.assert_allclose(getattr(short, name), getattr(whole, name), atol=1e-4)
 
 
+def box(row):
+    return [np.array([float(word) for word in corner.split()]) for corner in row[HEAD[-1]].split(" to ")]
+
+
 @pytest.mark.parametrize("gripper", [False, True])
 def test_a_links_box_is_around_its_shapes(gripper):
-    robot = etree.fromstring(outline(Tool(gripper=gripper)))
+    shown = rows(Tool(gripper=gripper))
     for solid in robot_solids(gripper):
-        center, half = solid.bounds()
-        (collision,) = robot.findall(f"link[@name='{solid.name}']/collision")
-        origin, box = collision.find("origin"), collision.find("geometry/box")
-        assert origin.get("rpy") is None
-        at, size = (np.array([float(word) for word in text.split()]) for text in (origin.get("xyz"), box.get("size")))
-        assert np.all(np.abs(center - at) + half <= size / 2 + 0.0015)
+        (low, high), (center, half) = box(shown[solid.name]), solid.bounds()
+        assert np.all(low <= center - half + 0.001)
+        assert np.all(high >= center + half - 0.001)
+    assert shown["panda_link8"][HEAD[-1]] == "-"
 
 
-def test_a_tool_keeps_its_boxes_and_nothing_is_there_that_a_reader_does_not_need():
-    robot = etree.fromstring(outline(broom()))
-    sizes = [box.get("size") for box in robot.iterfind("link/collision/geometry/box")][-2:]
-    assert sizes == ["0.4294 0.011 0.011", "0.0375 0.2625 0.0375"]
-    tags = {element.tag for element in robot.iter()} - {"robot", "link", "joint"}
-    assert tags == {"collision", "origin", "geometry", "box", "parent", "child", "axis", "limit"}
+def test_a_tool_keeps_its_boxes():
+    shown, robot = rows(broom()), etree.fromstring(assemble(broom(), visuals=False))
+    for component in broom().components:
+        low, high = box(shown[component.name])
+        np.testing.assert_allclose(high - low, component.shape.size, atol=2e-4)
+        np.testing.assert_allclose(high + low, 0, atol=1e-9)
+        origin = robot.find(f"joint[@name='{component.name}_joint']/origin")
+        np.testing.assert_allclose(
+            [float(n) for n in shown[component.name]["xyz"].split()], read_numbers(origin, "xyz"), atol=1e-4
+        )
