@@ -18,7 +18,7 @@ from core.design import Candidate, Evaluation
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
-from core.interfaces import RolloutSettings
+from core.interfaces import Fitness, RolloutSettings
 from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator
 from core.text import clean
@@ -41,10 +41,10 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     return sorted(evaluations, key=lambda e: e.candidate.key)
 
 
-def try_all(cfg: DictConfig, candidates: Iterable[Candidate]) -> list[Evaluation]:
-    """Try candidates with the configured task, simulator and executor."""
+def try_all(cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness | None = None) -> list[Evaluation]:
+    """Try candidates with the configured task, simulator and executor, judged by ``fitness`` or by their rewards."""
     settings = node(cfg.rollout, RolloutSettings)
-    evaluator = Evaluator(part("task", cfg.task), part("sim", cfg.sim), cfg.seed, settings)
+    evaluator = fitness or Evaluator(part("task", cfg.task), part("sim", cfg.sim), cfg.seed, settings)
     with part("executor", cfg.executor).create() as executor:
         return list(evaluate_all(candidates, evaluator, executor))
 

@@ -9,7 +9,6 @@ part breaks these contracts, by `tests/core/plugins/test_wrong_parts.py`.
 from __future__ import annotations
 
 import inspect
-import json
 import math
 import sys
 from abc import ABC, abstractmethod
@@ -212,7 +211,7 @@ class VLM(ABC):
         """Estimate the size and cost of a request. It calls no model and needs no key; here by a rule of thumb."""
         parts = [part for message in request.messages for part in message.parts]
         characters = sum(len(part.text) for part in parts if isinstance(part, Text))
-        characters += len(json.dumps(request.schema)) if cls.takes_schema else 0
+        characters += len(str(request.schema)) if cls.takes_schema else 0
         pictures = sum(isinstance(part, Picture) for part in parts)
         tokens = round(characters / CHARACTERS_PER_TOKEN) + pictures * TOKENS_PER_PICTURE
         rule = f"{CHARACTERS_PER_TOKEN:g} characters to a token, {TOKENS_PER_PICTURE} tokens to a picture"
@@ -251,6 +250,10 @@ class ToolRepresentation(ABC):
     @abstractmethod
     def dump(self, tool: Tool) -> dict[str, Any]:
         """Return the fields that `parse` reads back as the same tool."""
+
+    def abridge(self, tool: Tool) -> dict[str, Any]:
+        """Return fields that show an elite's tool in short; `instructions` explains those that the schema lacks."""
+        return self.dump(tool)
 
     def given(self, task: Task) -> Tool | None:
         """Return the tool to use, so that the model is asked for action plans only; None: the model designs tools.
@@ -368,6 +371,10 @@ class Fitness(ABC):
 
     def prepare(self) -> None:  # noqa: B027  # it may have nothing to make
         """Make what calls need; see `Evaluate.prepare`."""
+
+    def instructions(self) -> str:
+        """Return the part of the prompt that says what a design is judged by; empty: the reward of one rollout."""
+        return ""
 
     @abstractmethod
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:

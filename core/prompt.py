@@ -17,15 +17,26 @@ from core.cli import arguments, command, say, write_bytes
 from core.config.compose import check_seed, load, node, part
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
-from core.design import Evaluation, best_first
+from core.design import TIE, Evaluation, best_first
 from core.designs.composer import PromptComposer, as_markdown
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.evaluate import try_all
-from core.interfaces import VLM, Budget, Estimate, Picture, Request, RolloutSettings, Task, ToolRepresentation
+from core.interfaces import (
+    VLM,
+    Budget,
+    Estimate,
+    Fitness,
+    Picture,
+    Request,
+    RolloutSettings,
+    Task,
+    ToolRepresentation,
+)
 from core.plugins import event_hub, installed
 from core.search.designer import DEFAULT_KINDS, make_designer
+from core.simulation.rollout import Evaluator
 
 USAGE = (
     "usage: python -m core.prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "
@@ -57,24 +68,27 @@ def compose(cfg: DictConfig) -> Request:
     task: Task = part("task", cfg.task).create()
     representation: ToolRepresentation = part("tool", cfg.tool).create()
     settings = node(cfg.rollout, RolloutSettings)
+    evaluator = Evaluator(part("task", cfg.task), part("sim", cfg.sim), cfg.seed, settings)
+    fitness: Fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
+    tie, judged = cfg.evolution.get("tie", TIE), fitness.instructions()
     designer = make_designer(
         task,
         part("sim", cfg.sim).create(),
         NoModel(installed().factory("vlm", cfg.vlm.name)),
         representation,
-        PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name),
+        PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged),
         Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)}),
         seed=cfg.seed,
         sampling=node(cfg.sampling, Sampling),
         tool_kinds=cfg.task.get("tool_kinds") or DEFAULT_KINDS,
         events=event_hub(),
     )
-    elites = elites_of(cfg, task, representation) if cfg.designs is not None else []
+    elites = elites_of(cfg, task, representation, fitness) if cfg.designs is not None else []
     (request,) = designer.requests(1 if elites else 0, elites, [cfg.agent])
     return request
 
 
-def elites_of(cfg: DictConfig, task: Task, representation: ToolRepresentation) -> list[Evaluation]:
+def elites_of(cfg: DictConfig, task: Task, representation: ToolRepresentation, fitness: Fitness) -> list[Evaluation]:
     """The best plan of each tool in ``cfg.designs``, at most ``cfg.budget.k_top`` of them, the best first.
 
     Where a strategy states its ``reward`` (and perhaps ``distance_m``), that counts for its first plan; the others are
@@ -92,7 +106,7 @@ def elites_of(cfg: DictConfig, task: Task, representation: ToolRepresentation) -
         if (figures := stated[candidate.strategy]) is not None and candidate.action == 0 and candidate.problem is None
     ]
     unknown = [candidate for candidate in candidates if stated[candidate.strategy] is None]
-    evaluations += try_all(cfg, unknown) if unknown else []
+    evaluations += try_all(cfg, unknown, fitness) if unknown else []
     best: dict[int, Evaluation] = {}
     for evaluation in best_first(evaluations):
         best.setdefault(evaluation.candidate.strategy, evaluation)

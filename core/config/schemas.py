@@ -119,6 +119,8 @@ class ComposeConfig(SceneConfig):
 
     vlm: dict[str, Any] = MISSING
     tool: dict[str, Any] = MISSING
+    evolution: dict[str, Any] = MISSING
+    fitness: dict[str, Any] = MISSING
     executor: dict[str, Any] = MISSING
     prompt: PromptConfig = field(default_factory=PromptConfig)
     budget: BudgetConfig = field(default_factory=BudgetConfig)

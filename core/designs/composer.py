@@ -18,7 +18,7 @@ import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
 from core.config.settings import FEEDBACK, VIEWS, PromptSettings
-from core.design import Tool
+from core.design import TIE, Tool
 from core.designs.arm_sheet import describe_arm
 from core.designs.elites import elites_text
 from core.designs.excerpts import class_source, function_source, helpers
@@ -45,18 +45,26 @@ class PromptComposer:
     """Composes prompts from the templates of one folder.
 
     Templates describe how plans are executed by the settings ``rollout`` in the ``engine`` of this name. None stands
-    for default settings, and an engine whose arm was not measured for all those in which it was.
+    for default settings, and an engine whose arm was not measured for all those in which it was. ``tie`` is the run's
+    (`core.design.ranked`); ``judged`` says what a design is judged by (`core.interfaces.Fitness`).
 
     Raises:
         UserError: the folder, a part's template or the person's file is missing, or a template is not valid Jinja.
     """
 
     def __init__(
-        self, settings: PromptSettings | None = None, rollout: RolloutSettings | None = None, engine: str = ""
+        self,
+        settings: PromptSettings | None = None,
+        rollout: RolloutSettings | None = None,
+        engine: str = "",
+        *,
+        tie: float = TIE,
+        judged: str = "",
     ) -> None:
         self.engine = engine
         self.settings = settings = settings or PromptSettings()
         self.rollout = rollout or RolloutSettings()
+        self.tie, self.judged = tie, judged.strip()
         if settings.elite_characters < 0:
             raise UsageError(f"prompt.elite_characters must be 0 or greater, got {settings.elite_characters}")
         if settings.feedback not in FEEDBACK:
@@ -164,8 +172,12 @@ class PromptComposer:
             "arm": describe_arm(task.home, self.rollout, self.engine),
             "max_waypoints": MAX_WAYPOINTS,
             "schema": json.dumps(answer_schema(brief), ensure_ascii=False, separators=(",", ":")) if schema else "",
+            "tie": f"{self.tie:g}",
+            "judged": self.judged,
             "elites": elites,
             "shortened": shortened,
+            "detailed": any(elite.details for elite in brief.elites),
+            "solved": any(elite.reward >= 1 - self.tie for elite in brief.elites),
             "other_kind": any(e.candidate.tool and e.candidate.tool.gripper != brief.gripper for e in brief.elites),
         }
 

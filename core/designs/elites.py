@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from core.design import Component, Evaluation
+from core.design import Component, Evaluation, Tool
 from core.designs.reading import dump_design
 from core.interfaces import ToolRepresentation
 from core.text import clean
 
-_LONGEST = 300  # characters of a description in a shortened entry
+_LONGEST = 240  # characters of a description
 
 
 def elites_text(
@@ -43,8 +43,13 @@ def elites_text(
 
 def _entry(elite: Evaluation, representation: ToolRepresentation, numbers: bool) -> dict[str, Any]:
     candidate, design = elite.candidate, dump_design(elite.candidate, representation)
-    del design["action_description"], design["action_sets"]
-    data = {"id": candidate.id, "reward": round(elite.reward, 4), **design}
+    assert candidate.tool is not None
+    left_out = {"action_description", "action_sets", *representation.dump(candidate.tool)}
+    data: dict[str, Any] = {"id": candidate.id, "reward": round(elite.reward, 4)}
+    data |= {key: _cut(key, value) for key, value in design.items() if key not in left_out}
+    data |= representation.abridge(candidate.tool)
+    if elite.details:
+        data["details"] = _figures(elite.details)
     if not numbers:
         return data
     return data | {
@@ -62,9 +67,9 @@ def _listed(entry: dict[str, Any], elite: Evaluation, representation: ToolRepres
     """An entry with a line per component in place of the representation's text."""
     tool = elite.candidate.tool
     assert tool is not None
-    written = representation.dump(tool)
-    short = {key: _cut(key, value) for key, value in entry.items() if key not in written}
-    return short | ({"components": [_line(component) for component in tool.components]} if written else {})
+    written = representation.abridge(tool)
+    short = {key: value for key, value in entry.items() if key not in written}
+    return short | ({"components": component_lines(tool)} if written else {})
 
 
 def _named(entry: dict[str, Any], elite: Evaluation, representation: ToolRepresentation) -> dict[str, Any]:
@@ -73,10 +78,16 @@ def _named(entry: dict[str, Any], elite: Evaluation, representation: ToolReprese
     return {key: entry[key] for key in kept if key in entry} | {"left_out": f"{count} components, too long to be shown"}
 
 
+def component_lines(tool: Tool) -> list[str]:
+    """Write a line for each component: name, parent, size, place in the parent's frame (no rpy: not turned), mass."""
+    return [_line(component) for component in tool.components]
+
+
 def _line(component: Component) -> str:
-    figures = component.shape.size, component.pose.position, component.pose.rpy
-    size, xyz, rpy = (" ".join(f"{number:.4g}" for number in numbers) for numbers in figures)
-    return f"{component.name} on {component.parent}: size {size}, xyz {xyz}, rpy {rpy}, {component.mass:.3g} kg"
+    figures = component.shape.size, component.pose.position, component.pose.rpy.round(4) + 0.0
+    size, xyz, rpy = (" ".join(f"{round(float(n), 4) + 0.0:g}" for n in numbers) for numbers in figures)
+    turn = f" rpy {rpy}" if figures[2].any() else ""
+    return f"{component.name} on {component.parent}: {size} at {xyz}{turn}, {component.mass:.3g} kg"
 
 
 def _cut(key: str, value: Any) -> Any:
@@ -87,6 +98,15 @@ def _json(value: object) -> str:
     """Indented JSON, with each list of numbers on one line."""
     text = json.dumps(value, indent=1, ensure_ascii=False)
     return re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
+
+
+def _figures(value: Any) -> Any:
+    """Round the numbers of a JSON value."""
+    if isinstance(value, dict):
+        return {key: _figures(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_figures(item) for item in value]
+    return _rounded(value) if isinstance(value, float) else value
 
 
 def _rounded(number: float) -> float | None:

@@ -23,6 +23,7 @@ from core.config.resume import changed, hydra_config
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
 from core.config.trust import refuse_keys, refuse_stored_addresses
+from core.design import TIE
 from core.designs.composer import PromptComposer
 from core.errors import UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
@@ -66,7 +67,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
 
     executor: Executor = part("executor", cfg.executor).create()
-    prompts = PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name)
+    tie, judged = cfg.evolution.get("tie", TIE), fitness.instructions()
+    prompts = PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged)
     events = event_hub()
     designer = make_designer(
         task,

@@ -78,7 +78,7 @@ def test_every_use(use, idea):
 @pytest.mark.parametrize("kinds", ["rigid", "gripper"])
 def test_evolution_shows_what_the_designs_earned(designs, kinds):
     request = composed("prompt=evolve", f"designs={designs}", f"task.tool_kinds=[{kinds}]")
-    block = re.search(r"## The elites\n```json\n(.*?)```", text_of(request), re.DOTALL)
+    block = re.search(r"## The elites\n.*?```json\n(.*?)```", text_of(request), re.DOTALL)
     first, second = json.loads(block[1])
     assert (first["tool_name"], first["id"]) == ("tried", "g0-a0-s1-p1")
     assert first["reward"] > 0.95

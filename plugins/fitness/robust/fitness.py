@@ -34,10 +34,24 @@ class Robust(Fitness):
         perturbation: PerturbationRange = PerturbationRange(),  # noqa: B008
     ) -> None:
         check_draws(seeds)
+        self.draws, self.perturbation = len(seeds), perturbation
         self.evaluators = {
             name: [perturbed(replace(evaluator, sim=sim), perturbation, seed) for seed in seeds]
             for name, sim in engines(sims, evaluator.sim).items()
         }
+
+    def instructions(self) -> str:
+        one, most = len(self.evaluators) == 1, self.perturbation
+        times = f"{self.draws} times" if self.draws > 1 else "once"
+        where = f"{'the engine' if one else 'each of the engines'} {', '.join(self.evaluators)}"
+        mean = "the mean of its rewards" if one else "the lowest of the engines' mean rewards"
+        return (
+            f"A plan is tried with its tool {times} in {where}, each time in a scene that differs a little, "
+            "at random, from the one described here: bodies that can move "
+            f"are moved by up to {most.position:g} m along x and along y and turned by up to {most.yaw:g} rad about z, "
+            f"masses differ by up to {most.mass:.0%}, friction by up to {most.friction:.0%}. "
+            f"What counts is {mean}; a trial that fails counts 0. So leave margins."
+        )
 
     @property
     def batch(self) -> int:

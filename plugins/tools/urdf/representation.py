@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from core.design import DesignError, Tool
+from core.designs.elites import component_lines
 from core.designs.rules import (
     MAX_BEND_M_N,
     MAX_COMPONENT_KG,
@@ -45,20 +46,24 @@ class UrdfTools(ToolRepresentation):
     def dump(self, tool: Tool) -> dict[str, Any]:
         return {"tool_urdf": tool_urdf(tool)}
 
+    def abridge(self, tool: Tool) -> dict[str, Any]:
+        return {"components": component_lines(tool)}
+
     def instructions(self, brief: Brief) -> str:
-        return _RULES.format(mount=_GRIPPER_MOUNT if brief.gripper else _RIGID_MOUNT, example=_example(brief.gripper))
+        mount, elites = _GRIPPER_MOUNT if brief.gripper else _RIGID_MOUNT, _ELITES if brief.elites else ""
+        return _RULES.format(mount=mount, elites=elites, example=_example(brief.gripper))
 
 
 _RULES = f"""\
-Write each tool as a block of URDF <link> and <joint> elements in `tool_urdf`. The block is merged into the Panda's URDF
-before its closing tag, so it has no root element and none of the robot's own links or joints.
+Write each tool as a block of URDF <link> and <joint> elements in `tool_urdf`. The block is merged into the robot's URDF
+before its closing tag, so it has no root element and none of the robot's own links or joints.{{elites}}
 
 {{mount}}
 
 - Boxes only: <box size="x y z"/>, full side lengths in metres, each {MIN_SIDE_M:g} to {MAX_SIDE_M:g}. No meshes,
   cylinders or spheres.
-- One link per box, with a visual, a collision and an inertial element. Visual and collision have the same origin and
-  the same size. At most {MAX_COMPONENTS} boxes.
+- One link per box, with a collision and an inertial element; the visual is made from the collision. At most
+  {MAX_COMPONENTS} boxes.
 - The inertial needs <mass value="..."/> in kilograms; moments of inertia are computed from the box. A few grams per
   box help the arm to move well; the limits are {MIN_COMPONENT_KG:g} to {MAX_COMPONENT_KG:g} kg for a box,
   {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its density, and {MIN_TOOL_KG:g} to {MAX_TOOL_KG:g} kg for the tool.
@@ -67,13 +72,18 @@ before its closing tag, so it has no root element and none of the robot's own li
 - Every link is the child of exactly one joint of type "fixed", and following parents leads to the mount. The joint's
   origin is the link's frame in its parent's frame; a box is centred on its own origin, so use half lengths to make
   parts meet.
-- Every box touches or overlaps its parent; a gap of more than {MAX_GAP_M * 1000:g} mm is an error.
+- Every box touches or overlaps its parent; a gap of more than {MAX_GAP_M * 1000:g} mm is an error. Gaps are measured
+  between the surfaces of the boxes as they are turned, not between boxes around them.
 - Names: letters, digits, '_', '.', '-'; each link and each joint has its own.
-- Colours are welcome: <material name="..."><color rgba="r g b a"/></material>, numbers from 0 to 1.
+- Colours are welcome: <material name="..."><color rgba="r g b a"/></material> in the collision, numbers from 0 to 1.
 - Tools of several well-placed boxes (hooks, walls, scoops, bends) tend to do better than a plain bar.
 
 Example of one link and its joint:
 {{example}}"""
+
+_ELITES = """
+The elites show `components` in its place, a line for each box: the name of its link, its parent link, its size, `at`
+the xyz and rpy (none: 0 0 0) of its joint's origin, its mass. A box is centred on its link's frame. Yours are URDF."""
 
 _RIGID_MOUNT = f"""\
 The tool is rigid and takes the place of the hand. It hangs from the link `panda_virtual` on the arm's flange, whose
@@ -96,18 +106,11 @@ def _example(gripper: bool) -> str:
     name, size = ("left_pad", "0.02 0.015 0.04") if gripper else ("shaft", "0.02 0.02 0.1")
     return f"""\
 <link name="{name}">
-  <visual>
-    <origin xyz="0 0 0" rpy="0 0 0"/>
+  <collision>
     <geometry><box size="{size}"/></geometry>
     <material name="blue"><color rgba="0.2 0.4 0.8 1"/></material>
-  </visual>
-  <collision>
-    <origin xyz="0 0 0" rpy="0 0 0"/>
-    <geometry><box size="{size}"/></geometry>
   </collision>
-  <inertial>
-    <mass value="0.005"/>
-  </inertial>
+  <inertial><mass value="0.005"/></inertial>
 </link>
 <joint name="{name}_joint" type="fixed">
   <parent link="{mount}"/>

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import litellm
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -23,16 +24,18 @@ import prompts
 from core.config.compose import load, node
 from core.config.schemas import PromptConfig
 from core.config.settings import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettings
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool
 from core.designs.composer import CHECK, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown, counted
+from core.designs.layout import layout_table
+from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError, UserError
-from core.geometry import Array, Box, Pose
+from core.geometry import Array, Box, Pose, Vector
 from core.interfaces import Brief, Message, Picture, Reply, Request, Task, Text, ToolRepresentation
 from core.robot.description import FINGER_OPEN, assemble
 from core.robot.kinematics import arm
 from core.robot.reach import as_table, compute_reach
 from core.robot.trajectory import plan_motion
-from core.scene import Body, Goal, Scene, State, floor, table
+from core.scene import Body, Geom, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings
 from plugins.tools.urdf.representation import UrdfTools
 
@@ -165,9 +168,7 @@ def test_without_a_picture_none_is_mentioned() -> None:
 def test_the_robot_shown_is_the_one_that_gets_the_tool() -> None:
     rigid, gripper = (words(PromptComposer().compose(make_brief(gripper=g), None)) for g in (False, True))
     for text, hand in ((rigid, False), (gripper, True)):
-        urdf = re.search(r"```xml\n(.*?)```", text, re.DOTALL)
-        assert urdf is not None
-        links = {link.get("name") for link in etree.fromstring(urdf[1]).findall("link")}
+        links = set(re.findall(r"^\| (panda_\w+)(?: on panda_\w+)? \|", text, re.MULTILINE))
         assert RIGID_MOUNT in links
         assert ("panda_hand" in links) == (set(GRIPPER_MOUNTS) <= links) == hand
     assert "exactly 6 numbers" in rigid
@@ -204,6 +205,12 @@ def crowded(strategy: int, boxes: int) -> Evaluation:
     return replace(elite, candidate=replace(elite.candidate, tool=tool, plan=plan, action_description="a" * 5000))
 
 
+class WholeUrdf(UrdfTools):
+    """Shows all of a tool's text, as a representation does that says nothing about it."""
+
+    abridge = ToolRepresentation.abridge
+
+
 @pytest.mark.parametrize("feedback", ["paper", "numbers"])
 @pytest.mark.parametrize(("count", "boxes"), [(5, 100), (20, 100), (5, 30), (1, 100)])
 def test_elites_have_a_budget(feedback: str, count: int, boxes: int) -> None:
@@ -211,7 +218,7 @@ def test_elites_have_a_budget(feedback: str, count: int, boxes: int) -> None:
     elites = tuple(crowded(k, boxes) for k in range(count))
     budget = 100_000 if boxes == 100 and count > 1 else 25_000
     settings = PromptSettings(feedback=feedback, elite_characters=budget)
-    text = words(PromptComposer(settings).compose(make_brief(elites=elites, representation=UrdfTools()), None))
+    text = words(PromptComposer(settings).compose(make_brief(elites=elites, representation=WholeUrdf()), None))
     block = re.search(r"## The elites?\n(.*?)```json\n(.*?)```", text, re.DOTALL)
     assert block is not None
     assert len(block[2]) <= budget
@@ -232,10 +239,82 @@ def test_elites_have_a_budget(feedback: str, count: int, boxes: int) -> None:
 
 
 def test_elites_within_the_budget_are_as_without_one() -> None:
-    brief = make_brief(elites=tuple(crowded(k, 10) for k in range(5)), representation=UrdfTools())
+    brief = make_brief(elites=tuple(crowded(k, 10) for k in range(5)), representation=WholeUrdf())
     unlimited = PromptComposer(PromptSettings(elite_characters=10**9)).compose(brief, None)
     assert PromptComposer().compose(brief, None) == unlimited
     assert "Not all could be shown" not in words(unlimited)
+
+
+def test_an_elite_of_eight_boxes_is_short_and_can_be_written_as_urdf() -> None:
+    """At most 600 tokens by LiteLLM's counter, and nothing is lost but colours."""
+    elite = hook(boxes=8, description="It reaches over the body, lowers a wall behind it, and pulls it back. " * 10)
+    text = words(PromptComposer().compose(make_brief(elites=(elite,), representation=UrdfTools()), None))
+    block = re.search(r"## The elite\n```json\n(.*?)```", text, re.DOTALL)
+    assert block is not None
+    assert litellm.token_counter(model="gemini/gemini-2.5-pro", text=block[1]) <= 600
+    (shown,) = json.loads(block[1])
+    assert "tool_urdf" not in shown
+    assert shown["tool_description"].endswith("...")
+    links = []
+    for line in shown["components"]:
+        name, parent, size, xyz, rpy, mass = re.fullmatch(
+            r"(\S+) on (\S+): (.+?) at (.+?)(?: rpy (.+?))?, (\S+) kg", line
+        ).groups("0 0 0")  # type: ignore[union-attr]
+        links.append(
+            f'<link name="{name}"><collision><geometry><box size="{size}"/></geometry></collision>'
+            f'<inertial><mass value="{mass}"/></inertial></link><joint name="j_{name}" type="fixed">'
+            f'<parent link="{parent}"/><child link="{name}"/><origin xyz="{xyz}" rpy="{rpy}"/></joint>'
+        )
+    again = UrdfTools().parse({"tool_urdf": "".join(links)}, gripper=False)
+    assert elite.candidate.tool is not None
+    for one, other in zip(again.components, elite.candidate.tool.components, strict=True):
+        assert (one.name, one.parent, one.shape.size) == (other.name, other.parent, other.shape.size)
+        np.testing.assert_allclose(one.pose.matrix, other.pose.matrix, atol=2e-4)
+        assert one.mass == pytest.approx(other.mass)
+
+
+def hook(boxes: int, description: str) -> Evaluation:
+    parts = [Component("shaft", RIGID_MOUNT, Pose.xyz_rpy((0.1125, 0, -0.0945), (0, 0.42, 0)), Box((0.02, 0.025, 0.2)))]
+    for k in range(1, boxes):
+        pose = Pose.xyz_rpy((0.0325 * k, -0.0125 * k, -0.1), (0, 0.3925, 0) if k % 2 else (0, 0, 0))
+        parts.append(Component(f"wall_{k}", parts[-1].name, pose, Box((0.185, 0.0125, 0.06)), mass=0.0125))
+    tool = Tool(tuple(parts), name="hook with side walls", description=description)
+    candidate = Candidate(tool, np.zeros((1, 6)), strategy_name="pull from behind", strategy_description=description)
+    return Evaluation(candidate, "ok", reward=0.8123)
+
+
+# --- what a design is judged by, and what is left to gain -------------------------------------------------------
+
+
+def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
+    plain = words(PromptComposer().compose(make_brief(elites=ELITES), None))
+    assert "judged by" not in plain
+    assert "`details`" not in plain
+    details = {"engines": {"one": {"mean": 0.512345, "rewards": [0.5, float("nan")]}}}
+    elites = (replace(ELITES[0], details=details), ELITES[1])
+    text = words(PromptComposer(judged=" The worst of three {{ trials }}.\n").compose(make_brief(elites=elites), None))
+    assert "## What a design is judged by\nThe worst of three {{ trials }}.\n\n" in text
+    block = re.search(r"## The elites\n.*?```json\n(.*?)```", text, re.DOTALL)
+    assert block is not None
+    first, second = json.loads(block[1])
+    assert first["details"] == {"engines": {"one": {"mean": 0.5123, "rewards": [0.5, None]}}}
+    assert "details" not in second
+    assert "`details` holds the figures" in text
+
+
+@pytest.mark.parametrize(("tie", "reward", "left"), [(0.005, 0.994, False), (0.005, 0.996, True), (0.05, 0.96, True)])
+@pytest.mark.parametrize("given", [False, True])
+def test_only_distance_is_left_to_gain(tie: float, reward: float, left: bool, given: bool) -> None:
+    elites = (replace(make_elite(0, reward), distance_m=1.234), make_elite(1, 0.5))
+    brief = make_brief(elites=elites, **({"representation": GivenBar(), "n_tool": 1} if given else {}))
+    text = words(PromptComposer(tie=tie).compose(brief, None))
+    assert ("nothing but distance is left to gain" in text) == left
+    assert ("The best went 1.23 m." in text) == left
+    assert f"Rewards within {tie:g} of the highest count as equal" in text
+    if not given:
+        rules = text.partition("# Evolution rules")[2].partition("\n# ")[0]
+        assert ("shortens it" in rules) == left
+        assert ("from a higher reward" in rules) != left
 
 
 # --- measurements of elites ------------------------------------------------------------------------------------
@@ -723,6 +802,73 @@ def test_the_motion_is_as_in_the_action_rules() -> None:
     np.testing.assert_allclose(fingers, (FINGER_OPEN, FINGER_OPEN / 2), atol=1e-3)  # evenly, while the arm stands
     halfway = arm().forward(trajectory.sample(np.array([0.5 * segment_s]))[0][0])
     np.testing.assert_allclose(halfway.position, (0.4, -0.2, 0.175), atol=1e-3)  # straight
+
+
+def test_a_repeated_waypoint_is_a_wait_of_one_segment() -> None:
+    low = [0.4, -0.2, 0.15, 0, 0, 0]
+    motion = plan_motion(np.array([low, low, low]), PushCube.home, arm(), segment_s=0.5)
+    np.testing.assert_allclose(np.diff(motion.arrivals), 0.5, rtol=0.02)
+    since = motion.trajectory.times > motion.arrivals[0]
+    np.testing.assert_allclose(np.ptp(motion.trajectory.arm[since], axis=0), 0, atol=1e-9)
+
+
+# --- the rules as the templates state them ----------------------------------------------------------------------
+
+
+def bar(name: str, mount: str, xyz: Vector, size: tuple[float, float, float], rpy: Vector = (0, 0, 0)) -> Component:
+    return Component(name, mount, Pose.xyz_rpy(xyz, rpy), Box(size))
+
+
+def test_gaps_are_between_turned_boxes() -> None:
+    """The boxes around the two overlap; the boxes themselves are 4 mm apart."""
+    shaft = bar("shaft", RIGID_MOUNT, (0, 0, -0.1), (0.1, 0.02, 0.2))
+    turned = bar("turned", "shaft", (0.05 + 0.07 + 0.004, 0, 0), (0.1, 0.02, 0.1), (0, np.pi / 4, 0))
+    check_tool(Tool((shaft, replace(turned, pose=Pose.xyz_rpy((0.12, 0, 0), (0, np.pi / 4, 0))))))
+    with pytest.raises(DesignError, match=r"is 3\.3 mm away from its parent"):
+        check_tool(Tool((shaft, turned)))
+    side = bar("side", "shaft", (0.05 + 0.045, 0, 0.1 + 0.045), (0.12, 0.02, 0.02), (0, np.pi / 4, 0))
+    corner = replace(side, pose=Pose.xyz_rpy((0.05 + 0.03, 0, 0.1 + 0.03), (0, np.pi / 4, 0)))
+    with pytest.raises(DesignError, match="mm away from its parent"):
+        check_tool(Tool((shaft, corner)))
+
+
+class InTheBin(PushCube):
+    """The end-effector starts above an open box."""
+
+    def scene(self, seed: int) -> Scene:
+        walls = [Geom(Box((0.01, 0.3, 0.2)), Pose(np.array([x, 0, 0.1]))) for x in (-0.15, 0.15)]
+        walls += [Geom(Box((0.3, 0.01, 0.2)), Pose(np.array([0, y, 0.1]))) for y in (-0.15, 0.15)]
+        return Scene((floor(), Body("bin", Pose(np.array([0.4, -0.2, 0.0])), 0.0, tuple(walls), tuple(walls))))
+
+
+def test_a_tool_may_start_inside_a_hollow_body_and_must_be_clear_at_home() -> None:
+    rules = SpawnRules(InTheBin(), 0)
+    rod = Tool((bar("rod", RIGID_MOUNT, (0, 0, -0.07), (0.02, 0.02, 0.14)),))
+    rules.check(rod)  # its end is 0.06 m above the bottom, between the walls
+    assert "z -0 to open" in layout_table(InTheBin(), 0) or "free through its middle" in layout_table(InTheBin(), 0)
+    with pytest.raises(DesignError, match="inside 'bin' of the scene"):
+        rules.check(Tool((bar("beam", RIGID_MOUNT, (0, 0, -0.07), (0.4, 0.02, 0.02)),)))
+
+
+def test_what_an_attachment_may_overlap() -> None:
+    rules = SpawnRules(PushCube(), 0)
+    left, right = GRIPPER_MOUNTS
+    rules.check(Tool((bar("on", left, (0, 0.01, 0.03), (0.02, 0.02, 0.04)),), gripper=True))
+    with pytest.raises(DesignError, match=r"inside the arm \(panda_hand\)"):
+        rules.check(Tool((bar("up", left, (0, 0.01, -0.01), (0.02, 0.02, 0.06)),), gripper=True))
+    wide = (bar("l", left, (0, -0.03, 0.06), (0.02, 0.06, 0.02)), bar("r", right, (0, 0.03, 0.06), (0.02, 0.06, 0.02)))
+    with pytest.raises(DesignError, match="on different fingers"):
+        rules.check(Tool(wide, gripper=True))
+    flange = Tool((bar("plate", RIGID_MOUNT, (0, 0, 0.01), (0.06, 0.06, 0.02)),))
+    rules.check(flange)  # it overlaps the link that bears it
+
+
+@pytest.mark.parametrize("penetration", ["forbid", "warn"])
+def test_what_collides_is_stated_as_it_is_checked(penetration: str) -> None:
+    text = words(PromptComposer(rollout=RolloutSettings(penetration=penetration)).compose(make_brief(), None))
+    assert ("or the tool into the arm, is rejected without a trial" in text) == (penetration == "forbid")
+    assert ("earns 0: don't" in text) == (penetration == "forbid")
+    assert ("Arm and tool do not collide with each other" in text) == (penetration != "forbid")
 
 
 def test_a_turn_goes_the_shorter_way_and_a_far_one_takes_longer() -> None:

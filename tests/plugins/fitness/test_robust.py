@@ -42,6 +42,20 @@ def test_transfer_and_robust_begin_alike():
     assert all(transfer[key] == robust[key] for key in ("sims", "seeds", "perturbation"))
 
 
+def test_the_prompt_says_what_counts():
+    ranges = {"position": 0.01, "yaw": 0.1, "mass": 0.2, "friction": 0.3}
+    many = {"name": "robust", "sims": ["pybullet", {"name": "pybullet", "time_step": 0.002}], "perturbation": ranges}
+    text = fitness(many, EVALUATOR).instructions()
+    assert "3 times in each of the engines pybullet, pybullet time_step=0.002" in text
+    assert "moved by up to 0.01 m along x and along y and turned by up to 0.1 rad" in text
+    assert "masses differ by up to 20%, friction by up to 30%" in text
+    assert "the lowest of the engines' mean rewards" in text
+    one = fitness({"name": "robust", "sims": ["pybullet"], "seeds": [4]}, EVALUATOR).instructions()
+    assert "once in the engine pybullet" in one
+    assert "the mean of its rewards" in one
+    assert not fitness({"name": "nominal"}, EVALUATOR).instructions()
+
+
 @pytest.mark.parametrize(
     ("config", "said"),
     [

@@ -41,8 +41,8 @@ A = link("a") + joint("panda_virtual", "a")
 class _Brief:
     """The fields of a brief that `UrdfTools.instructions` reads."""
 
-    def __init__(self, gripper):
-        self.gripper = gripper
+    def __init__(self, gripper, elites=()):
+        self.gripper, self.elites = gripper, elites
 
 
 def test_is_found_by_name():
