@@ -14,7 +14,7 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,11 @@ from core.jobs import Rollout as Rollout
 from core.jobs import RolloutSettings as RolloutSettings
 from core.jobs import World as World
 from core.jobs import observation as observation
+from core.messages import Estimate as Estimate
+from core.messages import Message as Message
+from core.messages import Picture as Picture
+from core.messages import Reply as Reply
+from core.messages import Text as Text
 from core.scene import Camera, Goal, Scene, State
 
 Image = npt.NDArray[np.uint8]
@@ -127,29 +132,6 @@ class Brief:
     elites: tuple[Evaluation, ...] = ()  # the best first; empty: the agent starts from nothing
 
 
-@dataclass(frozen=True)
-class Text:
-    """A piece of a message."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A piece of a message: the bytes of a PNG file, and the file's name, without suffix, beside the stored request."""
-
-    png: bytes
-    name: str = "scene"
-
-
-@dataclass(frozen=True)
-class Message:
-    """One message of a request, its pieces in order."""
-
-    role: Literal["system", "user", "assistant"]
-    parts: tuple[Text | Picture, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Request:
     """One call of the model: the brief, and what was composed from it (messages, JSON schema of the answer)."""
@@ -159,38 +141,6 @@ class Request:
     messages: tuple[Message, ...]
     schema: dict[str, Any]
     temperature: float
-
-
-@dataclass(frozen=True)
-class Reply:
-    """The answer to a request: the raw text, or ``error``. Token counts and cost are None where they are unknown.
-
-    ``unanswered``: the call failed for a reason that may pass, and nothing was paid. A resumed run asks again.
-    """
-
-    request_id: str
-    text: str
-    model: str
-    error: str | None = None
-    prompt_tokens: int | None = None
-    completion_tokens: int | None = None
-    cost_usd: float | None = None
-    unanswered: bool = False
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """An estimate of a request's size and cost, made without calling a model.
-
-    It has the tokens of the messages, the US dollars for each token of prompt and answer (None: unknown), and the
-    sources of these figures.
-    """
-
-    prompt_tokens: int
-    counted_by: str
-    usd_per_prompt_token: float | None = None
-    usd_per_completion_token: float | None = None
-    priced_by: str | None = None
 
 
 CHARACTERS_PER_TOKEN = 3.0  # English prose has about 4, numbers and URDF fewer

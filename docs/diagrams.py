@@ -12,7 +12,19 @@ FONT = "system-ui, 'DejaVu Sans', sans-serif"
 # From the ground up, and within a floor from left to right: a room imports only from rooms before it.
 # `tests/test_architecture.py` checks every module.
 FLOORS = {
-    "values": ("errors", "threads", "files", "scratch", "text", "secrets", "geometry", "scene", "design", "jobs"),
+    "values": (
+        "errors",
+        "threads",
+        "files",
+        "scratch",
+        "text",
+        "secrets",
+        "geometry",
+        "scene",
+        "design",
+        "messages",
+        "jobs",
+    ),
     "interfaces and events": ("interfaces", "replies", "events", "hooks"),
     "plugins and config": ("cli", "plugins", "config"),
     "robot and designs": ("robot", "designs"),

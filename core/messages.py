@@ -1,0 +1,65 @@
+"""Define what passes between the program and a model: messages of texts and pictures, replies, and estimates of cost.
+
+Plugins import all of it from `core.interfaces`. Covered by `tests/core/designs/test_composer.py` and
+`tests/core/search/test_designer.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Text:
+    """A piece of a message."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A piece of a message: the bytes of a PNG file, and the file's name, without suffix, beside the stored request."""
+
+    png: bytes
+    name: str = "scene"
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message of a request, its pieces in order."""
+
+    role: Literal["system", "user", "assistant"]
+    parts: tuple[Text | Picture, ...]
+
+
+@dataclass(frozen=True)
+class Reply:
+    """The answer to a request: the raw text, or ``error``. Token counts and cost are None where they are unknown.
+
+    ``unanswered``: the call failed for a reason that may pass, and nothing was paid. A resumed run asks again.
+    """
+
+    request_id: str
+    text: str
+    model: str
+    error: str | None = None
+    prompt_tokens: int | None = None
+    completion_tokens: int | None = None
+    cost_usd: float | None = None
+    unanswered: bool = False
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An estimate of a request's size and cost, made without calling a model.
+
+    It has the tokens of the messages, the US dollars for each token of prompt and answer (None: unknown), and the
+    sources of these figures.
+    """
+
+    prompt_tokens: int
+    counted_by: str
+    usd_per_prompt_token: float | None = None
+    usd_per_completion_token: float | None = None
+    priced_by: str | None = None
