@@ -130,6 +130,7 @@ class Brief:
     agent: int  # its number in the generation
     seed: int  # for a model that draws random numbers
     elites: tuple[Evaluation, ...] = ()  # the best first; empty: the agent starts from nothing
+    tried: tuple[Evaluation, ...] = ()  # all of earlier generations, if the prompt may show them
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,6 +276,7 @@ class EvolutionStrategy(ABC):
         UsageError: ``tie`` is negative or not finite.
     """
 
+    learns: ClassVar[bool] = True  # requests may show what earlier generations earned
     tie: float = TIE
 
     def __init__(self, designer: Designer, budget: Budget, tie: float = TIE) -> None:

@@ -151,7 +151,7 @@ class World(Protocol):
         """Return the state of the free bodies."""
 
 
-OBSERVATION = "observation"  # of `Evaluation.details`
+OBSERVATION, TRIAL = "observation", "trial"  # of `Evaluation.details`
 
 Class = Literal["solved", "placed", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
 CLASSES: tuple[Class, ...] = get_args(Class)
@@ -178,7 +178,7 @@ class Observation:
         what: the body that this happened to, or the thing that the robot was stuck at.
         at_s: when it happened.
         moved: the free bodies that moved, and those of the goal.
-        errors: for each body of the goal, its place at the end minus the wanted one; None: that coordinate is free.
+        errors: for each body of the goal, its place at the end minus the wanted one; None: a coordinate is free.
         contacts: the first contacts, the robot's before those of bodies with each other.
         contacts_left_out: how many more there were.
         clearances: the least distance of the robot to each body that it did not touch.

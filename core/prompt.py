@@ -65,6 +65,7 @@ def compose(cfg: DictConfig) -> Request:
     check_seed(cfg.seed)
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
+    cfg.rollout.observe |= cfg.prompt.feedback != "paper"
     task: Task = part("task", cfg.task).create()
     representation: ToolRepresentation = part("tool", cfg.tool).create()
     settings = node(cfg.rollout, RolloutSettings)
@@ -83,13 +84,17 @@ def compose(cfg: DictConfig) -> Request:
         tool_kinds=cfg.task.get("tool_kinds") or DEFAULT_KINDS,
         events=event_hub(),
     )
-    elites = elites_of(cfg, task, representation, fitness) if cfg.designs is not None else []
+    elites: list[Evaluation] = []
+    if cfg.designs is not None:
+        elites, designer.tried = elites_of(cfg, task, representation, fitness)
     (request,) = designer.requests(1 if elites else 0, elites, [cfg.agent])
     return request
 
 
-def elites_of(cfg: DictConfig, task: Task, representation: ToolRepresentation, fitness: Fitness) -> list[Evaluation]:
-    """The best plan of each tool in ``cfg.designs``, at most ``cfg.budget.k_top`` of them, the best first.
+def elites_of(
+    cfg: DictConfig, task: Task, representation: ToolRepresentation, fitness: Fitness
+) -> tuple[list[Evaluation], list[Evaluation]]:
+    """The best plan of each tool in ``cfg.designs``, at most ``cfg.budget.k_top`` of them, the best first; and all.
 
     Where a strategy states its ``reward`` (and perhaps ``distance_m``), that counts for its first plan; the others are
     tried.
@@ -113,7 +118,7 @@ def elites_of(cfg: DictConfig, task: Task, representation: ToolRepresentation, f
     if not best:
         reasons = [c.problem for c in candidates if c.problem] + [e.reason for e in evaluations if e.reason]
         raise UserError(f"{cfg.designs}: none of its designs can be an elite; the first reason: {reasons[0]}")
-    return list(best.values())[: cfg.budget.k_top]
+    return list(best.values())[: cfg.budget.k_top], evaluations
 
 
 def _stated(strategy: object, number: int, file: str) -> tuple[float, float] | None:

@@ -239,6 +239,21 @@ def test_an_interrupted_run_says_how_to_go_on(toy, whole, tmp_path, chunk):
     assert_same_run(folder, whole)
 
 
+def test_a_resumed_run_is_told_of_the_last_generation_what_the_whole_one_was(toy, tmp_path):
+    whole, folder = tmp_path / "whole", tmp_path / "run"
+    cfg = toys.config(toy.file, "prompt.feedback=numbers")
+    run(cfg, whole)
+    OmegaConf.update(cfg, "executor.fails_at", 4, force_add=True)
+    assert run(cfg, folder).stopped == "interrupted"
+    resume(folder, ["executor.fails_at=null"])
+    assert_same_run(folder, whole)
+    request = (whole / "requests" / "g1-a0.md").read_text()
+    assert "## The last round" in request
+    assert request.count("\n- g0-a") > 3
+    assert "rejected: " in request
+    assert "## The last round" not in (whole / "requests" / "g0-a0.md").read_text()
+
+
 def test_an_interrupt_in_the_last_seconds_says_it_too(toy, whole, tmp_path, monkeypatch):
     folder = tmp_path / "run"
 

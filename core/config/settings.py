@@ -11,9 +11,10 @@ SYSTEM = ("system",)
 _PLANS = ("action_rules", "action_diversity", "workspace")
 _REPLY = ("frames", "units", "output", "context")
 _RULES = ("tool_rules", *_PLANS, "spawn_rules", *_REPLY)
-INITIAL = ("mission_initial", "procedure", *_RULES)
-EVOLUTION = ("mission_evolve", "elites", "procedure", "evolution_rules", *_RULES)
-GIVEN = ("mission_given", "elites", "procedure", *_PLANS, *_REPLY)
+LAST = "last_generation"  # the part that is left out with the feedback "paper"
+INITIAL = ("mission_initial", LAST, "procedure", *_RULES)
+EVOLUTION = ("mission_evolve", "elites", LAST, "procedure", "evolution_rules", *_RULES)
+GIVEN = ("mission_given", "elites", LAST, "procedure", *_PLANS, *_REPLY)
 FEEDBACK = ("paper", "numbers", "full")
 VIEWS = ("camera", "front", "side", "top")
 
@@ -27,9 +28,11 @@ class PromptSettings:
         file: a text file with a person's idea of the tool and its motion, for templates that quote it.
         views: the pictures of the scene: from the task's ``camera``, or with axes from the ``front``, ``side`` and
             ``top``; empty: none.
-        feedback: what is shown of elites: tool and reward (``paper``), also the plan and measurements of the rollout
-            (``numbers``), or also a picture (``full``).
+        feedback: what is shown of elites: tool and reward (``paper``), also the plan and what was observed of its
+            rollout, and a line for each candidate of the last generation (``numbers``), or also a picture (``full``).
         elite_characters: the length of the text of all elites, beyond which those of the lowest ranks are shortened.
+        generation_characters: the length of the lines of the last generation's candidates, beyond which some are left
+            out.
         repair: ask once more, with the reason, if a reply can't be read.
         check: return what is found about the designs of a reply before they are tried, and take the second answer.
         system: the templates of the system message; empty: no system message.
@@ -43,6 +46,7 @@ class PromptSettings:
     views: list[str] = field(default_factory=lambda: ["camera"])
     feedback: str = "paper"
     elite_characters: int = 100_000
+    generation_characters: int = 12_000
     repair: bool = False
     check: bool = False
     system: list[str] = field(default_factory=lambda: list(SYSTEM))

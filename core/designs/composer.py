@@ -17,16 +17,17 @@ import jinja2
 import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
-from core.config.settings import FEEDBACK, VIEWS, PromptSettings
+from core.config.settings import FEEDBACK, LAST, VIEWS, PromptSettings
 from core.design import TIE, Tool
 from core.designs.arm_sheet import describe_arm
 from core.designs.elites import elites_text
 from core.designs.excerpts import class_source, function_source, helpers
+from core.designs.feedback import combined_figures, generation_lines, last_generation
 from core.designs.layout import layout_table
 from core.designs.rules import MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
 from core.geometry import Vector
-from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text
+from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, observation
 from core.robot.description import FINGER_FRICTION, TOOL_FRICTION
 from core.robot.outline import outline
 from core.robot.trajectory import plan_motion
@@ -65,15 +66,17 @@ class PromptComposer:
         self.settings = settings = settings or PromptSettings()
         self.rollout = rollout or RolloutSettings()
         self.tie, self.judged = tie, judged.strip()
-        if settings.elite_characters < 0:
-            raise UsageError(f"prompt.elite_characters must be 0 or greater, got {settings.elite_characters}")
+        for name in ("elite_characters", "generation_characters"):
+            if getattr(settings, name) < 0:
+                raise UsageError(f"prompt.{name} must be 0 or greater, got {getattr(settings, name)}")
         if settings.feedback not in FEEDBACK:
             raise choices("feedback", settings.feedback, FEEDBACK, "prompt.feedback")
         for view in settings.views:
             if view not in VIEWS:
                 raise choices("view", str(view), VIEWS, "prompt.views")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
-        parts |= {CHECK} if settings.check else set()  # a folder of older templates has none
+        parts -= {LAST} if settings.feedback == "paper" else set()
+        parts |= {CHECK} if settings.check else set()  # a folder of older templates has neither
         self._templates, names = _load(Path(settings.dir) if settings.dir else None, parts)
         self._idea = _read_idea(settings.file, wanted="idea" in names)
 
@@ -107,6 +110,7 @@ class PromptComposer:
                 "this prompt evolves elites, and there are none: it has no parts for a first sampling; "
                 "use prompt=vlmgineer, or add designs=FILE with elites to python -m core.prompt"
             )
+        parts = [part for part in parts if part in self._templates]
         user: list[Text | Picture] = [text for part in parts if (text := self._render(part, values)).text.strip()]
         user += [picture] if picture else []
         for name, view in (views or {}).items():
@@ -147,7 +151,7 @@ class PromptComposer:
         mounted = given if given is not None else Tool(gripper=brief.gripper)
         numbers = given is not None or self.settings.feedback != "paper"  # all that plans for a given tool differ in
         elites, shortened = elites_text(
-            brief.elites, representation, numbers=numbers, budget=self.settings.elite_characters
+            brief.elites, representation, numbers=numbers, budget=self.settings.elite_characters, tried=brief.tried
         )
         return {
             "given": given,
@@ -175,11 +179,18 @@ class PromptComposer:
             "tie": f"{self.tie:g}",
             "judged": self.judged,
             "elites": elites,
+            "observed": any(observation(elite) is not None for elite in brief.elites),
+            "candidates": self._candidates(brief),
             "shortened": shortened,
-            "detailed": any(elite.details for elite in brief.elites),
+            "detailed": any(combined_figures(elite) for elite in brief.elites),
             "solved": any(elite.reward >= 1 - self.tie for elite in brief.elites),
             "other_kind": any(e.candidate.tool and e.candidate.tool.gripper != brief.gripper for e in brief.elites),
         }
+
+    def _candidates(self, brief: Brief) -> str:
+        """A line for each candidate of the last generation, if the prompt shows them."""
+        last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
+        return generation_lines(last, self.settings.generation_characters)
 
     def _render(self, part: str, values: dict[str, Any]) -> Text:
         try:

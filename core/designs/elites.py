@@ -14,22 +14,29 @@ from typing import Any
 import numpy as np
 
 from core.design import Component, Evaluation, Tool
+from core.designs.feedback import combined_figures, elite_feedback
 from core.designs.reading import dump_design
-from core.interfaces import ToolRepresentation
+from core.interfaces import ToolRepresentation, observation
 from core.text import clean
 
 _LONGEST = 240  # characters of a description
 
 
 def elites_text(
-    elites: Sequence[Evaluation], representation: ToolRepresentation, *, numbers: bool, budget: int
+    elites: Sequence[Evaluation],
+    representation: ToolRepresentation,
+    *,
+    numbers: bool,
+    budget: int,
+    tried: Sequence[Evaluation] = (),
 ) -> tuple[str, bool]:
     """Write elites as JSON; report whether some had to be shortened to keep within ``budget`` characters.
 
-    With ``numbers`` each has its plan and the measurements of its rollout. The last is shortened first: at first to a
-    list of its components, then to its id, reward and names, which are shown in any case.
+    With ``numbers`` each has its plan, what was observed of its rollout, and the rewards of its other plans among
+    ``tried``. The last is shortened first: at first to a list of its components, then to its id, reward and names,
+    which are shown in any case.
     """
-    entries = [_entry(elite, representation, numbers) for elite in elites]
+    entries = [_entry(elite, representation, numbers, tried) for elite in elites]
     text = _json(entries)
     shortened = len(text) > budget
     for shorten in (_listed, _named):
@@ -41,20 +48,23 @@ def elites_text(
     return text, shortened
 
 
-def _entry(elite: Evaluation, representation: ToolRepresentation, numbers: bool) -> dict[str, Any]:
+def _entry(
+    elite: Evaluation, representation: ToolRepresentation, numbers: bool, tried: Sequence[Evaluation]
+) -> dict[str, Any]:
     candidate, design = elite.candidate, dump_design(elite.candidate, representation)
     assert candidate.tool is not None
     left_out = {"action_description", "action_sets", *representation.dump(candidate.tool)}
     data: dict[str, Any] = {"id": candidate.id, "reward": round(elite.reward, 4)}
     data |= {key: _cut(key, value) for key, value in design.items() if key not in left_out}
     data |= representation.abridge(candidate.tool)
-    if elite.details:
-        data["details"] = _figures(elite.details)
+    if figures := combined_figures(elite):
+        data["details"] = _figures(figures)
     if not numbers:
         return data
+    data |= {"action_plan": np.round(candidate.plan, 4).tolist(), "distance_m": _rounded(elite.distance_m)}
+    if observation(elite) is not None:
+        return data | elite_feedback(elite, tried) | {"warnings": list(elite.warnings)}
     return data | {
-        "action_plan": np.round(candidate.plan, 4).tolist(),
-        "distance_m": _rounded(elite.distance_m),
         "moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()},
         "missed_m": _rounded(elite.ik_error_m),
         "missed_rad": _rounded(elite.ik_error_rad),

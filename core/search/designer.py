@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 import numpy as np
 import pluggy
@@ -18,6 +18,8 @@ from core.designs.reading import parse_reply, read_designs
 from core.designs.review import review
 from core.designs.rules import SpawnRules, given_tool
 from core.errors import NoPicture, UserError, choices
+from core.events import Generation
+from core.hooks import hookimpl
 from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulator, Task, ToolRepresentation
 from core.plugins import describe_part
 from core.replies import checked
@@ -37,7 +39,8 @@ class ModelDesigner:
     An agent's seed, temperature and kind of tool follow from ``seed``, the generation and the agent's number alone. Of
     two ``tool_kinds`` each agent gets one at random. Where the representation gives a tool, agents are asked for plans
     only. ``pictures`` has those of the scene by view, without the gripper (False) and with it. ``show`` draws an
-    elite's rollout; it is called if the prompts' feedback is ``full``.
+    elite's rollout; it is called if the prompts' feedback is ``full``. ``tried`` is what they may show of earlier
+    generations; as a listener the designer collects it itself.
     """
 
     task: Task
@@ -52,6 +55,7 @@ class ModelDesigner:
     pictures: Mapping[bool, Mapping[str, Picture]]
     events: pluggy.PluginManager
     show: Callable[[Candidate], Picture | None] | None = None
+    tried: list[Evaluation] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._spawn = SpawnRules(self.task, self.seed)
@@ -73,6 +77,10 @@ class ModelDesigner:
                 f"the model answered no request of generation {generation}: {unanswered[0].error}; requests without "
                 "an answer are sent again when the run goes on"
             )
+
+    @hookimpl
+    def generation_finished(self, generation: Generation) -> None:
+        self.tried += generation.evaluations
 
     def requests(self, generation: int, elites: Sequence[Evaluation], agents: Iterable[int]) -> list[Request]:
         """Compose the request of each of the ``agents``."""
@@ -180,6 +188,7 @@ class ModelDesigner:
             agent=agent,
             seed=int(rng.integers(2**31)),
             elites=tuple(elites),
+            tried=tuple(self.tried),
         )
         views = dict(self.pictures.get(gripper, {}))
         scene = views.pop("camera", None)

@@ -63,6 +63,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     if given is not None:
         budget = replace(budget, n_tool=1)
     settings = node(cfg.rollout, RolloutSettings)
+    if config["prompt"]["feedback"] != "paper":
+        settings = replace(settings, observe=True)
     evaluator = Evaluator(task_part, sim_part, cfg.seed, settings)
     fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
 
@@ -83,6 +85,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         events=events,
     )
     strategy = part("evolution", cfg.evolution).create(designer=designer, budget=budget)
+    if strategy.learns:
+        events.register(designer, "designer")
     for name, options in config["listener"].items():
         add_listener(events, installed().create("listener", name, options or {}), name)
     store = store or RunStore.create(folder, config)  # from here on the folder is this run's

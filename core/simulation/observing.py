@@ -69,7 +69,7 @@ def observe(
         what,
         None if at is None else round(at, 2),
         moved,
-        {name: _offset(goal, end.position(name)) for name in bodies} if goal is not None and goal.place else {},
+        {name: _offset(goal, end.position(name)) for name in bodies} if goal is not None else {},
         tuple(_rounded(contact) for contact in found[:MAX_CONTACTS]),
         max(0, len(found) - MAX_CONTACTS),
         {name: round(gap, 4) for name, gap in contacts.clearances.items()},
@@ -78,7 +78,7 @@ def observe(
         round(float(taken.times[int(lags.argmax())]), 2),
         tuple(round(instant, 2) for instant in motion.arrivals.tolist()),
         tuple(round(instant, 2) for instant in taken.times[samples].tolist()),
-        {name: tuple(_point(p) for p in taken.states.position(name)[samples]) for name in followed},
+        {name: tuple(_point(p, 3) for p in taken.states.position(name)[samples]) for name in followed},
     )
 
 
@@ -184,9 +184,9 @@ def _stirred(moved: Moved) -> bool:
 
 
 def _offset(goal: Goal, position: Array) -> Offset:
-    """A place minus the goal's."""
-    assert goal.place is not None
-    x, y, z = (None if w is None else round(float(p) - w, 4) for w, p in zip(goal.place, position, strict=True))
+    """A place minus the goal's, metres; None where the goal leaves a coordinate free."""
+    wanted = goal.place or (None, None, None)
+    x, y, z = (None if w is None else round(float(p) - w, 4) for w, p in zip(wanted, position, strict=True))
     return x, y, z
 
 
@@ -214,8 +214,8 @@ def _length(vector: Array | tuple[float, ...] | list[float]) -> float:
     return float(np.linalg.norm(vector))
 
 
-def _point(position: Array) -> Point:
-    x, y, z = (round(float(number), 4) + 0.0 for number in position)
+def _point(position: Array, digits: int = 4) -> Point:
+    x, y, z = (round(float(number), digits) + 0.0 for number in position)
     return x, y, z
 
 

@@ -40,6 +40,10 @@ class PerturbedEvaluator(Evaluator):
         rules = _spawn_rules(self.task, self.seed)
         return super().__call__([_checked(candidate, rules) for candidate in candidates])
 
+    @property
+    def trial(self) -> dict[str, Any]:
+        return super().trial | ({"change": self.task.draw} if isinstance(self.task, PerturbedPart) else {})
+
 
 @lru_cache(maxsize=256)
 def _spawn_rules(task: Part[Task], seed: int) -> SpawnRules:
@@ -105,13 +109,14 @@ def worst(candidate: Candidate, tried: Mapping[str, Sequence[Evaluation]]) -> Ev
     """Combine a candidate's evaluations in each engine into one, by the worst engine.
 
     The reward is the lowest of the engines' means; a rejected or failed trial counts 0. ``details["engines"]`` holds
-    each engine's mean, standard deviation and rewards. All else is taken from a trial that succeeded, in the worst
-    engine if there is one there; if none succeeded, from the first. Failures become warnings.
+    each engine's mean, standard deviation and rewards. All else is taken from the trial with the lowest reward that
+    succeeded, in the worst engine if there is one there; if none succeeded, from the first. Failures become warnings.
     """
     figures = {engine: statistics(evaluations) for engine, evaluations in tried.items()}
     lowest = min(figures, key=lambda engine: figures[engine]["mean"])
-    every = [*tried[lowest], *(e for engine, evaluations in tried.items() if engine != lowest for e in evaluations)]
-    shown = next((e for e in every if e.status == "ok"), every[0])
+    others = [e for engine, evaluations in tried.items() if engine != lowest for e in evaluations]
+    succeeded = [[e for e in trials if e.status == "ok"] for trials in (tried[lowest], others)]
+    shown = min(succeeded[0] or succeeded[1] or tried[lowest][:1], key=lambda e: e.reward)
     failures = [
         f"{engine}, change {i} of {len(evaluations)}: {e.status}: {e.reason}"
         for engine, evaluations in tried.items()
@@ -119,7 +124,9 @@ def worst(candidate: Candidate, tried: Mapping[str, Sequence[Evaluation]]) -> Ev
         if e.status != "ok" and shown.status == "ok"
     ]
     warnings, reward = (*shown.warnings, *failures), figures[lowest]["mean"]
-    return replace(shown, candidate=candidate, reward=reward, warnings=warnings, details={"engines": figures})
+    return replace(
+        shown, candidate=candidate, reward=reward, warnings=warnings, details=shown.details | {"engines": figures}
+    )
 
 
 def statistics(evaluations: Sequence[Evaluation]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from core.design import Candidate, Evaluation
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
+from core.jobs import TRIAL
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
 from core.robot.kinematics import arm
@@ -53,7 +54,7 @@ class Evaluator:
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         try:
-            return evaluate_batch(_task(self.task), _simulator(self.sim), candidates, self.seed, self.settings)
+            found = evaluate_batch(_task(self.task), _simulator(self.sim), candidates, self.seed, self.settings)
         except (UserError, MemoryError):
             raise
         except Exception as error:  # a plugin's code may raise anything
@@ -61,6 +62,14 @@ class Evaluator:
             if blamed is None:
                 raise
             raise PluginError(blamed) from error
+        if self.settings.observe:
+            found = [replace(e, details=e.details | {TRIAL: self.trial}) for e in found]
+        return found
+
+    @property
+    def trial(self) -> dict[str, Any]:
+        """Where its rollouts take place: the engine, the layout's number, and that of a perturbation."""
+        return {"engine": self.sim.name, "layout": self.seed}
 
 
 @lru_cache(maxsize=256)

@@ -17,6 +17,7 @@ def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
 class Sampling(EvolutionStrategy):
     """Ask for a fresh population in each generation, and ignore what the last one earned."""
 
+    learns = False
     _generation = 0
 
     def ask(self) -> Iterator[Candidate]:

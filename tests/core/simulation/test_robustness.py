@@ -100,3 +100,13 @@ def test_a_tool_that_starts_in_a_body_that_was_moved_is_refused_there():
     assert refused == near
     assert 0 < len(refused) < 8
     assert all(tried[draw].reason.startswith("in the perturbed scene, component 'bar' starts") for draw in near)
+
+
+def test_the_worst_trial_is_the_one_that_is_shown():
+    trials = {"one": [earned(1.0)], "other": [earned(0.9), earned(0.2), earned(0.5)]}
+    for engine, evaluations in trials.items():
+        for number, evaluation in enumerate(evaluations):
+            evaluation.details["trial"] = {"engine": engine, "change": number}
+    shown = worst(CANDIDATE, trials)
+    assert shown.details["trial"] == {"engine": "other", "change": 1}
+    assert shown.details["engines"]["other"]["rewards"] == [0.9, 0.2, 0.5]

@@ -105,6 +105,7 @@ def test_robust_tries_every_change_in_every_engine():
         assert evaluation.reward == min(engine["mean"] for engine in figures.values())
         assert json.loads(json.dumps(figures)) == figures
         assert evaluation.distance_m > 0.3
+        assert "trial" not in evaluation.details
     rewards = np.array([engine["rewards"] for engine in evaluations[0].details["engines"].values()])
     assert len(np.unique(rewards)) == 4
     assert rewards.min() > 0.9

@@ -1,0 +1,208 @@
+"""Write what was observed of rollouts for a prompt: a line for each candidate of a generation, more for elites."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from typing import Any
+
+from core.design import Evaluation, best_first
+from core.interfaces import Contact, Observation, observation
+from core.jobs import OBSERVATION, TRIAL
+from core.text import clean
+
+_MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M = 0.001, 0.01, 0.01, 0.001  # what is less is not worth its words
+_BODIES, _CONTACTS = 3, 6
+_REASON = 300  # characters
+
+
+def last_generation(tried: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
+    """Return the evaluations of the last generation among those that were tried, in the order of `Candidate.key`."""
+    tried = list(tried)
+    last = max((e.candidate.generation for e in tried), default=0)
+    return tuple(sorted((e for e in tried if e.candidate.generation == last), key=lambda e: e.candidate.key))
+
+
+def outcome_of(evaluation: Evaluation) -> str:
+    """Name what became of a candidate: its class (`Observation.result`), ``rejected``, ``failed`` or ``invalid``."""
+    if evaluation.status != "ok":
+        return evaluation.status
+    if evaluation.reason:
+        return "invalid"
+    seen = observation(evaluation)
+    return seen.result if seen is not None else "tried"
+
+
+def most_instructive(evaluations: Iterable[Evaluation]) -> Evaluation | None:
+    """Choose the failure that most is learnt from; None: there is none that was tried.
+
+    It is the best candidate of the most frequent class of failure; of equally frequent ones the one that got farther.
+    """
+    groups: dict[str, list[Evaluation]] = {}
+    for evaluation in best_first(evaluations):
+        if (what := outcome_of(evaluation)) not in ("solved", "placed"):
+            groups.setdefault(what, []).append(evaluation)
+    return max(groups.values(), key=lambda group: (len(group), group[0].reward))[0] if groups else None
+
+
+@lru_cache(maxsize=2)
+def generation_lines(evaluations: tuple[Evaluation, ...], budget: int) -> str:
+    """Write a line for each candidate, in about ``budget`` characters.
+
+    Candidates with equal lines share one. Where they would be too long, each kind keeps as many of its best as the
+    others, and the last line counts what is left out.
+    """
+    groups: dict[str, list[Evaluation]] = {}
+    others = sorted((e for e in evaluations if e.status != "ok"), key=lambda e: (e.status, e.candidate.key))
+    for evaluation in (*best_first(evaluations, tie=0.0), *others):
+        groups.setdefault(_line(evaluation), []).append(evaluation)
+    lines = {text: f"- {_ids(group)}: {text}" for text, group in groups.items()}
+    queues: dict[str, list[str]] = {}
+    for text, group in groups.items():
+        queues.setdefault(outcome_of(group[0]), []).append(text)
+    chosen: set[str] = set()
+    left = budget
+    for text in (queue[rank] for rank in range(len(groups)) for queue in queues.values() if rank < len(queue)):
+        left -= len(lines[text]) + 1
+        if left < 0 and chosen:
+            break
+        chosen.add(text)
+    shown = [line for text, line in lines.items() if text in chosen]
+    rest = [evaluation for text, group in groups.items() if text not in chosen for evaluation in group]
+    return "\n".join([*shown, *([f"- Left out: {_summary(rest)}."] if rest else [])])
+
+
+def combined_figures(evaluation: Evaluation) -> dict[str, Any]:
+    """Return the figures that a fitness combined."""
+    return {key: value for key, value in evaluation.details.items() if key not in (OBSERVATION, TRIAL)}
+
+
+def elite_feedback(elite: Evaluation, tried: Iterable[Evaluation]) -> dict[str, Any]:
+    """Describe an elite's rollout beyond its reward; ``tried``: among them are its tool's other plans."""
+    own = elite.candidate.key
+    plans = [e for e in tried if e.candidate.key[:3] == own[:3] and e.candidate.key != own]
+    described: dict[str, Any] = {}
+    if plans:
+        plans.sort(key=lambda e: e.candidate.key)
+        described["other_plans"] = [f"{e.reward:.2f} {outcome_of(e)}" for e in plans]
+    if (trial := elite.details.get(TRIAL)) is not None:
+        described["trial"] = ", ".join(f"{name} {value}" for name, value in trial.items())
+    seen = observation(elite)
+    if seen is None:
+        return described
+    described |= {"result": _result(seen), "moved": dict(_moves(seen, 2 * _BODIES))}
+    wrong = {name: offset for name, offset in seen.errors.items() if any(part is not None for part in offset)}
+    worst = sorted(wrong, key=lambda name: -max(abs(part) for part in wrong[name] if part is not None))
+    described["error_m"] = {name: list(wrong[name]) for name in worst[: 2 * _BODIES]}
+    if seen.paths:
+        described["times_s"] = list(seen.instants)
+        described["path_m"] = {name: " ".join(_point(point) for point in path) for name, path in seen.paths.items()}
+    robot = [contact for contact in seen.contacts if contact.kind != "body"]
+    unwanted = [contact for contact in robot if contact.kind == "arm" or contact.other not in seen.errors]
+    wanted = [contact for contact in seen.contacts if contact not in unwanted]
+    described |= {"contacts": _contacts(wanted), "unwanted_contacts": _contacts(unwanted)}
+    near = sorted(seen.clearances.items(), key=lambda item: item[1])[:_BODIES]
+    described |= {"clearance_m": dict(near), "missed": _miss(seen), "lag": _lag(seen)}
+    return {key: value for key, value in described.items() if value}
+
+
+def _line(evaluation: Evaluation) -> str:
+    if evaluation.status != "ok":
+        return f"{evaluation.status}: {clean(evaluation.reason, _REASON)}"
+    seen = observation(evaluation)
+    parts = [f"{evaluation.reward:.3f}"]
+    if evaluation.reason:
+        parts[0] += f" invalid: {clean(evaluation.reason, _REASON)}"
+    if seen is None:
+        moved = sorted(evaluation.moved_m.items(), key=lambda item: -item[1])[:_BODIES]
+        return "; ".join([*parts, *(f"{name} moved {way:.3f} m" for name, way in moved if way > _MOVED_M)])
+    if not evaluation.reason:
+        parts[0] += f" {_result(seen)}"
+    moves = _moves(seen, _BODIES)
+    parts += [f"{name} {move}" for name, move in moves] or ["nothing moved"]
+    first: dict[str, Contact] = {}
+    for contact in seen.contacts:
+        if contact.kind != "body":
+            first.setdefault(contact.other, contact)
+    touched = [f"{c.one} touched {c.other} at {_span(c)}" for c in list(first.values())[:_BODIES]]
+    parts += touched or ["no contact"]
+    missed = {name: seen.clearances[name] for name in seen.errors if name in seen.clearances}
+    if missed and seen.result in ("never touched", "unreachable", "stuck"):
+        nearest = min(missed, key=lambda name: missed[name])
+        parts.append(f"nearest to {nearest} {1000 * missed[nearest]:.0f} mm")
+    return "; ".join(filter(None, (*parts, _miss(seen), _lag(seen))))
+
+
+def _result(seen: Observation) -> str:
+    what = {"stuck": "at ", "unreachable": ""}.get(seen.result, "") + seen.what
+    return " ".join(filter(None, (seen.result, what, "" if seen.at_s is None else f"from {_when(seen, seen.at_s)}")))
+
+
+def _moves(seen: Observation, most: int) -> list[tuple[str, str]]:
+    """Describe how bodies moved, those that moved most first."""
+    stirred = {name: moved for name, moved in seen.moved.items() if _far(moved.by) > _MOVED_M or moved.tilt_deg >= 1}
+    described = []
+    for name in sorted(stirred, key=lambda name: -_far(stirred[name].by))[:most]:
+        moved = stirred[name]
+        tilt = f", tilted {moved.tilt_deg:.0f} deg" if moved.tilt_deg >= 1 else ""
+        described.append((name, f"by {_point(moved.by)} to {_point(moved.to)}{tilt}"))
+    if len(stirred) > most:
+        described.append((f"{len(stirred) - most} others", "moved too"))
+    return described
+
+
+def _contacts(contacts: Sequence[Contact]) -> list[str]:
+    described = [f"{c.one} with {c.other} {_span(c)}{_deep(c)}" for c in contacts[:_CONTACTS]]
+    return described + ([f"{len(contacts) - _CONTACTS} more"] if len(contacts) > _CONTACTS else [])
+
+
+def _deep(contact: Contact) -> str:
+    force = "" if contact.force_n is None else f", {contact.force_n:.1f} N"
+    return (f", {1000 * contact.depth_m:.1f} mm deep" if contact.depth_m >= 0.0005 else "") + force
+
+
+def _span(contact: Contact) -> str:
+    return f"{contact.first_s:.2f}-{contact.last_s:.2f} s"
+
+
+def _miss(seen: Observation) -> str:
+    number, metres, radians = seen.miss
+    if metres < _MISS_M and radians < _MISS_RAD:
+        return ""
+    return f"way to waypoint {number} missed by {1000 * metres:.0f} mm, {radians:.2f} rad"
+
+
+def _lag(seen: Observation) -> str:
+    return "" if seen.lag_rad < _LAG_RAD else f"lag {seen.lag_rad:.2f} rad at {_when(seen, seen.lag_s)}"
+
+
+def _when(seen: Observation, instant: float) -> str:
+    """An instant, with the number of the waypoint that the arm is on its way to."""
+    number = 1 + sum(arrival < instant for arrival in seen.arrivals)
+    return f"{instant:.2f} s (" + (f"to waypoint {number})" if number <= len(seen.arrivals) else "after the last)")
+
+
+def _ids(group: Sequence[Evaluation]) -> str:
+    ids = [evaluation.candidate.id for evaluation in group]
+    return ", ".join(ids[:3]) + (f" and {len(ids) - 3} more" if len(ids) > 3 else "")
+
+
+def _summary(rest: Sequence[Evaluation]) -> str:
+    kinds: dict[str, list[float]] = {}
+    for evaluation in rest:
+        kinds.setdefault(outcome_of(evaluation), []).append(evaluation.reward)
+    counts = []
+    for name, rewards in sorted(kinds.items(), key=lambda item: -len(item[1])):
+        low, high = f"{min(rewards):.2f}", f"{max(rewards):.2f}"
+        span = "" if high == "0.00" else f" (reward {low})" if low == high else f" (reward {low} to {high})"
+        counts.append(f"{len(rewards)} {name}{span}")
+    return f"{len(rest)} candidates: {', '.join(counts)}"
+
+
+def _far(vector: Sequence[float]) -> float:
+    return math.hypot(*vector)
+
+
+def _point(point: Sequence[float]) -> str:
+    return "(" + ", ".join(f"{round(part, 3) + 0.0:g}" for part in point) + ")"

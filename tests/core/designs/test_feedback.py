@@ -1,0 +1,177 @@
+"""The lines about a generation, and what is said of elites."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.config.settings import PromptSettings
+from core.design import Candidate, Component, Evaluation, Tool
+from core.designs.composer import PromptComposer
+from core.designs.feedback import elite_feedback, generation_lines, last_generation, most_instructive, outcome_of
+from core.errors import UserError
+from core.geometry import Box, Pose
+from core.interfaces import Contact, Observation
+from core.jobs import Moved
+from tests.core.designs.test_composer import FOLDER, make_brief
+
+SEEN = Observation(
+    "missed",
+    moved={"cube": Moved((-0.3, 0.012, 0.0), (0.7, 0.012, 0.035), 2.04), "can": Moved((0.0, 0.0, 0.0), (1, 1, 0), 0.0)},
+    errors={"cube": (0.1, 0.012, None)},
+    contacts=(
+        Contact("tool", "tip", "cube", 1.2, 3.4, 0.0012),
+        Contact("tool", "stem", "cube", 1.5, 1.6, 0.0),
+        Contact("arm", "panda_link7", "shelf", 2.0, 2.2, -0.0004, 12.0),
+    ),
+    clearances={"table": 0.0123, "floor": 0.6},
+    miss=(3, 0.012, 0.02),
+    lag_rad=0.03,
+    lag_s=2.1,
+    arrivals=(1.0, 2.0, 3.0),
+    instants=(0.0, 3.4),
+    paths={"cube": ((1.0, 0.0, 0.035), (0.7, 0.012, 0.035))},
+)
+
+
+ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
+
+
+def tried(number=0, reward=0.5, seen: Observation | None = SEEN, generation=0, **given) -> Evaluation:
+    candidate = Candidate(ROD, np.zeros((1, 6)), generation, 0, number // 10, number % 10)
+    return Evaluation(
+        candidate, **{"status": "ok", "reward": reward, "details": seen.details() if seen else {}} | given
+    )
+
+
+def lines(*evaluations, budget=10_000):
+    return generation_lines(tuple(evaluations), budget).splitlines()
+
+
+def test_a_line_says_what_happened():
+    (line,) = lines(tried())
+    assert line == (
+        "- g0-a0-s0-p0: 0.500 missed; cube by (-0.3, 0.012, 0) to (0.7, 0.012, 0.035), tilted 2 deg; "
+        "tip touched cube at 1.20-3.40 s; panda_link7 touched shelf at 2.00-2.20 s; "
+        "way to waypoint 3 missed by 12 mm, 0.02 rad; lag 0.03 rad at 2.10 s (to waypoint 3)"
+    )
+
+
+def test_a_line_says_where_and_when_it_failed():
+    still = {"cube": Moved((0.0, 0.0, 0.0), (1.0, 0.0, 0.035), 0.0)}
+    stuck = replace(SEEN, result="stuck", what="table", at_s=1.25, moved=still, lag_rad=0.0, miss=(1, 0.0, 0.0))
+    (line,) = lines(tried(seen=stuck))
+    assert "0.500 stuck at table from 1.25 s (to waypoint 2); nothing moved; tip touched" in line
+    missed = replace(stuck, result="never touched", what="", at_s=None, contacts=(), clearances={"cube": 0.05})
+    (line,) = lines(tried(seen=missed))
+    assert line.endswith("0.500 never touched; nothing moved; no contact; nearest to cube 50 mm")
+
+
+def test_rejected_failed_and_invalid_ones_say_why_and_without_an_observation_the_moves():
+    found = lines(
+        tried(0, status="rejected", reward=0.0, reason="the tool\nstarts inside the arm", seen=None),
+        tried(1, status="failed", reward=0.0, reason="the rod broke", seen=None),
+        tried(2, reward=0.0, reason="'tip' passed through 'cube'"),
+        tried(3, seen=None, moved_m={"cube": 0.25, "can": 0.0}),
+    )
+    assert found[0] == "- g0-a0-s0-p3: 0.500; cube moved 0.250 m"
+    assert found[1].startswith("- g0-a0-s0-p2: 0.000 invalid: 'tip' passed through 'cube'; cube by")
+    assert found[2] == "- g0-a0-s0-p1: failed: the rod broke"
+    assert found[3] == "- g0-a0-s0-p0: rejected: the tool starts inside the arm"
+
+
+def test_equal_ones_share_a_line():
+    heavy = [tried(number, status="rejected", reward=0.0, reason="too heavy", seen=None) for number in range(9)]
+    (line,) = lines(*heavy)
+    assert line == "- g0-a0-s0-p0, g0-a0-s0-p1, g0-a0-s0-p2 and 6 more: rejected: too heavy"
+
+
+def test_two_thousand_candidates_keep_to_their_budget_and_every_kind_is_there():
+    many = [tried(n, reward=n / 2000, seen=replace(SEEN, lag_s=n / 100)) for n in range(1900)]
+    many += [tried(1900 + n, reward=0.0, seen=replace(SEEN, result="dropped", lag_s=n / 10)) for n in range(90)]
+    many += [tried(1990 + n, status="rejected", reward=0.0, reason=f"rule {n}", seen=None) for n in range(10)]
+    found = lines(*many, budget=4000)
+    assert sum(map(len, found)) < 4200
+    assert "g0-a0-s189-p9: 0.950 missed" in found[0]
+    marks = {"missed": "missed;", "dropped": "dropped;", "rejected": "rejected:"}
+    shown = {kind: sum(mark in line for line in found[:-1]) for kind, mark in marks.items()}
+    assert min(shown.values()) >= 3
+    left = found[-1]
+    assert left.startswith(
+        f"- Left out: {2000 - sum(shown.values())} candidates: {1900 - shown['missed']} missed (reward"
+    )
+    assert f"{90 - shown['dropped']} dropped" in left
+    assert lines(*many, budget=0)[1].startswith("- Left out: 1999 candidates")
+
+
+def test_the_last_generation_is_the_one_with_the_highest_number():
+    assert [e.candidate.id for e in last_generation([tried(1), tried(1, generation=2), tried(0, generation=2)])] == [
+        "g2-a0-s0-p0",
+        "g2-a0-s0-p1",
+    ]
+    assert last_generation([]) == ()
+    assert generation_lines((), 100) == ""
+
+
+def test_the_most_instructive_failure_is_the_best_of_the_most_frequent_class():
+    dropped = replace(SEEN, result="dropped")
+    solved = tried(0, 1.0, replace(SEEN, result="solved"))
+    few = [tried(1, 0.9), tried(2, 0.1, dropped), tried(3, 0.2, dropped), solved]
+    assert most_instructive(few).candidate.id == "g0-a0-s0-p3"
+    assert most_instructive([solved]) is None
+    assert most_instructive([tried(0, status="rejected", reason="no")]) is None
+    assert outcome_of(few[0]) == "missed"
+
+
+def test_what_is_said_of_an_elite():
+    elite = tried(0, 0.5)
+    elite = replace(elite, details=elite.details | {"trial": {"engine": "mujoco", "layout": 0, "change": 2}})
+    others = [tried(1, 0.25), tried(2, 0.0, None, status="failed", reason="broke"), tried(10, 0.4)]
+    found = elite_feedback(elite, [elite, *others])
+    assert found == {
+        "other_plans": ["0.25 missed", "0.00 failed"],
+        "trial": "engine mujoco, layout 0, change 2",
+        "result": "missed",
+        "moved": {"cube": "by (-0.3, 0.012, 0) to (0.7, 0.012, 0.035), tilted 2 deg"},
+        "error_m": {"cube": [0.1, 0.012, None]},
+        "times_s": [0.0, 3.4],
+        "path_m": {"cube": "(1, 0, 0.035) (0.7, 0.012, 0.035)"},
+        "contacts": ["tip with cube 1.20-3.40 s, 1.2 mm deep", "stem with cube 1.50-1.60 s"],
+        "unwanted_contacts": ["panda_link7 with shelf 2.00-2.20 s, 12.0 N"],
+        "clearance_m": {"table": 0.0123, "floor": 0.6},
+        "missed": "way to waypoint 3 missed by 12 mm, 0.02 rad",
+        "lag": "lag 0.03 rad at 2.10 s (to waypoint 3)",
+    }
+    assert json.loads(json.dumps(found)) == found
+    assert elite_feedback(tried(seen=None), []) == {}
+
+
+def text(feedback, elites=(), **given):
+    prompts = PromptComposer(PromptSettings(feedback=feedback, **given))
+    _, user = prompts.compose(make_brief(elites=elites, tried=(tried(), tried(1))), None)
+    return "".join(part.text for part in user.parts)
+
+
+@pytest.mark.parametrize("elites", [(), (tried(),)])
+def test_the_prompt_has_the_lines_unless_it_is_the_papers(elites):
+    assert "g0-a0-s0-p1" not in text("paper", elites)
+    shown = text("numbers", elites)
+    assert "## The last round" in shown
+    assert "g0-a0-s0-p0, g0-a0-s0-p1: 0.500 missed; cube by" in shown
+    assert ("`error_m`" in shown) == bool(elites)
+
+
+def test_a_first_prompt_has_no_heading_for_a_last_round():
+    prompts = PromptComposer(PromptSettings(feedback="numbers"))
+    assert "last round" not in "".join(part.text for m in prompts.compose(make_brief(), None) for part in m.parts)
+
+
+def test_a_folder_of_older_templates_works_with_the_papers_feedback(tmp_path):
+    for file in FOLDER.glob("*.j2"):
+        if not file.name.startswith("last_generation"):
+            shutil.copy(file, tmp_path)
+    assert text("paper", dir=str(tmp_path))
+    with pytest.raises(UserError, match="last_generation"):
+        text("numbers", dir=str(tmp_path))
