@@ -84,7 +84,7 @@ class PromptComposer:
         self,
         brief: Brief,
         picture: Picture | None,
-        elite_pictures: Mapping[str, Picture] | None = None,
+        strips: Mapping[str, Picture] | None = None,
         views: Mapping[str, Picture] | None = None,
         *,
         schema: bool = True,
@@ -92,7 +92,7 @@ class PromptComposer:
         """Compose a system message and a user message.
 
         The user message has one text per part, then the picture of the scene, its ``views`` (by name), and
-        ``elite_pictures`` (by the elites' ids), each after a line that names it. ``schema``: the text holds the JSON
+        film ``strips`` (by candidates' ids), each after a line that names it. ``schema``: the text holds the JSON
         schema of the answer.
 
         Raises:
@@ -100,7 +100,7 @@ class PromptComposer:
                 no parts for a request without elites.
             ValueError: an elite has no tool.
         """
-        pictured = dict(elite_pictures or {})
+        pictured = dict(strips or {})
         values = self._values(brief, picture, schema)
         values |= {"pictured": list(pictured), "views": list(views or {})}
         parts = self.settings.evolution if brief.elites else self.settings.initial
@@ -115,8 +115,9 @@ class PromptComposer:
         user += [picture] if picture else []
         for name, view in (views or {}).items():
             user += [Text(f"{name.capitalize()} view:\n\n"), view]
-        for name, elite_picture in pictured.items():
-            user += [Text(f"Elite {name}:\n\n"), elite_picture]
+        for name, strip in pictured.items():
+            which = "an elite" if any(e.candidate.id == name for e in brief.elites) else "a failure"
+            user += [Text(f"Film strip of {which}, {name}: six instants of its motion, in reading order:\n\n"), strip]
         messages = [Message("user", tuple(user))]
         if self.settings.system:
             messages.insert(0, Message("system", tuple(self._render(part, values) for part in self.settings.system)))

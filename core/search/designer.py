@@ -14,16 +14,28 @@ from core.cli import say
 from core.config.settings import Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
+from core.designs.feedback import last_generation, most_instructive
 from core.designs.reading import parse_reply, read_designs
 from core.designs.review import review
 from core.designs.rules import SpawnRules, given_tool
 from core.errors import NoPicture, UserError, choices
 from core.events import Generation
 from core.hooks import hookimpl
-from core.interfaces import VLM, Brief, Budget, Picture, Reply, Request, Simulator, Task, ToolRepresentation
+from core.interfaces import (
+    VLM,
+    Brief,
+    Budget,
+    Picture,
+    Reply,
+    Request,
+    Simulator,
+    Task,
+    ToolRepresentation,
+    observation,
+)
 from core.plugins import describe_part
 from core.replies import checked
-from core.simulation.pictures import draw_stages, png, report_missing
+from core.simulation.pictures import draw_strip, png, report_missing
 from core.simulation.views import draw_view
 from core.text import shorten
 from core.threads import run_in_thread
@@ -38,9 +50,10 @@ class ModelDesigner:
 
     An agent's seed, temperature and kind of tool follow from ``seed``, the generation and the agent's number alone. Of
     two ``tool_kinds`` each agent gets one at random. Where the representation gives a tool, agents are asked for plans
-    only. ``pictures`` has those of the scene by view, without the gripper (False) and with it. ``show`` draws an
-    elite's rollout; it is called if the prompts' feedback is ``full``. ``tried`` is what they may show of earlier
-    generations; as a listener the designer collects it itself.
+    only. ``pictures`` has those of the scene by view, without the gripper (False) and with it. ``show`` draws a film
+    strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and for the most
+    instructive failure of the last generation. ``tried`` is what they may show of earlier generations; as a listener
+    the designer collects it itself.
     """
 
     task: Task
@@ -54,7 +67,7 @@ class ModelDesigner:
     tool_kinds: Sequence[str]
     pictures: Mapping[bool, Mapping[str, Picture]]
     events: pluggy.PluginManager
-    show: Callable[[Candidate], Picture | None] | None = None
+    show: Callable[[Evaluation], Picture | None] | None = None
     tried: list[Evaluation] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -86,7 +99,10 @@ class ModelDesigner:
         """Compose the request of each of the ``agents``."""
         pictures: dict[str, Picture] = {}
         if self.show is not None and self.prompts.settings.feedback == "full":
-            drawn = {elite.candidate.id: self.show(elite.candidate) for elite in elites}
+            best = [elite.candidate.id for elite in elites[:1]]
+            failure = most_instructive(e for e in last_generation(self.tried) if e.candidate.id not in best)
+            shown = [*elites[:1], *([failure] if failure is not None else [])]
+            drawn = {evaluation.candidate.id: self.show(evaluation) for evaluation in shown}
             pictures = {name: picture for name, picture in drawn.items() if picture is not None}
         return [self._request(generation, agent, elites, pictures) for agent in agents]
 
@@ -241,7 +257,7 @@ def make_designer(
     tool_kinds: Sequence[str],
     events: pluggy.PluginManager,
 ) -> ModelDesigner:
-    """Make a designer that shows the model pictures, drawn by ``simulator``, of the scene and of the elites' rollouts.
+    """Make a designer that shows the model pictures, drawn by ``simulator``, of the scene and of rollouts.
 
     Where nothing can draw, standard error says why, and the model gets text alone.
 
@@ -254,15 +270,16 @@ def make_designer(
     given = given_tool(representation, task, seed)
     bare = [Tool(gripper=name == "gripper") for name in dict.fromkeys(tool_kinds)]
 
-    def show(candidate: Candidate) -> Picture | None:
+    def show(evaluation: Evaluation) -> Picture | None:
+        candidate = evaluation.candidate
         try:
-            stages = draw_stages(task, simulator, candidate, seed, prompts.rollout)
+            strip = draw_strip(task, simulator, candidate, seed, prompts.rollout, observation(evaluation))
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
         except Exception as error:  # else a picture that fails costs the picture, never the run
-            report_missing(f"picture of elite {candidate.id}", error)
+            report_missing(f"film strip of {candidate.id}", error)
             return None
-        return Picture(png(stages), f"elite_{candidate.id}")
+        return Picture(png(strip), f"strip_{candidate.id}")
 
     pictures: dict[bool, dict[str, Picture]] = {}
     drawable = True
@@ -279,7 +296,7 @@ def make_designer(
             except OSError as error:
                 raise UserError(f"the scene can't be drawn: {error}") from error
             except Exception as error:
-                report_missing(f"picture of the scene ({view})", error)
+                report_missing(f"{view} view" if view != "camera" else "picture of the scene", error)
             else:
                 pictures[mounted.gripper][view] = picture
     return ModelDesigner(

@@ -355,10 +355,11 @@ def test_feedback(feedback: str) -> None:
     assert ("that earned the rewards are not shown" in text) == (feedback == "paper")
     for name in shown:
         assert (f"`{name}`" in text) == (feedback != "paper")
-    assert ("four instants" in text) == (feedback == "full")
+    assert ("A film strip follows" in text) == (feedback == "full")
     *_, last = messages[-1].parts
     if feedback == "full":
-        assert messages[-1].parts[-3:] == (PICTURE, Text("Elite g0-a0-s0-p0:\n\n"), pictures["g0-a0-s0-p0"])
+        label = Text("Film strip of an elite, g0-a0-s0-p0: six instants of its motion, in reading order:\n\n")
+        assert messages[-1].parts[-3:] == (PICTURE, label, pictures["g0-a0-s0-p0"])
     else:
         assert last == PICTURE
 

@@ -12,7 +12,7 @@ from core.designs.composer import PromptComposer
 from core.errors import LimitReached
 from core.geometry import Box, Pose
 from core.hooks import hookimpl
-from core.interfaces import VLM, Budget, Picture, Reply
+from core.interfaces import VLM, Budget, Observation, Picture, Reply, Text
 from core.plugins import event_hub, installed
 from core.search.designer import ModelDesigner
 from tasks.bring_cube import BringCube
@@ -276,25 +276,44 @@ def test_a_limit_is_passed_on_after_the_candidates_that_there_are():
         next(candidates)
 
 
-# --- pictures of elites -----------------------------------------------------------------------------------------
+# --- film strips ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("feedback", ["paper", "numbers", "full"])
-def test_elites_are_drawn_once_and_only_if_they_are_shown(feedback):
+def test_the_best_elite_is_drawn_once_and_only_if_it_is_shown(feedback):
     drawn = []
 
-    def show(candidate):
-        drawn.append(candidate.id)
-        return Picture(b"drawn", f"elite_{candidate.id}")
+    def show(evaluation):
+        drawn.append(evaluation.candidate.id)
+        return Picture(b"drawn", f"strip_{evaluation.candidate.id}")
 
     elites = [Evaluation(Candidate(ROD, np.array(PLAN), strategy=n), "ok", reward=0.8) for n in range(2)]
     vlm = Canned(good)
     list(designer(vlm, prompt=PromptSettings(feedback=feedback), show=show).design(1, elites))
-    names = ["g0-a0-s0-p0", "g0-a0-s1-p0"] if feedback == "full" else []
+    names = ["g0-a0-s0-p0"] if feedback == "full" else []
     assert drawn == names
     for request in vlm.requests:
         pictures = [part.name for part in request.messages[-1].parts if isinstance(part, Picture)]
-        assert pictures == [f"elite_{name}" for name in names]
+        assert pictures == [f"strip_{name}" for name in names]
+
+
+def test_a_failure_of_the_last_generation_is_drawn_too_with_elites_or_without():
+    def show(evaluation):
+        return Picture(b"drawn", f"strip_{evaluation.candidate.id}")
+
+    def tried(generation, strategy, result, reward):
+        candidate = Candidate(ROD, np.array(PLAN), generation, strategy=strategy)
+        return Evaluation(candidate, "ok", reward=reward, details=Observation(result).details())
+
+    last = [tried(1, 0, "missed", 0.8), tried(1, 1, "tipped", 0.3), tried(1, 2, "solved", 1.0)]
+    for elites, names in ((last[:1], ["g1-a0-s0-p0", "g1-a0-s1-p0"]), ([], ["g1-a0-s0-p0"])):
+        asking = designer(vlm := Canned(good), prompt=PromptSettings(feedback="full"), show=show)
+        asking.tried += [tried(0, 0, "stuck", 0.9), *last]
+        list(asking.design(2, elites))
+        *_, message = vlm.requests[0].messages
+        assert [part.name for part in message.parts if isinstance(part, Picture)] == [f"strip_{name}" for name in names]
+        labels = [part.text for part in message.parts if isinstance(part, Text) and "Film strip of" in part.text]
+        assert labels[-1].startswith(f"Film strip of a failure, {names[-1]}: ")
 
 
 class Leaving(VLM):

@@ -1,5 +1,6 @@
 import io
 import threading
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,11 +9,11 @@ from PIL import Image
 from core.conformance.worlds import Bodies, cube, stick
 from core.design import Candidate, Tool
 from core.experiment import Experiment
-from core.interfaces import RolloutSettings
+from core.interfaces import Contact, Observation, Recording, RolloutSettings
 from core.plugins import Offer, installed
-from core.scene import table
+from core.scene import State, table
 from core.search.orchestration import resume, run
-from core.simulation.pictures import FILM_HZ, png, save_film
+from core.simulation.pictures import APART_S, FILM_HZ, FRAMES, moments, png, save_film
 from tests import toys
 from tests.engines import every_simulator, simulator
 
@@ -62,6 +63,50 @@ def test_every_thread_draws_the_same(engine):
         np.testing.assert_array_equal(picture, pictures[number % 2])
 
 
+def recorded(height, touched_s=None):
+    """A recording of 4 s in which a cube rises to ``height`` (T,) from 1 s on, after half a second of settling."""
+    times = np.arange(-0.5, 4.01, 0.1)
+    positions = np.zeros((len(times), 2, 3))
+    positions[:, 0, 2] = height(times)
+    states = State(("cube", "idle"), positions, *(np.zeros((len(times), 2, n)) for n in (4, 3, 3)))
+    return Recording(times, np.zeros((len(times), 7)), np.zeros((len(times), 2)), states)
+
+
+def lifted(times):
+    return np.interp(times, [1.0, 1.8, 2.6], [0.0, 0.3, 0.0])
+
+
+def test_a_strip_shows_the_instants_at_which_something_happens():
+    found = moments(recorded(lifted))
+    assert len(found) == FRAMES
+    by_name = {what: instant for instant, what in found}
+    assert by_name["start"] == 0.0
+    assert by_name["end"] == pytest.approx(4.0)
+    assert by_name["cube moves"] == pytest.approx(1.1)
+    assert by_name["cube is highest"] == pytest.approx(1.8)
+    assert all(after - before >= APART_S for (before, _), (after, _) in pairwise(found))
+    assert not any("idle" in what for _, what in found)
+
+
+def test_what_was_observed_comes_before_what_is_computed():
+    contacts = tuple(Contact("tool", f"part{n}", f"body{n % 2}", 0.9 + n, 2.0 + n, 0.0) for n in range(3))
+    contacts = (Contact("body", "cube", "table", 0.1, 4.0, 0.0), *contacts)
+    found = moments(recorded(lifted), Observation("dropped", "cube", 2.4, contacts=contacts))
+    names = [what for _, what in found]
+    assert names == ["start", "part0 touches body0", "cube moves", "part1 touches body1", "dropped: cube", "end"]
+    assert [instant for instant, _ in found][1] == 0.9
+
+
+def test_a_strip_of_a_rollout_in_which_nothing_moves_is_even():
+    found = moments(recorded(np.zeros_like))
+    assert [what for _, what in found] == ["start", "", "", "", "", "end"]
+    assert max(b - a for (a, _), (b, _) in pairwise(found)) <= 2 * min(b - a for (a, _), (b, _) in pairwise(found))
+    short = Recording(
+        np.zeros(1), np.zeros((1, 7)), np.zeros((1, 2)), State((), *(np.zeros((1, 0, n)) for n in (3, 4, 3, 3)))
+    )
+    assert [instant for instant, _ in moments(short)] == [0.0] * FRAMES
+
+
 def open_picture(file):
     with Image.open(file) as picture:
         return np.asarray(picture.convert("L")).astype(int)
@@ -69,7 +114,7 @@ def open_picture(file):
 
 @pytest.mark.slow
 @every_simulator
-def test_a_run_shows_its_elites_and_so_does_one_that_goes_on(engine, tmp_path):
+def test_a_run_shows_its_best_elite_and_so_does_one_that_goes_on(engine, tmp_path):
     """The scene is drawn in the main thread, elites in the one that reads candidates."""
     simulator(engine)
     words = [
@@ -83,16 +128,17 @@ def test_a_run_shows_its_elites_and_so_does_one_that_goes_on(engine, tmp_path):
     Experiment(*words, *settings, task="BringCube", sim=engine).run(tmp_path)
     resume(tmp_path, ["budget.n_iteration=2"])
     scene = open_picture(tmp_path / "scene.png")
-    elites = sorted((tmp_path / "requests").glob("elite_*.png"))
-    assert elites[0].name.startswith("elite_g0-")
+    elites = sorted((tmp_path / "requests").glob("strip_*.png"))
+    assert elites[0].name.startswith("strip_g0-")
     assert scene.shape == (480, 640)
     for file in elites:
-        stages = open_picture(file)
-        halves = stages[:240, :320], stages[240:, 320:]
+        strip = open_picture(file)
+        assert strip.shape == (480, 960)
+        halves = strip[20:240, :320], strip[260:, 640:]
         assert all(half.std() > 10 for half in halves)  # neither blank nor of one colour
         assert (halves[0] != halves[1]).mean() > 0.001  # something has moved
-    assert "elite_g0" in (tmp_path / "requests" / "g1-a0.md").read_text()
-    assert "elite_g" in (tmp_path / "requests" / "g2-a0.md").read_text()
+    assert "strip_g0" in (tmp_path / "requests" / "g1-a0.md").read_text()
+    assert "strip_g" in (tmp_path / "requests" / "g2-a0.md").read_text()
 
 
 class Shaky(toys.ToyEngine):
@@ -120,7 +166,7 @@ def test_a_picture_that_fails_costs_the_picture_and_not_the_run(whole, tmp_path,
     assert result.best.reward > 0
     said = capsys.readouterr().err.splitlines()
     missing = [line for line in said if line.startswith("no ")]
-    assert missing[0].startswith("no picture of elite g0-" if whole else "no picture of the scene: the driver is gone")
+    assert missing[0].startswith("no film strip of g0-" if whole else "no picture of the scene: the driver is gone")
     assert missing[-1].startswith("no film: ")
     assert (tmp_path / "run" / "scene.png").exists() == bool(whole)
     assert not (tmp_path / "run" / "best" / "rollout.gif").exists()
