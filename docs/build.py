@@ -1,9 +1,10 @@
 """Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``arm``,
-``table``.
+``prompts``, ``table``.
 
 Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
-``docs/example.ipynb`` and keeps the outputs of its cells. Arm: the sheet of ``docs/arm.md``. Table (takes hours): the
+``docs/example.ipynb`` and keeps the outputs of its cells. Arm: the sheet of ``docs/arm.md``. Prompts: the
+sizes and the whole prompt of ``docs/prompts.md``. Table (takes hours): the
 rewards of doing nothing, the reference solution, the embedded designer and the bare gripper, written into
 ``docs/tasks.md``.
 """
@@ -35,6 +36,7 @@ from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
 from core.simulation.pictures import save_film
 from core.simulation.rollout import evaluate_batch
+from docs import prompt_page
 from docs.diagrams import DRAWINGS
 
 DOCS = Path(__file__).parent
@@ -140,10 +142,10 @@ def collision_shapes(body: Body) -> tuple[Geom, ...]:
     )
 
 
-def arm_sheet(file: Path) -> None:
-    """Write the sheet about the arm into its page."""
+def fill(file: Path, text: str) -> None:
+    """Write what is made by a command into its page."""
     before, after = (file.read_text(encoding="utf-8").split(mark)[side] for side, mark in ((0, BEGIN), (1, END)))
-    file.write_text(f"{before}{BEGIN}\n\n{facts.sheet(measured_figures())}{END}{after}", encoding="utf-8")
+    file.write_text(f"{before}{BEGIN}\n{text}{END}{after}", encoding="utf-8")
 
 
 def notebook(file: Path) -> None:
@@ -231,7 +233,7 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["pictures", "scene", "diagrams", "notebook", "arm", "table"])
+    parser.add_argument("what", choices=["pictures", "scene", "diagrams", "notebook", "arm", "prompts", "table"])
     parser.add_argument("--tasks", nargs="*", default=installed().names("task"))
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
     parser.add_argument("--gripper-seeds", nargs="*", type=int, default=[0, 1, 2])
@@ -245,7 +247,9 @@ def main() -> None:
         for name, draw in DRAWINGS.items():
             (DOCS / "images" / f"{name}.svg").write_text(draw(), encoding="utf-8")
     elif given.what == "arm":
-        arm_sheet(DOCS / "arm.md")
+        fill(DOCS / "arm.md", f"\n{facts.sheet(measured_figures())}")
+    elif given.what == "prompts":
+        fill(DOCS / "prompts.md", prompt_page.contents())
     elif given.what == "notebook":
         notebook(DOCS / "example.ipynb")
     else:

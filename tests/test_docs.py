@@ -24,7 +24,7 @@ from core.geometry import Cylinder, Mesh, Sphere
 from core.new.packages import write as write_package
 from core.plugins import Plugins
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State
-from docs import build
+from docs import build, prompt_page
 from docs.diagrams import DRAWINGS
 from tests.core.run_folders import write_run
 from tests.packages import PYTHON, install
@@ -109,6 +109,7 @@ def test_each_kind_of_block_is_looked_at():
         "designs.md": {"json": 1},
         "paper.md": {"bibtex": 2},
         "plugins.md": {"python": 2, "toml": 1},
+        "prompts.md": {"json": 1, "python": 3},
         "python.md": {"python": 2},
         "store.md": {"python": 1},
         "strategy_tutorial.md": {"python": 1, "yaml": 1},
@@ -165,6 +166,13 @@ def test_example_plugin_works(tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out == "generation 3 is done?\n"
     with pytest.raises(UsageError, match="mark"):
         plugins.create("listener", "shout", {"marc": "?"})
+
+
+def test_the_prompt_in_the_docs_is_what_is_sent():
+    text = (ROOT / "docs/prompts.md").read_text()
+    assert text.partition("<!-- table -->\n")[2].startswith(prompt_page.contents()), "python docs/build.py prompts"
+    sizes = {use: tokens for use, _, tokens in re.findall(r"^\| (.+) \| ([\d,]+) \| ([\d,]+) \|$", text, re.MULTILINE)}
+    assert int(sizes["first sampling"].replace(",", "")) <= 6500
 
 
 @pytest.mark.slow

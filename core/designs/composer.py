@@ -35,7 +35,7 @@ from core.scene import Body
 
 SUFFIX = ".md.j2"
 REPAIR, CHECK = "repair", "check"
-TASK = ("name", "description", "home", "success_reward", "scene", "reward")  # the members that are shown
+TASK = ("home", "success_reward", "scene", "reward")  # the members that are shown
 BODY = ("name", "pose", "mass", "visuals", "collisions", "friction", "rolling_friction", "restitution")
 
 MAX_IDEA = 50_000  # characters

@@ -16,8 +16,12 @@ _SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
 
 
 def function_source(function: Callable[..., Any]) -> str:
-    """Take a function's source, without the sections of its docstring."""
-    return _SECTION.sub("", inspect.getsource(function), count=1).rstrip()
+    """Take a function's source without its docstring."""
+    lines, (node,) = inspect.getsource(function).splitlines(), ast.parse(inspect.getsource(function)).body
+    assert isinstance(node, ast.FunctionDef)
+    if ast.get_docstring(node) is not None:
+        del lines[node.body[0].lineno - 1 : node.body[0].end_lineno]
+    return "\n".join(lines)
 
 
 def class_source(part: type, *members: str) -> str:

@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import litellm
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -38,6 +37,7 @@ from core.robot.trajectory import plan_motion
 from core.scene import Body, Geom, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings
 from plugins.tools.urdf.representation import UrdfTools
+from plugins.vlms.litellm.client import load as litellm
 
 FOLDER = Path(prompts.__file__).parent
 PICTURE = Picture(b"\x89PNG")
@@ -251,7 +251,7 @@ def test_an_elite_of_eight_boxes_is_short_and_can_be_written_as_urdf() -> None:
     text = words(PromptComposer().compose(make_brief(elites=(elite,), representation=UrdfTools()), None))
     block = re.search(r"## The elite\n```json\n(.*?)```", text, re.DOTALL)
     assert block is not None
-    assert litellm.token_counter(model="gemini/gemini-2.5-pro", text=block[1]) <= 600
+    assert litellm().token_counter(model="gemini/gemini-2.5-pro", text=block[1]) <= 600
     (shown,) = json.loads(block[1])
     assert "tool_urdf" not in shown
     assert shown["tool_description"].endswith("...")

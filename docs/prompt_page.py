@@ -1,0 +1,102 @@
+"""Make the contents of ``docs/prompts.md``: the size of each prompt, and a whole one.
+
+Held up to date by ``tests/test_docs.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from core.config.compose import load, node, part
+from core.config.schemas import PromptConfig
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
+from core.designs.composer import PromptComposer, as_markdown
+from core.geometry import Box, Pose
+from core.interfaces import Brief, Message, Picture, Text
+from plugins.vlms.litellm.client import load as litellm
+
+MODEL = "gemini/gemini-2.5-pro"  # LiteLLM counts alike for most models
+IDEA = Path(__file__).parent / "ideas" / "one_book_layperson.md"
+# The tokens of the same prompts at commit 02e21a8.
+EARLIER = {
+    "first sampling": 9023,
+    "first sampling, gripper": 10743,
+    "evolution of five elites": 24117,
+    "evolution of five elites, `prompt=evolve`": 24117,
+    "evolution of five elites, `prompt.feedback=numbers`": 25905,
+    "a person's idea": 9288,
+    "plans for a given tool": 8010,
+    "plans for the bare gripper": 9329,
+}
+
+
+def elite(number: int, boxes: int = 8, *, gripper: bool = False) -> Evaluation:
+    """Make an elite with a hook of ``boxes`` boxes."""
+    mount = GRIPPER_MOUNTS[0] if gripper else RIGID_MOUNT
+    length = 0.35 + 0.025 * number
+    parts = [Component("shaft", mount, Pose.xyz_rpy((0.0945, 0, -0.1625), (0, -0.525, 0)), Box((0.02, 0.02, length)))]
+    for k in range(1, boxes):
+        pose = Pose.xyz_rpy((0.0125 * k, 0.06 * (-1) ** k, -0.0425), (0, 0.525, 0) if k == 1 else (0, 0, 0))
+        parts.append(Component(f"wall_{k}", parts[-1].name, pose, Box((0.125, 0.0125, 0.0725)), mass=0.0125))
+    text = "Reaches over the body, lowers a wall behind it, and pulls it back between side walls that keep it straight."
+    tool = Tool(tuple(parts), gripper, name=f"hook with side walls {number}", description=text)
+    plan = np.array([[0.5 - 0.04 * k, 0.0, 0.4 - 0.025 * k, 0.0, 0.1 * k, 0.0] for k in range(8)])
+    candidate = Candidate(tool, plan, strategy=number, strategy_name="pull from behind", strategy_description=text)
+    figures = {"distance_m": 0.9123, "ik_error_m": 0.0012, "ik_error_rad": 0.0021, "tracking_error_rad": 0.0143}
+    return Evaluation(candidate, "ok", reward=0.9 - 0.05 * number, moved_m={"cube": 0.3612}, **figures)
+
+
+def messages(use: str) -> tuple[Message, ...]:
+    """Compose the prompt of a use for BringCube: ten tools with ten plans, at the settings of the paper."""
+    name = "none" if "bare" in use else "rlbench" if "given" in use else "urdf"
+    words = ["prompt=evolve"] if "prompt=evolve" in use else []
+    words += ["prompt=human", f"prompt.file={IDEA}"] if "idea" in use else []
+    words += ["prompt.feedback=numbers"] if "numbers" in use else []
+    cfg = load("prompt", ["task=BringCube", f"tool={name}", "budget=paper", *words])
+    given = name != "urdf"
+    brief = Brief(
+        task=part("task", cfg.task).create(),
+        scene_seed=0,
+        representation=part("tool", cfg.tool).create(),
+        gripper="gripper" in use,
+        n_tool=1 if given else 10,
+        n_action=10,
+        generation=0,
+        agent=0,
+        seed=0,
+        elites=tuple(elite(k) for k in range(5)) if "elites" in use else (),
+    )
+    return PromptComposer(node(cfg.prompt, PromptConfig), engine="pybullet").compose(brief, Picture(b"", "BringCube"))
+
+
+def tokens(use: str) -> int:
+    """Count the tokens of a prompt's texts, without pictures."""
+    counter = litellm().token_counter
+    texts = [part.text for message in messages(use) for part in message.parts if isinstance(part, Text)]
+    return sum(int(counter(model=MODEL, text=text)) for text in texts)
+
+
+def contents() -> str:
+    """Write the page's table and the whole prompt."""
+    return "\n".join(_lines()) + "\n"
+
+
+def _lines() -> Iterator[str]:
+    yield from ("", "| prompt | earlier | now |", "|---|---|---|")
+    for use, before in EARLIER.items():
+        yield f"| {use} | {before:,} | {tokens(use):,} |"
+    yield from (
+        "",
+        "## A whole prompt",
+        "",
+        "The first prompt of BringCube. Its system message, then the user's:",
+        "",
+    )
+    yield "````text"
+    yield "\n".join(
+        as_markdown(message, "images/tasks/").strip() + "\n" for message in messages("first sampling")
+    ).rstrip()
+    yield from ("````", "")
