@@ -79,6 +79,10 @@ class Tool:
 
     def placed(self) -> dict[str, tuple[str, Pose]]:
         """Return for each component its mount and its pose in the mount's frame."""
+        return dict(self._placed)
+
+    @cached_property
+    def _placed(self) -> dict[str, tuple[str, Pose]]:
         placed: dict[str, tuple[str, Pose]] = {mount: (mount, Pose()) for mount in self.mounts}
         for component in self.components:
             mount, pose = placed[component.parent]

@@ -41,7 +41,6 @@ _STEP_M = 0.001  # shortest step: a depth of less than this beyond the limit may
 # way, with many components.
 MAX_DISTANCES = 50_000
 _BLOCK = 500_000  # gaps between capsules that are computed at once; each needs some 200 bytes
-_REQUEST = coal.DistanceRequest()
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ def _pairs(tool: Tool) -> _Pairs:
         if part.joint != link.joint and not _on_two_fingers(robot, part, link):
             limits[one, other] = DEEP_M
     parts, numbers = (*mounted, *own), np.array(list(limits), dtype=np.intp)
-    levers = np.array([_levers(robot, part) for part in parts])
+    levers = np.array([*(_levers(robot, part) for part in mounted), *_link_levers(tool.gripper)])
     fixed = levers == 0.0
     one, other = numbers.T
     moving = levers[one] * fixed[other] + levers[other] * fixed[one]
@@ -191,7 +190,7 @@ def _link_limits(gripper: bool) -> dict[tuple[int, int], float]:
         apart = sum(robot.model.names[joint] in ARM_JOINTS for joint in between)
         least = _APART_ON_FLANGE if hand & {part.name, link.name} else _APART
         limit = DEEP_M if apart >= _APART else DEEP_NEAR_M
-        if apart >= least and _depth(robot, part, link, home) <= limit:
+        if apart >= least and _Gauge(robot, part, link).depth(home) <= limit:
             limits[one, other] = limit
     return limits
 
@@ -199,6 +198,11 @@ def _link_limits(gripper: bool) -> dict[tuple[int, int], float]:
 def _on_two_fingers(robot: RobotModel, one: _Part, other: _Part) -> bool:
     before, behind = robot.supports[one.joint], robot.supports[other.joint]
     return bool(before - behind and behind - before)
+
+
+@lru_cache(maxsize=2)
+def _link_levers(gripper: bool) -> tuple[Array, ...]:
+    return tuple(_levers(robot_model(gripper), part) for part in _link_parts(gripper))
 
 
 def _levers(robot: RobotModel, part: _Part) -> Array:
@@ -212,19 +216,25 @@ def _levers(robot: RobotModel, part: _Part) -> Array:
             lever = float(np.linalg.norm(np.cross(about, part.points), axis=1).max())
         levers[joint - 1] = 1.0 if along.any() else lever
         reach += float(np.linalg.norm(robot.model.jointPlacements[joint].translation)) + along.any() * FINGER_OPEN
-        joint = robot.model.parents[joint]
+        joint = robot.parents[joint]
     return levers
 
 
-def _depth(robot: RobotModel, one: _Part, other: _Part, joints: Array) -> float:
-    """The penetration depth of two parts, metres; negative if they are apart."""
-    pin.forwardKinematics(robot.model, robot.data, joints)
-    places = []
-    for part in (one, other):
-        at = robot.data.oMi[part.joint]
-        rotation = at.rotation
-        places += [part.geometry, coal.Transform3s(rotation @ part.rotation, at.translation + rotation @ part.position)]
-    return -float(coal.distance(*places, _REQUEST, coal.DistanceResult()))
+class _Gauge:
+    """Measures the penetration depth of two parts by the joints' values, in Pinocchio alone: fifteen times as fast."""
+
+    def __init__(self, robot: RobotModel, one: _Part, other: _Part) -> None:
+        self._robot, self._solids = robot, pin.GeometryModel()
+        for name, part in zip("ab", (one, other), strict=True):
+            at = pin.SE3(part.rotation, part.position)
+            self._solids.addGeometryObject(pin.GeometryObject(name, part.joint, at, part.geometry))
+        self._solids.addCollisionPair(pin.CollisionPair(0, 1))
+        self._data = pin.GeometryData(self._solids)
+
+    def depth(self, joints: Array) -> float:
+        """The depth, metres; negative if the two are apart."""
+        pin.updateGeometryPlacements(self._robot.model, self._robot.data, self._solids, self._data, joints)
+        return -float(pin.computeDistance(self._solids, self._data, 0).min_distance)
 
 
 # --- along the trajectory ---------------------------------------------------------------------------------------
@@ -281,15 +291,16 @@ class _Search:
     def __init__(
         self, robot: RobotModel, pairs: _Pairs, pair: int, joints: Array, turned: Array, budget: Iterator[int]
     ) -> None:
-        self.robot, self.joints, self.budget = robot, joints, budget
+        self.joints, self.budget = joints, budget
         self.one, self.other = (pairs.parts[number] for number in pairs.numbers[pair])
+        self.gauge = _Gauge(robot, self.one, self.other)
         self.deep = float(pairs.deep[pair])
         self.moved: Array = turned @ pairs.levers[pair]
 
     def depth(self, row: float) -> float:
         k = min(int(row), len(self.joints) - 2)
         here = self.joints[k]
-        return _depth(self.robot, self.one, self.other, here + (row - k) * (self.joints[k + 1] - here))
+        return self.gauge.depth(here + (row - k) * (self.joints[k + 1] - here))
 
     def first(self, starts: Array, stops: Array, until: float) -> float | None:
         """The first row before ``until`` at which the two are too deep in each other, from a start to its stop.

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array, Box, Cylinder, Shape, Sphere
-from core.simulation.tracks import Track
+from core.simulation.tracks import Track, angles, lengths
 
 Flags = npt.NDArray[np.bool_]
 
@@ -33,20 +33,24 @@ def may_meet(
     number = {id(track): i for i, track in enumerate(tracks)}
     counts = np.array([len(track.positions) for track in tracks])
     first, moves = np.cumsum(counts) - counts, (counts > 1).astype(np.intp)
-    low, high, rotations, positions, middles, asides = (
+    rotations, positions, middles, asides = (
         np.concatenate([getattr(track, name) for track in tracks])
-        for name in ("low", "high", "rotations", "positions", "middles", "aside")
+        for name in ("rotations", "positions", "middles", "aside")
     )
     halves, reaches = np.array([track.box for track in tracks]), np.array([track.reach for track in tracks])
     both = np.array([[number[id(track)] for track in pair] for pair in pairs])
 
-    met, at = np.nonzero(within)
+    # Solids are no deeper in each other than their boxes along any axis.
+    low, high = np.empty((3, len(tracks), within.shape[1])), np.empty((3, len(tracks), within.shape[1]))
+    for i, track in enumerate(tracks):
+        low[:, i], high[:, i] = track.low[: within.shape[1]].T, track.high[: within.shape[1]].T
+    near, deep = within.copy(), (least - ROUNDING_M)[:, None]
+    for below, above in zip(low, high, strict=True):
+        near &= above[both[:, 0]] - below[both[:, 1]] >= deep
+        near &= above[both[:, 1]] - below[both[:, 0]] >= deep
+    met, at = np.nonzero(near)
     one, other = both[met].T
     a, b = first[one] + moves[one] * at, first[other] + moves[other] * at
-    limits = least[met] - ROUNDING_M
-    # Solids are no deeper in each other than their boxes along any axis.
-    near = np.flatnonzero((np.minimum(high[a] - low[b], high[b] - low[a]) >= limits[:, None]).all(axis=1))
-    met, at, one, other, a, b = (array[near] for array in (met, at, one, other, a, b))
 
     after, others_after = a + moves[one], b + moves[other]
     # The two ends of all intervals, each once.
@@ -58,16 +62,16 @@ def may_meet(
     k, m = first[i] + moves[i] * instant, first[j] + moves[j] * instant
     seen, mine = _along_axes(rotations[k], rotations[m], middles[k] - middles[m], halves[i], halves[j])
     begin, end = ends[met, at], ends[met, at + 1]
-    turn, others_turn = _angle(rotations[a], rotations[after]), _angle(rotations[b], rotations[others_after])
+    turn, others_turn = angles(rotations[a], rotations[after]), angles(rotations[b], rotations[others_after])
     apart = positions[a] - positions[b]
-    moved = _length(positions[after] - positions[others_after] - apart)
-    far = _length(apart) + moved
+    moved = lengths(positions[after] - positions[others_after] - apart)
+    far = lengths(apart) + moved
     gaps = np.maximum(
         np.minimum(seen[begin], seen[end]).max(axis=1) - _curved(far, moved, turn, others_turn, reaches[one]),
         np.minimum(mine[begin], mine[end]).max(axis=1) - _curved(far, moved, others_turn, turn, reaches[other]),
     )
     kept = np.zeros_like(within)
-    kept[met, at] = gaps - asides[a] - asides[b] <= -limits[near]
+    kept[met, at] = gaps - asides[a] - asides[b] <= ROUNDING_M - least[met]
     return kept
 
 
@@ -90,16 +94,6 @@ def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Ar
     points = far + reach
     curved: Array = (others_turn**2 * points + 2 * others_turn * (moved + reach * turn) + turn**2 * reach) / 8
     return curved
-
-
-def _angle(rotations: Array, after: Array) -> Array:
-    angles: Array = np.arccos(np.clip(((rotations * after).sum(axis=(1, 2)) - 1) / 2, -1.0, 1.0))
-    return angles
-
-
-def _length(vectors: Array) -> Array:
-    lengths: Array = np.sqrt((vectors * vectors).sum(axis=1))
-    return lengths
 
 
 def gap_bounds(one: Track, other: Track, samples: npt.NDArray[np.intp]) -> Array | None:

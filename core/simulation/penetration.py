@@ -18,13 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 from core.design import Tool
-from core.geometry import Array, Sphere
+from core.geometry import Array
 from core.interfaces import Recording
 from core.scene import Scene
 from core.simulation.entry import Side, cut, skin, thickness
 from core.simulation.gaps import gap_bounds, may_meet
 from core.simulation.sampling import Indices, coarse_samples, detours, refined_samples, subset
-from core.simulation.tracks import Track, body_tracks, robot_tracks, travelled
+from core.simulation.tracks import Track, angles, body_tracks, lengths, robot_tracks
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
 THIN_M = 0.003  # but for thin solids this much
@@ -37,6 +37,7 @@ LOST_M = 5.0  # from the arm's base
 EXPLODED_M_S = 100.0
 
 _FROM_AFAR_M = 0.02  # from this distance on, the first query finds the two apart: the side they came from is known
+_STILL_M = 1e-4  # a pair is looked at again when one of them has moved so far
 _REQUEST = coal.DistanceRequest()
 _GRAVITY = 9.81
 
@@ -72,7 +73,7 @@ def findings(scene: Scene, tool: Tool, recording: Recording) -> list[Finding]:
     around, aside = detours(recording, samples) if dense else (None, None)
     robot, bodies = robot_tracks(tool, coarse, around), body_tracks(scene, coarse, aside)
     pairs = _pairs(robot, bodies)
-    meetings = _meetings(pairs, np.ones((len(pairs), max(len(samples) - 1, 0)), dtype=bool))
+    meetings = _meetings(pairs, _moving(pairs)) if pairs and len(samples) > 1 else []
     times = coarse.times
     if meetings and dense:
         times, meetings = _closer(scene, tool, recording, samples, robot, bodies, meetings)
@@ -100,8 +101,8 @@ def _closer(
         return closer.times, list(meetings)
     met = {id(track) for meeting in meetings for track in meeting[:2]}
     at, others_at = ([i for i, track in enumerate(tracks) if id(track) in met] for tracks in (robot, bodies))
-    tracks = dict(zip((id(robot[i]) for i in at), robot_tracks(tool, closer, only=set(at)), strict=True))
-    others = body_tracks(scene, closer, only=set(others_at))
+    tracks = dict(zip((id(robot[i]) for i in at), robot_tracks(tool, closer, only=at), strict=True))
+    others = body_tracks(scene, closer, only=others_at)
     tracks.update(zip((id(bodies[i]) for i in others_at), others, strict=True))
     within = np.zeros((len(meetings), len(samples)), dtype=bool)
     for i, meeting in enumerate(meetings):
@@ -127,7 +128,7 @@ class _Meeting(NamedTuple):
     """Two solids that may get as deep in each other as counts; at least one of them is in motion.
 
     ``near`` are the samples, rising, from which on they may, until the next. ``travel`` (T,) is that of the first in
-    the frame of the second (see `Track.travel`).
+    the frame of the second (see `Track.travel`); where they can't be near it is an upper bound.
     """
 
     one: Track
@@ -141,8 +142,8 @@ def _pairs(robot: Sequence[Track], bodies: Sequence[Track]) -> list[tuple[Track,
     moving = [track for track in (*robot, *bodies) if len(track.positions) > 1]
     if not moving:
         return []
-    low, high = np.array([(t.low.min(axis=0), t.high.max(axis=0)) for t in moving]).swapaxes(0, 1)
-    below, above = np.array([(t.low.min(axis=0), t.high.max(axis=0)) for t in bodies]).swapaxes(0, 1)
+    low, high = np.array([(track.lowest, track.highest) for track in moving]).swapaxes(0, 1)
+    below, above = np.array([(track.lowest, track.highest) for track in bodies]).swapaxes(0, 1)
     met = ((low <= above[:, None]) & (high >= below[:, None])).all(axis=2)
     order = {id(track): i for i, track in enumerate(moving)}
     return [
@@ -158,22 +159,40 @@ def _meetings(pairs: Sequence[tuple[Track, Track]], within: npt.NDArray[np.bool_
     least = np.array([min(*_limits(one, other), skin(one, other)) for one, other in pairs])
     kept = may_meet(pairs, least, within)
     return [
-        _Meeting(one, other, np.flatnonzero(near), _travel(one, other))
-        for (one, other), near in zip(pairs, kept, strict=True)
-        if near.any()
+        _Meeting(one, other, near, _travel(one, other, near))
+        for (one, other), near in (
+            (pairs[i], np.flatnonzero(kept[i])) for i in np.flatnonzero(kept.any(axis=1)).tolist()
+        )
     ]
 
 
-def _travel(one: Track, other: Track) -> Array:
-    """How far points of the first have moved in the frame of the second since the first sample, at most, metres."""
+def _moving(pairs: Sequence[tuple[Track, Track]]) -> npt.NDArray[np.bool_]:
+    """Mark the intervals (P, T - 1) in which a pair may have moved since the last marked one; the first is marked."""
+    tracks = [
+        track for track in {id(track): track for pair in pairs for track in pair}.values() if len(track.aside) > 1
+    ]
+    count = len(tracks[0].aside) - 1
+    moves = {track: np.zeros(count, dtype=bool) for pair in pairs for track in pair}
+    for track in tracks:
+        moves[track] = (np.diff(track.travel // _STILL_M) > 0) | (track.aside[:-1] > _STILL_M / 2)
+    marked = np.array([moves[one] | moves[other] for one, other in pairs])
+    marked[:, 0] = True
+    return marked
+
+
+def _travel(one: Track, other: Track, near: Indices) -> Array:
+    """See `_Meeting.travel`."""
     if len(other.positions) == 1:
         return one.travel
-    positions, rotations = one.positions - other.positions, one.rotations
-    if not isinstance(other.shape, Sphere):  # the frame of a ball does not turn
-        back = other.rotations.swapaxes(1, 2)
-        positions, rotations = (back @ positions[..., None])[..., 0], back @ rotations
-    travel: Array = travelled(rotations[None], positions[None], np.array([one.reach]))[0]
-    return travel
+    (moved, turned), (others_moved, others_turned) = one.steps, other.steps
+    apart = one.positions - other.positions
+    steps = moved + one.reach * turned + others_moved
+    steps += (lengths(apart[:-1]) + moved + others_moved + one.reach) * others_turned
+    back, after = other.rotations[near].swapaxes(1, 2), other.rotations[near + 1].swapaxes(1, 2)
+    shift = (after @ apart[near + 1][..., None] - back @ apart[near][..., None])[..., 0]
+    turn = angles(back @ one.rotations[near], after @ one.rotations[near + 1])
+    steps[near] = lengths(shift) + one.reach * turn
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _limits(one: Track, other: Track) -> tuple[float, float]:

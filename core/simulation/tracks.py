@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import coal
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 import trimesh
 from scipy.spatial.transform import Rotation
@@ -19,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Array, Mesh, Pose, Shape, Sphere
 from core.interfaces import JointTrajectory, Recording
-from core.robot.frames import compose, link_frames, robot_model, times
+from core.robot.frames import joint_frames, joint_values, place, robot_model, rotate
 from core.robot.solids import hull, robot_solids, solid_geometry
 from core.scene import Scene
 
@@ -45,6 +46,7 @@ class Track:
         shape: None for a link's hull.
         middles: (T, 3) the middle of the bounding box ``box``, which is along the solid's own axes.
         low: (T, 3), with ``high`` the bounding box at a sample and on the way to the next.
+        lowest: (3,), with ``highest`` the bounding box of the whole way.
         reach: how far from the frame's origin rotation moves a point, metres.
         half_width: half of the smallest extent, metres.
         box: half of its extents along its own axes, (3,), metres.
@@ -60,44 +62,24 @@ class Track:
     middles: Array
     low: Array
     high: Array
+    lowest: Array
+    highest: Array
     reach: float
     half_width: float
     box: Array
     aside: Array
     transforms: dict[int, tuple[Any, Array]] = field(default_factory=dict)  # results of `at`, by sample
 
-    @classmethod
-    def make(
-        cls,
-        name: str,
-        owner: str,
-        solid: _Measured,
-        rotations: Array,
-        positions: Array,
-        detour: Detour | None = None,
-        arm: float = 0.0,
-    ) -> Track:
-        """Make a track; a ``detour`` of its owner widens its bounding boxes, ``arm`` metres away."""
-        if solid.pose is not None:
-            rotations, positions = compose(rotations, positions, *solid.pose)
-        if isinstance(solid.shape, Sphere):
-            rotations = np.broadcast_to(np.eye(3), rotations.shape)
-        middles, extents = positions + times(rotations, solid.middle), times(np.abs(rotations), solid.half)
-        low, high = middles - extents, middles + extents
-        low[:-1], high[:-1] = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
-        aside = np.zeros(len(positions))
-        if detour is not None:
-            aside = detour.moved + (solid.far + arm) * detour.turned
-            low, high = (low.T - aside).T, (high.T + aside).T
-        half = float(solid.half.min())
-        shape, geometry, reach, box = solid.shape, solid.geometry, solid.reach, solid.half
-        return cls(name, owner, shape, geometry, rotations, positions, middles, low, high, reach, half, box, aside)
+    @cached_property
+    def steps(self) -> tuple[Array, Array]:
+        """The lengths of the ways from sample to sample, metres, and the angles between, radians: each (T - 1,)."""
+        return lengths(np.diff(self.positions, axis=0)), angles(self.rotations[:-1], self.rotations[1:])
 
     @cached_property
     def travel(self) -> Array:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
-        travel: Array = travelled(self.rotations[None], self.positions[None], np.array([self.reach]))[0]
-        return travel
+        moved, turned = self.steps
+        return np.concatenate([[0.0], np.cumsum(moved + self.reach * turned)])
 
     def top_speed(self, times: Array) -> float:
         """An upper bound of the speed of any point, m/s, averaged over a tenth of a second."""
@@ -121,115 +103,162 @@ class Track:
         return self.transforms[k]
 
 
-def travelled(rotations: Array, positions: Array, reaches: Array) -> Array:
-    """Bound how far points have moved since the first sample, (N, T), metres.
+def lengths(vectors: Array) -> Array:
+    """Compute the lengths (N,) of vectors (N, 3)."""
+    squares: Array = np.einsum("ni,ni->n", vectors, vectors)
+    return np.sqrt(squares)
 
-    The points are within ``reaches`` (N,) of frames with rotations (N, T, 3, 3) and positions (N, T, 3).
-    """
-    shifts = positions[:, 1:] - positions[:, :-1]
-    steps = np.sqrt(np.einsum("nti,nti->nt", shifts, shifts))
-    turning = np.flatnonzero(reaches)
-    if len(turning):
-        traces = np.einsum("ntij,ntij->nt", rotations[turning, 1:], rotations[turning, :-1])  # of the rotation between
-        steps[turning] += reaches[turning, None] * np.arccos(np.clip((traces - 1) / 2, -1.0, 1.0))
-    return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
+
+def angles(rotations: Array, after: Array) -> Array:
+    """Compute the angles (N,), radians, from rotations (N, 3, 3) to others."""
+    traces = np.einsum("nij,nij->n", rotations, after)  # of the rotation between
+    turned: Array = np.arccos(np.clip((traces - 1) / 2, -1.0, 1.0))
+    return turned
 
 
 def robot_tracks(
-    tool: Tool, recording: Recording, detour: Detour | None = None, only: set[int] | None = None
+    tool: Tool, recording: Recording, detour: Detour | None = None, only: Sequence[int] | None = None
 ) -> list[Track]:
     """Follow the links that move, and the tool's components; ``only`` those with these numbers among them."""
-    frames = link_frames(tool.gripper, recording.arm, recording.fingers)
-    reach = robot_model(tool.gripper).reach
-    return [
-        Track.make(name, ROBOT, solid, *frames[link], detour, reach)
-        for i, (name, link, solid) in enumerate([*_link_solids(tool.gripper), *_tool_solids(tool)])
-        if only is None or i in only
-    ]
+    solids, robot = _robot_solids(tool), robot_model(tool.gripper)
+    frames = joint_frames(robot, joint_values(robot, recording.arm, recording.fingers))
+    return solids.tracks(*frames, detour and Detour(detour.moved[None], detour.turned[None]), robot.reach, only)
 
 
 def tool_speed(tool: Tool, trajectory: JointTrajectory) -> float:
     """An upper bound of the speed of any point of a tool on its way, m/s, averaged over a sample of `SAMPLE_HZ`."""
     times = np.append(np.arange(0.0, trajectory.duration, 1 / SAMPLE_HZ), trajectory.duration)
     arm, opening = trajectory.sample(times)
-    frames = link_frames(tool.gripper, arm, np.column_stack([opening, opening]))
-    reaches: dict[str, float] = {}
-    for _, link, solid in _tool_solids(tool):
-        reaches[link] = max(solid.far, reaches.get(link, 0.0))
+    robot = robot_model(tool.gripper)
+    rotations, positions = joint_frames(robot, joint_values(robot, arm, np.column_stack([opening, opening])))
     fastest = 0.0
-    for link, reach in reaches.items():
-        rotations, positions = frames[link]
-        (travel,) = travelled(rotations[None], positions[None], np.array([reach]))
-        fastest = max(fastest, float((np.diff(travel) / np.diff(times)).max(initial=0.0)))
+    for mount, reach in _reaches(tool).items():
+        joint, pose = robot.links[mount]
+        turned, moved = place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
+        steps = lengths(np.diff(moved, axis=0)) + reach * angles(turned[:-1], turned[1:])
+        fastest = max(fastest, float((steps / np.diff(times)).max(initial=0.0)))
     return fastest
 
 
 def body_tracks(
-    scene: Scene, recording: Recording, detours: Sequence[Detour] | None = None, only: set[int] | None = None
+    scene: Scene, recording: Recording, detours: Sequence[Detour] | None = None, only: Sequence[int] | None = None
 ) -> list[Track]:
     """Follow the collision shapes of all bodies; ``only`` those with these numbers among them."""
-    states = recording.states
-    quaternions = states.quaternions.reshape(-1, 4)
-    matrices = Rotation.from_quat(quaternions, scalar_first=True).as_matrix() if len(quaternions) else np.empty(0)
-    rotations = matrices.reshape(*states.quaternions.shape[:2], 3, 3)
-    number = {name: i for i, name in enumerate(states.names)}
-    tracks: list[Track] = []
-    at = 0
-    for body in scene.bodies:
-        wanted = [part for k, part in enumerate(body.collisions, at) if only is None or k in only]
-        at += len(body.collisions)
-        if not wanted:
-            continue
-        if body.fixed:
-            tracks += [_fixed(body.name, part.shape, part.pose, body.pose) for part in wanted]
-            continue
-        i = number[body.name]
-        turned, positions = np.ascontiguousarray(rotations[:, i]), np.ascontiguousarray(states.positions[:, i])
-        for part in wanted:
-            solid = _measured(part.shape, part.pose)
-            detour = detours[i] if detours is not None else None
-            tracks.append(Track.make(body.name, body.name, solid, turned, positions, detour))
-    return tracks
-
-
-class _Place(NamedTuple):
-    """A pose as a rotation (3, 3) and a position (3,)."""
-
-    rotation: Array
-    position: Array
-
-    @classmethod
-    def of(cls, pose: Pose) -> _Place:
-        return cls(pose.rotation.as_matrix(), pose.position)
+    fixed, free, numbers = _body_solids(scene)
+    tracks = {number: track for number, track in fixed.items() if only is None or number in only}
+    chosen = [i for i, number in enumerate(numbers) if only is None or number in only]
+    if chosen:
+        states = recording.states
+        matrices = Rotation.from_quat(states.quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
+        rotations: Array = matrices.reshape(len(recording.times), -1, 3, 3).swapaxes(0, 1)
+        detour = None if detours is None else Detour(*(np.array(values) for values in zip(*detours, strict=True)))
+        moved = free.tracks(rotations, states.positions.swapaxes(0, 1), detour, 0.0, chosen)
+        tracks |= {numbers[i]: track for i, track in zip(chosen, moved, strict=True)}
+    return [tracks[number] for number in sorted(tracks)]
 
 
 @dataclass(frozen=True, eq=False)
-class _Measured:
-    """A solid in its owner's frame: its bounding box there (``middle``, ``half``), and `Track.reach`."""
+class _Solids:
+    """N solids, each at rest in one of the frames that move.
 
-    shape: Shape | None
-    geometry: Any
-    pose: _Place | None
-    middle: Array
-    half: Array
-    reach: float
+    Attributes:
+        frames: (N,) the number of each one's frame.
+        rotations: (N, 3, 3), with ``positions`` (N, 3) its place there.
+        middles: (N, 3), with ``halves`` (N, 3) its bounding box along its own axes.
+        reaches: (N,) see `Track.reach`.
+        far: (N,) how far from the origin of its frame it extends, metres.
+    """
 
-    @cached_property
-    def far(self) -> float:
-        """How far from the owner's frame it extends, metres."""
-        place = 0.0 if self.pose is None else float(np.linalg.norm(self.pose.position))
-        return place + float(np.linalg.norm(np.abs(self.middle) + self.half))
+    names: tuple[str, ...]
+    owners: tuple[str, ...]
+    shapes: tuple[Shape | None, ...]
+    geometries: tuple[Any, ...]
+    frames: npt.NDArray[np.intp]
+    rotations: Array
+    positions: Array
+    middles: Array
+    halves: Array
+    reaches: Array
+    far: Array
+
+    @classmethod
+    def of(cls, solids: Sequence[_Solid]) -> _Solids:
+        """Measure solids."""
+        names, owners, shapes, geometries, frames, poses = zip(*solids, strict=True) if solids else ((),) * 6
+        boxes = [_bounding_box(geometry) for geometry in geometries]
+        middles, halves = np.array(boxes).reshape(-1, 2, 3).swapaxes(0, 1)
+        balls = np.array([isinstance(shape, Sphere) for shape in shapes], dtype=bool)
+        corners = np.linalg.norm(np.abs(middles) + halves, axis=1)
+        positions = np.array([pose.position for pose in poses]).reshape(-1, 3)
+        return cls(
+            names,
+            owners,
+            shapes,
+            geometries,
+            np.array(frames, dtype=np.intp),
+            np.array([pose.rotation.as_matrix() for pose in poses]).reshape(-1, 3, 3),
+            positions,
+            middles,
+            halves,
+            np.where(balls, 0.0, corners),
+            np.linalg.norm(positions, axis=1) + corners,
+        )
+
+    def tracks(
+        self, rotations: Array, positions: Array, detour: Detour | None, arm: float, only: Sequence[int] | None = None
+    ) -> list[Track]:
+        """Follow the solids in frames with rotations (F, T, 3, 3) and positions (F, T, 3).
+
+        A ``detour``, each (F, T) or (1, T), widens their bounding boxes; what turns is ``arm`` metres farther away.
+        """
+        chosen = np.arange(len(self.names)) if only is None else np.array(only, dtype=np.intp)
+        of, halves = self.frames[chosen], self.halves[chosen]
+        rotations, positions = place(rotations[of], positions[of], self.rotations[chosen], self.positions[chosen])
+        for i, number in enumerate(chosen.tolist()):
+            if isinstance(self.shapes[number], Sphere):
+                rotations[i] = np.eye(3)
+        middles, extents = positions + rotate(rotations, self.middles[chosen]), rotate(np.abs(rotations), halves)
+        # By axis, since numpy reduces along contiguous instants fifty times as fast.
+        across, extents = middles.swapaxes(1, 2).copy(), extents.swapaxes(1, 2)
+        low, high = across - extents, across + extents
+        np.minimum(low[..., :-1], low[..., 1:], out=low[..., :-1])
+        np.maximum(high[..., :-1], high[..., 1:], out=high[..., :-1])
+        aside = np.zeros(positions.shape[:2])
+        if detour is not None:
+            by_frame = of if len(detour.moved) > 1 else 0
+            aside += detour.moved[by_frame] + (self.far[chosen] + arm)[:, None] * detour.turned[by_frame]
+            low -= aside[:, None]
+            high += aside[:, None]
+        lowest, highest = low.min(axis=2), high.max(axis=2)
+        return [
+            Track(
+                self.names[number],
+                self.owners[number],
+                self.shapes[number],
+                self.geometries[number],
+                rotations[i],
+                positions[i],
+                middles[i],
+                low[i].T,
+                high[i].T,
+                lowest[i],
+                highest[i],
+                float(self.reaches[number]),
+                float(halves[i].min()),
+                halves[i],
+                aside[i],
+            )
+            for i, number in enumerate(chosen.tolist())
+        ]
 
 
 def smallest_extent(shape: Shape) -> float:
     """Measure a shape's smallest extent along its own axes, metres."""
-    return 2 * float(_measured(shape, Pose()).half.min())
+    return 2 * float(_bounding_box(_geometry(shape))[1].min())
 
 
-@lru_cache(maxsize=256)
-def _measured(shape: Shape, pose: Pose) -> _Measured:
-    geometry = _hull(shape.vertices.tobytes()) if isinstance(shape, Mesh) else solid_geometry(shape)
-    return _measure(geometry, pose, shape)
+def _geometry(shape: Shape) -> Any:
+    return _hull(shape.vertices.tobytes()) if isinstance(shape, Mesh) else solid_geometry(shape)
 
 
 @lru_cache(maxsize=256)
@@ -238,30 +267,67 @@ def _hull(vertices: bytes) -> Any:
     return hull(trimesh.PointCloud(np.frombuffer(vertices).reshape(-1, 3)))
 
 
-def _measure(geometry: Any, pose: Pose, shape: Shape | None = None) -> _Measured:
+def _bounding_box(geometry: Any) -> tuple[Array, Array]:
+    """The middle (3,) of a geometry's bounding box along its own axes, and half of its extents (3,)."""
     geometry.computeLocalAABB()
     box = geometry.aabb_local
-    middle, half = (box.max_ + box.min_) / 2, (box.max_ - box.min_) / 2
-    reach = 0.0 if isinstance(shape, Sphere) else float(np.linalg.norm(np.abs(middle) + half))
-    return _Measured(shape, geometry, None if pose == Pose() else _Place.of(pose), middle, half, reach)
+    return (box.max_ + box.min_) / 2, (box.max_ - box.min_) / 2
+
+
+_Solid = tuple[str, str, Shape | None, Any, int, Pose]  # name, owner, shape, Coal's geometry, frame, pose in it
 
 
 @lru_cache(maxsize=2)
-def _link_solids(gripper: bool) -> list[tuple[str, str, _Measured]]:
-    """The solids of the links that move: twice the link's name, and the solid."""
+def _link_solids(gripper: bool) -> tuple[_Solid, ...]:
+    """The solids of the links that move, in the joints' frames."""
     links = robot_model(gripper).links
-    return [(s.name, s.name, _measure(s.geometry, s.pose)) for s in robot_solids(gripper) if links[s.name][0] > 0]
+    moving = [(solid, *links[solid.name]) for solid in robot_solids(gripper) if links[solid.name][0] > 0]
+    return tuple((solid.name, ROBOT, None, solid.geometry, joint, at @ solid.pose) for solid, joint, at in moving)
 
 
 @lru_cache(maxsize=8)
-def _tool_solids(tool: Tool) -> list[tuple[str, str, _Measured]]:
-    """Each component's name, the link that bears it, and its solid."""
-    placed = tool.placed()
-    return [(part.name, placed[part.name][0], _measured(part.shape, placed[part.name][1])) for part in tool.components]
+def _robot_solids(tool: Tool) -> _Solids:
+    """The links' solids, and behind them the tool's components."""
+    links, solids = robot_model(tool.gripper).links, list(_link_solids(tool.gripper))
+    for part, (mount, pose) in zip(tool.components, tool.placed().values(), strict=True):
+        joint, at = links[mount]
+        solids.append((part.name, ROBOT, part.shape, _geometry(part.shape), joint, at @ pose))
+    return _Solids.of(solids)
 
 
-@lru_cache(maxsize=256)
-def _fixed(name: str, shape: Shape, pose: Pose, body: Pose) -> Track:
-    """The track of a part of a fixed body: the same for every rollout in a scene."""
-    at = body.rotation.as_matrix()[None], body.position[None]
-    return Track.make(name, name, _measured(shape, pose), *at)
+@lru_cache(maxsize=8)
+def _reaches(tool: Tool) -> dict[str, float]:
+    """How far the tool extends from each of its mounts, metres."""
+    solids, reaches = _robot_solids(tool), dict[str, float]()
+    own = slice(len(solids.far) - len(tool.components), None)
+    corners = (solids.far - np.linalg.norm(solids.positions, axis=1))[own]
+    for (mount, pose), corner in zip(tool.placed().values(), corners, strict=True):
+        reaches[mount] = max(float(np.linalg.norm(pose.position) + corner), reaches.get(mount, 0.0))
+    return reaches
+
+
+_last: tuple[Scene, tuple[dict[int, Track], _Solids, list[int]]] | None = None
+
+
+def _body_solids(scene: Scene) -> tuple[dict[int, Track], _Solids, list[int]]:
+    """The tracks of fixed bodies' solids by number, the solids of free ones, and their numbers.
+
+    They are kept for the last scene, which has many rollouts.
+    """
+    global _last
+    if _last is not None and _last[0] is scene:
+        return _last[1]
+    fixed, free, numbers = {}, [], []
+    names = [body.name for body in scene.free]
+    parts = [(body, part) for body in scene.bodies for part in body.collisions]
+    for number, (body, part) in enumerate(parts):
+        frame = 0 if body.fixed else names.index(body.name)
+        solid = (body.name, body.name, part.shape, _geometry(part.shape), frame, part.pose)
+        if body.fixed:
+            at = body.pose.rotation.as_matrix()[None, None], body.pose.position[None, None]
+            (fixed[number],) = _Solids.of([solid]).tracks(*at, None, 0.0)
+        else:
+            free.append(solid)
+            numbers.append(number)
+    _last = scene, (fixed, _Solids.of(free), numbers)
+    return _last[1]

@@ -184,8 +184,8 @@ def test_reference_solutions_stay_clear_of_themselves(file):
 def test_few_distances_are_measured(monkeypatch):
     """Nearly all pairs are left out by their capsules: what remains is little beside a rollout."""
     calls = []
-    measure = self_collision._depth
-    monkeypatch.setattr(self_collision, "_depth", lambda *given: calls.append(1) or measure(*given))
+    measure = self_collision._Gauge.depth
+    monkeypatch.setattr(self_collision._Gauge, "depth", lambda *given: calls.append(1) or measure(*given))
     file = SOLUTIONS / "CleanTable.json"
     task = installed().create("task", file.stem)
     (candidate,) = read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0))
@@ -210,8 +210,8 @@ def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch):
     joints[:, 6] = 2.5 * np.sin(0.8 * times)
     trajectory = JointTrajectory(times, joints, np.full(len(times), FINGER_OPEN))
     calls = []
-    measure = self_collision._depth
-    monkeypatch.setattr(self_collision, "_depth", lambda *given: calls.append(1) or measure(*given))
+    measure = self_collision._Gauge.depth
+    monkeypatch.setattr(self_collision._Gauge, "depth", lambda *given: calls.append(1) or measure(*given))
     met = find_self_collision(Tool((hub, *rays)), trajectory)
     assert len(calls) < self_collision.MAX_DISTANCES + 1000
     assert met.unchecked
