@@ -58,6 +58,13 @@ def penetrations(scene, taken, tool=ROD):
 # --- passing through --------------------------------------------------------------------------------------------
 
 
+def test_a_cube_that_creeps_into_a_wall_is_found():
+    """It moves by 0.02 mm from sample to sample, less than what counts as motion."""
+    cube = body("cube", Box((0.04, 0.04, 0.04)), (0.46, 0.0, 0.25))
+    path = straight((0.46, 0, 0.25), (0.5, 0, 0.25), 2000)
+    assert penetrations(Scene((WALL, cube)), recording(Scene((WALL, cube)), {"cube": path}))
+
+
 @pytest.mark.parametrize("speed", [0.2, 1.0, 5.0, 20.0])
 @pytest.mark.parametrize("shape", [Sphere(0.02), Box((0.03, 0.05, 0.02)), Cylinder(0.01, 0.2)])
 def test_a_body_that_goes_through_a_wall_is_found_however_fast(shape, speed):
