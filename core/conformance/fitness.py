@@ -68,6 +68,11 @@ def check_each_candidate_has_its_evaluation(make: Make) -> None:
         as_json(evaluation.details, "what an evaluation has as details")
 
 
+def check_what_counts_is_text(make: Make) -> None:
+    said = make(evaluator()).instructions()
+    expect(isinstance(said, str), f"instructions returned {said!r}, not a text for the prompt")
+
+
 def check_no_candidates_have_no_evaluations(make: Make) -> None:
     evaluations = make(evaluator())([])
     expect(evaluations == [], f"without candidates it returned {evaluations!r}, not an empty list")

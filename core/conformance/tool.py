@@ -67,6 +67,7 @@ def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> No
         data = representation.dump(tool)
         as_json(data, "what dump returned")
         expect(set(data) == set(representation.schema()), f"dump returned {sorted(data)}; the schema has other fields")
+        as_json(representation.abridge(tool), "what abridge returned")
         back = representation.parse(data, gripper=tool.gripper)
         expect(isinstance(back, Tool), f"parse returned a {type(back).__name__}, not a Tool")
         expect(back.gripper == tool.gripper, f"a tool with gripper={tool.gripper} came back as one without it")

@@ -53,7 +53,8 @@ def helpers(task: Task) -> str:
         for function in functions
         if inspect.isfunction(function)
         and function.__module__ != module.__name__
-        and function.__module__.partition(".")[0] == package
+        and function.__module__.partition(".")[0] == package != "core"
+        and function.__name__.isidentifier()  # no lambda
     ]
     return "\n\n".join(taken)
 
@@ -61,6 +62,6 @@ def helpers(task: Task) -> str:
 def _head(function: Callable[..., Any]) -> str:
     text = textwrap.dedent(inspect.getsource(function))
     (node,) = ast.parse(text).body
-    assert isinstance(node, ast.FunctionDef)
+    assert isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     documented = ast.get_docstring(node) is not None
     return "\n".join(text.splitlines()[: node.body[0].end_lineno if documented else None])

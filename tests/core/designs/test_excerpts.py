@@ -1,6 +1,7 @@
 """What is taken from source files is enough to read a task, and follows the code."""
 
 import ast
+import importlib
 
 from core.designs.composer import BODY, TASK
 from core.designs.excerpts import class_source, function_source, helpers
@@ -46,3 +47,42 @@ def test_helpers_are_those_of_the_tasks_own_package():
     assert "def table(" not in shown  # the table of the layout has its numbers
     assert "return" not in shown
     assert helpers(PushCube()) == ""
+
+
+SHAPES = '''
+from functools import cache
+
+@cache
+def bracket(
+    length: float,
+) -> float:
+    """A bracket of this length."""
+    return 2 * length
+
+def wedge(angle: float) -> float:
+    return angle / 2
+
+double = lambda x: 2 * x
+'''
+PULL = """
+from functools import cache
+from toy_pack.shapes import bracket, double, wedge
+from tests.core.designs.test_composer import PushCube
+
+class Pull(PushCube):
+    pass
+"""
+
+
+def test_helpers_of_another_package(tmp_path, monkeypatch):
+    folder = tmp_path / "toy_pack"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+    (folder / "shapes.py").write_text(SHAPES)
+    (folder / "pull.py").write_text(PULL)
+    monkeypatch.syspath_prepend(tmp_path)
+    module = importlib.import_module("toy_pack.pull")
+    assert helpers(module.Pull()) == (
+        '@cache\ndef bracket(\n    length: float,\n) -> float:\n    """A bracket of this length."""\n\n'
+        "def wedge(angle: float) -> float:\n    return angle / 2"
+    )
