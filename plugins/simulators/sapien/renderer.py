@@ -44,7 +44,7 @@ class SapienRenderer(Renderer):
         self._scene = sapien.Scene([sapien.render.RenderSystem()])
         self._scene.set_ambient_light([0.35] * 3)
         self._scene.add_directional_light([-1.0, 1.0, -2.0], [1.8] * 3, shadow=True, shadow_scale=2.0)
-        self._cameras: dict[tuple[int, int], Any] = {}
+        self._cameras: dict[tuple[int, int, bool], Any] = {}
         self._links = robot(tool if tool is not None else Tool(gripper=True))
         self._entities = [self._add(link.visuals, Pose()) for link in self._links]
         self._bodies = {body.name: self._add(body.visuals, body.pose) for body in task.scene(seed).bodies}
@@ -69,14 +69,15 @@ class SapienRenderer(Renderer):
             self._bodies[name].pose = to_sapien(state.pose(name))
 
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
-        size = width, height
-        if size not in self._cameras:
-            self._cameras[size] = self._scene.add_camera("camera", *size, 1.0, _NEAR_M, _FAR_M)
-        shot = self._cameras[size]
-        if camera.height_m is not None:
-            shot.set_orthographic_parameters(_NEAR_M, _FAR_M, camera.height_m / 2)
-        else:
+        kind = width, height, camera.height_m is None  # a camera can't change its projection
+        if kind not in self._cameras:
+            self._cameras[kind] = self._scene.add_camera("camera", width, height, 1.0, _NEAR_M, _FAR_M)
+        shot = self._cameras[kind]
+        if camera.height_m is None:
             shot.set_fovy(np.radians(camera.fov_deg), compute_x=True)
+        else:
+            top, right = camera.height_m / 2, camera.height_m / 2 * width / height
+            shot.set_orthographic_parameters(_NEAR_M, _FAR_M, -right, right, -top, top)
         shot.entity.pose = to_sapien(_look(camera))
         self._scene.update_render()
         shot.take_picture()
