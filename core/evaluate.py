@@ -15,10 +15,11 @@ from omegaconf import DictConfig, OmegaConf
 from core.cli import arguments, command, print_table, say, write_bytes
 from core.config.compose import check_seed, load, node, part
 from core.design import Candidate, Evaluation
+from core.designs.feedback import describe
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
-from core.interfaces import Fitness, RolloutSettings
+from core.interfaces import Fitness, RolloutSettings, observation
 from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator
 from core.text import clean
@@ -62,6 +63,7 @@ def record(evaluation: Evaluation) -> dict[str, Any]:
         "plan": evaluation.candidate.action,
         **{k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in figures.items()},  # JSON: no nan
         "warnings": warnings,
+        **({"observed": describe(evaluation)} if observation(evaluation) is not None else {}),
     }
 
 
@@ -87,7 +89,7 @@ def show(records: list[dict[str, Any]]) -> None:
     ]
     print_table((*numbers, "status"), rows, numbers)
     for r in records:
-        for remark in filter(None, (r["reason"], *r["warnings"])):
+        for remark in filter(None, (r["reason"], *r["warnings"], r.get("observed"))):
             say(f"strategy {r['strategy']} plan {r['plan']}: {clean(remark, 2000)}")
 
 

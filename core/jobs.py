@@ -7,8 +7,8 @@ Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/te
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, Protocol, get_args
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal, Protocol, TypeVar, get_args
 
 import numpy as np
 
@@ -151,6 +151,8 @@ class World(Protocol):
         """Return the state of the free bodies."""
 
 
+T = TypeVar("T")
+
 OBSERVATION, TRIAL = "observation", "trial"  # of `Evaluation.details`
 
 Class = Literal["solved", "placed", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
@@ -177,6 +179,7 @@ class Observation:
         result: what became of the bodies of the task's goal, see `core.simulation.observing`.
         what: the body that this happened to, or the thing that the robot was stuck at.
         at_s: when it happened.
+        left: the bodies of the goal that are not in place.
         moved: the free bodies that moved, and those of the goal.
         errors: for each body of the goal, its place at the end minus the wanted one; None: a coordinate is free.
         contacts: the first contacts, the robot's before those of bodies with each other.
@@ -193,6 +196,7 @@ class Observation:
     result: Class
     what: str = ""
     at_s: float | None = None
+    left: tuple[str, ...] = ()
     moved: Mapping[str, Moved] = field(default_factory=dict)
     errors: Mapping[str, Offset] = field(default_factory=dict)
     contacts: tuple[Contact, ...] = ()
@@ -215,10 +219,13 @@ def observation(evaluation: Evaluation) -> Observation | None:
     stored = evaluation.details.get(OBSERVATION)
     if stored is None:
         return None
-    return Observation(
-        **stored
-        | {
-            "moved": {name: Moved(**moved) for name, moved in stored["moved"].items()},
-            "contacts": tuple(Contact(**contact) for contact in stored["contacts"]),
-        }
-    )
+    parts = {
+        "moved": {name: _made(Moved, moved) for name, moved in stored.get("moved", {}).items()},
+        "contacts": tuple(_made(Contact, contact) for contact in stored.get("contacts", ())),
+    }
+    return _made(Observation, stored | parts)
+
+
+def _made(kind: type[T], values: Mapping[str, Any]) -> T:
+    """Make a dataclass of those of the values that it has fields for: a newer version may have stored more."""
+    return kind(**{field.name: values[field.name] for field in fields(kind) if field.name in values})  # type: ignore[arg-type]

@@ -56,7 +56,7 @@ def generation_lines(evaluations: tuple[Evaluation, ...], budget: int) -> str:
     groups: dict[str, list[Evaluation]] = {}
     others = sorted((e for e in evaluations if e.status != "ok"), key=lambda e: (e.status, e.candidate.key))
     for evaluation in (*best_first(evaluations, tie=0.0), *others):
-        groups.setdefault(_line(evaluation), []).append(evaluation)
+        groups.setdefault(describe(evaluation), []).append(evaluation)
     lines = {text: f"- {_ids(group)}: {text}" for text, group in groups.items()}
     queues: dict[str, list[str]] = {}
     for text, group in groups.items():
@@ -107,7 +107,8 @@ def elite_feedback(elite: Evaluation, tried: Iterable[Evaluation]) -> dict[str, 
     return {key: value for key, value in described.items() if value}
 
 
-def _line(evaluation: Evaluation) -> str:
+def describe(evaluation: Evaluation) -> str:
+    """Say in one line what became of a candidate."""
     if evaluation.status != "ok":
         return f"{evaluation.status}: {clean(evaluation.reason, _REASON)}"
     seen = observation(evaluation)
@@ -135,15 +136,18 @@ def _line(evaluation: Evaluation) -> str:
 
 
 def _result(seen: Observation) -> str:
-    what = {"stuck": "at ", "unreachable": ""}.get(seen.result, "") + seen.what
-    return " ".join(filter(None, (seen.result, what, "" if seen.at_s is None else f"from {_when(seen, seen.at_s)}")))
+    """Say what became of the goal's bodies, to which of them and when, and how many of several are in place."""
+    what = f"at {seen.what}" if seen.result == "stuck" else seen.what
+    when = "" if seen.at_s is None or seen.result == "unreachable" else f"from {_when(seen, seen.at_s)}"
+    said, count = " ".join(filter(None, (seen.result, what, when))), len(seen.errors)
+    return f"{said}, {count - len(seen.left)} of {count} in place" if 0 < len(seen.left) < count else said
 
 
 def _moves(seen: Observation, most: int) -> list[tuple[str, str]]:
-    """Describe how bodies moved, those that moved most first."""
+    """Describe how bodies moved: of several those of the goal that are not in place, then those that moved most."""
     stirred = {name: moved for name, moved in seen.moved.items() if _far(moved.by) > _MOVED_M or moved.tilt_deg >= 1}
     described = []
-    for name in sorted(stirred, key=lambda name: -_far(stirred[name].by))[:most]:
+    for name in sorted(stirred, key=lambda name: (name not in seen.left, -_far(stirred[name].by)))[:most]:
         moved = stirred[name]
         tilt = f", tilted {moved.tilt_deg:.0f} deg" if moved.tilt_deg >= 1 else ""
         described.append((name, f"by {_point(moved.by)} to {_point(moved.to)}{tilt}"))

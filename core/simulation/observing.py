@@ -16,7 +16,7 @@ Dropped and tipped need at least half of the bodies that are not in place, or wi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -55,7 +55,9 @@ def observe(
     goal = min(task.goals, key=lambda goal: _left(goal, start, end), default=None)
     bodies = goal.bodies if goal is not None else start.names
     lags = _lags(motion, taken)
-    result, what, at = _judge(task, scene, motion, outcome, reward, contacts, lags)
+    names = tuple(dict.fromkeys(name for goal in task.goals for name in goal.bodies)) or start.names
+    left = tuple(n for n in names if not any(_in_place(goal, n, start, end) for goal in task.goals))
+    result, what, at = _judge(task, scene, motion, reward, start, end, names, left, contacts, lags)
     worst = int((motion.misses / (MISSED_M, MISSED_RAD)).max(axis=1).argmax())
     shifts = {name: _moved(start, end, name) for name in start.names}
     moved = {name: m for name, m in shifts.items() if name in bodies or _stirred(m)}
@@ -68,6 +70,7 @@ def observe(
         result,
         what,
         None if at is None else round(at, 2),
+        left,
         moved,
         {name: _offset(goal, end.position(name)) for name in bodies} if goal is not None else {},
         tuple(_rounded(contact) for contact in found[:MAX_CONTACTS]),
@@ -83,16 +86,24 @@ def observe(
 
 
 def _judge(
-    task: Task, scene: Scene, motion: Motion, outcome: Outcome, reward: float, contacts: Contacts, lags: Array
+    task: Task,
+    scene: Scene,
+    motion: Motion,
+    reward: float,
+    start: State,
+    end: State,
+    names: Sequence[str],
+    left: Sequence[str],
+    contacts: Contacts,
+    lags: Array,
 ) -> tuple[Class, str, float | None]:
-    """Choose the class, see the module; also the thing that it is about, and when it happened, seconds."""
-    start, end, taken = outcome.start, outcome.end, contacts.taken
-    assert start is not None
-    assert end is not None
+    """Choose the class, see the module; also the thing that it is about, and when it happened, seconds.
+
+    ``names`` are the goal's bodies, ``left`` those that are not in place.
+    """
+    taken = contacts.taken
     if reward >= task.success_reward:
         return "solved", "", None
-    names = tuple(dict.fromkeys(name for goal in task.goals for name in goal.bodies)) or start.names
-    left = [name for name in names if not any(_in_place(goal, name, start, end) for goal in task.goals)]
     if not left:
         return "placed", "", None
     touches = np.flatnonzero(np.logical_or.reduce([contacts.with_robot(name) for name in names]))

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic import model_validator as check_whole
 
+from core.jobs import OBSERVATION, Observation
 from core.text import clean
 
 MAX_DEPTH = 50  # of JSON
@@ -71,6 +72,12 @@ def _named(value: dict[str, Any]) -> dict[str, Any]:
 
 def _with_tie(value: dict[str, Any]) -> dict[str, Any]:
     validated(Amount, value.get("tie", 0.0))
+    return value
+
+
+def _observed(value: dict[str, Any]) -> dict[str, Any]:
+    if OBSERVATION in value:
+        validated(Observation, value[OBSERVATION])
     return value
 
 
@@ -232,7 +239,7 @@ class _Evaluation(_Schema):
     moved_m: Annotated[dict[str, float], Json]
     warnings: Annotated[list[str], Json]
     content: Id | None = None
-    details: Annotated[dict[str, Any], Json] = {}
+    details: Annotated[dict[str, Any], AfterValidator(_observed), Json] = {}
 
     @check_whole(mode="after")
     def _fits(self) -> _Evaluation:

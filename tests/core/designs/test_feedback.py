@@ -69,6 +69,14 @@ def test_a_line_says_where_and_when_it_failed():
     assert line.endswith("0.500 never touched; nothing moved; no contact; nearest to cube 50 mm")
 
 
+def test_of_several_bodies_those_that_are_not_in_place_come_first():
+    moved = {f"dust_{i}": Moved((0.1 * i, 0.0, 0.0), (1.0, 0.0, 0.0), 0.0) for i in range(1, 6)}
+    errors = dict.fromkeys(moved, (0.1, None, None))
+    (line,) = lines(tried(seen=replace(SEEN, moved=moved, errors=errors, left=("dust_1", "dust_2"))))
+    assert "missed, 3 of 5 in place; dust_2 by (0.2, 0, 0) to (1, 0, 0); dust_1 by" in line
+    assert "dust_5 by (0.5, 0, 0) to (1, 0, 0); 2 others moved too" in line
+
+
 def test_rejected_failed_and_invalid_ones_say_why_and_without_an_observation_the_moves():
     found = lines(
         tried(0, status="rejected", reward=0.0, reason="the tool\nstarts inside the arm", seen=None),

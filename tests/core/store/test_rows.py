@@ -98,6 +98,12 @@ def test_a_store_without_checksums_is_read_as_before(tmp_path):
         ("UPDATE evaluations SET plan = ?", -1, "plan: Input should be greater than or equal to 0"),
         ("UPDATE evaluations SET details = ?", DEEP, "details: is nested too deep"),
         ("UPDATE evaluations SET details = ?", b"\xff", "details: "),
+        (
+            "UPDATE evaluations SET details = ?",
+            '{"observation": {"result": "lost"}}',
+            "details: result: Input should be",
+        ),
+        ("UPDATE evaluations SET details = ?", '{"observation": 5}', "details: Input should be a dictionary"),
         ("UPDATE evaluations SET moved_m = ?", '{"cube": "far"}', "moved_m.cube: Input should be a valid number"),
         ("UPDATE strategies SET design = ?", "[]", "design: "),
         ("UPDATE strategies SET design = ?", '{"tool_urdf": ""}', "design.gripper: Field required"),
