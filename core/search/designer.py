@@ -271,9 +271,11 @@ def make_designer(
     bare = [Tool(gripper=name == "gripper") for name in dict.fromkeys(tool_kinds)]
 
     def show(evaluation: Evaluation) -> Picture | None:
-        candidate = evaluation.candidate
+        candidate, details = evaluation.candidate, evaluation.details
+        layout = details.get("trial", {}).get("layout", seed)
+        seen = observation(evaluation) if "engines" not in details else None  # else of another engine or perturbed
         try:
-            strip = draw_strip(task, simulator, candidate, seed, prompts.rollout, observation(evaluation))
+            strip = draw_strip(task, simulator, candidate, layout, prompts.rollout, seen)
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
         except Exception as error:  # else a picture that fails costs the picture, never the run

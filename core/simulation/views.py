@@ -82,7 +82,7 @@ def draw_view(task: Task, simulator: Simulator, name: str, seed: int, tool: Tool
         else:
             pen.text((_LEFT - 5, _TOP + at), text, fill=_INK, anchor="rm", font_size=_FONT)
     pen.text((SIZE[0] - _RIGHT, SIZE[1] - 1), "xyz"[view.right], fill=_INK, anchor="rd", font_size=_FONT)
-    pen.text((_LEFT / 2, _TOP - 2), "xyz"[view.up], fill=_INK, anchor="md", font_size=_FONT)
+    pen.text((4, _TOP / 2), "xyz"[view.up], fill=_INK, anchor="lm", font_size=_FONT)
     return np.asarray(picture)
 
 

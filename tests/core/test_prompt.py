@@ -196,9 +196,12 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
 
 
 def test_without_a_language_model_tokens_are_estimated_from_the_length(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(sys, "argv", ["prompt", "task=OneBook", "vlm=offline", f"output={tmp_path}"])
+    words = ["task=OneBook", "vlm=offline", f"output={tmp_path}", "prompt.views=[]", "prompt.check=true"]
+    monkeypatch.setattr(sys, "argv", ["prompt", *words])
     main()
-    assert "rule of thumb: 3 characters to a token, 800 tokens to a picture" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "rule of thumb: 3 characters to a token, 800 tokens to a picture" in said
+    assert "prompt.check=true: each agent asks twice" in said
 
 
 @pytest.mark.slow
