@@ -190,7 +190,7 @@ class Observation:
         lag_rad: the largest lag of a joint, and ``lag_s``: when.
         arrivals: when each waypoint is reached.
         instants: of the places in ``paths``.
-        paths: the places of the bodies that moved most.
+        paths: the places of some bodies that moved: first those of ``left``, then the goal's others.
     """
 
     result: Class

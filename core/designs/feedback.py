@@ -12,8 +12,8 @@ from core.interfaces import Contact, Observation, observation
 from core.jobs import OBSERVATION, TRIAL
 from core.text import clean
 
-_MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M = 0.001, 0.01, 0.01, 0.001  # what is less is not worth its words
-_BODIES, _CONTACTS = 3, 6
+_MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words
+_BODIES, _CONTACTS = 2, 6
 _REASON = 300  # characters
 
 
@@ -163,7 +163,7 @@ def _contacts(contacts: Sequence[Contact]) -> list[str]:
 
 def _deep(contact: Contact) -> str:
     force = "" if contact.force_n is None else f", {contact.force_n:.1f} N"
-    return (f", {1000 * contact.depth_m:.1f} mm deep" if contact.depth_m >= 0.0005 else "") + force
+    return (f", {1000 * contact.depth_m:.1f} mm deep" if contact.depth_m >= _DEEP_M else "") + force
 
 
 def _span(contact: Contact) -> str:

@@ -37,7 +37,7 @@ TIPPED_DEG, FELL_M = 45.0, 0.05
 NUDGED_M = 0.005
 PLACE_M = 0.02  # the tolerance of a goal's place, if the goal names a smaller one
 
-INSTANTS, PATHS, MAX_CONTACTS = 8, 4, 40
+INSTANTS, PATHS, MAX_CONTACTS = 6, 2, 40
 
 _STILL_M, _STILL_DEG = 0.001, 1.0
 
@@ -65,7 +65,8 @@ def observe(
     instants = np.linspace(0.0, taken.times[-1], INSTANTS)
     samples = np.abs(taken.times - instants[:, None]).argmin(axis=1)
     ways = {name: float(np.ptp(taken.states.position(name), axis=0).max()) for name in moved}
-    followed = sorted((name for name in moved if ways[name] > _STILL_M), key=lambda name: -ways[name])[:PATHS]
+    strayed = [name for name in moved if ways[name] > _STILL_M]
+    followed = sorted(strayed, key=lambda name: (name not in left, name not in names, -ways[name]))[:PATHS]
     return Observation(
         result,
         what,
@@ -197,7 +198,7 @@ def _stirred(moved: Moved) -> bool:
 def _offset(goal: Goal, position: Array) -> Offset:
     """A place minus the goal's, metres; None where the goal leaves a coordinate free."""
     wanted = goal.place or (None, None, None)
-    x, y, z = (None if w is None else round(float(p) - w, 4) for w, p in zip(wanted, position, strict=True))
+    x, y, z = (None if w is None else round(float(p) - w, 4) + 0.0 for w, p in zip(wanted, position, strict=True))
     return x, y, z
 
 

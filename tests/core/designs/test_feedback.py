@@ -74,7 +74,7 @@ def test_of_several_bodies_those_that_are_not_in_place_come_first():
     errors = dict.fromkeys(moved, (0.1, None, None))
     (line,) = lines(tried(seen=replace(SEEN, moved=moved, errors=errors, left=("dust_1", "dust_2"))))
     assert "missed, 3 of 5 in place; dust_2 by (0.2, 0, 0) to (1, 0, 0); dust_1 by" in line
-    assert "dust_5 by (0.5, 0, 0) to (1, 0, 0); 2 others moved too" in line
+    assert "dust_1 by (0.1, 0, 0) to (1, 0, 0); 3 others moved too" in line
 
 
 def test_rejected_failed_and_invalid_ones_say_why_and_without_an_observation_the_moves():

@@ -79,7 +79,7 @@ def test_what_is_observed_of_a_solution():
     assert 1.0 < contact.first_s < contact.last_s <= found.instants[-1]
     assert found.clearances["table"] == pytest.approx(0.03, abs=0.002)
     assert len(found.arrivals) == 3
-    assert len(found.instants) == len(found.paths["cube"]) == 8
+    assert len(found.instants) == len(found.paths["cube"]) == 6
     xs = [x for x, _, _ in found.paths["cube"]]
     assert xs == sorted(xs, reverse=True)
 
