@@ -27,7 +27,7 @@ from core.simulation.sampling import Indices, coarse_samples, detours, refined_s
 from core.simulation.tracks import Track, angles, body_tracks, lengths, robot_tracks
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
-THIN_M = 0.003  # but for thin solids this much
+THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much
 DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
 THROUGH = 2 / 3  # share of the way to the middle that counts as a passage if the solid leaves on the other side
 
@@ -198,7 +198,8 @@ def _travel(one: Track, other: Track, near: Indices) -> Array:
 def _limits(one: Track, other: Track) -> tuple[float, float]:
     """The depths, metres, from which two solids are too deep in each other, and may have passed through each other."""
     across = one.half_width + other.half_width
-    return min(DEEP_M, max(across / 2, min(THIN_M, 0.9 * across))), THROUGH * across
+    pressed = min(across / 2, thickness(one, other))
+    return min(DEEP_M, max(pressed, min(THIN_M, 0.9 * across))), THROUGH * across
 
 
 def _passage(one: Track, other: Track, near: Indices, travel: Array, times: Array) -> tuple[float, str] | None:

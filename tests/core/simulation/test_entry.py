@@ -68,6 +68,17 @@ def test_a_sheet_that_stands_on_its_edge():
     assert "cut into" in found
 
 
+@THIN
+def test_a_sheet_that_is_pressed_into_a_thick_block(thick):
+    """It is wholly inside of the block, 5 mm below its face, and may come out below something on the block."""
+    block = body("block", Box((0.5, 0.5, 0.2)), (0.5, 0.0, 0.1), mass=0.0)
+    scene = Scene((block, body("sheet", Box((0.2, 0.2, thick)), (0.5, 0.0, 0.2 + thick / 2))))
+    down = np.repeat(0.2 + thick / 2 - np.array([0.0, 0.0025, 0.005, 0.0]), 40)
+    path = np.column_stack([np.full(160, 0.5), np.zeros(160), down])
+    (found,) = penetrations(scene, recording(scene, {"sheet": path}, hz=HZ))
+    assert "deep inside" in found
+
+
 # --- what only looks like it ------------------------------------------------------------------------------------
 
 
