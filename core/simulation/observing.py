@@ -52,11 +52,12 @@ def observe(
     assert outcome.start is not None
     assert outcome.end is not None
     start, end, taken = outcome.start, outcome.end, contacts.taken
-    goal = min(task.goals, key=lambda goal: _left(goal, start, end), default=None)
+    goals = [goal for goal in task.goals if set(goal.bodies) <= set(start.names)]  # a goal is a hint, and may be wrong
+    goal = min(goals, key=lambda goal: _left(goal, start, end), default=None)
     bodies = goal.bodies if goal is not None else start.names
     lags = _lags(motion, taken)
-    names = tuple(dict.fromkeys(name for goal in task.goals for name in goal.bodies)) or start.names
-    left = tuple(n for n in names if not any(_in_place(goal, n, start, end) for goal in task.goals))
+    names = tuple(dict.fromkeys(name for goal in goals for name in goal.bodies)) or start.names
+    left = tuple(n for n in names if not any(_in_place(goal, n, start, end) for goal in goals))
     result, what, at = _judge(task, scene, motion, reward, start, end, names, left, contacts, lags)
     worst = int((motion.misses / (MISSED_M, MISSED_RAD)).max(axis=1).argmax())
     shifts = {name: _moved(start, end, name) for name in start.names}
@@ -68,21 +69,21 @@ def observe(
     strayed = [name for name in moved if ways[name] > _STILL_M]
     followed = sorted(strayed, key=lambda name: (name not in left, name not in names, -ways[name]))[:PATHS]
     return Observation(
-        result,
-        what,
-        None if at is None else round(at, 2),
-        left,
-        moved,
-        {name: _offset(goal, end.position(name)) for name in bodies} if goal is not None else {},
-        tuple(_rounded(contact) for contact in found[:MAX_CONTACTS]),
-        max(0, len(found) - MAX_CONTACTS),
-        {name: round(gap, 4) for name, gap in contacts.clearances.items()},
-        (worst + 1, round(float(motion.misses[worst, 0]), 4), round(float(motion.misses[worst, 1]), 4)),
-        round(float(outcome.tracking_error_rad), 4),
-        round(float(taken.times[int(lags.argmax())]), 2),
-        tuple(round(instant, 2) for instant in motion.arrivals.tolist()),
-        tuple(round(instant, 2) for instant in taken.times[samples].tolist()),
-        {name: tuple(_point(p, 3) for p in taken.states.position(name)[samples]) for name in followed},
+        result=result,
+        what=what,
+        at_s=None if at is None else round(at, 2),
+        left=left,
+        moved=moved,
+        errors={name: _offset(goal, end.position(name)) for name in bodies} if goal is not None else {},
+        contacts=tuple(_rounded(contact) for contact in found[:MAX_CONTACTS]),
+        contacts_left_out=max(0, len(found) - MAX_CONTACTS),
+        clearances={name: round(gap, 4) for name, gap in contacts.clearances.items()},
+        miss=(worst + 1, round(float(motion.misses[worst, 0]), 4), round(float(motion.misses[worst, 1]), 4)),
+        lag_rad=round(float(np.nanmax([outcome.tracking_error_rad, lags.max()])), 4),  # an engine may measure none
+        lag_s=round(float(taken.times[int(lags.argmax())]), 2),
+        arrivals=tuple(round(instant, 2) for instant in motion.arrivals.tolist()),
+        instants=tuple(round(instant, 2) for instant in taken.times[samples].tolist()),
+        paths={name: tuple(_point(p, 3) for p in taken.states.position(name)[samples]) for name in followed},
     )
 
 

@@ -1,6 +1,7 @@
 """Rollouts that fail on purpose, each in a known way, and what is observed of them."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -9,10 +10,13 @@ import pytest
 
 from core.config.compose import load, part
 from core.design import Evaluation
+from core.designs.feedback import describe, elite_feedback
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.interfaces import Observation, RolloutSettings, observation
+from core.scene import Goal
 from core.simulation.rollout import evaluate_batch
+from tasks.bring_cube import BringCube
 from tests.engines import simulator
 
 FAILURES = Path(__file__).parents[2] / "failures"  # the names of the strategies say how they fail
@@ -65,6 +69,9 @@ def test_an_observation_survives_the_store():
         stored = json.loads(json.dumps(evaluation.details))
         again = observation(Evaluation(evaluation.candidate, "ok", details=stored))
         assert json.dumps(again.details()) == json.dumps(evaluation.details)
+        resumed = replace(evaluation, details=stored)
+        assert describe(resumed) == describe(evaluation)
+        assert json.dumps(elite_feedback(resumed, [])) == json.dumps(elite_feedback(evaluation, []))
     assert observation(Evaluation(evaluation.candidate, "ok")) is None
 
 
@@ -94,6 +101,19 @@ def test_the_worst_miss_names_its_waypoint_and_stuck_its_obstacle():
     assert stuck.lag_rad > 0.1
     assert stuck.at_s <= stuck.lag_s
     assert found["never touched"].clearances["cube"] < 0.06
+
+
+class Mistaken(BringCube):
+    """Its goal names a body that can't move, and one that is not there."""
+
+    goals = (Goal(("table", "dog"), away=0.1),)
+
+
+def test_a_goal_of_other_bodies_leaves_all_free_ones():
+    candidate = next(e.candidate for e in evaluations(SOLUTIONS / "BringCube.json"))
+    (evaluation,) = evaluate_batch(Mistaken(), simulator("mujoco"), [candidate], 0, OBSERVED)
+    assert observation(evaluation).left == ("cube",)
+    assert observation(evaluation).errors == {}
 
 
 @pytest.mark.slow
