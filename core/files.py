@@ -19,7 +19,7 @@ class FileMark(NamedTuple):
 
     @property
     def identity(self) -> tuple[int, int]:
-        """What stays the same while a file is written, and differs when another takes its place."""
+        """Numbers that stay while the file is written, and differ when another file takes its place."""
         return self[:2]
 
 

@@ -173,7 +173,7 @@ class Moved:
 
 @dataclass(frozen=True)
 class Observation:
-    """What is observed of a rollout. Lengths are metres, times seconds from the start of the motion.
+    """The observations of a rollout. Lengths are metres, times seconds from the start of the motion.
 
     Attributes:
         result: what became of the bodies of the task's goal, see `core.simulation.observing`.

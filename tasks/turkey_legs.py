@@ -126,7 +126,7 @@ class TurkeyLegs(Task):
 
 
 def inside_box(position: Array) -> Array:
-    """Whether points (..., 3) are between the box's walls and below its edge."""
+    """Report whether points (..., 3) are between the box's walls and below its edge."""
     offset = np.abs(position - np.array([*BOX, BOX_HEIGHT / 2]))
     room = np.array([BOX_LENGTH / 2 - BOX_WALL, BOX_WIDTH / 2 - BOX_WALL, BOX_HEIGHT / 2])
     inside: Array = (offset < room).all(axis=-1)

@@ -96,8 +96,8 @@ def as_stored(config: Any, where: Path, *, references: bool = False) -> dict[str
         rest = re.sub(r"\$\{[\w.\[\]]+\}", "", value) if references else value
         if "${" in rest:
             raise UserError(
-                f"{where}: its configuration has {clean(value, 100)!r} for {clean(path, 100)}, which is not resolved "
-                "on another's word"
+                f"{where}: its configuration has {clean(value, 100)!r} for {clean(path, 100)}, which is not resolved: "
+                "it comes from a run's folder"
             )
     return config
 

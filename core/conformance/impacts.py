@@ -17,7 +17,7 @@ import numpy as np
 
 from core.conformance.checking import expect
 from core.conformance.worlds import GRAVITY, GREY, end, film, run, slope, stick, wait
-from core.design import Component, Tool
+from core.design import RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
 from core.interfaces import JointTrajectory, Rollout, Simulator
 from core.robot.description import FINGER_OPEN, MOTOR_INERTIA, TOOL_FRICTION
@@ -102,7 +102,7 @@ def check_oblique_blow_of_a_blade(simulator: Simulator) -> None:
         own = friction**2 / TOOL_FRICTION  # so that the contact has ``friction``
         puck = Body.of("puck", shape, (x, y, height), mass=0.2, color=GREY, friction=own)
         pose = Pose.xyz_rpy((0.0, 0.0, -0.24), (0.0, 0.0, turn))
-        blade = Component("blade", "panda_virtual", pose, Box((0.3, 0.02, 0.08)))
+        blade = Component("blade", RIGID_MOUNT, pose, Box((0.3, 0.02, 0.08)))
         job = Rollout(Tool((*stick(0.2).components, blade)), _sweep(speed), 0, 0.1, 0.0)
         left = end(run(simulator, (_ice(), puck), job)).linear_velocity("puck")[:2] / speed
         due = math.cos(turn) * away + _braked(shape, friction, turn) * along
@@ -123,8 +123,8 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
     Without restitution both keep the angular momentum that the wrist had, and the motor adds its largest torque.
     """
     rate, reach, radius = 2.0, 0.8, 0.03
-    post = Component("post", "panda_virtual", Pose(np.array([0.0, 0.0, -0.14])), Box((0.02, 0.02, 0.28)), 0.005)
-    bar = Component("bar", "panda_virtual", Pose(np.array([0.45, 0.0, -0.27])), Box((0.9, 0.01, 0.02)), 0.005)
+    post = Component("post", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.14])), Box((0.02, 0.02, 0.28)), 0.005)
+    bar = Component("bar", RIGID_MOUNT, Pose(np.array([0.45, 0.0, -0.27])), Box((0.9, 0.01, 0.02)), 0.005)
     struck = 0.35  # s: 0.1 rad to get to speed in 0.1 s, and 0.5 rad
     times = np.linspace(0.0, struck + 0.02, 38)
     turned = np.where(times < 0.1, rate * times**2 / 0.2, rate * (times - 0.05)) - rate * (struck - 0.05)

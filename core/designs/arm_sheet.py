@@ -35,7 +35,7 @@ class Segment(NamedTuple):
 
 
 class ArmSheet(NamedTuple):
-    """What templates may say of the arm: ``reach`` a table, ``turns`` by roll, pitch and yaw at home, ``joints`` there.
+    """The arm's facts for templates: ``reach`` a table, ``turns`` by roll, pitch and yaw at home, ``joints`` there.
 
     ``limits`` says what binds at the reach's inner edge; ``speed`` and ``exactness`` are sentences.
     """

@@ -49,7 +49,7 @@ def _row(bodies: Sequence[Body]) -> tuple[str, ...]:
 
 
 def _description(body: Body) -> tuple[object, ...]:
-    """What bodies that share a row have in common."""
+    """The properties that bodies of one row share."""
     parts = tuple((_named(part.shape), part.pose) for part in _parts(body))
     return bool(body.collisions), parts, body.mass, body.friction, body.rolling_friction, body.restitution
 

@@ -29,7 +29,7 @@ from core.text import clean, kind, shorten
 MAX_NAME = 200
 MAX_DESCRIPTION = 5000
 
-# Errors of the machine, whatever a representation reads or writes: they say nothing about a design.
+# Errors of the machine, in any representation: they say nothing about a design.
 _MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS}
 MAX_REPLY = 5_000_000  # characters, about ten times the longest answer of a model
 MAX_MALFORMED = 100  # malformed strategies of a malformed reply, and

@@ -34,8 +34,8 @@ HOME_JOINTS = (-0.0018, -0.1860, 0.0017, -2.1008, 0.0003, 1.9147, 0.7847)
 # specifications".
 ACCELERATION_LIMITS = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
 
-# Inertia of each joint's motor as its link feels it, kg m^2: Franka's figures for the FR3, in the README of Drake's
-# franka_description. A URDF has none of it, and without it a light tool's blow has hardly anything behind it.
+# Inertia of each joint's motor, reflected through its gear, kg m^2: Franka's figures for the FR3, in the README of
+# Drake's franka_description. A URDF has none of it, and without it a light tool's blow has hardly anything behind it.
 MOTOR_INERTIA = (0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064, 0.205544064, 0.205544064)
 
 # The flange that bears a rigid tool: outer diameter of ISO 9409-1-50, centred at the mount's origin.

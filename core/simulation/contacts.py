@@ -36,7 +36,7 @@ _REQUEST = coal.DistanceRequest()
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """What touched what in a rollout.
+    """The contacts of a rollout, and the clearances.
 
     Attributes:
         taken: the T samples of the recording that were looked at.

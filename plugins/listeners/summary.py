@@ -47,7 +47,7 @@ class SummaryListener:
         _print_generations(result.generations)
         if result.best is not None:
             _print_tools(result, self.top)
-        lines = [_spent(self._replies), *(_commands(run, result) if not _one_of_many() else ())]
+        lines = [*_tied(result), _spent(self._replies), *(_commands(run, result) if not _one_of_many() else ())]
         say(*lines, file=sys.stderr)
 
 
@@ -76,6 +76,14 @@ def _print_tools(result: Result, top: int) -> None:
         name = clean(tool.name or candidate.strategy_name, _LONGEST)
         rows.append((*figures, *counts, candidate.id, name))
     print_table((*numbers, "candidate", "tool"), rows, numbers, sys.stderr)
+
+
+def _tied(result: Result) -> Iterable[str]:
+    """Say why the best candidate is not the one with the highest reward, if it is so."""
+    highest = max(result.ranking, key=lambda evaluation: evaluation.reward, default=None)
+    if highest is not None and result.best is not None and number(highest.reward, 3) != number(result.best.reward, 3):
+        earned = f"{highest.candidate.id} earned {number(highest.reward, 3)}"
+        yield f"{earned}; rewards within evolution.tie of it count as equal, and the shortest distance goes first"
 
 
 def _spent(replies: list[Reply]) -> str:

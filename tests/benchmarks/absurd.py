@@ -1,4 +1,4 @@
-"""What the adversarial search varies, and what makes a tool absurd. Used by `tests.benchmarks.adversary`.
+"""Define what the adversarial search varies, and when a tool is absurd. Used by `tests.benchmarks.adversary`.
 
 A start is a tool with a plan. Numbers around zero bend it: sizes, angles and joints of the boxes, and all waypoints.
 """
@@ -256,7 +256,7 @@ def _gap(one: Track, here: Any, part: Track, k: int) -> float:
 
 
 def _within(parts: Sequence[Track], k: int, here: Any, points: Array) -> Any:
-    """Whether points (P, 3) of a solid at ``here`` are in one of the parts."""
+    """Report whether points (P, 3) of a solid at ``here`` are in one of the parts."""
     world = points @ here.getRotation().T + here.getTranslation()
     return np.any([_contains(part, k, world) for part in parts], axis=0)
 
@@ -273,7 +273,7 @@ def _plane(shape: Box) -> tuple[Array, float]:
 
 
 def _contains(part: Track, k: int, points: Array) -> Any:
-    """Whether points (P, 3) of the world are in a body's part."""
+    """Report whether points (P, 3) of the world are in a body's part."""
     there = part.at(k, 0.0)[0]
     x = (points - there.getTranslation()) @ there.getRotation()
     match part.shape:

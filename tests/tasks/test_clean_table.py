@@ -26,7 +26,7 @@ def corners(x, y, yaw):
 
 
 def apart(one, other):
-    """Whether a side of one of two convex outlines separates them."""
+    """Report whether a side of one of two convex outlines separates them."""
     for outline in (one, other):
         for edge in np.roll(outline, -1, axis=0) - outline:
             a, b = (points @ (edge[1], -edge[0]) for points in (one, other))

@@ -134,7 +134,7 @@ def flight(aim, direction, speed, rpy):
 
 
 def has_room(aim, direction, rpy):
-    """Whether a puck can reach a point of the goal from this direction."""
+    """Report whether a puck can reach a point of the goal from this direction."""
     steps = np.linspace(0.15, 1.5, 60)[:, None] * direction / np.linalg.norm(direction)
     return all(gap(Pose.xyz_rpy(place, rpy)) > 0.001 for place in aim - steps)
 

@@ -50,7 +50,7 @@ class Workshop:
     rng: np.random.Generator
 
     def accepts(self, tool: Tool) -> bool:
-        """Whether the tool keeps the rules."""
+        """Report whether the tool keeps the rules."""
         try:
             check_tool(tool)
             self.spawn.check(tool)
@@ -125,7 +125,7 @@ class Workshop:
         return Use(plan, text), fault
 
     def _is_high(self, path: Path) -> bool:
-        """Whether the head works higher than the end-effector's home."""
+        """Report whether the head works higher than the end-effector's home."""
         return bool(min(pose.position[2] for pose in path.poses) > self.sight.home.position[2])
 
     def _fault(self, tool: Tool, plan: Array, touching: Sequence[bool], errands: Sequence[Errand]) -> float:

@@ -74,7 +74,7 @@ def reach_error(plan: Array) -> float:
 
 
 def meets_itself(tool: Tool, plan: Array, home: Pose) -> bool:
-    """Whether the plan drives the arm or the tool into the arm."""
+    """Report whether the plan drives the arm or the tool into the arm."""
     return find_self_collision(tool, plan_motion(plan, home, arm()).trajectory) is not None
 
 

@@ -139,16 +139,16 @@ class Errand:
 
     @property
     def covered(self) -> bool:
-        """Whether an obstacle is close above the bodies."""
+        """Report whether an obstacle is close above the bodies."""
         return self.headroom < 0.5
 
     @property
     def deep(self) -> bool:
-        """Whether near obstacles are much higher than the bodies, so that they are reached from straight above."""
+        """Report whether near obstacles are much higher than the bodies, which are then reached from above."""
         return self.clear_z - float(self.upper[2]) > _DEEP_M
 
     def blocked(self, shift: Array, start: Array | None = None, margin: float = 0.0) -> bool:
-        """Whether an obstacle is within ``margin`` of the bodies' way; ``start`` (3,) is an offset where it begins."""
+        """Report whether an obstacle is within ``margin`` of the bodies' way, which begins at ``start`` (3,)."""
         steps = max(2, int(np.ceil(np.linalg.norm(shift) / 0.03)))
         way = np.linspace(0.0, 1.0, steps)[1:, None] * shift + (np.zeros(3) if start is None else start)
         lifted = way + _SUPPORT_M * UP

@@ -93,7 +93,7 @@ def test_nothing_is_written_when_a_key_is_in_a_persons_own_config(many, tmp_path
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
-# --- a run from somebody else -----------------------------------------------------------------------------------
+# --- a run of another person ------------------------------------------------------------------------------------
 
 CONFIG = {"budget": {"name": "quick"}, "task": {"name": "BringCube"}, "vlm": {"name": "offline"}}
 

@@ -80,7 +80,7 @@ def alive(pid):
 
 
 def gone(pids, seconds=20.0):
-    """Whether processes that may be in the middle of ending do end."""
+    """Report whether processes that may be in the middle of ending do end."""
     deadline = time.monotonic() + seconds
     while any(alive(pid) for pid in pids) and time.monotonic() < deadline:
         time.sleep(0.02)

@@ -73,6 +73,12 @@ def test_generations_and_tools(capsys):
     assert tools[0] == ["0.400", "1.50", "2", "10", "g0-a0-s1-p0", "hook"]
 
 
+def test_a_shorter_way_that_goes_first_is_explained(capsys):
+    said = summary(capsys, [0.995, 0.999])
+    assert "g0-a0-s1-p0 earned 0.999; rewards within evolution.tie of it count as equal" in said
+    assert "evolution.tie" not in summary(capsys, [0.9, 0.999])
+
+
 def test_as_many_tools_as_asked_for(capsys):
     said = rows(summary(capsys, [0.2, 0.4, 0.6], top=1))
     assert [line[0] for line in said if line[-1:] == ["hook"]] == ["0.600"]
