@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import secrets
 from pathlib import Path
 from typing import NamedTuple
@@ -32,18 +31,20 @@ def file_mark(file: Path) -> FileMark | None:
     return FileMark(status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
 
 
-def write_whole(file: Path, data: bytes) -> None:
+def write_whole(file: Path, data: bytes, *, shared: bool = False) -> None:
     """Write a file so that no reader gets half of it, whenever the process ends. A link in its place is replaced.
+
+    With ``shared`` several processes may write it at once. Otherwise what an ended process left is removed. After a
+    power cut the file may be empty.
 
     Raises:
         OSError: it can't be written.
     """
-    part = file.with_name(f".{secrets.token_hex(8)}.part")
+    part = file.with_name(f".{file.name}.{secrets.token_hex(8)}.part" if shared else f"{file.name}.part")
     try:
+        part.unlink(missing_ok=True)
         with part.open("xb") as stream:
             stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
         part.replace(file)
     except OSError:
         part.unlink(missing_ok=True)

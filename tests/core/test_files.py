@@ -32,6 +32,19 @@ def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
     assert link.read_text() == "reply"
 
 
+def test_what_an_ended_process_left_is_removed(tmp_path: Path) -> None:
+    (tmp_path / "reply.json.part").write_text("half of a rep")
+    write_whole(tmp_path / "reply.json", b"reply")
+    assert [left.name for left in tmp_path.iterdir()] == ["reply.json"]
+
+
+def test_processes_that_share_a_file_have_parts_of_their_own(tmp_path: Path) -> None:
+    other = tmp_path / "reply.json.part"
+    other.write_text("half of a rep")
+    write_whole(tmp_path / "reply.json", b"reply", shared=True)
+    assert other.read_text() == "half of a rep"
+
+
 def test_what_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "taken").mkdir()
     with pytest.raises(OSError, match="taken"):

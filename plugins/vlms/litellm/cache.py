@@ -76,6 +76,7 @@ class Cache:
         file = self.file(request)
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(file, json.dumps({name: getattr(reply, name) for name in _STORED}).encode())
+            text = json.dumps({name: getattr(reply, name) for name in _STORED})
+            write_whole(file, text.encode(), shared=True)
         except OSError as error:  # the run has the reply all the same
             _log.warning("the reply to %s can't be cached in %s: %s", request.id, file.parent, error.strerror)
