@@ -6,7 +6,7 @@ their collision shapes is at most what engines leave between things that rest on
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,7 +19,7 @@ from core.design import Tool
 from core.geometry import Array, Mesh
 from core.interfaces import Contact, Recording
 from core.scene import Scene
-from core.simulation.gaps import gap_bounds, may_meet
+from core.simulation.gaps import gap_bounds, may_meet, neighbours
 from core.simulation.sampling import Indices, coarse_samples, subset
 from core.simulation.tracks import Track, body_tracks, robot_tracks
 
@@ -87,7 +87,11 @@ def find_contacts(scene: Scene, tool: Tool, recording: Recording) -> Contacts:
     struck = _struck(taken)
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
-    for one, other, near, hit in _near(robot, bodies, struck):
+    pairs = neighbours(robot, bodies, TOUCH_M + 2 * HULL_M)
+    intervals = _near(pairs, struck, len(taken.times) - 1) if pairs else ((), ())
+    for (one, other), near, hit in zip(pairs, *intervals, strict=True):
+        if not (near.any() or hit.any()):
+            continue
         key = kinds.get(id(one), "body"), one.name, other.name
         touched, depth = _touched(one, other, near, hit)
         if touched.any():
@@ -99,36 +103,12 @@ def find_contacts(scene: Scene, tool: Tool, recording: Recording) -> Contacts:
     return Contacts(taken, touching, resting, depths, _clearances(robot, [t for t in bodies if t.owner in missed]))
 
 
-def _near(
-    robot: Sequence[Track], bodies: Sequence[Track], struck: Mapping[str, Flags]
-) -> Iterator[tuple[Track, Track, Flags, Flags]]:
-    """Pair solids of different owners with the intervals (T - 1,) in which they may touch.
-
-    Also with those in which one of them was struck, and the other was near enough.
-    """
-    moving = [track for track in (*robot, *bodies) if len(track.positions) > 1]
-    if not moving or not bodies:
-        return
-    low, high = np.array([(t.low.min(axis=0), t.high.max(axis=0)) for t in moving]).swapaxes(0, 1)
-    below, above = np.array([(t.low.min(axis=0), t.high.max(axis=0)) for t in bodies]).swapaxes(0, 1)
-    most = TOUCH_M + 2 * HULL_M
-    met = ((low - most <= above[:, None]) & (high + most >= below[:, None])).all(axis=2)
-    order = {id(track): i for i, track in enumerate(moving)}
-    pairs = [
-        (moving[i], bodies[j])
-        for j, i in np.argwhere(met).tolist()
-        if i < order.get(id(bodies[j]), len(moving)) and moving[i].owner != bodies[j].owner  # each pair once
-    ]
-    if not pairs:
-        return
-    intervals = len(moving[0].positions) - 1
-    never = np.zeros(intervals, dtype=bool)
+def _near(pairs: Sequence[tuple[Track, Track]], struck: Mapping[str, Flags], count: int) -> tuple[Flags, Flags]:
+    """Report in which intervals each pair may touch, and in which one was struck near the other: (P, count)."""
+    never = np.zeros(count, dtype=bool)
     hit = np.array([struck.get(one.owner, never) | struck.get(other.owner, never) for one, other in pairs])
-    near = may_meet(pairs, np.array([-touch(*pair) for pair in pairs]), np.ones((len(pairs), intervals), dtype=bool))
-    hit = may_meet(pairs, np.full(len(pairs), -STRUCK_M), hit)
-    for pair, when, blows in zip(pairs, near, hit, strict=True):
-        if when.any() or blows.any():
-            yield *pair, when, blows
+    near = may_meet(pairs, np.array([-touch(*pair) for pair in pairs]), np.ones_like(hit))
+    return near, may_meet(pairs, np.full(len(pairs), -STRUCK_M), hit)
 
 
 def touch(one: Track, other: Track) -> float:

@@ -19,6 +19,25 @@ Flags = npt.NDArray[np.bool_]
 ROUNDING_M = 1e-9  # in comparisons of lengths
 
 
+def neighbours(robot: Sequence[Track], bodies: Sequence[Track], margin: float = 0.0) -> list[tuple[Track, Track]]:
+    """Pair solids of different owners, of which one ever is within ``margin`` metres of where the other ever is.
+
+    At least one of them is in motion. Only their bounding boxes are compared.
+    """
+    moving = [track for track in (*robot, *bodies) if len(track.positions) > 1]
+    if not moving or not bodies:
+        return []
+    low, high = np.array([(track.lowest, track.highest) for track in moving]).swapaxes(0, 1)
+    below, above = np.array([(track.lowest, track.highest) for track in bodies]).swapaxes(0, 1)
+    met = ((low - margin <= above[:, None]) & (high + margin >= below[:, None])).all(axis=2)
+    order = {id(track): i for i, track in enumerate(moving)}
+    return [
+        (moving[i], bodies[j])
+        for j, i in np.argwhere(met).tolist()
+        if i < order.get(id(bodies[j]), len(moving)) and moving[i].owner != bodies[j].owner  # each pair once
+    ]
+
+
 def may_meet(
     pairs: Sequence[tuple[Track, Track]], least: Array, within: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:

@@ -52,7 +52,9 @@ def observe(
     assert outcome.start is not None
     assert outcome.end is not None
     start, end, taken = outcome.start, outcome.end, contacts.taken
-    goals = [goal for goal in task.goals if set(goal.bodies) <= set(start.names)]  # a goal is a hint, and may be wrong
+    goals = [
+        goal for goal in task.goals if goal.bodies and set(goal.bodies) <= set(start.names)
+    ]  # a goal is a hint, and may be wrong
     goal = min(goals, key=lambda goal: _left(goal, start, end), default=None)
     bodies = goal.bodies if goal is not None else start.names
     lags = _lags(motion, taken)
@@ -106,7 +108,7 @@ def _judge(
     taken = contacts.taken
     if reward >= task.success_reward:
         return "solved", "", None
-    if not left:
+    if names and not left:
         return "placed", "", None
     touches = np.flatnonzero(np.logical_or.reduce([contacts.with_robot(name) for name in names]))
     work = (float(taken.times[touches[0]]), float(taken.times[touches[-1]])) if touches.size else (0.0, np.inf)
@@ -156,7 +158,7 @@ def _fallen(scene: Scene, contacts: Contacts, name: str, start: State) -> Cause 
             return float(taken.times[begin - 1]), "dropped", name
     if all(isinstance(part.shape, Sphere) for part in scene[name].collisions):
         return None
-    tilts = _tilts(taken, start, name)
+    tilts = _tilts(start.quaternion(name), taken.states.quaternion(name))
     upright = np.flatnonzero(tilts <= TIPPED_DEG)
     after = int(upright[-1]) + 1 if upright.size else 0
     if after < len(tilts) and heights[after] >= rest - FELL_M:
@@ -177,19 +179,16 @@ def _lags(motion: Motion, taken: Recording) -> Array:
     return lags
 
 
-def _tilts(taken: Recording, start: State, name: str) -> Array:
-    """How far a body's upward axis has turned since ``start``, degrees, at each sample (T,)."""
-    first = Rotation.from_quat(start.quaternion(name), scalar_first=True)
-    turned = Rotation.from_quat(taken.states.quaternion(name), scalar_first=True) * first.inv()
-    angles: Array = np.degrees(np.arccos(np.clip(turned.as_matrix()[:, 2, 2], -1.0, 1.0)))
+def _tilts(first: Array, quaternions: Array) -> Array:
+    """How far the upward axis of a body has turned since its ``first`` quaternion, degrees, for each of others."""
+    turned = Rotation.from_quat(quaternions, scalar_first=True) * Rotation.from_quat(first, scalar_first=True).inv()
+    angles: Array = np.degrees(np.arccos(np.clip(turned.as_matrix()[..., 2, 2], -1.0, 1.0)))
     return angles
 
 
 def _moved(start: State, end: State, name: str) -> Moved:
-    turned = [Rotation.from_quat(state.quaternion(name), scalar_first=True) for state in (start, end)]
-    upright = float(np.clip((turned[1] * turned[0].inv()).as_matrix()[2, 2], -1.0, 1.0))
-    by = end.position(name) - start.position(name)
-    return Moved(_point(by), _point(end.position(name)), round(float(np.degrees(np.arccos(upright))), 1))
+    tilt = float(_tilts(start.quaternion(name), end.quaternion(name)))
+    return Moved(_point(end.position(name) - start.position(name)), _point(end.position(name)), round(tilt, 1))
 
 
 def _stirred(moved: Moved) -> bool:

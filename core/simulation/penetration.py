@@ -22,8 +22,8 @@ from core.geometry import Array
 from core.interfaces import Recording
 from core.scene import Scene
 from core.simulation.entry import Side, cut, skin, thickness
-from core.simulation.gaps import gap_bounds, may_meet
-from core.simulation.sampling import Indices, coarse_samples, detours, refined_samples, subset
+from core.simulation.gaps import gap_bounds, may_meet, neighbours
+from core.simulation.sampling import Indices, coarse_samples, detours, is_finite, refined_samples, subset
 from core.simulation.tracks import Track, angles, body_tracks, lengths, robot_tracks
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
@@ -63,16 +63,14 @@ def findings(scene: Scene, tool: Tool, recording: Recording) -> list[Finding]:
     Raises:
         Explosion: a body's state is not finite, or it is faster than `EXPLODED_M_S` without a fall to explain it.
     """
-    states = recording.states
-    for values in (states.positions, states.quaternions, states.linear_velocities, recording.arm):
-        if not np.isfinite(values).all():
-            raise Explosion("a body's state is not finite")
+    if not is_finite(recording):
+        raise Explosion("a body's state is not finite")
     samples = coarse_samples(recording)
     coarse = subset(recording, samples)
     dense = len(samples) < len(recording.times)
     around, aside = detours(recording, samples) if dense else (None, None)
     robot, bodies = robot_tracks(tool, coarse, around), body_tracks(scene, coarse, aside)
-    pairs = _pairs(robot, bodies)
+    pairs = neighbours(robot, bodies)
     meetings = _meetings(pairs, _moving(pairs)) if pairs and len(samples) > 1 else []
     times = coarse.times
     if meetings and dense:
@@ -135,22 +133,6 @@ class _Meeting(NamedTuple):
     other: Track
     near: Indices
     travel: Array
-
-
-def _pairs(robot: Sequence[Track], bodies: Sequence[Track]) -> list[tuple[Track, Track]]:
-    """Pair solids of different owners that are ever where the other one ever is; at least one is in motion."""
-    moving = [track for track in (*robot, *bodies) if len(track.positions) > 1]
-    if not moving:
-        return []
-    low, high = np.array([(track.lowest, track.highest) for track in moving]).swapaxes(0, 1)
-    below, above = np.array([(track.lowest, track.highest) for track in bodies]).swapaxes(0, 1)
-    met = ((low <= above[:, None]) & (high >= below[:, None])).all(axis=2)
-    order = {id(track): i for i, track in enumerate(moving)}
-    return [
-        (moving[i], bodies[j])
-        for j, i in np.argwhere(met).tolist()
-        if i < order.get(id(bodies[j]), len(moving)) and moving[i].owner != bodies[j].owner  # each pair once
-    ]
 
 
 def _meetings(pairs: Sequence[tuple[Track, Track]], within: npt.NDArray[np.bool_]) -> list[_Meeting]:

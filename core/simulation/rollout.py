@@ -23,7 +23,7 @@ from core.scene import Scene, State
 from core.simulation.contacts import find_contacts
 from core.simulation.observing import observe
 from core.simulation.penetration import Explosion, Finding, findings
-from core.simulation.sampling import sample_hz, thinnest
+from core.simulation.sampling import is_finite, sample_hz, thinnest
 from core.text import shorten
 
 
@@ -169,9 +169,9 @@ def evaluate_batch(
 
 
 def _observed(task: Task, scene: Scene, motion: Motion, outcome: Outcome, evaluation: Evaluation) -> dict[str, Any]:
-    """Observe a rollout, as an evaluation's details; empty if the engine recorded nothing."""
+    """Observe a rollout, as an evaluation's details; empty if nothing was recorded, or states that are not finite."""
     tool = evaluation.candidate.tool
-    if outcome.recording is None or tool is None:
+    if outcome.recording is None or tool is None or not is_finite(outcome.recording):
         return {}
     contacts = find_contacts(scene, tool, outcome.recording)
     return observe(task, scene, motion, outcome, evaluation.reward, contacts).details()

@@ -40,6 +40,13 @@ def _power(wanted: float) -> float:
     return 2.0 ** math.ceil(math.log2(max(wanted, 1.0)))
 
 
+def is_finite(recording: Recording) -> bool:
+    """Report whether all poses, velocities and joints are numbers."""
+    states = recording.states
+    values = states.positions, states.quaternions, states.linear_velocities, recording.arm
+    return all(bool(np.isfinite(array).all()) for array in values)
+
+
 def coarse_samples(recording: Recording) -> Indices:
     """The samples of a recording that are about `SAMPLE_HZ` apart, the first and the last among them."""
     count = len(recording.times)

@@ -104,8 +104,7 @@ def _bounds(task: Task, seed: int) -> tuple[Array, Array]:
     lows, highs = [joints.min(axis=0) - _ARM_M], [joints.max(axis=0) + _ARM_M]
     lowest = min([0.0, *(_corners(body)[:, 2].min() for body in scene.free)]) - _BELOW_M
     for body in scene.bodies:
-        for part in body.visuals:
-            points = (body.pose @ part.pose).apply(np.asarray(part.shape.to_trimesh().vertices))
+        for points in _parts(body):
             low, high = points.min(axis=0), points.max(axis=0)
             if (high - low).max() < _WIDE_M and high[2] > lowest:
                 lows.append(low)
@@ -116,8 +115,11 @@ def _bounds(task: Task, seed: int) -> tuple[Array, Array]:
 
 def _corners(body: Body) -> Array:
     """The vertices (V, 3) of all visual parts of a body, in the world."""
-    parts = [(body.pose @ p.pose).apply(np.asarray(p.shape.to_trimesh().vertices)) for p in body.visuals]
-    return np.concatenate(parts) if parts else body.pose.position[None]
+    return np.concatenate(_parts(body)) if body.visuals else body.pose.position[None]
+
+
+def _parts(body: Body) -> list[Array]:
+    return [(body.pose @ p.pose).apply(np.asarray(p.shape.to_trimesh().vertices)) for p in body.visuals]
 
 
 def _ticks(camera: Camera, view: _View, width: int, height: int) -> Iterator[tuple[float, int, float]]:

@@ -14,7 +14,7 @@ from core.designs.feedback import describe, elite_feedback
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.interfaces import Observation, RolloutSettings, observation
-from core.scene import Goal
+from core.scene import Body, Goal, Scene, table
 from core.simulation.rollout import evaluate_batch
 from tasks.bring_cube import BringCube
 from tests.engines import simulator
@@ -114,6 +114,49 @@ def test_a_goal_of_other_bodies_leaves_all_free_ones():
     (evaluation,) = evaluate_batch(Mistaken(), simulator("mujoco"), [candidate], 0, OBSERVED)
     assert observation(evaluation).left == ("cube",)
     assert observation(evaluation).errors == {}
+
+
+class Bare(BringCube):
+    """No body can move, and one is solid at most."""
+
+    solid = True
+    goals = (Goal((), place=(0.0, 0.0, None)),)
+
+    def scene(self, seed):
+        mark = Body.mark("mark", (0.5, 0.2, 0.0), 0.05, (1.0, 0.0, 0.0, 1.0))
+        return Scene((table(), mark) if self.solid else (mark,))
+
+    def reward(self, start, end):
+        return np.zeros(end.positions.shape[:-2])
+
+
+@pytest.mark.parametrize("solid", [True, False])
+def test_a_scene_in_which_nothing_moves(solid):
+    task = Bare()
+    task.solid = solid
+    candidate = next(e.candidate for e in evaluations(SOLUTIONS / "BringCube.json"))
+    (evaluation,) = evaluate_batch(task, simulator("mujoco"), [candidate], 0, OBSERVED)
+    assert (evaluation.status, observation(evaluation).result) == ("ok", "never touched")
+    assert (observation(evaluation).moved, observation(evaluation).left) == ({}, ())
+
+
+def test_states_that_are_not_finite_are_not_observed(monkeypatch):
+    """With penetration=ignore nothing else looks at the recording."""
+    engine = simulator("mujoco")
+    candidate = next(e.candidate for e in evaluations(SOLUTIONS / "BringCube.json"))
+    play = engine.rollout
+
+    def diverging(task, jobs):
+        outcomes = play(task, jobs)
+        for outcome in outcomes:
+            outcome.recording.states.positions[-1] = np.nan
+            outcome.recording.states.quaternions[-1] = np.nan
+        return outcomes
+
+    monkeypatch.setattr(engine, "rollout", diverging)
+    settings = RolloutSettings(observe=True, penetration="ignore")
+    (evaluation,) = evaluate_batch(BringCube(), engine, [candidate], 0, settings)
+    assert (evaluation.status, evaluation.details) == ("ok", {})
 
 
 @pytest.mark.slow
