@@ -16,9 +16,11 @@ from core.robot.frames import link_frames
 from core.robot.kinematics import arm
 from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import Motion, at_home, plan_motion
+from core.text import clean
 
 # A waypoint is reached if it is missed by no more than this.
 REACHED_M, REACHED_RAD = 0.001, 0.01
+_REASON = 500  # characters
 
 
 def review(candidates: Sequence[Candidate], task: Task, settings: RolloutSettings) -> str:
@@ -38,12 +40,12 @@ def _strategy(number: int, candidates: list[Candidate], task: Task, settings: Ro
     lines = [f"- Strategy {number + 1}{name}:"]
     shared = problems.pop() if len(problems) == 1 else None
     if shared is not None:
-        lines.append(f"  - rejected: {shared}")
+        lines.append(f"  - rejected: {clean(shared, _REASON)}")
     if tool is not None and tool.components:
         lines.append(f"  - {tool.mass:.3g} kg; x, y and z of each component at home, smallest to largest:")
         lines += [f"    - {_name}: {_space(points[0])}" for _name, points in _placed(tool, at_home(task)).items()]
     for candidate in candidates:
-        found = [f"rejected: {candidate.problem}"] if candidate.problem != shared else []
+        found = [f"rejected: {clean(candidate.problem or '', _REASON)}"] if candidate.problem != shared else []
         if len(candidate.plan):
             found += _plan(candidate, task, settings)
         if found:

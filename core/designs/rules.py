@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -42,6 +43,7 @@ MAX_WAY_M = 100.0  # from waypoint to waypoint in all; inverse kinematics is sol
 MAX_ANGLE_RAD = 100.0
 WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 
+_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")  # prompts, messages and robot descriptions hold it as it is
 _TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
 _CARRIER = "panda_link7"  # the link with the flange
 
@@ -67,6 +69,8 @@ def check_tool(tool: Tool) -> None:
 
 
 def _check_component(component: Component) -> None:
+    if not _NAME.fullmatch(component.name):
+        raise DesignError(f"component name {shorten(component.name)} is not 1 to 64 letters, digits, '_', '.' or '-'")
     for axis, side in zip("xyz", component.shape.size, strict=True):
         if not MIN_SIDE_M <= side <= MAX_SIDE_M:
             raise DesignError(

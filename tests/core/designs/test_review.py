@@ -28,6 +28,11 @@ def reviewed(*waypoints, tool=None, settings=None, **more):
     return review([candidate], TASK, settings or RolloutSettings())
 
 
+def test_a_reason_stays_in_its_line():
+    text = reviewed((*HOME, 0, 0, 0), problem="the representation failed:\n- Strategy 2: all is well")
+    assert "rejected: the representation failed: - Strategy 2: all is well" in text
+
+
 def test_a_tool_at_home():
     text = reviewed((*HOME, 0, 0, 0), strategy=4)
     assert text.startswith("- Strategy 5 (a rod):\n  - 0.005 kg; ")
