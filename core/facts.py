@@ -1,6 +1,4 @@
-"""``python -m core.facts [sims=[NAME,...]] [output=FILE.json]``: measure how exact the arm is in engines, and
-print a sheet about it.
-"""
+"""``python -m core.facts [sims=[NAME,...]] [output=FILE.json]``: measure and print how exact the arm is in engines."""
 
 from __future__ import annotations
 
@@ -20,6 +18,7 @@ from core.robot.description import ACCELERATION_LIMITS, ARM_JOINTS
 from core.robot.kinematics import arm
 from core.robot.reach import as_table, compute_reach, describe_limits
 from core.simulation.robustness import engines
+from core.text import table
 
 USAGE = "usage: python -m core.facts [sims=[NAME,...]] [output=FILE.json]"
 Figures = Mapping[str, Mapping[str, float | None]]
@@ -61,29 +60,25 @@ def sheet(figures: Figures) -> str:
             f"At the inner edge binds: {describe_limits(reach)}.",
         ],
         "Joints": [
-            _table(
+            table(
                 ["joint", "home rad", "lowest rad", "highest rad", "speed rad/s", "acceleration rad/s²"],
                 [[name, *(f"{number + 0.0:.4g}" for number in numbers)] for name, *numbers in joints],
             )
         ],
         "Speed": [
-            _table(
+            table(
                 ["straight through home", "length m", "time s", "peak speed / mean speed"],
                 [[one.way, f"{one.length:g}", f"{one.seconds:.2f}", f"{one.peak:.2f}"] for one in timed],
             )
         ],
         "Exactness": [
-            _table(
+            table(
                 ["figure", *figures],
                 [[text, *(_number(one.get(name)) for one in figures.values())] for name, text in LABELS.items()],
             )
         ],
     }
     return "".join(f"## {title}\n\n" + "".join(f"{text}\n\n" for text in texts) for title, texts in parts.items())
-
-
-def _table(columns: list[str], rows: list[list[str]]) -> str:
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in (columns, ["---"] * len(columns), *rows))
 
 
 def _number(figure: float | None) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 
 def clean(text: str, longest: int, *, lines: bool = False) -> str:
     """Remove control characters and superfluous space from ``text``, and cut it to ``longest`` characters.
@@ -27,6 +29,23 @@ def kind(value: object) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return "a number"
     return names.get(type(value), f"a {type(value).__name__}")
+
+
+def short_number(value: float, digits: int) -> str:
+    """Write a number with at most ``digits`` after the point, and never as -0."""
+    return f"{round(float(value), digits) + 0.0:g}"
+
+
+def short_numbers(values: Iterable[float], digits: int, between: str = " ") -> str:
+    """Write numbers, each with at most ``digits`` after the point."""
+    return between.join(short_number(value, digits) for value in values)
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Write a Markdown table; no text of a cell ends its cell or row."""
+    lines = [[" ".join(cell.split()).replace("|", r"\|") for cell in row] for row in (columns, *rows)]
+    lines.insert(1, ["---"] * len(columns))
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def shorten(text: str, length: int = 40) -> str:

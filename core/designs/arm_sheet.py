@@ -15,6 +15,7 @@ from core.robot.description import ACCELERATION_LIMITS, measured_figures
 from core.robot.kinematics import arm
 from core.robot.reach import as_table, compute_reach, describe_limits, turns_at
 from core.robot.trajectory import plan_motion
+from core.text import short_numbers
 
 WAYS = ("forward", "left", "up")
 LENGTHS_M = (0.1, 0.2, 0.4)
@@ -24,9 +25,7 @@ _SAMPLES = 400
 
 
 class Segment(NamedTuple):
-    """A straight way through home: its direction, its length in metres, its time in seconds, and the ratio of its peak
-    speed to its mean.
-    """
+    """A straight way through home: direction, metres, seconds, and the ratio of its peak speed to its mean."""
 
     way: str
     length: float
@@ -64,7 +63,7 @@ def _sheet(
         as_table({z: row for z, row in reach.items() if z <= _EACH_M or round(10 * z) % 2 == 0}),
         describe_limits(reach),
         ", ".join(f"{name} {_turn(*least_most)}" for name, least_most in turns),
-        ", ".join(f"{angle + 0.0:g}" for angle in robot.home_for(home).round(2)),
+        short_numbers(robot.home_for(home), 2, ", "),
         describe_speed(segments(home, RolloutSettings(*rollout))),
         describe_exactness(measured_figures(), engine),
     )

@@ -26,12 +26,12 @@ from core.designs.feedback import combined_figures, generation_lines, last_gener
 from core.designs.layout import layout_table
 from core.designs.rules import MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
-from core.geometry import Vector
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, observation
 from core.robot.description import FINGER_FRICTION, TOOL_FRICTION
 from core.robot.outline import outline
 from core.robot.trajectory import plan_motion
 from core.scene import Body
+from core.text import short_numbers
 
 SUFFIX = ".md.j2"
 REPAIR, CHECK = "repair", "check"
@@ -171,8 +171,8 @@ class PromptComposer:
             "helpers": helpers(task),
             "executor": function_source(plan_motion),
             "urdf": outline(mounted),
-            "home_xyz": _numbers(task.home.position),
-            "home_rpy": _numbers(task.home.rpy),
+            "home_xyz": f"({short_numbers(task.home.position, 4, ', ')})",
+            "home_rpy": f"({short_numbers(task.home.rpy, 4, ', ')})",
             "rollout": self.rollout,
             "arm": describe_arm(task.home, self.rollout, self.engine),
             "max_waypoints": MAX_WAYPOINTS,
@@ -297,10 +297,6 @@ def _read_idea(file: str | None, *, wanted: bool) -> str | None:
 def counted(number: int, noun: str) -> str:
     """A number with a noun, as a filter for templates: ``one tool``, ``10 tools``."""
     return f"one {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def _numbers(values: Vector) -> str:
-    return "(" + ", ".join(f"{round(float(value), 4) + 0.0:g}" for value in values) + ")"
 
 
 def _one_line(error: Exception) -> str:

@@ -17,7 +17,7 @@ from core.design import Component, Evaluation, Tool
 from core.designs.feedback import combined_figures, elite_feedback
 from core.designs.reading import dump_design
 from core.interfaces import ToolRepresentation, observation
-from core.text import clean
+from core.text import clean, short_numbers
 
 _LONGEST = 240  # characters of a description
 
@@ -94,9 +94,9 @@ def component_lines(tool: Tool) -> list[str]:
 
 
 def _line(component: Component) -> str:
-    figures = component.shape.size, component.pose.position, component.pose.rpy.round(4) + 0.0
-    size, xyz, rpy = (" ".join(f"{round(float(n), 4) + 0.0:g}" for n in numbers) for numbers in figures)
-    turn = f" rpy {rpy}" if figures[2].any() else ""
+    pose = component.pose
+    size, xyz, rpy = (short_numbers(values, 4) for values in (component.shape.size, pose.position, pose.rpy))
+    turn = f" rpy {rpy}" if rpy != "0 0 0" else ""
     return f"{component.name} on {component.parent}: {size} at {xyz}{turn}, {component.mass:.3g} kg"
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from core.design import Evaluation, best_first
 from core.interfaces import Contact, Observation, observation
 from core.jobs import OBSERVATION, TRIAL
-from core.text import clean
+from core.text import clean, short_numbers
 
 _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words
 _BODIES, _CONTACTS = 2, 6
@@ -209,4 +209,4 @@ def _far(vector: Sequence[float]) -> float:
 
 
 def _point(point: Sequence[float]) -> str:
-    return "(" + ", ".join(f"{round(part, 3) + 0.0:g}" for part in point) + ")"
+    return f"({short_numbers(point, 3, ', ')})"

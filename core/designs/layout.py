@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from itertools import groupby
 
 import numpy as np
@@ -13,6 +12,7 @@ from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Geom
+from core.text import short_number, short_numbers, table
 
 _ALIKE = 3  # bodies alike, one after the other, from which on they share a row
 _HOLLOW = 3  # parts of a hollow body, and sides on which they bound its middle, at least
@@ -20,18 +20,17 @@ _STEP_M = 0.0005
 _HEAD = ("body", "position", "shape", "x", "y", "z", "mass", "friction")
 
 
-@lru_cache(maxsize=4)
 def layout_table(task: Task, seed: int) -> str:
     """Write a row for each body of a layout: position, turn, shape, extent in the world, mass and friction.
 
     Lengths are rounded to a millimetre. Bodies that differ in pose alone share a row. Of a hollow body, the row has the
     free space along the axes through its middle.
     """
-    rows = [_HEAD, ("---",) * len(_HEAD)]
+    rows = []
     for _, alike in groupby(task.scene(seed).bodies, _description):
         bodies = list(alike)
         rows += [_row(bodies)] if len(bodies) >= _ALIKE else [_row([body]) for body in bodies]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    return table(_HEAD, rows)
 
 
 def _row(bodies: Sequence[Body]) -> tuple[str, ...]:
@@ -43,7 +42,7 @@ def _row(bodies: Sequence[Body]) -> tuple[str, ...]:
         place = "; ".join(_placed(body.pose) for body in bodies)
     bounds = [_bounds(_parts(body), body.pose) for body in bodies]
     low, high = np.min([low for low, _ in bounds], axis=0), np.max([high for _, high in bounds], axis=0)
-    extents = (f"{_mm(a)} to {_mm(b)}" for a, b in zip(low, high, strict=True))
+    extents = (f"{short_number(a, 3)} to {short_number(b, 3)}" for a, b in zip(low, high, strict=True))
     mass = f"{first.mass:.3g} kg" if first.mass else "fixed"
     return name, place, _shape(first, alone=len(bodies) == 1), *extents, mass, _friction(first)
 
@@ -60,8 +59,14 @@ def _parts(body: Body) -> tuple[Geom, ...]:
 
 def _placed(pose: Pose) -> str:
     roll, pitch, yaw = pose.rpy.round(3) + 0.0
-    turn = f" rpy {_numbers((roll, pitch, yaw))}" if roll or pitch else f" yaw {_mm(yaw)}" if yaw else ""
-    return _numbers(pose.position) + turn
+    turn = (
+        f" rpy {short_numbers((roll, pitch, yaw), 3)}"
+        if roll or pitch
+        else f" yaw {short_number(yaw, 3)}"
+        if yaw
+        else ""
+    )
+    return short_numbers(pose.position, 3) + turn
 
 
 def _shape(body: Body, *, alone: bool) -> str:
@@ -75,7 +80,11 @@ def _shape(body: Body, *, alone: bool) -> str:
     plural = {"box": "boxes"}
     words = [f"{n} {plural.get(kind, f'{kind}s')}" if n > 1 else f"1 {kind}" for kind, n in counts.items()]
     low, high = _bounds(parts, Pose())
-    size = f", {_numbers(high - low)} along its own axes" if np.abs(body.pose.rpy).max() > 0.001 or not alone else ""
+    size = (
+        f", {short_numbers(high - low, 3)} along its own axes"
+        if np.abs(body.pose.rpy).max() > 0.001 or not alone
+        else ""
+    )
     return " + ".join(words) + size + _inside(body, low, high)
 
 
@@ -94,7 +103,7 @@ def _inside(body: Body, low: Array, high: Array) -> str:
             way = sign * np.eye(3)[axis]
             free = _free(solids, middle, way, abs(float(limit[axis] - middle[axis])))
             met += free is not None
-            ends.append("open" if free is None else _mm((middle + free * way + shift)[axis]))
+            ends.append("open" if free is None else short_number((middle + free * way + shift)[axis], 3))
         words.append(f"{name} {ends[0]} to {ends[1]}")
     frame = "" if upright else " in its own frame"
     return f"; hollow, free through its middle{frame}: {', '.join(words)}" if met >= _HOLLOW else ""
@@ -140,13 +149,13 @@ def _part_bounds(parts: Sequence[Geom], pose: Pose) -> Iterator[tuple[Array, Arr
 def _named(shape: Shape) -> str:
     match shape:
         case Box(size):
-            return f"box {_numbers(size)}"
+            return f"box {short_numbers(size, 3)}"
         case Sphere(radius):
-            return f"sphere, radius {_mm(radius)}"
+            return f"sphere, radius {short_number(radius, 3)}"
         case Cylinder(radius, length):
-            return f"cylinder, radius {_mm(radius)}, length {_mm(length)}"
+            return f"cylinder, radius {short_number(radius, 3)}, length {short_number(length, 3)}"
         case Mesh(vertices):
-            return f"convex part of {len(vertices)} corners, {_numbers(np.ptp(vertices, axis=0))}"
+            return f"convex part of {len(vertices)} corners, {short_numbers(np.ptp(vertices, axis=0), 3)}"
 
 
 def _friction(body: Body) -> str:
@@ -155,11 +164,3 @@ def _friction(body: Body) -> str:
     rolling = f", rolling {body.rolling_friction:g}" if body.rolling_friction else ""
     bounce = f", restitution {body.restitution:g}" if body.restitution else ""
     return f"{body.friction:g}{rolling}{bounce}"
-
-
-def _numbers(values: Sequence[float] | Array) -> str:
-    return " ".join(_mm(value) for value in values)
-
-
-def _mm(value: float) -> str:
-    return f"{round(float(value), 3) + 0.0:g}"

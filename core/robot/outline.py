@@ -11,6 +11,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.robot.description import assemble, read_numbers
 from core.robot.solids import robot_solids
+from core.text import short_numbers, table
 
 HEAD = ("link on its parent", "joint", "xyz", "rpy", "range", "speed", "box around the link")
 _MOTIONS = {"revolute": "turns about", "continuous": "turns about", "prismatic": "slides along"}
@@ -25,11 +26,8 @@ def outline(tool: Tool) -> str:
     robot: Any = etree.fromstring(assemble(tool, visuals=False))
     joints = {joint.find("child").get("link"): joint for joint in robot.findall("joint")}
     boxes = _boxes(tool)
-    rows = [HEAD, ("---",) * len(HEAD)]
-    for link in robot.findall("link"):
-        name = str(link.get("name"))
-        rows.append((*_joint(joints.get(name), name), boxes.get(name, "-")))
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    names = [str(link.get("name")) for link in robot.findall("link")]
+    return table(HEAD, [(*_joint(joints.get(name), name), boxes.get(name, "-")) for name in names])
 
 
 def _joint(joint: Any, link: str) -> tuple[str, ...]:
@@ -42,13 +40,13 @@ def _joint(joint: Any, link: str) -> tuple[str, ...]:
     bounds = [float(limit.get(name, 0)) for name in ("lower", "upper", "velocity")] if limit is not None else []
     span = f"{bounds[0]:g} to {bounds[1]:g}" if bounds and joint.get("type") != "continuous" else "-"
     held = f"{link} on {joint.find('parent').get('link')}"
-    return held, motion, _numbers(xyz), _numbers(rpy), span, f"{bounds[2]:g}" if bounds else "-"
+    return held, motion, short_numbers(xyz, 4), short_numbers(rpy, 4), span, f"{bounds[2]:g}" if bounds else "-"
 
 
 def _axis(axis: Array) -> str:
     """The name of an axis, such as ``-y``; the numbers of one that is askew."""
     names = {tuple(sign * way): f"{'-' if sign < 0 else ''}{name}" for sign in (1, -1) for name, way in _AXES}
-    return names.get(tuple(axis), _numbers(axis))
+    return names.get(tuple(axis), short_numbers(axis, 4))
 
 
 _AXES = tuple(zip("xyz", np.eye(3), strict=True))
@@ -64,8 +62,4 @@ def _boxes(tool: Tool) -> dict[str, str]:
     bounds = {name: (low.round(3), high.round(3)) for name, (low, high) in bounds.items()}
     halves = {component.name: np.array(component.shape.size) / 2 for component in tool.components}
     bounds |= {name: (-half, half) for name, half in halves.items()}
-    return {name: f"{_numbers(low)} to {_numbers(high)}" for name, (low, high) in bounds.items()}
-
-
-def _numbers(values: Array) -> str:
-    return " ".join(f"{round(float(value), 4) + 0.0:g}" for value in values)
+    return {name: f"{short_numbers(low, 4)} to {short_numbers(high, 4)}" for name, (low, high) in bounds.items()}

@@ -33,6 +33,7 @@ from core.interfaces import (
     ToolRepresentation,
     observation,
 )
+from core.jobs import TRIAL
 from core.plugins import describe_part
 from core.replies import checked
 from core.simulation.pictures import draw_strip, png, report_missing
@@ -272,7 +273,7 @@ def make_designer(
 
     def show(evaluation: Evaluation) -> Picture | None:
         candidate, details = evaluation.candidate, evaluation.details
-        layout = details.get("trial", {}).get("layout", seed)
+        layout = details.get(TRIAL, {}).get("layout", seed)
         seen = observation(evaluation) if "engines" not in details else None  # else of another engine or perturbed
         try:
             strip = draw_strip(task, simulator, candidate, layout, prompts.rollout, seen)
