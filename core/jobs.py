@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Literal, Protocol, TypeVar, get_args
+from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
 
@@ -156,7 +156,6 @@ T = TypeVar("T")
 OBSERVATION, TRIAL = "observation", "trial"  # of `Evaluation.details`
 
 Class = Literal["solved", "placed", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
-CLASSES: tuple[Class, ...] = get_args(Class)
 
 Point = tuple[float, float, float]
 Offset = tuple[float | None, float | None, float | None]
@@ -183,7 +182,6 @@ class Observation:
         moved: the free bodies that moved, and those of the goal.
         errors: for each body of the goal, its place at the end minus the wanted one; None: a coordinate is free.
         contacts: the first contacts, the robot's before those of bodies with each other.
-        contacts_left_out: how many more there were.
         clearances: the least distance of the robot to each body that it did not touch.
         miss: the number of the waypoint, from 1, on the way to which the arm can follow least, and its two errors
             there, metres and radians.
@@ -200,7 +198,6 @@ class Observation:
     moved: Mapping[str, Moved] = field(default_factory=dict)
     errors: Mapping[str, Offset] = field(default_factory=dict)
     contacts: tuple[Contact, ...] = ()
-    contacts_left_out: int = 0
     clearances: Mapping[str, float] = field(default_factory=dict)
     miss: tuple[int, float, float] = (1, 0.0, 0.0)
     lag_rad: float = 0.0

@@ -151,6 +151,7 @@ class PromptComposer:
         given = representation.given(task)
         mounted = given if given is not None else Tool(gripper=brief.gripper)
         numbers = given is not None or self.settings.feedback != "paper"  # all that plans for a given tool differ in
+        last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
         elites, shortened = elites_text(
             brief.elites, representation, numbers=numbers, budget=self.settings.elite_characters, tried=brief.tried
         )
@@ -181,17 +182,12 @@ class PromptComposer:
             "judged": self.judged,
             "elites": elites,
             "observed": any(observation(elite) is not None for elite in brief.elites),
-            "candidates": self._candidates(brief),
+            "candidates": generation_lines(last, self.settings.generation_characters),
             "shortened": shortened,
             "detailed": any(combined_figures(elite) for elite in brief.elites),
             "solved": any(elite.reward >= 1 - self.tie for elite in brief.elites),
             "other_kind": any(e.candidate.tool and e.candidate.tool.gripper != brief.gripper for e in brief.elites),
         }
-
-    def _candidates(self, brief: Brief) -> str:
-        """A line for each candidate of the last generation, if the prompt shows them."""
-        last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
-        return generation_lines(last, self.settings.generation_characters)
 
     def _render(self, part: str, values: dict[str, Any]) -> Text:
         try:

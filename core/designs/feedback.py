@@ -145,9 +145,11 @@ def _result(seen: Observation) -> str:
 
 def _moves(seen: Observation, most: int) -> list[tuple[str, str]]:
     """Describe how bodies moved: of several those of the goal that are not in place, then those that moved most."""
-    stirred = {name: moved for name, moved in seen.moved.items() if _far(moved.by) > _MOVED_M or moved.tilt_deg >= 1}
+    stirred = {
+        name: moved for name, moved in seen.moved.items() if math.hypot(*moved.by) > _MOVED_M or moved.tilt_deg >= 1
+    }
     described = []
-    for name in sorted(stirred, key=lambda name: (name not in seen.left, -_far(stirred[name].by)))[:most]:
+    for name in sorted(stirred, key=lambda name: (name not in seen.left, -math.hypot(*stirred[name].by)))[:most]:
         moved = stirred[name]
         tilt = f", tilted {moved.tilt_deg:.0f} deg" if moved.tilt_deg >= 1 else ""
         described.append((name, f"by {_point(moved.by)} to {_point(moved.to)}{tilt}"))
@@ -202,10 +204,6 @@ def _summary(rest: Sequence[Evaluation]) -> str:
         span = "" if high == "0.00" else f" (reward {low})" if low == high else f" (reward {low} to {high})"
         counts.append(f"{len(rewards)} {name}{span}")
     return f"{len(rest)} candidates: {', '.join(counts)}"
-
-
-def _far(vector: Sequence[float]) -> float:
-    return math.hypot(*vector)
 
 
 def _point(point: Sequence[float]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
@@ -127,23 +127,20 @@ def _distance(solids: Sequence[Solid], point: Array) -> float:
 
 def _bounds(parts: Sequence[Geom], pose: Pose) -> tuple[Array, Array]:
     """The lowest and the highest corner of the box around shapes, along the axes of the frame that has ``pose``."""
-    bounds = list(_part_bounds(parts, pose))
-    return np.min([low for low, _ in bounds], axis=0), np.max([high for _, high in bounds], axis=0)
-
-
-def _part_bounds(parts: Sequence[Geom], pose: Pose) -> Iterator[tuple[Array, Array]]:
+    lows, highs = [], []
     for part in parts:
         at = pose @ part.pose
         if isinstance(part.shape, Sphere):  # its own box would turn with it
-            yield at.position - part.shape.radius, at.position + part.shape.radius
+            points = at.position + part.shape.radius * np.array([[-1.0], [1.0]])
         elif isinstance(part.shape, Cylinder):
             axis = at.rotation.as_matrix()[:, 2]
             half = part.shape.length / 2 * np.abs(axis) + part.shape.radius * np.sqrt(np.maximum(1 - axis**2, 0.0))
-            yield at.position - half, at.position + half
+            points = np.array([at.position - half, at.position + half])
         else:
-            corners = part.shape.vertices if isinstance(part.shape, Mesh) else part.shape.to_trimesh().vertices
-            points = at.apply(corners)
-            yield points.min(axis=0), points.max(axis=0)
+            points = at.apply(part.shape.vertices if isinstance(part.shape, Mesh) else part.shape.to_trimesh().vertices)
+        lows.append(points.min(axis=0))
+        highs.append(points.max(axis=0))
+    return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
 def _named(shape: Shape) -> str:

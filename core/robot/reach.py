@@ -29,14 +29,12 @@ _AT_LIMIT_RAD = 1e-3
 class Span:
     """The smallest and largest distances from the base's axis that are reached, metres.
 
-    ``inner`` and ``outer`` say what binds just beyond them, such as ``joint 4 at its lowest``; nothing does where the
-    arm is stretched.
+    ``inner`` says what binds just beyond the smallest, such as ``joint 4 at its lowest``.
     """
 
     least: float
     most: float
     inner: tuple[str, ...] = ()
-    outer: tuple[str, ...] = ()
 
 
 Row = dict[float, Span | None]  # by pitch; None: nothing is reached
@@ -71,13 +69,13 @@ def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
             break
     else:
         return None
-    out, beyond = _march(arm, poses[first + 1 :], start.joints)
+    out, _ = _march(arm, poses[first + 1 :], start.joints)
     most = first + len(out) - 1
     back, within = _march(arm, poses[:most][::-1], out[-1])
     inner = _binding(arm, within)
     if clear := _clear(back):
         back, inner = back[:clear], (SELF,)
-    return Span((most - len(back) + 1) * _STEP_M, most * _STEP_M, inner, _binding(arm, beyond))
+    return Span((most - len(back) + 1) * _STEP_M, most * _STEP_M, inner)
 
 
 def turns_at(arm: Arm, position: Array) -> tuple[tuple[float, float], ...]:
