@@ -226,11 +226,21 @@ class Database:
             )
 
     def upgrade(self) -> None:
-        """Bring the tables to this version's schema; within a `transaction`."""
+        """Bring the tables to this version's schema; within a `transaction`.
+
+        Raises:
+            UserError: they are not those of the schema version that it names.
+        """
         version = _version(self._connection) or 0
-        for statements in _STEPS[version:]:
-            for statement in statements:
-                self._connection.execute(statement)
+        try:
+            for statements in _STEPS[version:]:
+                for statement in statements:
+                    self._connection.execute(statement)
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_ERROR:
+                raise
+            why = f"its tables are not those of schema version {version} ({error})"
+            raise UserError(f"{self.folder / FILE} is damaged: {why}; it is left as it is") from error
         if version < SCHEMA_VERSION:
             self.update("run", schema_version=SCHEMA_VERSION)
 

@@ -76,6 +76,7 @@ def make_runs(folder: Path) -> list[Path]:
     with contextlib.closing(sqlite3.connect(old / "run.sqlite")) as database:
         for table in rows.TABLES:
             database.execute(f"ALTER TABLE {table} DROP COLUMN checksum")
+        database.execute("ALTER TABLE replies DROP COLUMN unanswered")
         database.execute("UPDATE run SET schema_version = 2")
         database.commit()
     return [whole, killed, failed, bare, old]

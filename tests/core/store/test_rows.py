@@ -85,6 +85,16 @@ def test_a_store_without_checksums_is_read_as_before(tmp_path):
     assert isinstance(read_run(folder), FinishedRun)
 
 
+def test_a_schema_version_that_its_tables_do_not_have(tmp_path):
+    folder = write_run(tmp_path / "run")
+    edit(folder, "UPDATE run SET schema_version = 3")
+    data = (folder / "run.sqlite").read_bytes()
+    for _ in range(2):  # the lock is free again
+        with pytest.raises(UserError, match="is damaged: its tables are not those of schema version 3"):
+            RunStore.open(folder)
+    assert (folder / "run.sqlite").read_bytes() == data
+
+
 @pytest.mark.parametrize(
     ("statement", "value", "said"),
     [
