@@ -22,20 +22,20 @@ import numpy.typing as npt
 from core.design import TIE, Candidate, Evaluation, Tool
 from core.errors import UsageError, UserError
 from core.geometry import Array, Pose
-from core.jobs import Contact as Contact
 from core.jobs import JointTrajectory as JointTrajectory
-from core.jobs import Observation as Observation
 from core.jobs import Outcome as Outcome
 from core.jobs import Recording as Recording
 from core.jobs import Rollout as Rollout
 from core.jobs import RolloutSettings as RolloutSettings
 from core.jobs import World as World
-from core.jobs import observation as observation
 from core.messages import Estimate as Estimate
 from core.messages import Message as Message
 from core.messages import Picture as Picture
 from core.messages import Reply as Reply
 from core.messages import Text as Text
+from core.observations import Contact as Contact
+from core.observations import Observation as Observation
+from core.observations import observation as observation
 from core.scene import Camera, Goal, Scene, State
 
 Image = npt.NDArray[np.uint8]

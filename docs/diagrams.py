@@ -24,6 +24,7 @@ FLOORS = {
         "design",
         "messages",
         "jobs",
+        "observations",
     ),
     "interfaces and events": ("interfaces", "replies", "events", "hooks"),
     "plugins and config": ("cli", "plugins", "config"),

@@ -9,7 +9,7 @@ from typing import Any
 
 from core.design import Evaluation, best_first
 from core.interfaces import Contact, Observation, observation
-from core.jobs import OBSERVATION, TRIAL
+from core.observations import OBSERVATION, TRIAL
 from core.text import clean, short_numbers
 
 _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words

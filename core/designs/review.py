@@ -43,7 +43,7 @@ def _strategy(number: int, candidates: list[Candidate], task: Task, settings: Ro
         lines.append(f"  - rejected: {clean(shared, _REASON)}")
     if tool is not None and tool.components:
         lines.append(f"  - {tool.mass:.3g} kg; x, y and z of each component at home, smallest to largest:")
-        lines += [f"    - {_name}: {_space(points[0])}" for _name, points in _placed(tool, at_home(task)).items()]
+        lines += [f"    - {part}: {_space(points[0])}" for part, points in _placed(tool, at_home(task)).items()]
     for candidate in candidates:
         found = [f"rejected: {clean(candidate.problem or '', _REASON)}"] if candidate.problem != shared else []
         if len(candidate.plan):
@@ -62,9 +62,8 @@ def _plan(candidate: Candidate, task: Task, settings: RolloutSettings) -> list[s
     if tool is not None and candidate.problem is None and settings.penetration != "ignore" and seconds <= longest:
         met = find_self_collision(tool, motion.trajectory)
         if met is not None:
-            met_at = int(np.searchsorted(motion.arrivals, met.time_s)) + 1
             verdict = "rejected: " if settings.penetration == "forbid" else ""
-            found.append(f"{verdict}{met.describe()} on the way to waypoint {met_at}")
+            found.append(verdict + met.describe(motion.arrivals))
     targets, fingers = motion.trajectory.sample(motion.arrivals)
     there = JointTrajectory(motion.arrivals, targets, fingers)
     found += _reach(candidate.plan, there, motion)

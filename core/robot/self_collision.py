@@ -58,14 +58,15 @@ class SelfCollision:
     with_tool: bool
     unchecked: bool = False
 
-    def describe(self) -> str:
-        """Say which part is in which, how deep and when."""
+    def describe(self, arrivals: Array) -> str:
+        """Say which part is in which, how deep, when, and on the way to which of the waypoints, by their arrivals."""
         whole = "the tool's" if self.with_tool else "the arm's"
+        way = f"on the way to waypoint {int(np.searchsorted(arrivals, self.time_s)) + 1}"
         if self.unchecked:
             near = f"stays so near the arm's {self.other!r}, as others do, that collisions can't be ruled out"
-            return f"{whole} {self.part!r} {near}: the search was given up at {self.time_s:.2f} s,"
+            return f"{whole} {self.part!r} {near}: the search was given up at {self.time_s:.2f} s, {way}"
         depth = f"{self.depth_m * 1000:.0f} mm inside the arm's {self.other!r}"
-        return f"{whole} {self.part!r} is {depth} at {self.time_s:.2f} s,"
+        return f"{whole} {self.part!r} is {depth} at {self.time_s:.2f} s, {way}"
 
     @property
     def mend(self) -> str:

@@ -33,7 +33,7 @@ from core.interfaces import (
     ToolRepresentation,
     observation,
 )
-from core.jobs import TRIAL
+from core.observations import TRIAL
 from core.plugins import describe_part
 from core.replies import checked
 from core.simulation.pictures import draw_strip, png, report_missing

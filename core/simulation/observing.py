@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Sphere
 from core.interfaces import Contact, Observation, Outcome, Recording, Task
-from core.jobs import Class, Moved, Offset, Point
+from core.observations import Class, Moved, Offset, Point
 from core.robot.trajectory import Motion
 from core.scene import Goal, Scene, State
 from core.simulation.contacts import Contacts, Flags

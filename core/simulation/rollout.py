@@ -13,7 +13,7 @@ from core.design import Candidate, Evaluation
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
-from core.jobs import TRIAL
+from core.observations import TRIAL
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
 from core.robot.kinematics import arm
@@ -119,7 +119,7 @@ def evaluate_batch(
             evaluations[i] = Evaluation(candidate, "rejected", reason=f"{took}; use fewer waypoints")
             continue
         if settings.penetration != "ignore" and (met := find_self_collision(job.tool, motion.trajectory)):
-            where = f"{met.describe()} on the way to waypoint {int(np.searchsorted(motion.arrivals, met.time_s)) + 1}"
+            where = met.describe(motion.arrivals)
             if settings.penetration == "forbid":
                 evaluations[i] = Evaluation(candidate, "rejected", reason=f"{where}; {met.mend}")
                 continue

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic import model_validator as check_whole
 
-from core.jobs import OBSERVATION, Observation
+from core.observations import OBSERVATION, Observation
 from core.text import clean
 
 MAX_DEPTH = 50  # of JSON
