@@ -12,8 +12,8 @@ import numpy as np
 
 from core.geometry import Array, Box, Pose
 
-RIGID_MOUNT = "panda_virtual"
-GRIPPER_MOUNTS = ("panda_leftfinger", "panda_rightfinger")
+RIGID_MOUNT = "tool_mount"
+GRIPPER_MOUNTS = ("left_finger", "right_finger")
 
 TIE = 0.005  # the default of ``evolution.tie``, see `ranked`
 

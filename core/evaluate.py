@@ -13,7 +13,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.cli import arguments, command, print_table, say, write_bytes
-from core.config.compose import check_seed, load, node, part
+from core.config.compose import check_seed, load, node, part, task_part
 from core.design import Candidate, Evaluation
 from core.designs.feedback import describe
 from core.designs.reading import load_designs, read_designs
@@ -37,7 +37,7 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     check_seed(cfg.seed)
     document = load_designs(Path(cfg.designs))
     part("sim", cfg.sim).create()  # a wrong setting is reported here, once, rather than by each worker
-    spawn = SpawnRules(part("task", cfg.task).create(), cfg.seed)
+    spawn = SpawnRules(task_part(cfg).create(), cfg.seed)
     evaluations = try_all(cfg, read_designs(document, part("tool", cfg.tool).create(), spawn))
     return sorted(evaluations, key=lambda e: e.candidate.key)
 
@@ -45,7 +45,7 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
 def try_all(cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness | None = None) -> list[Evaluation]:
     """Try candidates with the configured task, simulator and executor, judged by ``fitness`` or by their rewards."""
     settings = node(cfg.rollout, RolloutSettings)
-    evaluator = fitness or Evaluator(part("task", cfg.task), part("sim", cfg.sim), cfg.seed, settings)
+    evaluator = fitness or Evaluator(task_part(cfg), part("sim", cfg.sim), cfg.seed, settings)
     with part("executor", cfg.executor).create() as executor:
         return list(evaluate_all(candidates, evaluator, executor))
 

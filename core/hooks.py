@@ -43,6 +43,10 @@ class Parts(Protocol):
         """Make a `core.interfaces.Task`."""
 
     @hookspec
+    def robots(self) -> Factories:
+        """Make a `core.interfaces.Robot`."""
+
+    @hookspec
     def simulators(self) -> Factories:
         """Make a `core.interfaces.Simulator`."""
 

@@ -36,6 +36,9 @@ from core.messages import Text as Text
 from core.observations import Contact as Contact
 from core.observations import Observation as Observation
 from core.observations import observation as observation
+from core.robots import Flange as Flange
+from core.robots import Gripper as Gripper
+from core.robots import Robot as Robot
 from core.scene import Camera, Goal, Scene, State
 
 Image = npt.NDArray[np.uint8]
@@ -52,6 +55,25 @@ class Task(ABC):
     home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))  # the end-effector's pose in the world at the start
     camera: ClassVar[Camera] = Camera()
     success_reward: ClassVar[float] = 0.95  # from here on the task counts as solved
+    _robot: Robot | None = None
+
+    @property
+    def robot(self) -> Robot:
+        """The arm that performs the task. The program sets it; by default it is the default robot.
+
+        Raises:
+            UserError: the task was made without `core.plugins`, and nothing has set its robot.
+        """
+        if self._robot is None:
+            raise UserError(
+                f"task {type(self).__name__} has no robot; make it with installed().create('task', NAME), or set "
+                "task.robot = installed().create('robot', NAME)"
+            )
+        return self._robot
+
+    @robot.setter
+    def robot(self, robot: Robot) -> None:
+        self._robot = robot
 
     @abstractmethod
     def scene(self, seed: int) -> Scene:
@@ -77,7 +99,7 @@ class Simulator(ABC):
 
     @abstractmethod
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
-        """Play each job in a world of its own, and return the outcomes in the order of the jobs.
+        """Play each job in a world of its own with `Task.robot`, and return the outcomes in the order of the jobs.
 
         A job that fails gives an outcome with an error. It raises nothing, and the other jobs are not affected.
         """
@@ -98,8 +120,8 @@ class Simulator(ABC):
     ) -> Image:
         """Draw the layout of ``seed`` and the robot, as a picture (height, width, 3) of red, green and blue.
 
-        None stands for the start: the bare arm at the task's home, ``arm`` (7,) in radians, ``fingers`` (2,) open, in
-        metres, the bodies as the scene has them, and the task's camera.
+        None stands for the start: the bare arm at the task's home, ``arm`` (J,) in radians, ``fingers`` (F,) open, in
+        metres, the bodies as the scene has them, and the task's camera. The robot is `Task.robot`.
 
         Raises:
             NoPicture: nothing on this machine can draw (see `core.errors`).

@@ -21,7 +21,7 @@ from core.scene import State
 class JointTrajectory:
     """The joint targets over time that every engine plays.
 
-    ``times`` (T,) rises from 0, in seconds; ``arm`` (T, 7) is in radians; ``fingers`` (T,) is each finger's distance
+    ``times`` (T,) rises from 0, in seconds; ``arm`` (T, J) is in radians; ``fingers`` (T,) is each finger's distance
     from the middle, in metres (0 closed, 0.04 open). Targets are linear between instants, and constant after the last.
     """
 

@@ -14,7 +14,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.cli import arguments, command, say, write_bytes
-from core.config.compose import check_seed, load, node, part
+from core.config.compose import check_seed, load, node, part, task_part
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
 from core.design import TIE, Evaluation, best_first
@@ -66,10 +66,10 @@ def compose(cfg: DictConfig) -> Request:
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
     cfg.rollout.observe |= cfg.prompt.feedback != "paper"
-    task: Task = part("task", cfg.task).create()
+    task: Task = task_part(cfg).create()
     representation: ToolRepresentation = part("tool", cfg.tool).create()
     settings = node(cfg.rollout, RolloutSettings)
-    evaluator = Evaluator(part("task", cfg.task), part("sim", cfg.sim), cfg.seed, settings)
+    evaluator = Evaluator(task_part(cfg), part("sim", cfg.sim), cfg.seed, settings)
     fitness: Fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
     tie, judged = cfg.evolution.get("tie", TIE), fitness.instructions()
     designer = make_designer(

@@ -10,7 +10,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from core.cli import arguments, command, say, write_bytes
-from core.config.compose import check_seed, load, part
+from core.config.compose import check_seed, load, part, task_part
 from core.design import Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
@@ -35,7 +35,7 @@ def render(cfg: DictConfig) -> tuple[Image, str]:
     for name, pixels in (("width", cfg.width), ("height", cfg.height)):
         if not 1 <= pixels <= MAX_PIXELS:
             raise UsageError(f"{name} must be between 1 and {MAX_PIXELS}, got {pixels}")
-    task = part("task", cfg.task).create()
+    task = task_part(cfg).create()
     simulator = part("sim", cfg.sim).create()
     tool = None if cfg.designs is None else _tool(cfg, task)
     picture: Image = simulator.render(task, seed=cfg.seed, tool=tool, width=cfg.width, height=cfg.height)

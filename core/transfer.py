@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.progress import track
 
 from core.cli import arguments, command, print_table, say, write_bytes
-from core.config.compose import check_seed, first_line, load, node, part
+from core.config.compose import check_seed, first_line, load, node, part, task_part
 from core.config.settings import PerturbationRange
 from core.design import TIE, Candidate, Evaluation, best_first
 from core.designs.reading import load_designs, read_designs
@@ -69,7 +69,7 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     """
     check_seed(cfg.seed)
     check_draws(cfg.seeds)
-    task = part("task", cfg.task)
+    task = task_part(cfg)
     candidates = designs(cfg, part("tool", cfg.tool).create(), SpawnRules(task.create(), cfg.seed))
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
     settings, ranges = node(cfg.rollout, RolloutSettings), node(cfg.perturbation, PerturbationRange)

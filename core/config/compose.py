@@ -22,7 +22,7 @@ from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Simulator, Task, ToolRepresentation
-from core.plugins import KINDS, NOT_SETTINGS, Part
+from core.plugins import KINDS, NOT_SETTINGS, Part, RobotPart, TaskPart
 
 T = TypeVar("T")
 
@@ -218,3 +218,23 @@ def part(kind: str, config: DictConfig) -> Part:
 
 def _hashable(value: Any) -> Any:
     return tuple(_hashable(item) for item in value) if isinstance(value, list) else value
+
+
+def robot_part(config: DictConfig) -> RobotPart:
+    """Return the robot that a config node names, with its settings and its base.
+
+    Raises:
+        UserError: see `part`.
+    """
+    found = part("robot", config)
+    return RobotPart(found.kind, found.name, found.settings, _hashable(list(config.get("base") or (0.0,) * 4)))
+
+
+def task_part(config: DictConfig) -> TaskPart:
+    """Return the task of a command's configuration, with the robot that it names, if it does.
+
+    Raises:
+        UserError: see `part`.
+    """
+    found, robot = part("task", config.task), config.get("robot")
+    return TaskPart(found.kind, found.name, found.settings, robot_part(robot) if robot else None)

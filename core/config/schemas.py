@@ -35,9 +35,10 @@ class PromptConfig(PromptSettings):
 
 @dataclass
 class SceneConfig:
-    """The task, the engine and the layout's seed. A part's settings are checked by its factory's signature."""
+    """The task, the robot, the engine and the layout's seed. A part's settings are checked by its factory's signature."""
 
     task: dict[str, Any] = MISSING
+    robot: dict[str, Any] = field(default_factory=dict)  # empty: the default robot, as in runs of earlier versions
     sim: dict[str, Any] = MISSING
     seed: int = 0
 
@@ -79,6 +80,7 @@ class TransferConfig:
     """
 
     task: dict[str, Any] = MISSING
+    robot: dict[str, Any] = field(default_factory=dict)
     tool: dict[str, Any] = MISSING
     executor: dict[str, Any] = MISSING
     rollout: RolloutSettings = field(default_factory=RolloutSettings)

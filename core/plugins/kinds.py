@@ -6,10 +6,11 @@ import pluggy
 
 from core.errors import UserError
 from core.hooks import PROJECT, Events
-from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Simulator, Task, ToolRepresentation
+from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Robot, Simulator, Task, ToolRepresentation
 
 KINDS = {
     "task": "tasks",
+    "robot": "robots",
     "sim": "simulators",
     "vlm": "vlms",
     "tool": "tool_representations",
@@ -22,6 +23,7 @@ KINDS = {
 
 INTERFACES: dict[str, type] = {
     "task": Task,
+    "robot": Robot,
     "sim": Simulator,
     "vlm": VLM,
     "tool": ToolRepresentation,
@@ -37,8 +39,11 @@ ATTRIBUTES = {"task": ("name", "description", "goals"), "vlm": ("model",)}
 PROVIDED = {"evolution": ("designer", "budget"), "fitness": ("evaluator",)}
 """The arguments of a kind's factories that the program provides; the others are settings."""
 
-NOT_SETTINGS = {"task": ("tool_kinds", "paper")}
-"""The keys of a kind's configuration that are not settings of the part: the search reads them."""
+NOT_SETTINGS = {"task": ("tool_kinds", "paper"), "robot": ("base",)}
+"""The keys of a kind's configuration that are not settings of the part: the program itself reads them."""
+
+WORDS = {"robot": {"base": [0.0, 0.0, 0.0, 0.0]}}
+"""Those of them that every part of the kind has, with their defaults."""
 
 
 def check_part(part: object, kind: str, offer: str) -> None:

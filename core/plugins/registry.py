@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import math
 import os
 import typing
 import weakref
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import Any, Generic, Literal, overload
 
 from typing_extensions import TypeVar
 
-from core.errors import UserError, choices
-from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Simulator, Task, ToolRepresentation
+from core.errors import UsageError, UserError, choices
+from core.geometry import Pose
+from core.hooks import PROJECT
+from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Robot, Simulator, Task, ToolRepresentation
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import check_part
 from core.plugins.settings import check_settings
@@ -54,6 +57,8 @@ class Plugins(Discovery):
     @overload
     def create(self, kind: Literal["task"], name: str, settings: Settings = ..., **given: Any) -> Task: ...
     @overload
+    def create(self, kind: Literal["robot"], name: str, settings: Settings = ..., **given: Any) -> Robot: ...
+    @overload
     def create(self, kind: Literal["sim"], name: str, settings: Settings = ..., **given: Any) -> Simulator: ...
     @overload
     def create(self, kind: Literal["vlm"], name: str, settings: Settings = ..., **given: Any) -> VLM: ...
@@ -74,6 +79,8 @@ class Plugins(Discovery):
     def create(self, kind: str, name: str, settings: Settings = None, **given: Any) -> Any:
         """Make a part: check ``settings`` against its factory's signature, and call that with them and ``given``.
 
+        A task gets the default robot, until `core.interfaces.Task.robot` is set.
+
         Raises:
             UserError: no such part; a setting that is unknown, missing or of the wrong type; or the factory makes
                 no part of that kind. The message names the distribution.
@@ -92,7 +99,22 @@ class Plugins(Discovery):
         check_part(part, offer.kind, str(offer))
         with contextlib.suppress(TypeError):  # a part that can't be a key is described by its class
             _made[part] = offer
+        if isinstance(part, Task) and kind == "task":
+            part.robot = self.default_robot
         return part
+
+    @cached_property
+    def default_robot(self) -> Robot:
+        """The first robot that this project's own plugins offer, or else the first that any offers.
+
+        Raises:
+            UserError: no plugin offers a robot.
+        """
+        offers = [offer for offer in self.offers.values() if offer.kind == "robot"]
+        if not offers:
+            raise UserError("no robot is installed; python -m core.plugins lists what is, and what failed to load")
+        first = next((offer for offer in offers if offer.distribution == PROJECT), offers[0])
+        return self.create("robot", first.name)
 
 
 _made: weakref.WeakKeyDictionary[Any, Offer] = weakref.WeakKeyDictionary()
@@ -133,3 +155,44 @@ class Part(Generic[T_co]):
     def create(self, **given: Any) -> T_co:
         part: T_co = installed().create(self.kind, self.name, dict(self.settings), **given)
         return part
+
+
+@dataclass(frozen=True)
+class RobotPart(Part[Robot]):
+    """A robot by name and settings, and where its base stands: x, y, z in metres, and yaw in radians."""
+
+    base: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+
+    def create(self, **given: Any) -> Robot:
+        return replace(super().create(**given), base=self.pose)
+
+    @property
+    def pose(self) -> Pose:
+        """The base's pose in the world.
+
+        Raises:
+            UsageError: ``base`` is not four finite numbers.
+        """
+        numbers = [n for n in self.base if isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n)]
+        if len(numbers) != 4 or len(self.base) != 4:
+            raise UsageError(f"robot.base must be four numbers, [x, y, z, yaw], got {list(self.base)}")
+        return Pose.xyz_rpy(numbers[:3], (0.0, 0.0, numbers[3])) if any(numbers) else Pose()
+
+
+@lru_cache(maxsize=16)
+def _robot(part: RobotPart) -> Robot:
+    """Make a robot once per process, so that what is computed from it is found again."""
+    return part.create()
+
+
+@dataclass(frozen=True)
+class TaskPart(Part[Task]):
+    """A task by name and settings, and the robot that performs it; None: the default robot."""
+
+    robot: RobotPart | None = None
+
+    def create(self, **given: Any) -> Task:
+        task = super().create(**given)
+        if self.robot is not None:
+            task.robot = _robot(self.robot)
+        return task

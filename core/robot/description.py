@@ -1,17 +1,8 @@
-"""Describe the Franka Panda: links, mounts, and the arm with a tool as one URDF.
-
-The description is franka_ros's, from the package example-robot-data. Any engine can read it without PyBullet, and its
-masses and inertias are the identified ones (C. Gaz et al., "Dynamic identification of the
-Franka Emika Panda robot with retrieval of feasible parameters using penalty-based optimization", IEEE RA-L 2019),
-where pybullet_data's copy has placeholders. `tests/core/robot/test_description.py` checks that they are physical.
-"""
+"""Write the arm with a tool mounted as one URDF, from the description that a robot carries."""
 
 from __future__ import annotations
 
-import importlib.metadata
-import json
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -19,59 +10,11 @@ import numpy as np
 from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.errors import UserError
-from core.geometry import Array, Cylinder, Pose
-
-ARM_JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
-FINGER_JOINTS = ("panda_finger_joint1", "panda_finger_joint2")
-FINGER_OPEN = 0.04  # metres from the middle, each finger
-GRIP_FORCE = 70.0  # newtons, each finger: the hand's continuous force, Franka hand's data sheet
-FINGER_FRICTION = 1.0  # rubber tips
-TOOL_FRICTION = 0.5  # printed plastic; the arm's links too
-HOME_JOINTS = (-0.0018, -0.1860, 0.0017, -2.1008, 0.0003, 1.9147, 0.7847)
-
-# Joint accelerations that the arm allows, rad/s^2: Franka Control Interface documentation, "Robot and interface
-# specifications".
-ACCELERATION_LIMITS = np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
-
-# Inertia of each joint's motor, reflected through its gear, kg m^2: Franka's figures for the FR3, in the README of
-# Drake's franka_description. A URDF has none of it, and without it a light tool's blow has hardly anything behind it.
-MOTOR_INERTIA = (0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064, 0.205544064, 0.205544064)
-
-# The flange that bears a rigid tool: outer diameter of ISO 9409-1-50, centred at the mount's origin.
-FLANGE = Cylinder(radius=0.0315, length=0.01)
-
-# How exact the arm is in each engine: `core.facts` measures and writes it.
-MEASURED = Path(__file__).with_name("measured.json")
-
-_HAND_LINKS = ("panda_hand", "panda_hand_tcp", *GRIPPER_MOUNTS)
-_MESH_PREFIX = "package://example-robot-data/robots/panda_description/"
+from core.geometry import Array, Pose
+from core.robots import Robot
 
 MeshPath = Callable[[Path], str]
-
-
-@lru_cache(maxsize=1)
-def description_folder() -> Path:
-    """Find the folder of the Panda's description.
-
-    Raises:
-        UserError: the package example-robot-data is not installed, or has no Panda.
-    """
-    try:
-        files = importlib.metadata.files("example-robot-data") or []
-    except importlib.metadata.PackageNotFoundError:
-        files = []
-    for file in files:
-        if file.match("panda_description/urdf/panda.urdf"):
-            return Path(str(file.locate())).resolve().parents[1]
-    raise UserError("the Panda's description is missing: pip install example-robot-data")
-
-
-@lru_cache(maxsize=1)
-def measured_figures() -> dict[str, dict[str, float | None]]:
-    """Read what was measured, by engine and figure (`core.conformance.exactness`)."""
-    figures: dict[str, dict[str, float | None]] = json.loads(MEASURED.read_text(encoding="utf-8"))
-    return figures
+BASE = "world_base"  # the root link of an arm that does not stand at the world's origin
 
 
 def _numbers(values: Iterable[float]) -> str:
@@ -172,44 +115,91 @@ def _fuse(link: Any, tool: Tool, mount: str) -> None:
         _shapes(link, component, pose)
 
 
-def assemble(tool: Tool | None = None, *, fused: bool = False, visuals: bool = True, mesh_path: MeshPath = str) -> str:
-    """Write the Panda with a tool mounted as URDF text.
+def assemble(
+    robot: Robot, tool: Tool | None = None, *, fused: bool = False, visuals: bool = True, mesh_path: MeshPath = str
+) -> str:
+    """Write the arm with a tool mounted as URDF text.
 
-    A rigid tool replaces the hand; with a gripper tool (or None, the bare hand) the hand stays. ``panda_virtual`` is
-    at the hand's place, 0.107 m beyond ``panda_link7`` and rotated by -45 degrees, flipped so that at home its axes
-    are the world's.
+    A rigid tool replaces the gripper; with a gripper tool the gripper stays. The mount is `core.design.RIGID_MOUNT`, a
+    link without mass; the fingers are named as the mounts of a gripper tool. The root is the base, or, if that does not
+    stand at the world's origin, `BASE`.
 
     Args:
-        tool: the mounted tool; without components the bare flange, or with ``gripper`` the bare hand.
+        robot: the arm.
+        tool: the mounted tool; without components the bare flange, or with ``gripper`` the bare gripper. None: the bare
+            gripper, or the bare flange of an arm without one.
         fused: merge the tool's boxes into the link that bears them (for engines: fewer links, the same physics)
             instead of giving each a link of its own (for people).
         visuals: include the arm's visual meshes and the tool's visual boxes.
         mesh_path: maps a mesh's absolute path to the text that is written.
     """
-    tool = tool if tool is not None else Tool(gripper=True)
+    tool = tool if tool is not None else Tool(gripper=robot.gripper is not None)
     parser = etree.XMLParser(remove_comments=True, remove_blank_text=True)
-    robot = etree.parse(description_folder() / "urdf" / "panda.urdf", parser).getroot()
-    if not tool.gripper:
-        for element in list(robot):
-            child = element.find("child")
-            if element.get("name") in _HAND_LINKS or (child is not None and child.get("link") in _HAND_LINKS):
-                robot.remove(element)
-    virtual = etree.SubElement(robot, "link", name=RIGID_MOUNT)
-    _inertial(virtual, 0.0, np.zeros(3), np.zeros((3, 3)))
-    joint = etree.SubElement(robot, "joint", name=f"{RIGID_MOUNT}_joint", type="fixed")
-    etree.SubElement(joint, "parent", link="panda_hand" if tool.gripper else "panda_link8")
-    etree.SubElement(joint, "child", link=RIGID_MOUNT)
-    turn = (np.pi, 0.0, 0.0) if tool.gripper else (np.pi, 0.0, -np.pi / 4)
-    _origin(joint, Pose.xyz_rpy((0.0, 0.0, 0.0), turn))
+    root = etree.fromstring(robot.urdf.encode(), parser)
+    if robot.gripper is not None:
+        if tool.gripper:
+            _rename_links(root, dict(zip(robot.gripper.links, GRIPPER_MOUNTS, strict=True)))
+        else:
+            _remove_branch(root, robot.gripper.link)
+    bearer, mount = robot.mount_link, robot.mount
+    if tool.gripper and robot.gripper is not None:
+        bearer, mount = robot.gripper.link, robot.gripper.mount
+    _add_frame(root, RIGID_MOUNT, bearer, mount)
     if fused:
-        for mount in tool.mounts:
-            _fuse(robot.find(f"link[@name='{mount}']"), tool, mount)
+        for name in tool.mounts:
+            _fuse(root.find(f"link[@name='{name}']"), tool, name)
     else:
-        robot.extend(tool_elements(tool))
-    for link in robot.findall("link"):
+        root.extend(tool_elements(tool))
+    for link in root.findall("link"):
         for visual in link.findall("visual") if not visuals else ():
             link.remove(visual)
         for mesh in link.iter("mesh"):
-            path = str(mesh.get("filename")).replace(_MESH_PREFIX, "")
-            mesh.set("filename", mesh_path(description_folder() / path))
-    return to_text(robot)
+            mesh.set("filename", mesh_path(Path(mesh.get("filename"))))
+    if robot.base != Pose():
+        _place_base(root, robot.base)
+    return to_text(root)
+
+
+def root_link(root: Any) -> str:
+    """Name the link of a URDF's root element that no joint bears."""
+    borne = {joint.find("child").get("link") for joint in root.findall("joint")}
+    return next(str(link.get("name")) for link in root.findall("link") if link.get("name") not in borne)
+
+
+def _add_frame(root: Any, name: str, parent: str, pose: Pose) -> None:
+    """Add a link without mass."""
+    _inertial(etree.SubElement(root, "link", name=name), 0.0, np.zeros(3), np.zeros((3, 3)))
+    joint = etree.SubElement(root, "joint", name=f"{name}_joint", type="fixed")
+    etree.SubElement(joint, "parent", link=parent)
+    etree.SubElement(joint, "child", link=name)
+    _origin(joint, pose)
+
+
+def _place_base(root: Any, base: Pose) -> None:
+    child = root_link(root)
+    etree.SubElement(root, "link", name=BASE)
+    joint = etree.SubElement(root, "joint", name=f"{BASE}_joint", type="fixed")
+    etree.SubElement(joint, "parent", link=BASE)
+    etree.SubElement(joint, "child", link=child)
+    _origin(joint, base)
+
+
+def _remove_branch(root: Any, link: str) -> None:
+    """Remove a link and all that it bears."""
+    children: dict[str, list[Any]] = {}
+    for joint in root.findall("joint"):
+        children.setdefault(joint.find("parent").get("link"), []).append(joint)
+    borne = [link]
+    for name in borne:
+        borne += [joint.find("child").get("link") for joint in children.get(name, ())]
+    for element in list(root):
+        child = element.find("child")
+        if element.get("name") in borne or (child is not None and child.get("link") in borne):
+            root.remove(element)
+
+
+def _rename_links(root: Any, names: dict[str, str]) -> None:
+    for link in root.findall("link"):
+        link.set("name", names.get(link.get("name"), link.get("name")))
+    for end in root.iter("parent", "child"):
+        end.set("link", names.get(end.get("link"), end.get("link")))

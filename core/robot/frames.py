@@ -14,12 +14,13 @@ import pinocchio as pin
 
 from core.design import Tool
 from core.geometry import Array, Pose
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS, assemble
+from core.robot.description import assemble
+from core.robots import Robot
 
 
 @dataclass(frozen=True, eq=False)
 class RobotModel:
-    """The kinematic model of the arm, with the gripper or without.
+    """The kinematic model of an arm, with its gripper or without.
 
     Joints are numbered as in Pinocchio: 0 is the world, and joint j has column j - 1 of the joints' values.
 
@@ -50,10 +51,10 @@ class RobotModel:
         return sum(chain) + max(float(np.linalg.norm(pose.position)) for _, pose in self.links.values())
 
 
-@lru_cache(maxsize=2)
-def robot_model(gripper: bool) -> RobotModel:
-    """Load the robot's kinematic model."""
-    model = pin.buildModelFromXML(assemble(Tool(gripper=gripper), visuals=False))
+@lru_cache(maxsize=8)
+def robot_model(robot: Robot, gripper: bool) -> RobotModel:
+    """Load a robot's kinematic model."""
+    model = pin.buildModelFromXML(assemble(robot, Tool(gripper=gripper), visuals=False))
     links = {
         frame.name: (frame.parentJoint, Pose.from_matrix(frame.placement.homogeneous))
         for frame in model.frames
@@ -74,10 +75,10 @@ def robot_model(gripper: bool) -> RobotModel:
     return RobotModel(model, model.createData(), tuple(axes), turning, moving, tuple(model.parents), supports, links)
 
 
-def joint_values(robot: RobotModel, arm: Array, fingers: Array) -> Array:
-    """Order the arm's joints (T, 7) and the fingers' (T, 2) as the model has them: (T, J - 1)."""
-    columns = dict(zip((*ARM_JOINTS, *FINGER_JOINTS), (*arm.T, *fingers.T), strict=True))
-    return np.column_stack([columns[name] for name in list(robot.model.names)[1:]])
+def joint_values(robot: Robot, gripper: bool, arm: Array, fingers: Array) -> Array:
+    """Order the arm's joints (T, J) and the fingers' (T, F) as the model has them, one column for each joint of it."""
+    columns = dict(zip(robot.arm_joints, arm.T, strict=True)) | dict(zip(robot.finger_joints, fingers.T, strict=False))
+    return np.column_stack([columns[name] for name in list(robot_model(robot, gripper).model.names)[1:]])
 
 
 def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
@@ -98,16 +99,16 @@ def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
     return rotations, positions
 
 
-def link_frames(gripper: bool, arm: Array, fingers: Array) -> dict[str, tuple[Array, Array]]:
+def link_frames(robot: Robot, gripper: bool, arm: Array, fingers: Array) -> dict[str, tuple[Array, Array]]:
     """Compute for each link the rotations (T, 3, 3) and positions (T, 3) of its frame in the world.
 
-    ``arm`` (T, 7) and ``fingers`` (T, 2) are the joints; without the gripper the fingers do not matter.
+    ``arm`` (T, J) and ``fingers`` (T, F) are the joints; without the gripper the fingers do not matter.
     """
-    robot = robot_model(gripper)
-    rotations, positions = joint_frames(robot, joint_values(robot, arm, fingers))
+    model = robot_model(robot, gripper)
+    rotations, positions = joint_frames(model, joint_values(robot, gripper, arm, fingers))
     return {
         name: place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
-        for name, (joint, pose) in robot.links.items()
+        for name, (joint, pose) in model.links.items()
     }
 
 

@@ -1,4 +1,4 @@
-"""Compute forward and inverse kinematics of the arm up to ``panda_virtual``, with Pinocchio."""
+"""Compute forward and inverse kinematics of an arm up to its tool mount, with Pinocchio."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from scipy.linalg.lapack import dgesv
 
 from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
-from core.robot.description import HOME_JOINTS, assemble
+from core.robot.description import assemble
+from core.robots import Robot
 
 # Levenberg-Marquardt: a radian weighs as much as this many metres, so that out of reach the position comes first.
 _RADIAN_WEIGHT = 0.3
@@ -22,12 +23,12 @@ _MAX_STEPS = 60
 _MAX_STEPS_ALL, _FEW_STEPS = 50_000, 3
 
 _EYE = np.eye(6)
-_STRIDE = np.full(7, 0.5)
+_STRIDE = 0.5  # radians, of each joint in a step
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Joints (7,) in radians, and the remaining error in metres and radians."""
+    """Joints (J,) in radians, and the remaining error in metres and radians."""
 
     joints: Array
     error_m: float
@@ -35,10 +36,15 @@ class Solution:
 
 
 class Arm:
-    """The seven joints and their limits: ``lower``, ``upper`` (7,) in radians, ``velocity_limits`` (7,) in rad/s."""
+    """The kinematics of a robot's arm of J joints.
 
-    def __init__(self) -> None:
-        self._model = pin.buildModelFromXML(assemble(Tool(), visuals=False))
+    Limits are ``lower``, ``upper`` (J,) in radians, ``velocity_limits`` (J,) in rad/s and ``acceleration_limits`` (J,)
+    in rad/s^2.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self._model = pin.buildModelFromXML(assemble(robot, Tool(), visuals=False))
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(RIGID_MOUNT)
         # The frame's placement: views of memory that Pinocchio keeps up to date.
@@ -46,15 +52,16 @@ class Arm:
         self.lower: Array = self._model.lowerPositionLimit.copy()
         self.upper: Array = self._model.upperPositionLimit.copy()
         self.velocity_limits: Array = self._model.velocityLimit.copy()
-        self.home: Array = np.array(HOME_JOINTS)
+        self.acceleration_limits: Array = np.array(robot.acceleration_limits)
+        self.home: Array = np.array(robot.home)
 
     def forward(self, joints: Array) -> Pose:
-        """Compute the pose of ``panda_virtual`` in the world."""
+        """Compute the pose of the tool mount in the world."""
         pin.framesForwardKinematics(self._model, self._data, np.asarray(joints, dtype=np.float64))
         return Pose.from_matrix(self._data.oMf[self._frame].homogeneous)
 
     def positions(self, joints: Array) -> Array:
-        """Compute positions (T, 3) of ``panda_virtual`` at joints (T, 7)."""
+        """Compute positions (T, 3) of the tool mount at joints (T, J)."""
         out = np.empty((len(joints), 3))
         for row, q in zip(out, joints, strict=True):
             pin.framesForwardKinematics(self._model, self._data, q)
@@ -67,15 +74,15 @@ class Arm:
         return Solution(joints[0], float(errors[0, 0]), float(errors[0, 1]))
 
     def follow(self, positions: Array, rotations: Array, seed: Array) -> tuple[Array, Array]:
-        """Solve a sequence of poses: joints (K, 7), and the remaining errors (K, 2) in metres and radians.
+        """Solve a sequence of poses: joints (K, J), and the remaining errors (K, 2) in metres and radians.
 
-        Positions (K, 3) and rotations (K, 3, 3) are those of ``panda_virtual`` in the world. Each solution starts from
+        Positions (K, 3) and rotations (K, 3, 3) are those of the tool mount in the world. Each solution starts from
         the one before, the first from ``seed``. The method is damped least squares on the pose error (position and
         rotation vector). A joint that presses against its limit is held there while the others go on. For a pose out
         of reach the nearest pose found is returned, with its error. Work is bounded: see ``_MAX_STEPS_ALL``.
         """
         left = _MAX_STEPS_ALL
-        joints, errors = np.empty((len(positions), 7)), np.empty((len(positions), 2))
+        joints, errors = np.empty((len(positions), len(self.home))), np.empty((len(positions), 2))
         for k, (position, rotation) in enumerate(zip(positions, rotations, strict=True)):
             seed, error, steps = self._closest(position, rotation, seed, _MAX_STEPS if left > 0 else _FEW_STEPS)
             left -= steps
@@ -145,7 +152,7 @@ class Arm:
         return solution.joints
 
 
-@lru_cache(maxsize=1)
-def arm() -> Arm:
-    """Build the arm once per process."""
-    return Arm()
+@lru_cache(maxsize=8)
+def arm_of(robot: Robot) -> Arm:
+    """Build a robot's arm once per process."""
+    return Arm(robot)

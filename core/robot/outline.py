@@ -11,22 +11,23 @@ from core.design import Tool
 from core.geometry import Array
 from core.robot.description import assemble, read_numbers
 from core.robot.solids import robot_solids
+from core.robots import Robot
 from core.text import short_numbers, table
 
 HEAD = ("link on its parent", "joint", "xyz", "rpy", "range", "speed", "box around the link")
 _MOTIONS = {"revolute": "turns about", "continuous": "turns about", "prismatic": "slides along"}
 
 
-def outline(tool: Tool) -> str:
+def outline(robot: Robot, tool: Tool) -> str:
     """Write a row for each link of the robot with ``tool``.
 
     It has the joint that bears the link, as in URDF: its motion, its origin in the parent's frame, its limits. The box
     is the smallest one along the link's axes around all of its collision shapes, from its lowest to its highest corner.
     """
-    robot: Any = etree.fromstring(assemble(tool, visuals=False))
-    joints = {joint.find("child").get("link"): joint for joint in robot.findall("joint")}
-    boxes = _boxes(tool)
-    names = [str(link.get("name")) for link in robot.findall("link")]
+    root: Any = etree.fromstring(assemble(robot, tool, visuals=False))
+    joints = {joint.find("child").get("link"): joint for joint in root.findall("joint")}
+    boxes = _boxes(robot, tool)
+    names = [str(link.get("name")) for link in root.findall("link")]
     return table(HEAD, [(*_joint(joints.get(name), name), boxes.get(name, "-")) for name in names])
 
 
@@ -52,10 +53,10 @@ def _axis(axis: Array) -> str:
 _AXES = tuple(zip("xyz", np.eye(3), strict=True))
 
 
-def _boxes(tool: Tool) -> dict[str, str]:
+def _boxes(robot: Robot, tool: Tool) -> dict[str, str]:
     """The box around each link of the robot, rounded to a millimetre, and each component's."""
     bounds: dict[str, tuple[Array, Array]] = {}
-    for solid in robot_solids(tool.gripper):
+    for solid in robot_solids(robot, tool.gripper):
         center, half = solid.bounds()
         low, high = bounds.get(solid.name, (center - half, center + half))
         bounds[solid.name] = np.minimum(low, center - half), np.maximum(high, center + half)

@@ -59,7 +59,7 @@ def compute_reach(arm: Arm, pitches: tuple[float, ...] = PITCHES) -> dict[float,
 
 def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
     """Find the distances that are reached at this height and pitch: out from near home's, and back in from there."""
-    farthest = int(robot_model(False).reach / _STEP_M)
+    farthest = int(robot_model(arm.robot, False).reach / _STEP_M)
     home = round(float(np.hypot(*arm.forward(arm.home).position[:2])) / _STEP_M)
     turn = Rotation.from_euler("y", pitch)
     poses = [Pose.from_rotation((step * _STEP_M, 0.0, height), turn) for step in range(farthest)]
@@ -73,7 +73,7 @@ def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
     most = first + len(out) - 1
     back, within = _march(arm, poses[:most][::-1], out[-1])
     inner = _binding(arm, within)
-    if clear := _clear(back):
+    if clear := _clear(arm, back):
         back, inner = back[:clear], (SELF,)
     return Span((most - len(back) + 1) * _STEP_M, most * _STEP_M, inner)
 
@@ -84,7 +84,7 @@ def turns_at(arm: Arm, position: Array) -> tuple[tuple[float, float], ...]:
 
     def most(axis: Array) -> float:
         way, _ = _march(arm, [Pose.from_rotation(position, Rotation.from_rotvec(axis * a)) for a in angles], start)
-        return float(((_clear(way) or len(way)) - 1) * _STEP_RAD)
+        return float(((_clear(arm, way) or len(way)) - 1) * _STEP_RAD)
 
     return tuple((-most(-axis), most(axis)) for axis in np.eye(3))
 
@@ -104,9 +104,10 @@ def _is_near(solution: Solution) -> bool:
     return solution.error_m < _NEAR_M and solution.error_rad < _NEAR_RAD
 
 
-def _clear(way: list[Array]) -> int:
+def _clear(arm: Arm, way: list[Array]) -> int:
     """Count the joints before the arm meets itself on the way; 0 if it does not."""
-    met = find_self_collision(Tool(), JointTrajectory(np.arange(float(len(way))), np.array(way), np.zeros(len(way))))
+    still = JointTrajectory(np.arange(float(len(way))), np.array(way), np.zeros(len(way)))
+    met = find_self_collision(arm.robot, Tool(), still)
     return 0 if met is None else max(1, int(np.ceil(met.time_s)))
 
 

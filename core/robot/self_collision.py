@@ -23,9 +23,9 @@ import pinocchio as pin
 from core.design import Tool
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
-from core.robot.description import ARM_JOINTS, FINGER_OPEN, HOME_JOINTS
 from core.robot.frames import RobotModel, joint_frames, joint_values, robot_model
 from core.robot.solids import robot_solids, solid_geometry
+from core.robots import Robot
 
 # Depth that counts, metres. Hulls are larger than the links: of the poses in which two hulls overlap by more than this,
 # the arm's meshes touch in 94 %.
@@ -102,7 +102,7 @@ class _Pairs(NamedTuple):
     levers: Array
 
 
-def find_self_collision(tool: Tool, trajectory: JointTrajectory) -> SelfCollision | None:
+def find_self_collision(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> SelfCollision | None:
     """Find the first two parts of the robot that a trajectory's targets drive into each other.
 
     Targets are linear between instants, and all of the motion is covered: two parts deeper in each other than
@@ -110,14 +110,14 @@ def find_self_collision(tool: Tool, trajectory: JointTrajectory) -> SelfCollisio
     joints keep apart, a component and the link that bears it, and what hangs on one finger with what hangs on the
     other: fingers close until they meet something. Work is bounded: see `SelfCollision.unchecked`.
     """
-    pairs, robot = _pairs(tool), robot_model(tool.gripper)
-    joints = joint_values(robot, trajectory.arm, np.column_stack([trajectory.fingers] * 2))
+    pairs, model = _pairs(robot, tool), robot_model(robot, tool.gripper)
+    joints = joint_values(robot, tool.gripper, trajectory.arm, np.column_stack([trajectory.fingers] * 2))
     turned = np.vstack([np.zeros(joints.shape[1]), np.cumsum(np.abs(np.diff(joints, axis=0)), axis=0)])
-    rows, near = _near(robot, pairs, joints, turned)
+    rows, near = _near(model, pairs, joints, turned)
     first, found = np.inf, None
     budget, unchecked = iter(range(MAX_DISTANCES)), False
     for pair in np.flatnonzero(near.any(axis=1)):
-        search = _Search(robot, pairs, int(pair), joints, turned, budget)
+        search = _Search(model, pairs, int(pair), joints, turned, budget)
         try:
             row = search.first(rows[:-1][near[pair]], rows[1:][near[pair]], first)
         except _GivenUp as given_up:
@@ -130,16 +130,16 @@ def find_self_collision(tool: Tool, trajectory: JointTrajectory) -> SelfCollisio
         return None
     depth, row = (found.depth(first), first) if unchecked else found.deepest(first)
     time = float(np.interp(row, np.arange(len(joints)), trajectory.times))
-    return SelfCollision(time, found.one.name, found.other.name, depth, found.one.name not in robot.links, unchecked)
+    return SelfCollision(time, found.one.name, found.other.name, depth, found.one.name not in model.links, unchecked)
 
 
 # --- the robot --------------------------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=2)
-def _link_parts(gripper: bool) -> tuple[_Part, ...]:
-    links = robot_model(gripper).links
-    return tuple(_part(s.name, links[s.name][0], s.geometry, links[s.name][1] @ s.pose) for s in robot_solids(gripper))
+@lru_cache(maxsize=8)
+def _link_parts(robot: Robot, gripper: bool) -> tuple[_Part, ...]:
+    links, solids = robot_model(robot, gripper).links, robot_solids(robot, gripper)
+    return tuple(_part(s.name, links[s.name][0], s.geometry, links[s.name][1] @ s.pose) for s in solids)
 
 
 def _part(name: str, joint: int, geometry: Any, pose: Pose) -> _Part:
@@ -161,37 +161,38 @@ def _part(name: str, joint: int, geometry: Any, pose: Pose) -> _Part:
 
 
 @lru_cache(maxsize=8)
-def _pairs(tool: Tool) -> _Pairs:
-    robot, own = robot_model(tool.gripper), _link_parts(tool.gripper)
+def _pairs(robot: Robot, tool: Tool) -> _Pairs:
+    model, own = robot_model(robot, tool.gripper), _link_parts(robot, tool.gripper)
     mounted = []
     for component, (mount, pose) in zip(tool.components, tool.placed().values(), strict=True):
-        joint, at = robot.links[mount]
+        joint, at = model.links[mount]
         mounted.append(_part(component.name, joint, solid_geometry(component.shape), at @ pose))
     count = len(mounted)
-    limits = {(one + count, other + count): deep for (one, other), deep in _link_limits(tool.gripper).items()}
+    limits = {(one + count, other + count): deep for (one, other), deep in _link_limits(robot, tool.gripper).items()}
     for (one, part), (other, link) in product(enumerate(mounted), enumerate(own, start=count)):
-        if part.joint != link.joint and not _on_two_fingers(robot, part, link):
+        if part.joint != link.joint and not _on_two_fingers(model, part, link):
             limits[one, other] = DEEP_M
     parts, numbers = (*mounted, *own), np.array(list(limits), dtype=np.intp)
-    levers = np.array([*(_levers(robot, part) for part in mounted), *_link_levers(tool.gripper)])
+    reach = [_levers(model, part, robot.opening_m) for part in mounted]
+    levers = np.array([*reach, *_link_levers(robot, tool.gripper)])
     fixed = levers == 0.0
     one, other = numbers.T
     moving = levers[one] * fixed[other] + levers[other] * fixed[one]
     return _Pairs(parts, numbers, np.array(list(limits.values())), moving)
 
 
-@lru_cache(maxsize=2)
-def _link_limits(gripper: bool) -> dict[tuple[int, int], float]:
+@lru_cache(maxsize=8)
+def _link_limits(robot: Robot, gripper: bool) -> dict[tuple[int, int], float]:
     """Pairs of links that may collide, by their numbers, and the depth from which on they do."""
-    robot, limits = robot_model(gripper), {}
-    hand = {part.name for part in _link_parts(gripper)} - {part.name for part in _link_parts(False)}
-    home = np.array([*HOME_JOINTS, *[FINGER_OPEN] * (robot.model.nq - len(HOME_JOINTS))])
-    for (one, part), (other, link) in combinations(enumerate(_link_parts(gripper)), 2):
-        between = robot.supports[part.joint] ^ robot.supports[link.joint]
-        apart = sum(robot.model.names[joint] in ARM_JOINTS for joint in between)
+    model, limits = robot_model(robot, gripper), {}
+    hand = {part.name for part in _link_parts(robot, gripper)} - {part.name for part in _link_parts(robot, False)}
+    home = joint_values(robot, gripper, np.array([robot.home]), np.full((1, 2), robot.opening_m))[0]
+    for (one, part), (other, link) in combinations(enumerate(_link_parts(robot, gripper)), 2):
+        between = model.supports[part.joint] ^ model.supports[link.joint]
+        apart = sum(model.model.names[joint] in robot.arm_joints for joint in between)
         least = _APART_ON_FLANGE if hand & {part.name, link.name} else _APART
         limit = DEEP_M if apart >= _APART else DEEP_NEAR_M
-        if apart >= least and _Gauge(robot, part, link).depth(home) <= limit:
+        if apart >= least and _Gauge(model, part, link).depth(home) <= limit:
             limits[one, other] = limit
     return limits
 
@@ -201,12 +202,13 @@ def _on_two_fingers(robot: RobotModel, one: _Part, other: _Part) -> bool:
     return bool(before - behind and behind - before)
 
 
-@lru_cache(maxsize=2)
-def _link_levers(gripper: bool) -> tuple[Array, ...]:
-    return tuple(_levers(robot_model(gripper), part) for part in _link_parts(gripper))
+@lru_cache(maxsize=8)
+def _link_levers(robot: Robot, gripper: bool) -> tuple[Array, ...]:
+    model = robot_model(robot, gripper)
+    return tuple(_levers(model, part, robot.opening_m) for part in _link_parts(robot, gripper))
 
 
-def _levers(robot: RobotModel, part: _Part) -> Array:
+def _levers(robot: RobotModel, part: _Part, opening_m: float) -> Array:
     """How far each joint (J,) moves any point of a part at most, metres per radian or per metre."""
     levers = np.zeros(robot.model.njoints - 1)
     joint, reach = part.joint, float(np.linalg.norm(part.points, axis=1).max())
@@ -216,7 +218,7 @@ def _levers(robot: RobotModel, part: _Part) -> Array:
         if joint == part.joint:  # from the axis, not from the origin
             lever = float(np.linalg.norm(np.cross(about, part.points), axis=1).max())
         levers[joint - 1] = 1.0 if along.any() else lever
-        reach += float(np.linalg.norm(robot.model.jointPlacements[joint].translation)) + along.any() * FINGER_OPEN
+        reach += float(np.linalg.norm(robot.model.jointPlacements[joint].translation)) + along.any() * opening_m
         joint = robot.parents[joint]
     return levers
 

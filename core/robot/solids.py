@@ -18,6 +18,7 @@ from lxml import etree
 from core.design import Tool
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
 from core.robot.description import assemble, read_numbers, read_origin
+from core.robots import Robot
 from core.scene import Body
 
 
@@ -103,21 +104,26 @@ def box_gap(a: Box, pose_a: Pose, b: Box, pose_b: Pose) -> float:
     return max(0.0, signed_distance(Solid("", solid_geometry(a), pose_a), Solid("", solid_geometry(b), pose_b)))
 
 
-@lru_cache(maxsize=2)
-def robot_solids(gripper: bool) -> tuple[Solid, ...]:
+@lru_cache(maxsize=8)
+def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
     """List the collision shapes of the robot without a tool, each in the frame of its link."""
     solids = []
-    robot = etree.fromstring(assemble(Tool(gripper=gripper), visuals=False))
-    for link in robot.findall("link"):
+    root = etree.fromstring(assemble(robot, Tool(gripper=gripper), visuals=False))
+    for link in root.findall("link"):
         for collision in link.findall("collision"):
-            box, mesh = collision.find("geometry/box"), collision.find("geometry/mesh")
-            if box is not None:
-                geometry = coal.Box(*read_numbers(box, "size"))
-            elif mesh is not None:
-                geometry = hull(trimesh.load_mesh(mesh.get("filename")))
-            else:
-                raise ValueError(
-                    f"the robot's description: {link.get('name')} has a shape that is neither box nor mesh"
-                )
+            geometry = _described(collision.find("geometry")[0])
             solids.append(Solid(str(link.get("name")), geometry, read_origin(collision)))
     return tuple(solids)
+
+
+def _described(shape: Any) -> Any:
+    """Build a shape of a URDF for Coal."""
+    match shape.tag:
+        case "box":
+            return coal.Box(*read_numbers(shape, "size"))
+        case "sphere":
+            return coal.Sphere(float(shape.get("radius")))
+        case "cylinder":
+            return coal.Cylinder(float(shape.get("radius")), float(shape.get("length")))
+        case _:
+            return hull(trimesh.load_mesh(shape.get("filename")))

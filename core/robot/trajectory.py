@@ -14,9 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory, Task
-from core.robot.description import ACCELERATION_LIMITS, FINGER_OPEN
-from core.robot.kinematics import Arm
-from core.robot.kinematics import arm as panda_arm
+from core.robot.kinematics import Arm, arm_of
 
 _ROUNDING = 1e-9  # radians
 # Inverse kinematics is solved at knots this close; a cubic spline joins them.
@@ -61,16 +59,17 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
     rotations = Rotation.concatenate([home.rotation, Rotation.from_euler("xyz", plan[:, 3:6])])
 
     points, turns, ends = _path(positions, rotations)
+    opening = arm.robot.opening_m
     start = arm.home_for(home)
     solved, errors = arm.follow(points[1:], turns[1:], start)
     knots = np.vstack([start, solved])
     segments = [(_joined(knots[a : b + 1], arm), b - a) for a, b in pairwise(ends)]
-    times, targets, fingers = [np.zeros(1)], [start[None]], [np.full(1, FINGER_OPEN)]
+    times, targets, fingers = [np.zeros(1)], [start[None]], [np.full(1, opening)]
     for i, (instants, joints) in enumerate(_timed(segments, arm, segment_s, speed)):
         times.append(times[-1][-1] + instants)
         targets.append(np.minimum(np.maximum(joints, arm.lower), arm.upper))
         closed = grips[i] + (grips[i + 1] - grips[i]) * instants / instants[-1]
-        fingers.append(FINGER_OPEN * (1 - np.minimum(np.maximum(closed, 0.0), 1.0)))
+        fingers.append(opening * (1 - np.minimum(np.maximum(closed, 0.0), 1.0)))
 
     distance = float(np.linalg.norm(np.diff(arm.positions(knots), axis=0), axis=1).sum())
     starts = [ends[1] - 1, *ends[1:-1]]  # errors before the first waypoint do no harm
@@ -100,7 +99,7 @@ def _path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int
 
 
 def _joined(knots: Array, arm: Arm) -> BSpline | PchipInterpolator:
-    """Join knots (K, 7) over s in [0, 1]: a cubic spline, or one without overshoot if that would exceed a limit."""
+    """Join knots (K, J) over s in [0, 1]: a cubic spline, or one without overshoot if that would exceed a limit."""
     s = np.linspace(0.0, 1.0, len(knots))
     path = make_interp_spline(s, knots, k=min(3, len(knots) - 1))
     between = path(np.linspace(0.0, 1.0, 8 * len(knots)))
@@ -116,7 +115,7 @@ def _grid(cells: int) -> Array:
 
 
 def _bend(path: BSpline | PchipInterpolator, s: Array) -> Array:
-    """Compute the size of a path's second derivative (S, 7) at s (S,)."""
+    """Compute the size of a path's second derivative (S, J) at s (S,)."""
     bend: Array = np.abs(path(s, 2))
     if isinstance(path, PchipInterpolator):  # its second derivative jumps at a knot: take both sides
         bend = np.maximum(bend, np.abs(path(np.maximum(s - 1e-9, 0.0), 2)))
@@ -128,7 +127,7 @@ def _timed(
 ) -> Iterator[tuple[Array, Array]]:
     """Time each path (joints over s in [0, 1], and its number of cells), at rest at both ends.
 
-    Yields times (S,) in seconds and joints (S, 7). Without limits the path speed is a trapezoid: a fifth of the time to
+    Yields times (S,) in seconds and joints (S, J). Without limits the path speed is a trapezoid: a fifth of the time to
     accelerate, a fifth to brake. Where a joint would exceed a limit, the speed is reduced there, before and after: a
     forward and a backward pass over the squared path speed, as in J. Bobrow et al., "Time-optimal control of robotic
     manipulators along specified paths", IJRR 1985. Half of each acceleration limit is for the path's curvature, half
@@ -140,7 +139,7 @@ def _timed(
     sizes = [len(s) for _, s in placed]
     ends = np.cumsum(sizes)
     step = np.repeat([s[1] for _, s in placed], sizes)
-    half = ACCELERATION_LIMITS * speed / 2
+    half = arm.acceleration_limits * speed / 2
     with np.errstate(divide="ignore"):  # where a joint does not move, and between two segments
         fastest = np.minimum(_least(arm.velocity_limits * speed / slope) ** 2, _least(half / bend))
         gain = np.minimum(_least(half / slope), 6.25 / segment_s**2)
@@ -197,5 +196,5 @@ def _sampled(s: Array, rate: Array, lasts: Array) -> tuple[Array, Array]:
 
 def at_home(task: Task) -> JointTrajectory:
     """Make a trajectory without motion: the arm at the task's home pose, the fingers open."""
-    joints = panda_arm().home_for(task.home)
-    return JointTrajectory(np.zeros(1), joints[None], np.array([FINGER_OPEN]))
+    joints = arm_of(task.robot).home_for(task.home)
+    return JointTrajectory(np.zeros(1), joints[None], np.array([task.robot.opening_m]))

@@ -18,7 +18,7 @@ from typing import Any, cast
 from omegaconf import DictConfig, OmegaConf
 
 from core.cli import say
-from core.config.compose import check_seed, node, part
+from core.config.compose import check_seed, node, part, task_part
 from core.config.resume import changed, hydra_config
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
@@ -55,7 +55,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
     check_budget(budget)
     check_seed(cfg.seed)
-    task_part, sim_part = part("task", cfg.task), part("sim", cfg.sim)
+    task_part, sim_part = task_part(cfg), part("sim", cfg.sim)
     task, simulator = task_part.create(), sim_part.create()
     vlm = part("vlm", cfg.vlm).create()
     representation = part("tool", cfg.tool).create()

@@ -1,0 +1,56 @@
+"""The Franka Panda, with its hand.
+
+The description is franka_ros's, from the package example-robot-data. Any engine can read it without PyBullet, and its
+masses and inertias are the identified ones (C. Gaz et al., "Dynamic identification of the
+Franka Emika Panda robot with retrieval of feasible parameters using penalty-based optimization", IEEE RA-L 2019),
+where pybullet_data's copy has placeholders.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT
+from core.geometry import Pose
+from core.interfaces import Gripper, Robot
+from plugins.robots.descriptions import description, measured
+
+HAND = Gripper(
+    link="panda_hand",
+    mount=Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, 0.0)),
+    near_mount=("panda_hand",),
+    joints=("panda_finger_joint1", "panda_finger_joint2"),
+    links=("panda_leftfinger", "panda_rightfinger"),
+    travel_m=0.04,
+    force_n=70.0,  # continuous: Franka hand's data sheet
+    friction=1.0,  # rubber tips
+)
+
+SOURCES = (
+    "acceleration: Franka Control Interface documentation, 'Robot and interface specifications'",
+    "motors' inertia: Franka's figures for the FR3, in the README of Drake's franka_description",
+)
+
+
+def panda() -> Robot:
+    """The arm with seven joints and a payload of 3 kg."""
+    return Robot(
+        name="panda",
+        title="Franka Panda",
+        urdf=description("panda_description/urdf/panda.urdf"),
+        arm_joints=tuple(f"panda_joint{i}" for i in range(1, 8)),
+        home=(-0.0018, -0.1860, 0.0017, -2.1008, 0.0003, 1.9147, 0.7847),
+        acceleration_limits=(15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0),
+        motor_inertia=(0.605721456, 0.605721456, 0.462474144, 0.462474144, 0.205544064, 0.205544064, 0.205544064),
+        mount_link="panda_link8",  # 0.107 m beyond panda_link7; the hand is turned by -45 degrees on it
+        mount=Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, -np.pi / 4)),
+        near_mount=("panda_link7", "panda_link8"),
+        payload_kg=3.0,
+        gripper=HAND,
+        aliases=(  # the paper's names
+            ("panda_virtual", RIGID_MOUNT),
+            *zip(HAND.links, GRIPPER_MOUNTS, strict=True),
+        ),
+        measured=measured("panda"),
+        sources=SOURCES,
+    )
