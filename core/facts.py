@@ -1,4 +1,4 @@
-"""``python -m core.facts [sims=[NAME,...]] [output=FILE.json]``: measure and print how exact the arm is in engines."""
+"""``python -m core.facts [robot=NAME] [sims=[NAME,...]] [output=FILE.json]``: measure how exact an arm is."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ from pathlib import Path
 from omegaconf import OmegaConf
 
 from core.cli import arguments, command, say, write_bytes
-from core.config.compose import load
+from core.config.compose import load, robot_part
 from core.conformance.exactness import measure
 from core.conformance.worlds import HOME
 from core.designs.arm_sheet import segments, short
-from core.interfaces import RolloutSettings
-from core.robot.description import ACCELERATION_LIMITS, ARM_JOINTS
-from core.robot.kinematics import arm
+from core.interfaces import Robot, RolloutSettings
+from core.robot.kinematics import arm_of
 from core.robot.reach import as_table, compute_reach, describe_limits
 from core.simulation.robustness import engines
 from core.text import table
 
-USAGE = "usage: python -m core.facts [sims=[NAME,...]] [output=FILE.json]"
+USAGE = "usage: python -m core.facts [robot=NAME] [sims=[NAME,...]] [output=FILE.json]"
 Figures = Mapping[str, Mapping[str, float | None]]
 
 LABELS = {
@@ -45,13 +44,12 @@ LABELS = {
 }
 
 
-def sheet(figures: Figures) -> str:
+def sheet(robot: Robot, figures: Figures) -> str:
     """Write all facts about the arm as Markdown: reach, speed, and the figures of each engine."""
-    robot, reach = arm(), compute_reach(arm())
-    timed = segments(HOME, RolloutSettings())
-    joints = zip(
-        ARM_JOINTS, robot.home, robot.lower, robot.upper, robot.velocity_limits, ACCELERATION_LIMITS, strict=True
-    )
+    arm = arm_of(robot)
+    reach, timed = compute_reach(arm), segments(arm, HOME, RolloutSettings())
+    limits = arm.lower, arm.upper, arm.velocity_limits, arm.acceleration_limits
+    joints = zip(robot.arm_joints, arm.home, *limits, strict=True)
     parts = {
         "Reach": [
             "Smallest and largest horizontal distance of the end-effector from the base's axis in centimetres, "
@@ -87,13 +85,14 @@ def _number(figure: float | None) -> str:
 
 def main() -> None:
     cfg = load("facts", arguments(USAGE))
+    robot = robot_part(cfg.robot).create()
     figures: dict[str, dict[str, float | None]] = {}
     for name, sim in engines(OmegaConf.to_container(cfg.sims)).items():  # type: ignore[arg-type]
-        found = measure(sim.create())
+        found = measure(sim.create(), robot)
         figures[name] = {key: None if figure is None else round(figure, 5) + 0.0 for key, figure in found.items()}
     if cfg.output is not None:
         write_bytes(Path(cfg.output), (json.dumps(figures, indent=1) + "\n").encode())
-    say(*sheet(figures).splitlines())
+    say(*sheet(robot, figures).splitlines())
 
 
 if __name__ == "__main__":

@@ -113,7 +113,7 @@ def _best(found: Sequence[Winner], top: int, apart: float) -> list[Winner]:
     best = ranked(
         [winner for winner in found if winner.tool.components], lambda winner: (winner.reward, winner.distance_m)
     )
-    return [winner for winner in best if len(shapes) < top and another(winner.tool, shapes, apart)]
+    return [winner for winner in best if len(shapes) < top and another(winner, shapes, apart)]
 
 
 def _why(run: LeftOutRun) -> str:
@@ -128,7 +128,7 @@ def _name(text: str) -> str:
 def _write(entry: Entry, output: Path) -> bytes:
     """Write the entry's files, and return its picture."""
     folder = output / entry.folder
-    picture = png(draw(painted(entry.winner.tool), *PICTURE))
+    picture = png(draw(painted(entry.winner.tool, entry.winner.robot), *PICTURE))
     write_bytes(folder / "picture.png", picture)
     for piece in entry.pieces:
         data = piece.mesh.export(file_type="stl")

@@ -204,6 +204,8 @@ class VLM(ABC):
 class ToolRepresentation(ABC):
     """How a model writes a tool: the fields of a design that describe the tool, and how they are read."""
 
+    robot: Robot | None = None  # the arm that tools are for; the program sets it before `parse`
+
     @abstractmethod
     def instructions(self, brief: Brief) -> str:
         """Return the part of the prompt that explains the fields and the rules for a tool."""

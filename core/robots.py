@@ -96,7 +96,7 @@ class Robot:
     gripper: Gripper | None = None
     friction: float = LINK_FRICTION
     aliases: tuple[tuple[str, str], ...] = ()
-    base: Pose = Pose()
+    base: Pose = field(default_factory=Pose)
     measured: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict, compare=False, repr=False)
     sources: tuple[str, ...] = field(default=(), compare=False, repr=False)
 

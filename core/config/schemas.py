@@ -35,7 +35,7 @@ class PromptConfig(PromptSettings):
 
 @dataclass
 class SceneConfig:
-    """The task, the robot, the engine and the layout's seed. A part's settings are checked by its factory's signature."""
+    """The task, the robot, the engine, the layout's seed. A part's settings are checked by its factory's signature."""
 
     task: dict[str, Any] = MISSING
     robot: dict[str, Any] = field(default_factory=dict)  # empty: the default robot, as in runs of earlier versions
@@ -150,6 +150,7 @@ class ReportConfig:
 class FactsConfig:
     """Settings of ``python -m core.facts``. ``output``: a JSON file to write as well."""
 
+    robot: dict[str, Any] = MISSING
     sims: list[Any] = MISSING
     output: str | None = None
 

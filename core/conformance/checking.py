@@ -10,7 +10,7 @@ import traceback
 from functools import lru_cache
 from typing import Any
 
-from core.design import Component, Tool
+from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.hooks import PROJECT
@@ -36,7 +36,7 @@ def describe_error(error: Exception) -> str:
 
 def rigid() -> Tool:
     """An L of two boxes under the flange."""
-    down = Component("down", "panda_virtual", Pose.xyz_rpy((0.0, 0.0, -0.1)), Box((0.02, 0.02, 0.2)))
+    down = Component("down", RIGID_MOUNT, Pose.xyz_rpy((0.0, 0.0, -0.1)), Box((0.02, 0.02, 0.2)))
     ahead = Component("ahead", "down", Pose.xyz_rpy((0.05, 0.0, -0.1), (0.0, 0.0, 0.2)), Box((0.1, 0.02, 0.02)))
     return Tool((down, ahead), name="L")
 
@@ -44,7 +44,7 @@ def rigid() -> Tool:
 def fingers() -> Tool:
     """A box on each finger."""
     left, right = (
-        Component(f"tip_{side}", f"panda_{side}finger", Pose.xyz_rpy((0.0, y, 0.06)), Box((0.01, 0.01, 0.05)))
+        Component(f"tip_{side}", f"{side}_finger", Pose.xyz_rpy((0.0, y, 0.06)), Box((0.01, 0.01, 0.05)))
         for side, y in (("left", 0.008), ("right", -0.008))
     )
     return Tool((left, right), gripper=True, name="tips")

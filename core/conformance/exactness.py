@@ -8,8 +8,8 @@ from core.conformance.worlds import GRAVITY, HOME, Bodies, cube, motion, stick, 
 from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
 from core.geometry import Array, Box, Pose, Vector
-from core.interfaces import JointTrajectory, Rollout, Simulator
-from core.robot.kinematics import arm
+from core.interfaces import JointTrajectory, Robot, Rollout, Simulator
+from core.robot.kinematics import arm_of
 from core.scene import Body, State, table
 
 TOOLS_KG = (0.0, 0.3, 1.0)
@@ -38,17 +38,18 @@ class _Played:
         UserError: the engine failed to play it.
     """
 
-    def __init__(self, simulator: Simulator, tool: Tool, trajectory: JointTrajectory, *bodies: Body) -> None:
-        (outcome,) = simulator.rollout(Bodies(*bodies), [Rollout(tool, trajectory, record_hz=_HZ)])
+    def __init__(
+        self, simulator: Simulator, robot: Robot, tool: Tool, trajectory: JointTrajectory, *bodies: Body
+    ) -> None:
+        (outcome,) = simulator.rollout(Bodies(*bodies, robot=robot), [Rollout(tool, trajectory, record_hz=_HZ)])
         if outcome.error or outcome.recording is None:
             raise UserError(f"the arm can't be measured: {outcome.error or 'the engine recorded nothing'}")
         ordered = trajectory.sample(outcome.recording.times)[0]
         self.states: State = outcome.recording.states
         self.moving = (outcome.recording.times >= 0) & (outcome.recording.times <= trajectory.duration)
         self.lag: Array = np.abs(outcome.recording.arm - ordered)
-        self.real, self.ordered = (
-            np.array([arm().forward(q).matrix for q in qs]) for qs in (outcome.recording.arm, ordered)
-        )
+        place = arm_of(robot).forward
+        self.real, self.ordered = (np.array([place(q).matrix for q in qs]) for qs in (outcome.recording.arm, ordered))
 
     def miss(self, point: Vector = (0.0, 0.0, 0.0)) -> Array:
         """Compute how far a point in the mount's frame is from where it is ordered: (T, 3), world axes."""
@@ -61,18 +62,18 @@ class _Played:
         return positions
 
 
-def measure(simulator: Simulator) -> dict[str, float | None]:
+def measure(simulator: Simulator, robot: Robot) -> dict[str, float | None]:
     """Measure all figures: millimetres, radians, kilograms and newtons, as their names say."""
-    return {**_tracking(simulator), **_loads(simulator), **_presses(simulator)}
+    return {**_tracking(simulator, robot), **_loads(simulator, robot), **_presses(simulator, robot)}
 
 
-def _tracking(simulator: Simulator) -> dict[str, float]:
+def _tracking(simulator: Simulator, robot: Robot) -> dict[str, float]:
     """Measure the largest lag in a far and fast motion, and the miss after it, with tools of some masses."""
-    trajectory = motion(np.add(_FAR, [*HOME.position, 0.0, 0.0, 0.0]))
+    trajectory = motion(np.add(_FAR, [*HOME.position, 0.0, 0.0, 0.0]), robot)
     figures = {}
     for mass in TOOLS_KG:
         tool = Tool((_component("weight", (0.06,) * 3, (0.0, 0.0, -0.1), mass),)) if mass else Tool()
-        played = _Played(simulator, tool, trajectory)
+        played = _Played(simulator, robot, tool, trajectory)
         miss = np.linalg.norm(played.miss(), axis=1)
         suffix = f"_{mass:g}kg" if mass else ""
         figures[f"lag_rad{suffix}"] = float(played.lag[played.moving].max())
@@ -81,7 +82,7 @@ def _tracking(simulator: Simulator) -> dict[str, float]:
     return figures
 
 
-def _loads(simulator: Simulator) -> dict[str, float | None]:
+def _loads(simulator: Simulator, robot: Robot) -> dict[str, float | None]:
     """Put bodies of more and more mass below the flange, on a plate that the arm holds, until it gives way."""
     plate = Tool(
         (
@@ -93,7 +94,7 @@ def _loads(simulator: Simulator) -> dict[str, float | None]:
     on_it = HOME.position - (0.0, 0.0, _HANG_M - _SIDE_M / 2)
     sags: dict[float, float] = {}
     for mass in LOADS_KG:
-        sag = -_Played(simulator, plate, still(), cube("load", on_it, _SIDE_M, mass)).miss()[:, 2]
+        sag = -_Played(simulator, robot, plate, still(robot), cube("load", on_it, _SIDE_M, mass)).miss()[:, 2]
         if sag.max() > _HELD_M:
             break
         sags[mass] = float(sag[-1])
@@ -108,14 +109,14 @@ def _loads(simulator: Simulator) -> dict[str, float | None]:
     }
 
 
-def _presses(simulator: Simulator) -> dict[str, float]:
+def _presses(simulator: Simulator, robot: Robot) -> dict[str, float]:
     """Send the tip of a stick 2 mm into the table, then 0.1 m along it; and into a cube of 0.1 kg on the table."""
     x, low, tip = HOME.position[0], _STICK_M - _INTO_M, (0.0, 0.0, -_STICK_M)
 
     def press(top: float, *aside: float, bodies: tuple[Body, ...] = ()) -> _Played:
         way = [(x, 0.05), *((x + shift, 0.0) for shift in (0.0, *aside))]
         plan = [(at, 0.0, top + low + above, 0.0, 0.0, 0.0) for at, above in way]
-        return _Played(simulator, stick(_STICK_M), motion(plan), table(), *bodies)
+        return _Played(simulator, robot, stick(_STICK_M), motion(plan, robot), table(), *bodies)
 
     down, slid = press(0.0), press(0.0, 0.1)
     heights = down.at(tip)[:, 2]

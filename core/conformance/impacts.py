@@ -16,12 +16,11 @@ from itertools import product
 import numpy as np
 
 from core.conformance.checking import expect
-from core.conformance.worlds import GRAVITY, GREY, end, film, run, slope, stick, wait
+from core.conformance.worlds import GRAVITY, GREY, arm, end, film, opened, run, slope, stick, wait
 from core.design import RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
 from core.interfaces import JointTrajectory, Rollout, Simulator
-from core.robot.description import FINGER_OPEN, MOTOR_INERTIA, TOOL_FRICTION
-from core.robot.kinematics import arm
+from core.robots import LINK_FRICTION
 from core.scene import Body
 
 # MuJoCo's convex contacts push a sliding body off a surface: a box by 0.18 of its speed at a friction of 0.5 and an
@@ -84,7 +83,7 @@ def _sweep(speed: float) -> JointTrajectory:
     joints = [arm().home_for(Pose(np.array([0.55, way[0], 0.29])))]
     for y in way[1:]:
         joints.append(arm().inverse(Pose(np.array([0.55, y, 0.29])), joints[-1]).joints)
-    return JointTrajectory((way - way[0]) / speed, np.array(joints), np.full(len(way), FINGER_OPEN))
+    return JointTrajectory((way - way[0]) / speed, np.array(joints), opened(len(way)))
 
 
 def _ice() -> Body:
@@ -99,7 +98,7 @@ def check_oblique_blow_of_a_blade(simulator: Simulator) -> None:
         turn = math.radians(degrees)
         away, along = np.array([[-math.sin(turn), math.cos(turn)], [math.cos(turn), math.sin(turn)]])
         x, y = [0.55, 0.0] + away * (0.01 + radius)
-        own = friction**2 / TOOL_FRICTION  # so that the contact has ``friction``
+        own = friction**2 / LINK_FRICTION  # so that the contact has ``friction``
         puck = Body.of("puck", shape, (x, y, height), mass=0.2, color=GREY, friction=own)
         pose = Pose.xyz_rpy((0.0, 0.0, -0.24), (0.0, 0.0, turn))
         blade = Component("blade", RIGID_MOUNT, pose, Box((0.3, 0.02, 0.08)))
@@ -130,11 +129,11 @@ def check_blow_of_the_wrist_has_its_motor_behind_it(simulator: Simulator) -> Non
     turned = np.where(times < 0.1, rate * times**2 / 0.2, rate * (times - 0.05)) - rate * (struck - 0.05)
     joints = np.repeat(arm().home_for(Pose(np.array([0.5, 0.0, 0.3])))[None], len(times), axis=0)
     joints[:, 6] -= turned  # the flange looks down: about z this is to the left
-    inertia = MOTOR_INERTIA[6] + _LINK
+    inertia = arm().robot.motor_inertia[-1] + _LINK
     for mass in (0.5, 1.0):
         at = (0.5 + reach, 0.005 + radius, 0.03)
         puck = Body.of("puck", Cylinder(radius, 0.06), at, mass=mass, color=GREY, friction=0.0)
-        trajectory = JointTrajectory(times, joints, np.full(len(times), FINGER_OPEN))
+        trajectory = JointTrajectory(times, joints, opened(len(times)))
         job = Rollout(Tool((post, bar)), trajectory, 0, 0.1, 0.0, record_hz=200)
         recording = film(run(simulator, (_ice(), puck), job))
         since = float(recording.times[-1]) - struck

@@ -10,10 +10,9 @@ import hashlib
 import numpy as np
 
 from core.conformance.checking import expect
-from core.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, motion, start, stick, still, wait
+from core.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, motion, opened, start, stick, still, wait
 from core.geometry import Box, Cylinder, Sphere
 from core.interfaces import JointTrajectory, Outcome, Rollout, Simulator
-from core.robot.description import FINGER_OPEN
 from core.scene import Body, table
 
 
@@ -66,8 +65,8 @@ def check_batch_gives_what_each_job_alone_gives(simulator: Simulator) -> None:
 
 def check_broken_job_hurts_no_other(simulator: Simulator) -> None:
     """A job with targets that are not numbers gives an error, and its neighbours stay as they are without it."""
-    arms = np.stack([still().arm[0], np.full(7, np.nan)])
-    broken = Rollout(stick(0.25), JointTrajectory(np.array([0.0, 1.0]), arms, np.full(2, FINGER_OPEN)))
+    arms = np.stack([still().arm[0], np.full_like(still().arm[0], np.nan)])
+    broken = Rollout(stick(0.25), JointTrajectory(np.array([0.0, 1.0]), arms, opened(2)))
     task = _row()
     before, failed, after = simulator.rollout(task, [_push(), broken, _push()])
     expect(failed.error, "a job whose targets are not numbers must give an outcome with an error")

@@ -8,12 +8,26 @@ from __future__ import annotations
 import numpy as np
 
 from core.conformance.checking import expect
-from core.conformance.worlds import BARE, GREY, HAND, cube, end, film, motion, move, run, stick, still, turn, wait
-from core.design import Component, Tool
+from core.conformance.worlds import (
+    BARE,
+    GREY,
+    HAND,
+    arm,
+    cube,
+    end,
+    film,
+    motion,
+    move,
+    opened,
+    run,
+    stick,
+    still,
+    turn,
+    wait,
+)
+from core.design import RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Rollout, Simulator
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm
 from core.scene import Body, table
 
 _THROUGH = 0.003  # metres of penetration that an engine's contacts may allow
@@ -74,7 +88,7 @@ def check_tool_stops_at_a_wall(simulator: Simulator) -> None:
 def check_leaning_tool_stops_at_a_thin_wall(simulator: Simulator) -> None:
     """A rod pushed at an angle against a low wall 6 mm thick may get over its edge, but never through the wall."""
     half, inner = 0.006, 0.13
-    rod = Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.15])), Box((2 * half, 2 * half, 0.3)))
+    rod = Component("rod", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.15])), Box((2 * half, 2 * half, 0.3)))
     wall = Body.of("wall", Box((0.5, 0.006, 0.1)), (0.55, inner + 0.003, 0.055), mass=0.0, color=GREY)
     for angle in (1.2, 1.7, 2.0, 2.2):
         way = (inner + 0.1) / np.sin(angle)
@@ -100,7 +114,7 @@ def check_body_pushed_off_centre_turns(simulator: Simulator) -> None:
     """
     side, beside, way = 0.1, 0.03, 0.04
     edge_on = Pose.xyz_rpy((0, 0, -0.15), (0, 0, np.pi / 4))
-    finger = Component("finger", "panda_virtual", edge_on, Box((0.01, 0.01, 0.3)))
+    finger = Component("finger", RIGID_MOUNT, edge_on, Box((0.01, 0.01, 0.3)))
     at = np.array([0.55, 0.0, side / 2])
     back = at[0] - side / 2 - 0.01 / np.sqrt(2)
     plan = [[back - 0.03, beside, 0.35, 0, 0, 0], [back, beside, 0.35, 0, 0, 0], [back + way, beside, 0.35, 0, 0, 0]]
@@ -115,11 +129,11 @@ def check_body_pushed_off_centre_turns(simulator: Simulator) -> None:
 
 def check_tool_touches_the_arm_but_not_its_mount(simulator: Simulator) -> None:
     """A box around the flange has no effect; one inside the second link pushes the arm."""
-    around = Tool((Component("box", "panda_virtual", Pose(), Box((0.05, 0.05, 0.05))),))
+    around = Tool((Component("box", RIGID_MOUNT, Pose(), Box((0.05, 0.05, 0.05))),))
     lag = wait(simulator, seconds=0.5, tool=around).tracking_error_rad
     expect(lag < 2e-3, f"a box around the flange puts the arm at rest {lag:.4f} rad off its targets; at most 0.002")
     inside = arm().forward(still().arm[0]).inverse().apply([0.0, 0.0, 0.4])
-    bar = Tool((Component("bar", "panda_virtual", Pose(inside), Box((0.05, 0.05, 0.05))),))
+    bar = Tool((Component("bar", RIGID_MOUNT, Pose(inside), Box((0.05, 0.05, 0.05))),))
     lag = wait(simulator, seconds=0.5, tool=bar).tracking_error_rad
     found = f"the arm is {lag:.4f} rad off its targets"
     expect(lag > 0.01, f"a tool inside the arm's second link should push it away; {found}")
@@ -157,7 +171,7 @@ def check_struck_body_leaves_as_fast_as_it_was_struck(simulator: Simulator) -> N
     for y in way[1:]:
         joints.append(arm().inverse(Pose(np.array([0.6, y, 0.27])), joints[-1]).joints)
     times = np.linspace(0.0, 0.4 / speed, count)
-    trajectory = JointTrajectory(times, np.array(joints), np.full(count, FINGER_OPEN))
+    trajectory = JointTrajectory(times, np.array(joints), opened(count))
     for shape in (Box((0.1, 0.1, 0.06)), Cylinder(0.05, 0.06), Sphere(0.03)):
         puck = Body.of("puck", shape, (0.6, 0.0, 0.03), mass=0.2, color=GREY, friction=0.0)
         job = Rollout(stick(0.25), trajectory, settle_s=0.1, hold_s=0.02)
@@ -167,8 +181,8 @@ def check_struck_body_leaves_as_fast_as_it_was_struck(simulator: Simulator) -> N
 
 def check_joint_torques_are_limited(simulator: Simulator) -> None:
     """A bar of 0.3 m on the last joint (12 Nm) pushes a block with 40 N at most."""
-    bar = Component("bar", "panda_virtual", Pose(np.array([0.15, 0.0, -0.15])), Box((0.3, 0.02, 0.02)))
-    post = Component("post", "panda_virtual", Pose(np.array([0.0, 0.0, -0.07])), Box((0.02, 0.02, 0.14)))
+    bar = Component("bar", RIGID_MOUNT, Pose(np.array([0.15, 0.0, -0.15])), Box((0.3, 0.02, 0.02)))
+    post = Component("post", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.07])), Box((0.02, 0.02, 0.14)))
     plan = [[0.5, 0, 0.2, 0, 0, 0.6], [0.5, 0, 0.2, 0, 0, 0.0], [0.5, 0, 0.2, 0, 0, -0.6]]
     for mass, has, low, high in ((3.0, "the", 0.05, np.inf), (20.0, "no", 0.0, 0.01)):  # friction: 15 N, and 98 N
         block = Body.of("block", Box((0.08, 0.08, 0.1)), (0.76, -0.06, 0.05), mass=mass, color=GREY)
@@ -181,9 +195,9 @@ def check_joint_torques_are_limited(simulator: Simulator) -> None:
 def check_fingers_reach_their_targets(simulator: Simulator) -> None:
     for grip in (0.0, 0.5, 1.0):
         fingers = film(move(simulator, [[0.5, 0, 0.5, 0, 0, 0, grip]], tool=HAND, record_hz=10)).fingers
-        opened = np.abs(fingers[0] - FINGER_OPEN).max()
-        expect(opened < 1e-3, f"the fingers begin {1000 * opened:.1f} mm from open")
-        miss = np.abs(fingers[-1] - FINGER_OPEN * (1 - grip)).max()
+        begin = np.abs(fingers[0] - opened()).max()
+        expect(begin < 1e-3, f"the fingers begin {1000 * begin:.1f} mm from open")
+        miss = np.abs(fingers[-1] - opened() * (1 - grip)).max()
         expect(miss < 1e-3, f"at grip {grip} the fingers are {1000 * miss:.1f} mm from where they should be")
 
 
@@ -206,7 +220,7 @@ def check_gripper_lifts_a_cube(simulator: Simulator) -> None:
 def _bar(side: int, finger: str) -> Component:
     """A bar that hangs down from a finger, its inner face 5 mm from the middle when the fingers are closed."""
     pose = Pose(np.array([0.0, side * 0.008, 0.11]))
-    return Component(f"bar_{finger}", f"panda_{finger}finger", pose, Box((0.03, 0.006, 0.16)))
+    return Component(f"bar_{finger}", f"{finger}_finger", pose, Box((0.03, 0.006, 0.16)))
 
 
 def check_attachments_hold_a_cube(simulator: Simulator) -> None:

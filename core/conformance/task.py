@@ -14,10 +14,10 @@ from core.conformance.checking import expect, some_simulator
 from core.conformance.worlds import end, film, start
 from core.design import Tool
 from core.designs.rules import SpawnRules
-from core.interfaces import JointTrajectory, Outcome, Rollout, Task
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm
+from core.interfaces import Outcome, Rollout, Task
+from core.robot.kinematics import arm_of
 from core.robot.solids import Solids, body_solids, signed_distance
+from core.robot.trajectory import at_home
 from core.scene import Scene, State
 from core.simulation.penetration import Explosion, findings
 from core.simulation.tracks import SAMPLE_HZ
@@ -70,8 +70,8 @@ def check_rewards_work_for_one_world_or_many(task: Task) -> None:
 
 
 def check_the_arm_reaches_home_clear_of_the_scene(task: Task) -> None:
-    joints = arm().home_for(task.home)  # raises where it can't
-    miss = float(np.linalg.norm(arm().forward(joints).position - task.home.position))
+    joints = arm_of(task.robot).home_for(task.home)  # raises where it can't
+    miss = float(np.linalg.norm(arm_of(task.robot).forward(joints).position - task.home.position))
     expect(miss < 1e-3, f"the arm misses the task's home pose by {miss * 1000:.1f} mm")
     SpawnRules(task, 0).check(Tool())
 
@@ -92,8 +92,7 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
 def idle(task: Task) -> tuple[str, Outcome]:
     """Hold the arm at home without a tool for `REST_S`; the engine's name and the outcome."""
     name, simulator = some_simulator()
-    still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.array([FINGER_OPEN]))
-    job = Rollout(Tool(), still, SEEDS[0], hold_s=REST_S, record_hz=SAMPLE_HZ)
+    job = Rollout(Tool(), at_home(task), SEEDS[0], hold_s=REST_S, record_hz=SAMPLE_HZ)
     outcome, again = simulator.rollout(task, [job, job])
     expect(outcome.error is None, f"in {name} the scene breaks by itself: {outcome.error}")
     same = np.array_equal(start(outcome).positions, start(again).positions)
@@ -104,7 +103,7 @@ def idle(task: Task) -> tuple[str, Outcome]:
 def check_what_rests_stays_at_rest(task: Task) -> str:
     name, outcome = idle(task)
     try:
-        found = findings(task.scene(SEEDS[0]), Tool(), film(outcome))
+        found = findings(task.scene(SEEDS[0]), task.robot, Tool(), film(outcome))
     except Explosion as error:
         raise AssertionError(f"in {name} the scene explodes by itself: {error}") from error
     expect(not found, f"in {name}, while the arm waits: {'; '.join(finding.text for finding in found)}")

@@ -71,7 +71,7 @@ def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> No
         back = representation.parse(data, gripper=tool.gripper)
         expect(isinstance(back, Tool), f"parse returned a {type(back).__name__}, not a Tool")
         expect(back.gripper == tool.gripper, f"a tool with gripper={tool.gripper} came back as one without it")
-        check_tool(back)
+        check_tool(back, installed().default_robot)
         wrote, read = len(tool.components), len(back.components)
         expect(read == wrote, f"of {wrote} boxes {read} came back")
         for a, b in zip(tool.components, back.components, strict=True):

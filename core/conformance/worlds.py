@@ -10,11 +10,11 @@ from functools import lru_cache
 import numpy as np
 
 from core.conformance.checking import expect
-from core.design import Component, Tool
+from core.design import RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Pose, Shape, Vector
-from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm
+from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout, Simulator, Task
+from core.plugins import installed
+from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Color, Geom, Scene, State
 
@@ -27,13 +27,14 @@ HAND = Tool(gripper=True)
 
 
 class Bodies(Task):
-    """A task of these bodies, in which every reward is 0."""
+    """A task of these bodies for a robot, by default the default one, in which every reward is 0."""
 
     description = "Bodies."
     goals = ()
 
-    def __init__(self, *bodies: Body, name: str = "Bodies") -> None:
+    def __init__(self, *bodies: Body, name: str = "Bodies", robot: Robot | None = None) -> None:
         self.name = name  # type: ignore[misc]  # a class variable elsewhere
+        self.robot = robot or installed().default_robot
         self._scene = Scene(bodies)
 
     def scene(self, seed: int) -> Scene:
@@ -63,18 +64,29 @@ def slope(tilt: float, friction: float) -> Body:
 def stick(length: float, mass: float = 0.005) -> Tool:
     """A rigid tool: a box 0.02 m wide that hangs down from the flange."""
     pose = Pose(np.array([0.0, 0.0, -length / 2]))
-    return Tool((Component("stick", "panda_virtual", pose, Box((0.02, 0.02, length)), mass),))
+    return Tool((Component("stick", RIGID_MOUNT, pose, Box((0.02, 0.02, length)), mass),))
 
 
-@lru_cache(maxsize=1)
-def still() -> JointTrajectory:
+def arm(robot: Robot | None = None) -> Arm:
+    """The arm of a robot, by default of the default one."""
+    return arm_of(robot or installed().default_robot)
+
+
+def opened(count: int = 1) -> Array:
+    """Targets (T,) of open fingers of the default robot."""
+    return np.full(count, installed().default_robot.opening_m)
+
+
+@lru_cache(maxsize=4)
+def still(robot: Robot | None = None) -> JointTrajectory:
     """A trajectory that holds the arm at home, with open fingers."""
-    return JointTrajectory(np.zeros(1), arm().home_for(HOME)[None], np.array([FINGER_OPEN]))
+    here = arm(robot)
+    return JointTrajectory(np.zeros(1), here.home_for(HOME)[None], np.array([here.robot.opening_m]))
 
 
-def motion(plan: object) -> JointTrajectory:
+def motion(plan: object, robot: Robot | None = None) -> JointTrajectory:
     """The motion from home through waypoints (N, 6) or (N, 7), see `core.design.Candidate`."""
-    return plan_motion(np.array(plan, dtype=np.float64), HOME, arm()).trajectory
+    return plan_motion(np.array(plan, dtype=np.float64), HOME, arm(robot)).trajectory
 
 
 def wait(

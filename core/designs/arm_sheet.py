@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from core.geometry import Pose
-from core.interfaces import RolloutSettings
-from core.robot.description import ACCELERATION_LIMITS, measured_figures
-from core.robot.kinematics import arm
+from core.interfaces import Robot, RolloutSettings, Task
+from core.robot.kinematics import Arm, arm_of
 from core.robot.reach import as_table, compute_reach, describe_limits, turns_at
 from core.robot.trajectory import plan_motion
 from core.text import short_numbers
@@ -47,25 +46,23 @@ class ArmSheet(NamedTuple):
     exactness: str
 
 
-def describe_arm(home: Pose, rollout: RolloutSettings, engine: str) -> ArmSheet:
-    """Describe the arm that starts with its end-effector at ``home``, in the engine of this name."""
-    return _sheet(tuple(home.position.tolist()), tuple(home.quaternion.tolist()), astuple(rollout), engine)
+def describe_arm(task: Task, rollout: RolloutSettings, engine: str) -> ArmSheet:
+    """Describe the arm at the task's home, in the engine of this name."""
+    return _sheet(task.robot, task.home, astuple(rollout), engine)
 
 
 @lru_cache(maxsize=16)
-def _sheet(
-    position: tuple[float, ...], quaternion: tuple[float, ...], rollout: tuple[Any, ...], engine: str
-) -> ArmSheet:
-    robot, home = arm(), Pose(np.array(position), np.array(quaternion))
-    reach = compute_reach(robot)
-    turns = zip(("roll", "pitch", "yaw"), turns_at(robot, home.position), strict=True)
+def _sheet(robot: Robot, home: Pose, rollout: tuple[Any, ...], engine: str) -> ArmSheet:
+    arm = arm_of(robot)
+    reach = compute_reach(arm)
+    turns = zip(("roll", "pitch", "yaw"), turns_at(arm, home.position), strict=True)
     return ArmSheet(
         as_table({z: row for z, row in reach.items() if z <= _EACH_M or round(10 * z) % 2 == 0}),
         describe_limits(reach),
         ", ".join(f"{name} {_turn(*least_most)}" for name, least_most in turns),
-        short_numbers(robot.home_for(home), 2, ", "),
-        describe_speed(segments(home, RolloutSettings(*rollout))),
-        describe_exactness(measured_figures(), engine),
+        short_numbers(arm.home_for(home), 2, ", "),
+        describe_speed(robot, segments(arm, home, RolloutSettings(*rollout))),
+        describe_exactness(robot.measured, engine),
     )
 
 
@@ -73,26 +70,26 @@ def _turn(least: float, most: float) -> str:
     return "at will" if min(-least, most) > _AT_WILL_RAD else f"{least:.1f} to {most:.1f}"
 
 
-def segments(home: Pose, rollout: RolloutSettings) -> list[Segment]:
+def segments(arm: Arm, home: Pose, rollout: RolloutSettings) -> list[Segment]:
     """Time straight segments around home."""
     found = []
     for axis, way in zip(np.eye(3), WAYS, strict=True):
         for length in LENGTHS_M:
             ends = [[*(home.position + side * length / 2 * axis), *home.rpy] for side in (-1, 1)]
-            motion = plan_motion(np.array(ends), home, arm(), segment_s=rollout.segment_s, speed=rollout.speed)
+            motion = plan_motion(np.array(ends), home, arm, segment_s=rollout.segment_s, speed=rollout.speed)
             first, last = motion.arrivals.tolist()
             joints, _ = motion.trajectory.sample(np.linspace(first, last, _SAMPLES))
-            steps = np.linalg.norm(np.diff(arm().positions(joints), axis=0), axis=1)
+            steps = np.linalg.norm(np.diff(arm.positions(joints), axis=0), axis=1)
             found.append(Segment(way, length, last - first, float(steps.max() / steps.mean())))
     return found
 
 
-def describe_speed(segments: Sequence[Segment]) -> str:
+def describe_speed(robot: Robot, segments: Sequence[Segment]) -> str:
     """Say how long segments take, and how much faster than on average they are at most."""
     by_length = [[one for one in segments if one.length == length] for length in (LENGTHS_M[0], LENGTHS_M[-1])]
     times = [f"{'/'.join(f'{one.seconds:.2g}' for one in group)} s for {group[0].length:g} m" for group in by_length]
     peaks = min(one.peak for one in segments), max(one.peak for one in segments)
-    limits = ", ".join(f"{limit:g}" for limit in ACCELERATION_LIMITS)
+    limits = ", ".join(f"{limit:g}" for limit in robot.acceleration_limits)
     return (
         f"Segments {'/'.join(WAYS)} through home take {', '.join(times)}, with a peak speed of {peaks[0]:.2g} to "
         f"{peaks[1]:.2g} times the mean. Joints accelerate by at most {limits} rad/s2, half of it for bends of the path"

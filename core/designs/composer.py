@@ -27,9 +27,9 @@ from core.designs.layout import layout_table
 from core.designs.rules import MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, observation
-from core.robot.description import FINGER_FRICTION, TOOL_FRICTION
 from core.robot.outline import outline
 from core.robot.trajectory import plan_motion
+from core.robots import LINK_FRICTION
 from core.scene import Body
 from core.text import short_numbers
 
@@ -164,18 +164,19 @@ class PromptComposer:
             "instructed": self._idea is not None,
             "feedback": self.settings.feedback,
             "picture": picture is not None,
-            "friction": {"tool": TOOL_FRICTION, "fingers": FINGER_FRICTION},
+            "robot": task.robot,
+            "friction": {"tool": LINK_FRICTION, "fingers": task.robot.gripper.friction if task.robot.gripper else None},
             "tool_rules": representation.instructions(brief).strip(),
             "task_source": task.source().rstrip("\n"),
             "layout": layout_table(task, brief.scene_seed),
             "vocabulary": f"{class_source(Task, *TASK)}\n\n{class_source(Body, *BODY)}",
             "helpers": helpers(task),
             "executor": function_source(plan_motion),
-            "urdf": outline(mounted),
+            "urdf": outline(task.robot, mounted),
             "home_xyz": f"({short_numbers(task.home.position, 4, ', ')})",
             "home_rpy": f"({short_numbers(task.home.rpy, 4, ', ')})",
             "rollout": self.rollout,
-            "arm": describe_arm(task.home, self.rollout, self.engine),
+            "arm": describe_arm(task, self.rollout, self.engine),
             "max_waypoints": MAX_WAYPOINTS,
             "schema": json.dumps(answer_schema(brief), ensure_ascii=False, separators=(",", ":")) if schema else "",
             "tie": f"{self.tie:g}",

@@ -22,7 +22,7 @@ from core.design import Candidate, DesignError, Tool
 from core.designs.rules import WAYPOINT, SpawnRules, check_plan, check_tool, given_tool
 from core.errors import UserError
 from core.geometry import Array
-from core.interfaces import ToolRepresentation
+from core.interfaces import Robot, ToolRepresentation
 from core.plugins import describe_part
 from core.text import clean, kind, shorten
 
@@ -160,20 +160,23 @@ def _read_tool(
     try:
         name = _read_text(strategy, "tool_name", MAX_NAME)
         description = _read_text(strategy, "tool_description", MAX_DESCRIPTION)
-        tool = replace(_parsed(representation, strategy, gripper), name=name, description=description)
-        check_tool(tool)
+        tool = replace(_parsed(representation, strategy, spawn.robot, gripper), name=name, description=description)
+        check_tool(tool, spawn.robot)
         spawn.check(tool)
     except DesignError as error:
         return tool, str(error)
     return tool, None
 
 
-def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], gripper: bool) -> Tool:
+def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], robot: Robot, gripper: bool) -> Tool:
     """Parse a strategy's tool. A bug in the representation costs the design, not the run.
 
     Raises:
         DesignError: a rule is broken, or the representation fails; then the message names its plugin.
     """
+    if gripper and robot.gripper is None:
+        raise DesignError(f"{robot.title} has no gripper; design one rigid tool, with 'gripper' false")
+    representation.robot = robot
     try:
         tool = representation.parse(strategy, gripper=gripper)
     except (DesignError, MemoryError):

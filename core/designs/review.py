@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from core.design import RIGID_MOUNT, Candidate, Tool
 from core.designs.rules import MAX_COMPONENTS
 from core.geometry import Array
-from core.interfaces import JointTrajectory, RolloutSettings, Task
+from core.interfaces import JointTrajectory, Robot, RolloutSettings, Task
 from core.robot.frames import link_frames
-from core.robot.kinematics import arm
+from core.robot.kinematics import arm_of
 from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import Motion, at_home, plan_motion
 from core.text import clean
@@ -43,7 +43,9 @@ def _strategy(number: int, candidates: list[Candidate], task: Task, settings: Ro
         lines.append(f"  - rejected: {clean(shared, _REASON)}")
     if tool is not None and tool.components:
         lines.append(f"  - {tool.mass:.3g} kg; x, y and z of each component at home, smallest to largest:")
-        lines += [f"    - {part}: {_space(points[0])}" for part, points in _placed(tool, at_home(task)).items()]
+        lines += [
+            f"    - {part}: {_space(points[0])}" for part, points in _placed(task.robot, tool, at_home(task)).items()
+        ]
     for candidate in candidates:
         found = [f"rejected: {clean(candidate.problem or '', _REASON)}"] if candidate.problem != shared else []
         if len(candidate.plan):
@@ -55,27 +57,28 @@ def _strategy(number: int, candidates: list[Candidate], task: Task, settings: Ro
 
 def _plan(candidate: Candidate, task: Task, settings: RolloutSettings) -> list[str]:
     """Describe the motion of a plan: how long it takes, which waypoints it misses, and how low the tool gets."""
-    motion = plan_motion(candidate.plan, task.home, arm(), segment_s=settings.segment_s, speed=settings.speed)
+    robot = task.robot
+    motion = plan_motion(candidate.plan, task.home, arm_of(robot), segment_s=settings.segment_s, speed=settings.speed)
     seconds, longest = motion.trajectory.duration, settings.max_motion_s
     found = [f"{seconds:.1f} s" + (f", rejected: more than {longest:g} s" if seconds > longest else "")]
     tool = candidate.tool
     if tool is not None and candidate.problem is None and settings.penetration != "ignore" and seconds <= longest:
-        met = find_self_collision(tool, motion.trajectory)
+        met = find_self_collision(robot, tool, motion.trajectory)
         if met is not None:
             verdict = "rejected: " if settings.penetration == "forbid" else ""
             found.append(verdict + met.describe(motion.arrivals))
     targets, fingers = motion.trajectory.sample(motion.arrivals)
     there = JointTrajectory(motion.arrivals, targets, fingers)
-    found += _reach(candidate.plan, there, motion)
+    found += _reach(robot, candidate.plan, there, motion)
     if tool is not None and tool.components:
-        lowest = _lowest(_placed(tool, there))
+        lowest = _lowest(_placed(robot, tool, there))
         found.append(f"lowest point of the tool at each waypoint: z = {', '.join(lowest)}")
     return found
 
 
-def _reach(plan: Array, there: JointTrajectory, motion: Motion) -> list[str]:
+def _reach(robot: Robot, plan: Array, there: JointTrajectory, motion: Motion) -> list[str]:
     """Say which waypoints are missed, and by how much."""
-    rotations, positions = link_frames(False, there.arm, np.zeros((len(plan), 2)))[RIGID_MOUNT]
+    rotations, positions = link_frames(robot, False, there.arm, np.zeros((len(plan), 0)))[RIGID_MOUNT]
     missed_m = np.linalg.norm(positions - plan[:, :3], axis=1)
     turned = Rotation.from_matrix(rotations).inv() * Rotation.from_euler("xyz", plan[:, 3:6])
     missed_rad = np.asarray(turned.magnitude())
@@ -91,9 +94,9 @@ def _reach(plan: Array, there: JointTrajectory, motion: Motion) -> list[str]:
     return found
 
 
-def _placed(tool: Tool, motion: JointTrajectory) -> dict[str, Array]:
+def _placed(robot: Robot, tool: Tool, motion: JointTrajectory) -> dict[str, Array]:
     """Place the corners of each component in the world, (T, V, 3); of at most `MAX_COMPONENTS` components."""
-    frames = link_frames(tool.gripper, motion.arm, np.column_stack([motion.fingers] * 2))
+    frames = link_frames(robot, tool.gripper, motion.arm, np.column_stack([motion.fingers] * 2))
     placed, points = tool.placed(), {}
     for component in tool.components[:MAX_COMPONENTS]:
         mount, pose = placed[component.name]

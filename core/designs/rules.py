@@ -14,11 +14,10 @@ from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.stiffness import compliance, corners
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.interfaces import Task, ToolRepresentation
+from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins import describe_part
-from core.robot.description import FINGER_JOINTS, FINGER_OPEN, FLANGE
 from core.robot.frames import link_frames
-from core.robot.kinematics import arm
+from core.robot.kinematics import arm_of
 from core.robot.solids import Solid, Solids, body_solids, contact, robot_solids, signed_distance, solid_geometry
 from core.text import kind, shorten
 
@@ -29,7 +28,6 @@ MAX_EXTENT_M = 2.0  # from the mount to the farthest point, which bounds the spe
 MIN_COMPONENT_KG = 1e-6  # small boxes of a link have small shares of its mass
 MAX_COMPONENT_KG = 1.0
 MIN_TOOL_KG = 0.001
-MAX_TOOL_KG = 3.0  # the Panda's payload
 MIN_DENSITY = 1.0  # kg/m^3, about that of air; the paper's 5 g must do for a box of a few litres
 MAX_DENSITY = 20_000.0  # kg/m^3; gold and tungsten have 19,300
 MAX_BEND_M_N = 0.01  # of the farthest end, per newton, if the tool were of steel
@@ -45,27 +43,28 @@ WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")  # prompts, messages and robot descriptions hold it as it is
 _TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
-_CARRIER = "panda_link7"  # the link with the flange
 
 
-def check_tool(tool: Tool) -> None:
-    """Check that a tool can be built: number, sizes, masses and extent of its components, contacts, and stiffness.
+def check_tool(tool: Tool, robot: Robot) -> None:
+    """Check that an arm can bear a tool: number, sizes, masses and extent of its components, contacts, and stiffness.
 
     Raises:
         DesignError: the first rule that is broken.
     """
+    if tool.gripper and robot.gripper is None:
+        raise DesignError(f"{robot.title} has no gripper; design one rigid tool, with 'gripper' false")
     if not tool.components:
         raise DesignError(f"the tool has no boxes; hang at least one from {' or '.join(tool.mounts)}")
     if len(tool.components) > MAX_COMPONENTS:
         raise DesignError(f"the tool has {len(tool.components)} boxes; at most {MAX_COMPONENTS} are allowed")
     for component in tool.components:
         _check_component(component)
-    if tool.mass > MAX_TOOL_KG:
-        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; the arm carries at most {MAX_TOOL_KG:g} kg")
+    if tool.mass > robot.payload_kg:
+        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; the arm carries at most {robot.payload_kg:g} kg")
     if tool.mass < MIN_TOOL_KG:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed")
     _check_extent(tool)
-    _check_stiffness(tool, _check_contacts(tool))
+    _check_stiffness(tool, _check_contacts(tool, robot))
 
 
 def _check_component(component: Component) -> None:
@@ -103,12 +102,12 @@ def _check_extent(tool: Tool) -> None:
             )
 
 
-def _check_contacts(tool: Tool) -> dict[str, Array]:
+def _check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
     """Check that each component touches its parent; return the points where they do, in the mount's frame."""
-    fingers = robot_solids(True) if tool.gripper else ()
+    fingers = robot_solids(robot, True) if tool.gripper else ()
     solids = {mount: [solid for solid in fingers if solid.name == mount] for mount in tool.mounts}
     if not tool.gripper:
-        solids[RIGID_MOUNT] = [Solid(RIGID_MOUNT, solid_geometry(FLANGE), Pose())]
+        solids[RIGID_MOUNT] = [Solid(RIGID_MOUNT, solid_geometry(robot.flange.disc), Pose())]
     solids |= {c.name: [Solid(c.name, solid_geometry(c.shape), Pose())] for c in tool.components}
     placed, points = tool.placed(), {}
     for component in tool.components:
@@ -175,23 +174,23 @@ def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> lis
     numbers = [float(number) for number in waypoint]
     reach = math.hypot(*numbers[:3])
     if reach > MAX_REACH_M:
-        raise DesignError(f"{where} is {reach:.2f} m from the base; at most {MAX_REACH_M:g} m are allowed")
+        raise DesignError(f"{where} is {reach:.2f} m from the world's origin; at most {MAX_REACH_M:g} m are allowed")
     return numbers
 
 
 class SpawnRules:
     """Checks that a tool starts clear of the arm and of all bodies, in the scene of ``task`` and ``seed``.
 
-    The arm is at the task's home pose and the fingers are open. A component may overlap the link that carries it:
-    ``panda_link7`` for rigid tools, the component's own finger for gripper tools.
+    The arm is at the task's home pose and the fingers are open. A component may overlap what carries it: the links at
+    the flange for rigid tools, the component's own finger for gripper tools.
 
     Raises:
-        ValueError: the arm can't reach the task's home pose.
+        UserError: the arm can't reach the task's home pose.
     """
 
     def __init__(self, task: Task, seed: int) -> None:
-        self.task = task
-        self._joints = arm().home_for(task.home)
+        self.task, self.robot = task, task.robot
+        self._joints = arm_of(task.robot).home_for(task.home)
         self._scene = Solids(solid for body in task.scene(seed).bodies for solid in body_solids(body))
         self._robots: dict[bool, tuple[Solids, dict[str, Pose]]] = {}
 
@@ -210,9 +209,9 @@ class SpawnRules:
         _check_halves(solids, placed)
         for component in tool.components:
             mount, solid = placed[component.name][0], solids[component.name]
-            carrier = mount if tool.gripper else _CARRIER
+            carriers = (mount,) if tool.gripper else self.robot.near_mount
             for link in robot.near(solid, _TOUCH_M):
-                depth = 0.0 if link.name == carrier else -signed_distance(solid, link)
+                depth = 0.0 if link.name in carriers else -signed_distance(solid, link)
                 if depth > MAX_ARM_OVERLAP_M:
                     raise DesignError(
                         f"component {component.name!r} starts {depth * 1000:.1f} mm inside the arm ({link.name}); "
@@ -230,11 +229,12 @@ class SpawnRules:
     def _robot(self, gripper: bool) -> tuple[Solids, dict[str, Pose]]:
         """The robot's solids, and the world poses of its links."""
         if gripper not in self._robots:
-            placed = link_frames(gripper, self._joints[None], np.full((1, len(FINGER_JOINTS)), FINGER_OPEN))
+            opened = np.full((1, len(self.robot.finger_joints)), self.robot.opening_m)
+            placed = link_frames(self.robot, gripper, self._joints[None], opened)
             frames = {
                 name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in placed.items()
             }
-            solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(gripper))
+            solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(self.robot, gripper))
             self._robots[gripper] = Solids(solids), frames
         return self._robots[gripper]
 
@@ -251,7 +251,7 @@ def given_tool(
         tool = representation.given(task)
         if isinstance(tool, Tool):
             if tool.components:
-                check_tool(tool)
+                check_tool(tool, task.robot)
             (spawn or SpawnRules(task, seed)).check(tool)
     except DesignError as error:
         what = f"the tool that it gives for {task.name} breaks a rule"

@@ -19,8 +19,7 @@ from core.errors import UserError, choices
 from core.geometry import Array, Pose
 from core.interfaces import Image, Simulator, Task, ToolRepresentation, World
 from core.plugins import installed
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm as panda_arm
+from core.robot.kinematics import arm_of
 from core.scene import State
 
 ControlMode = Literal["joints", "end_effector"]
@@ -91,8 +90,10 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self.control_mode = control_mode
         self.render_mode = render_mode
         self._draw = partial(self.simulator.render, self.task, tool=self.tool, width=width, height=height)
-        moves = (7 if control_mode == "joints" else 6) + self.tool.gripper
-        observed = 9 + 13 * len(self.task.scene(0).free)
+        self._arm, self._opening = arm_of(self.task.robot), self.task.robot.opening_m
+        joints = len(self.task.robot.arm_joints)
+        moves = (joints if control_mode == "joints" else 6) + self.tool.gripper
+        observed = joints + len(self.task.robot.finger_joints) + 13 * len(self.task.scene(0).free)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float64)
         self._world: World | None = None
@@ -104,8 +105,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         super().reset(seed=seed)
         self._layout = int(self.np_random.integers(2**31))
         self._world = world = self.simulator.world(self.task, self.tool, self._layout)
-        self._joints, self._fingers = panda_arm().home_for(self.task.home), FINGER_OPEN
-        self._pose = panda_arm().forward(self._joints)
+        self._joints, self._fingers = self._arm.home_for(self.task.home), self._opening
+        self._pose = self._arm.forward(self._joints)
         self._drive(world, self._joints, self._fingers, SETTLE_S)
         self._start = world.state()
         self._earned = self._reward(self._start)
@@ -122,7 +123,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         fingers = self._fingers
         if self.tool.gripper:
-            wanted = FINGER_OPEN * (1 - action[-1]) / 2
+            wanted = self._opening * (1 - action[-1]) / 2
             fingers += float(np.clip(wanted - fingers, -FINGER_SPEED * STEP_S, FINGER_SPEED * STEP_S))
         self._drive(self._world, self._target(action), fingers, STEP_S)
         before, self._earned = self._earned, self._reward(self._world.state())
@@ -131,11 +132,11 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         return self._observation(self._world), self._earned - before, done, False, info
 
     def _target(self, action: Numbers) -> Array:
-        """Joint targets (7,) at the end of the step, within the limits of angle and speed."""
-        arm = panda_arm()
+        """Joint targets (J,) at the end of the step, within the limits of angle and speed."""
+        arm = self._arm
         fastest = arm.velocity_limits * STEP_S
         if self.control_mode == "joints":
-            joints = self._joints + action[:7] * fastest
+            joints = self._joints + action[: len(fastest)] * fastest
         else:
             turn = Rotation.from_rotvec(action[3:6] * MAX_TURN * STEP_S)
             position = self._pose.position + action[:3] * MAX_SPEED * STEP_S
@@ -153,7 +154,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             left = span - k * world.time_step
             world.step(joints - speeds * left, fingers - finger_speed * left, speeds, finger_speed)
         self._joints, self._fingers = joints, fingers
-        self._pose = panda_arm().forward(joints)  # where the arm can't follow, the target doesn't run away
+        self._pose = self._arm.forward(joints)  # where the arm can't follow, the target doesn't run away
 
     def _reward(self, now: State) -> float:
         return float(np.asarray(self.task.reward(self._start, now)))
@@ -168,7 +169,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             return None
         arm, fingers = self._world.joints()
         if not self.tool.gripper:
-            fingers = np.full(2, FINGER_OPEN)
+            fingers = np.full(len(fingers), self._opening)
         return self._draw(seed=self._layout, arm=arm, fingers=fingers, state=self._world.state())
 
     def close(self) -> None:
@@ -187,7 +188,7 @@ def _tool(designs: Path, strategy: int, name: str, task: Task) -> Tool:
     try:
         if tool is not None:
             if tool.components:
-                check_tool(tool)
+                check_tool(tool, task.robot)
             rules.check(tool)
             return tool
     except DesignError as error:

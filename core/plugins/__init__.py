@@ -10,5 +10,5 @@ from core.plugins.registry import Part, Plugins, RobotPart, TaskPart, describe_p
 from core.plugins.settings import check_settings
 
 __all__ = ["ATTRIBUTES", "INTERFACES", "KINDS", "NOT_SETTINGS", "PROVIDED", "WORDS", "event_hub"]
-__all__ += ["Discovery", "Failure", "Offer", "Part", "Plugins", "RobotPart", "TaskPart", "check_settings", "describe_part", "installed"]
-__all__ += ["PluginError", "culprit", "describe_failure"]
+__all__ += ["Discovery", "Failure", "Offer", "Part", "Plugins", "RobotPart", "TaskPart", "check_settings"]
+__all__ += ["PluginError", "culprit", "describe_failure", "describe_part", "installed"]

@@ -79,7 +79,7 @@ class Plugins(Discovery):
     def create(self, kind: str, name: str, settings: Settings = None, **given: Any) -> Any:
         """Make a part: check ``settings`` against its factory's signature, and call that with them and ``given``.
 
-        A task gets the default robot, until `core.interfaces.Task.robot` is set.
+        A task and a tool representation get the default robot, until another is set.
 
         Raises:
             UserError: no such part; a setting that is unknown, missing or of the wrong type; or the factory makes
@@ -99,7 +99,7 @@ class Plugins(Discovery):
         check_part(part, offer.kind, str(offer))
         with contextlib.suppress(TypeError):  # a part that can't be a key is described by its class
             _made[part] = offer
-        if isinstance(part, Task) and kind == "task":
+        if isinstance(part, Task | ToolRepresentation):
             part.robot = self.default_robot
         return part
 

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from core.design import Tool
-from core.geometry import Array, Box, Cylinder, Pose
+from core.design import GRIPPER_MOUNTS, Tool
+from core.geometry import Array, Box, Pose
 from core.report.tools import as_held
-from core.robot.description import FINGER_OPEN, FLANGE
+from core.robot.frames import open_mounts
+from core.robots import Robot
 
 if TYPE_CHECKING:
     import trimesh
@@ -22,7 +23,7 @@ Color = tuple[float, float, float, float]
 
 AZIMUTH, ELEVATION = np.deg2rad(-55.0), np.deg2rad(25.0)  # of the eye: in front of the tool, to its right, above
 ROBOT: Color = (0.62, 0.64, 0.68, 1.0)
-FINGER = Box((0.021, 0.012, 0.054))  # about the Panda's
+FINGER = Box((0.021, 0.012, 0.054))  # a finger, roughly
 
 _OVER = 2  # samples per pixel, along each side
 _MARGIN = 0.06  # of the picture's smaller side
@@ -41,14 +42,18 @@ class Painted:
     color: Color
 
 
-def painted(tool: Tool) -> list[Painted]:
+def painted(tool: Tool, robot: Robot) -> list[Painted]:
     """A tool as the arm holds it at home, with the flange or the fingers that carry it in grey."""
     if tool.gripper:
-        at = [Pose(np.array([0.0, side * (FINGER_OPEN + 0.006), -0.085])) for side in (1, -1)]
+        fingers = [pose for mount, pose in open_mounts(robot, True).items() if mount in GRIPPER_MOUNTS]
+        apart = fingers[0].position - fingers[1].position
+        outward = apart / np.linalg.norm(apart) * FINGER.size[1] / 2
+        tips = [pose.apply((0.0, 0.0, FINGER.size[2] / 2)) for pose in fingers]
+        at = [Pose(tip + side * outward) for tip, side in zip(tips, (1, -1), strict=True)]
         bearing = [Painted(FINGER.to_trimesh().apply_transform(pose.matrix), ROBOT) for pose in at]
     else:
-        bearing = [Painted(Cylinder(FLANGE.radius, FLANGE.length).to_trimesh(), ROBOT)]
-    return [*bearing, *(Painted(solid, component.color) for component, solid in as_held(tool))]
+        bearing = [Painted(robot.flange.disc.to_trimesh(), ROBOT)]
+    return [*bearing, *(Painted(solid, component.color) for component, solid in as_held(tool, robot))]
 
 
 def draw(solids: Sequence[Painted], width: int = 480, height: int = 360) -> Pixels:

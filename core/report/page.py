@@ -89,7 +89,7 @@ def data_address(picture: bytes, format_: str = "png") -> Markup:
 def in_viewer(winner: Winner, name: str) -> dict[str, Any]:
     """A tool for the viewer: triangles and sharp edges in tenths of millimetres."""
     solids = []
-    for each in painted(winner.tool):
+    for each in painted(winner.tool, winner.robot):
         mesh = each.solid
         sharp = mesh.face_adjacency_edges[mesh.face_adjacency_angles > _SHARP]
         solids.append(

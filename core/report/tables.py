@@ -241,7 +241,7 @@ def tools(results: Results, shown: Tools) -> Table:
     )
     rows = [
         (
-            *(task, method, winner.name, winner.reward, winner.distance_m, size(winner.tool)),
+            *(task, method, winner.name, winner.reward, winner.distance_m, size(winner.tool, winner.robot)),
             *(1000 * winner.tool.mass, len(winner.tool.components)),
             *(winner.tool.description, winner.strategy_description or winner.strategy_name, winner.candidate),
             Link(winner.run.folder.name, winner.run.folder),

@@ -73,6 +73,6 @@ def _grid(grid: Sequence[Sequence[tuple[str, Winner | None]]], heads: Sequence[s
                 ax.text(0.5, 0.5, "–", ha="center", va="center", transform=ax.transAxes)
                 continue
             ax.set_facecolor("white")  # tools may be dark
-            ax.imshow(draw(painted(winner.tool), 300, 225))
+            ax.imshow(draw(painted(winner.tool, winner.robot), 300, 225))
             ax.set_xlabel(f"{wrapped(winner.name, 32, 2)}\n{winner.summary}", fontsize=7.5)
     return figure

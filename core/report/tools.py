@@ -13,15 +13,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from omegaconf import OmegaConf
 
-from core.config.compose import part
-from core.design import GRIPPER_MOUNTS, Component, DesignError, Tool, ranked
+from core.config.compose import part, robot_part
+from core.design import Component, DesignError, Tool, ranked
 from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
-from core.geometry import Array, Pose
-from core.interfaces import ToolRepresentation
+from core.geometry import Array
+from core.interfaces import Robot, ToolRepresentation
+from core.plugins import installed
 from core.report.formats import number
 from core.report.runs import STORE, FinishedRun
-from core.robot.description import FINGER_OPEN
+from core.robot.frames import open_mounts
 from core.store.database import reading
 from core.text import clean
 
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 SAME = 1e-4  # metres by which corners of equal tools may differ
 Shape = list[Array]  # corners (V, 3) of each component, as the arm holds it
 _FARTHEST, _THINNEST = 100.0, 1e-6  # metres
-_FINGER_BASE = 0.0584  # of the finger joints below the hand, in the Panda's description
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +43,7 @@ class Winner:
     """
 
     run: FinishedRun
+    robot: Robot
     tool: Tool
     candidate: str
     generation: int
@@ -60,7 +61,7 @@ class Winner:
     @property
     def summary(self) -> str:
         """Reward and size in a line."""
-        return f"reward {number(self.reward, 3)}, {size(self.tool)}"
+        return f"reward {number(self.reward, 3)}, {size(self.tool, self.robot)}"
 
 
 def _part(run: FinishedRun, kind: str) -> Any:
@@ -69,7 +70,10 @@ def _part(run: FinishedRun, kind: str) -> Any:
 
 @lru_cache(maxsize=256)
 def _created(kind: str, settings: str) -> Any:
-    return part(kind, OmegaConf.create(json.loads(settings))).create()
+    config = OmegaConf.create(json.loads(settings))
+    if kind == "robot":
+        return robot_part(config).create() if config else installed().default_robot
+    return part(kind, config).create()
 
 
 def given_tool(run: FinishedRun) -> Tool | None:
@@ -78,7 +82,9 @@ def given_tool(run: FinishedRun) -> Tool | None:
     Raises:
         UserError: the run's task or tool representation is not installed here.
     """
-    given: Tool | None = _part(run, "tool").given(_part(run, "task"))
+    task = _part(run, "task")
+    task.robot = _part(run, "robot")
+    given: Tool | None = _part(run, "tool").given(task)
     return given
 
 
@@ -93,17 +99,17 @@ def winners(
     """
     shapes: list[Shape] = []
     try:
-        found = (winner for winner in _winners(run, generation) if another(winner.tool, shapes, apart))
+        found = (winner for winner in _winners(run, generation) if another(winner, shapes, apart))
         return list(itertools.islice(found, count))
     except (sqlite3.Error, KeyError, ValueError, TypeError) as error:
         raise UserError(f"{run.folder / STORE} can't be read: {clean(str(error), MAX_NAME)}") from error
 
 
-def another(tool: Tool, shapes: list[Shape], apart: float) -> bool:
+def another(winner: Winner, shapes: list[Shape], apart: float) -> bool:
     """True if the tool's shape is none of ``shapes``, to which it is then added. Two shapes are the same where they
     have equally many components, and all corners are less than ``apart`` metres from the other's.
     """
-    shape = [np.asarray(solid.vertices) for _, solid in as_held(tool)]
+    shape = [np.asarray(solid.vertices) for _, solid in as_held(winner.tool, winner.robot)]
     if any(_alike(shape, known, apart) for known in shapes):
         return False
     shapes.append(shape)
@@ -119,7 +125,8 @@ def _alike(a: Shape, b: Shape, apart: float) -> bool:
 def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
     if not (run.folder / STORE).exists():
         raise UserError(f"{run.folder} has no {STORE}, and so no designs")
-    given, representation = given_tool(run), _part(run, "tool")
+    given, representation, robot = given_tool(run), _part(run, "tool"), _part(run, "robot")
+    representation.robot = robot
     query = (
         "SELECT candidate, generation, agent, strategy, reward, distance_m FROM evaluations"
         " WHERE status = 'ok' AND generation = coalesce(:generation, generation)"
@@ -136,15 +143,17 @@ def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
                 " JOIN strategies USING (generation, agent, strategy) WHERE candidate = ?",
                 [candidate],
             ).fetchone()
-            yield _winner(run, stored, given, representation)
+            yield _winner(run, stored, given, representation, robot)
 
 
-def _winner(run: FinishedRun, row: sqlite3.Row, given: Tool | None, representation: ToolRepresentation) -> Winner:
+def _winner(
+    run: FinishedRun, row: sqlite3.Row, given: Tool | None, representation: ToolRepresentation, robot: Robot
+) -> Winner:
     design = json.loads(row["design"])
     try:
         tool = given or representation.parse(design, gripper=bool(design["gripper"]))
         if given is None:
-            _check_size(tool)
+            _check_size(tool, robot)
     except DesignError as error:
         raise UserError(f"the design of {row['candidate']} can't be read again: {error}") from error
     if given is None:
@@ -152,6 +161,7 @@ def _winner(run: FinishedRun, row: sqlite3.Row, given: Tool | None, representati
         tool = replace(tool, name=name, description=description)
     return Winner(
         run,
+        robot,
         tool,
         row["candidate"],
         row["generation"],
@@ -163,9 +173,9 @@ def _winner(run: FinishedRun, row: sqlite3.Row, given: Tool | None, representati
     )
 
 
-def _check_size(tool: Tool) -> None:
+def _check_size(tool: Tool, robot: Robot) -> None:
     """Refuse what can't be drawn. It may break a rule: there were others when it was tried."""
-    for component, solid in as_held(tool):
+    for component, solid in as_held(tool, robot):
         sides, corners = np.asarray(component.shape.size), np.asarray(solid.vertices)
         if not (np.isfinite(corners).all() and np.abs(corners).max() < _FARTHEST and sides.min() > _THINNEST):
             raise DesignError(f"component {component.name!r} has no size that can be drawn")
@@ -188,22 +198,21 @@ def solids(tool: Tool) -> dict[str, list[tuple[Component, trimesh.Trimesh]]]:
     return found
 
 
-def as_held(tool: Tool) -> list[tuple[Component, trimesh.Trimesh]]:
+def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]:
     """The components as the arm holds them at home: x forward, y left, z up, in metres from the flange."""
-    apart = {GRIPPER_MOUNTS[0]: FINGER_OPEN, GRIPPER_MOUNTS[1]: -FINGER_OPEN}
-    flipped = Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, 0.0))  # the hand points down
+    mounts = open_mounts(robot, True) if tool.gripper else {}
     held = []
     for mount, placed in solids(tool).items():
-        pose = flipped @ Pose(np.array([0.0, apart[mount], _FINGER_BASE])) if mount in apart else Pose()
-        held += [(component, solid.apply_transform(pose.matrix)) for component, solid in placed]
+        for component, solid in placed:
+            held.append((component, solid.apply_transform(mounts[mount].matrix) if mount in mounts else solid))
     return held
 
 
-def size(tool: Tool) -> str:
+def size(tool: Tool, robot: Robot) -> str:
     """The extent along x, y and z, in millimetres."""
     if not tool.components:
         return "no tool"
-    extent = np.ptp(np.concatenate([solid.vertices for _, solid in as_held(tool)]), axis=0)
+    extent = np.ptp(np.concatenate([solid.vertices for _, solid in as_held(tool, robot)]), axis=0)
     return " × ".join(f"{1000 * side:.0f}" for side in extent) + " mm"
 
 

@@ -154,7 +154,7 @@ def assemble(
         for visual in link.findall("visual") if not visuals else ():
             link.remove(visual)
         for mesh in link.iter("mesh"):
-            mesh.set("filename", mesh_path(Path(mesh.get("filename"))))
+            mesh.set("filename", mesh_path(Path(str(mesh.get("filename")))))
     if robot.base != Pose():
         _place_base(root, robot.base)
     return to_text(root)

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
-from core.design import Tool
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
 from core.robot.description import assemble
 from core.robots import Robot
@@ -110,6 +111,16 @@ def link_frames(robot: Robot, gripper: bool, arm: Array, fingers: Array) -> dict
         name: place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
         for name, (joint, pose) in model.links.items()
     }
+
+
+@lru_cache(maxsize=8)
+def open_mounts(robot: Robot, gripper: bool) -> dict[str, Pose]:
+    """Place each mount in the frame of the tool mount, with the fingers open."""
+    opened = np.full((1, len(robot.finger_joints)), robot.opening_m)
+    frames = link_frames(robot, gripper, np.array([robot.home]), opened)
+    here = {name: frames[name] for name in (RIGID_MOUNT, *GRIPPER_MOUNTS) if name in frames}
+    poses = {name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in here.items()}
+    return {name: poses[RIGID_MOUNT].inverse() @ pose for name, pose in poses.items()}
 
 
 def place(rotations: Array, positions: Array, rotation: Array, position: Array) -> tuple[Array, Array]:

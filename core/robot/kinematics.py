@@ -11,6 +11,7 @@ import pinocchio as pin
 from scipy.linalg.lapack import dgesv
 
 from core.design import RIGID_MOUNT, Tool
+from core.errors import UserError
 from core.geometry import Array, Pose
 from core.robot.description import assemble
 from core.robots import Robot
@@ -141,13 +142,14 @@ class Arm:
         """Find the joints with which the arm starts at ``pose``.
 
         Raises:
-            ValueError: the pose is out of reach.
+            UserError: the pose is out of reach.
         """
         solution = self.inverse(pose, self.home)
         if solution.error_m > 1e-3 or solution.error_rad > 1e-2:
-            raise ValueError(
-                f"home {pose.position} is out of the arm's reach by {solution.error_m:.3f} m and "
-                f"{solution.error_rad:.2f} rad"
+            where = ", ".join(f"{number:g}" for number in pose.position)
+            raise UserError(
+                f"robot {self.robot.name} can't reach the task's home ({where}), by {solution.error_m:.3f} m and "
+                f"{solution.error_rad:.2f} rad; place it elsewhere with robot.base=[x,y,z,yaw], or choose another robot"
             )
         return solution.joints
 

@@ -108,7 +108,7 @@ def box_gap(a: Box, pose_a: Pose, b: Box, pose_b: Pose) -> float:
 def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
     """List the collision shapes of the robot without a tool, each in the frame of its link."""
     solids = []
-    root = etree.fromstring(assemble(robot, Tool(gripper=gripper), visuals=False))
+    root: Any = etree.fromstring(assemble(robot, Tool(gripper=gripper), visuals=False))
     for link in root.findall("link"):
         for collision in link.findall("collision"):
             geometry = _described(collision.find("geometry")[0])

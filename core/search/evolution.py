@@ -15,8 +15,8 @@ from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import check_tool
 from core.errors import LimitReached, UserError, fault
 from core.events import INTERRUPTED, Generation, Result
-from core.interfaces import Budget, EvolutionStrategy, Executor
-from core.plugins import describe_part
+from core.interfaces import Budget, EvolutionStrategy, Executor, Robot
+from core.plugins import describe_part, installed
 from core.plugins.blame import PluginError
 from core.search.dispatch import CHUNK
 from core.text import shorten
@@ -35,16 +35,18 @@ def evolve(
     budget: Budget,
     events: pluggy.PluginManager,
     known: Known | None = None,
+    robot: Robot | None = None,
 ) -> Result:
     """Run ``budget.n_iteration`` + 1 generations, fewer if the highest reward reaches ``budget.stop_reward``.
 
     ``evaluate`` is called in the executor's workers with candidates of one tool. If it has a ``batch`` above 1, it is
-    called with all candidates that have arrived. Candidates whose evaluation is ``known`` are not evaluated. A limit
-    that the strategy runs into, or an interrupt, ends the loop early (`Result.stopped`).
+    called with all candidates that have arrived. Candidates whose evaluation is ``known`` are not evaluated. Tools must
+    suit ``robot``, by default the default one. A limit that the strategy runs into, or an interrupt, ends the loop
+    early (`Result.stopped`).
     """
     began = time.monotonic()
     trials = Trials(evaluate, executor, known)
-    candidates = _UntilLimit(strategy)
+    candidates = _UntilLimit(strategy, robot or installed().default_robot)
     arrived: list[list[Evaluation]] = []  # by generation
     generations: list[Generation] = []
     try:
@@ -79,8 +81,8 @@ def _generation(index: int, evaluations: Iterable[Evaluation], tie: float) -> Ge
 class _UntilLimit:
     """A strategy's candidates, one generation for each iteration; ``limit`` says which limit ended the last one."""
 
-    def __init__(self, strategy: EvolutionStrategy) -> None:
-        self._strategy = strategy
+    def __init__(self, strategy: EvolutionStrategy, robot: Robot) -> None:
+        self._strategy, self._robot = strategy, robot
         self.limit: str | None = None
         self._sound: Tool | None = None  # the last that was checked; candidates in a row share one
 
@@ -104,7 +106,7 @@ class _UntilLimit:
         tool = candidate.tool
         if candidate.problem is None and tool is not None and tool.components and tool is not self._sound:
             try:
-                check_tool(tool)
+                check_tool(tool, self._robot)
             except DesignError as error:
                 return replace(candidate, problem=f"{describe_part(self._strategy)} built a wrong tool: {error}")
             self._sound = tool

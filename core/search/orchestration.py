@@ -55,8 +55,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
     check_budget(budget)
     check_seed(cfg.seed)
-    task_part, sim_part = task_part(cfg), part("sim", cfg.sim)
-    task, simulator = task_part.create(), sim_part.create()
+    chosen, sim_part = task_part(cfg), part("sim", cfg.sim)
+    task, simulator = chosen.create(), sim_part.create()
     vlm = part("vlm", cfg.vlm).create()
     representation = part("tool", cfg.tool).create()
     given = representation.given(task)
@@ -65,7 +65,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     settings = node(cfg.rollout, RolloutSettings)
     if config["prompt"]["feedback"] != "paper":
         settings = replace(settings, observe=True)
-    evaluator = Evaluator(task_part, sim_part, cfg.seed, settings)
+    evaluator = Evaluator(chosen, sim_part, cfg.seed, settings)
     fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
 
     executor: Executor = part("executor", cfg.executor).create()
@@ -94,6 +94,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
     events.register(store, "store")
     parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "fitness", "executor")}
+    parts["robot"] = task.robot.name
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     try:
         with writing(folder):
@@ -102,7 +103,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
                     (folder / "scene.png").write_bytes(picture.png)
         events.hook.run_started(run=this)
         with executor:
-            result = evolve(strategy, fitness, executor, budget, events, store.past.evaluation)
+            result = evolve(strategy, fitness, executor, budget, events, store.past.evaluation, task.robot)
         result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
         with writing(folder):
             save_best(result, this, simulator, settings, film=cfg.film)
@@ -131,7 +132,7 @@ def save_best(result: Result, this: Run, simulator: Simulator, settings: Rollout
     if folder.is_symlink():
         folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)  # a resumed run has one of an earlier best
-    save_design(best.candidate, this.representation, folder)
+    save_design(best.candidate, this.representation, this.task.robot, folder)
     if film and result.stopped != INTERRUPTED:
         try:
             save_film(this.task, simulator, best.candidate, this.seed, settings, folder / "rollout.gif")

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from core.design import Tool
 from core.geometry import Array, Mesh
-from core.interfaces import Contact, Recording
+from core.interfaces import Contact, Recording, Robot
 from core.scene import Scene
 from core.simulation.gaps import gap_bounds, may_meet, neighbours
 from core.simulation.sampling import Indices, coarse_samples, subset
@@ -78,16 +78,16 @@ class Contacts:
         return found
 
 
-def find_contacts(scene: Scene, tool: Tool, recording: Recording) -> Contacts:
+def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> Contacts:
     """Find the contacts of a rollout of ``tool`` in ``scene``, at samples about `SAMPLE_HZ` apart."""
     taken = subset(recording, coarse_samples(recording))
-    robot, bodies = robot_tracks(tool, taken), body_tracks(scene, taken)
-    links, mounts = len(robot) - len(tool.components), tool.mounts
-    kinds = {id(track): "tool" if i >= links or track.name in mounts else "arm" for i, track in enumerate(robot)}
+    own, bodies = robot_tracks(robot, tool, taken), body_tracks(scene, taken)
+    links, mounts = len(own) - len(tool.components), tool.mounts
+    kinds = {id(track): "tool" if i >= links or track.name in mounts else "arm" for i, track in enumerate(own)}
     struck = _struck(taken)
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
-    pairs = neighbours(robot, bodies, TOUCH_M + 2 * HULL_M)
+    pairs = neighbours(own, bodies, TOUCH_M + 2 * HULL_M)
     intervals = _near(pairs, struck, len(taken.times) - 1) if pairs else ((), ())
     for (one, other), near, hit in zip(pairs, *intervals, strict=True):
         if not (near.any() or hit.any()):
@@ -100,7 +100,7 @@ def find_contacts(scene: Scene, tool: Tool, recording: Recording) -> Contacts:
     settled = int(np.searchsorted(taken.times, 0.0, side="right"))
     resting = frozenset(key for key, touched in touching.items() if key[0] == "body" and touched[:settled].any())
     missed = {body.name for body in scene.bodies} - {other for kind, _, other in touching if kind != "body"}
-    return Contacts(taken, touching, resting, depths, _clearances(robot, [t for t in bodies if t.owner in missed]))
+    return Contacts(taken, touching, resting, depths, _clearances(own, [t for t in bodies if t.owner in missed]))
 
 
 def _near(pairs: Sequence[tuple[Track, Track]], struck: Mapping[str, Flags], count: int) -> tuple[Flags, Flags]:

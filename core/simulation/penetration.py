@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import Recording
+from core.interfaces import Recording, Robot
 from core.scene import Scene
 from core.simulation.entry import Side, cut, skin, thickness
 from core.simulation.gaps import gap_bounds, may_meet, neighbours
@@ -54,7 +54,7 @@ class Explosion(Exception):
     """The simulation diverged; the message says how."""
 
 
-def findings(scene: Scene, tool: Tool, recording: Recording) -> list[Finding]:
+def findings(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> list[Finding]:
     """Find what is unphysical in a rollout of ``tool`` in ``scene``.
 
     There is one finding for each two things that passed through each other, at the first time, and one for each body
@@ -69,22 +69,23 @@ def findings(scene: Scene, tool: Tool, recording: Recording) -> list[Finding]:
     coarse = subset(recording, samples)
     dense = len(samples) < len(recording.times)
     around, aside = detours(recording, samples) if dense else (None, None)
-    robot, bodies = robot_tracks(tool, coarse, around), body_tracks(scene, coarse, aside)
-    pairs = neighbours(robot, bodies)
+    own, bodies = robot_tracks(robot, tool, coarse, around), body_tracks(scene, coarse, aside)
+    pairs = neighbours(own, bodies)
     meetings = _meetings(pairs, _moving(pairs)) if pairs and len(samples) > 1 else []
     times = coarse.times
     if meetings and dense:
-        times, meetings = _closer(scene, tool, recording, samples, robot, bodies, meetings)
-    top_speed = partial(_top_speed, robot, coarse.times)
+        times, meetings = _closer(scene, robot, tool, recording, samples, own, bodies, meetings)
+    top_speed = partial(_top_speed, own, coarse.times)
     return _passages(meetings, times) + _flung(coarse, top_speed)
 
 
 def _closer(
     scene: Scene,
+    robot: Robot,
     tool: Tool,
     recording: Recording,
     samples: Indices,
-    robot: Sequence[Track],
+    own: Sequence[Track],
     bodies: Sequence[Track],
     meetings: Sequence[_Meeting],
 ) -> tuple[Array, list[_Meeting]]:
@@ -98,8 +99,8 @@ def _closer(
     if len(more) == len(samples):
         return closer.times, list(meetings)
     met = {id(track) for meeting in meetings for track in meeting[:2]}
-    at, others_at = ([i for i, track in enumerate(tracks) if id(track) in met] for tracks in (robot, bodies))
-    tracks = dict(zip((id(robot[i]) for i in at), robot_tracks(tool, closer, only=at), strict=True))
+    at, others_at = ([i for i, track in enumerate(tracks) if id(track) in met] for tracks in (own, bodies))
+    tracks = dict(zip((id(own[i]) for i in at), robot_tracks(robot, tool, closer, only=at), strict=True))
     others = body_tracks(scene, closer, only=others_at)
     tracks.update(zip((id(bodies[i]) for i in others_at), others, strict=True))
     within = np.zeros((len(meetings), len(samples)), dtype=bool)

@@ -14,8 +14,7 @@ from core.errors import NoPicture, UserError
 from core.geometry import Array
 from core.interfaces import Image, Simulator, Task
 from core.plugins import installed
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm as panda_arm
+from core.robot.kinematics import arm_of
 from core.scene import Camera, State
 
 _OVERSAMPLING = 2  # renderers draw hard edges; halving a picture of twice the size smooths them
@@ -46,7 +45,7 @@ class Renderer(ABC):
 
     @abstractmethod
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        """Set the robot's joints, arm (7,) and fingers (2,), and the poses of the free bodies."""
+        """Set the robot's joints, arm (J,) and fingers (F,), and the poses of the free bodies."""
 
     @abstractmethod
     def shoot(self, camera: Camera, width: int, height: int) -> Image:
@@ -63,8 +62,8 @@ class Renderer(ABC):
                 self.load(task, seed, tool)
                 self._loaded = task, seed, tool
             self.pose(
-                arm if arm is not None else panda_arm().home_for(task.home),
-                fingers if fingers is not None else np.full(2, FINGER_OPEN),
+                arm if arm is not None else arm_of(task.robot).home_for(task.home),
+                fingers if fingers is not None else np.full(len(task.robot.finger_joints), task.robot.opening_m),
                 state if state is not None else task.scene(seed).state(),
             )
             picture = self.shoot(view.get("camera") or task.camera, width * _OVERSAMPLING, height * _OVERSAMPLING)

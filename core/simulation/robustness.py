@@ -16,13 +16,13 @@ from core.design import Candidate, DesignError, Evaluation
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Simulator, Task
-from core.plugins import Part
+from core.plugins import Part, TaskPart
 from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import Evaluator
 
 
 @dataclass(frozen=True)
-class PerturbedPart(Part[Task]):
+class PerturbedPart(TaskPart):
     """A task with a perturbed scene."""
 
     perturbation: PerturbationRange = field(default_factory=PerturbationRange)
@@ -62,7 +62,9 @@ def _checked(candidate: Candidate, rules: SpawnRules) -> Candidate:
 
 def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) -> Evaluator:
     """Perturb an evaluator's scene by draw number ``draw``."""
-    task = PerturbedPart(evaluator.task.kind, evaluator.task.name, evaluator.task.settings, perturbation, draw)
+    of = evaluator.task
+    robot = of.robot if isinstance(of, TaskPart) else None
+    task = PerturbedPart(of.kind, of.name, of.settings, robot, perturbation, draw)
     return PerturbedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
 
 

@@ -16,7 +16,7 @@ from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.observations import TRIAL
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
-from core.robot.kinematics import arm
+from core.robot.kinematics import arm_of
 from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import Motion, plan_motion
 from core.scene import Scene, State
@@ -94,7 +94,8 @@ def prepare(
     """
     if candidate.tool is None:
         raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
-    motion = plan_motion(candidate.plan, task.home, arm(), segment_s=settings.segment_s, speed=settings.speed)
+    arm = arm_of(task.robot)
+    motion = plan_motion(candidate.plan, task.home, arm, segment_s=settings.segment_s, speed=settings.speed)
     job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, settings.hold_s, record_hz)
     return motion, job
 
@@ -118,7 +119,7 @@ def evaluate_batch(
             took = f"the motion takes {duration:.0f} s under the arm's limits, more than {settings.max_motion_s:.0f} s"
             evaluations[i] = Evaluation(candidate, "rejected", reason=f"{took}; use fewer waypoints")
             continue
-        if settings.penetration != "ignore" and (met := find_self_collision(job.tool, motion.trajectory)):
+        if settings.penetration != "ignore" and (met := find_self_collision(task.robot, job.tool, motion.trajectory)):
             where = met.describe(motion.arrivals)
             if settings.penetration == "forbid":
                 evaluations[i] = Evaluation(candidate, "rejected", reason=f"{where}; {met.mend}")
@@ -126,7 +127,7 @@ def evaluate_batch(
             crossed[i] = (where,)
         motions[i] = motion
         if settings.penetration != "ignore" or settings.observe:
-            job = replace(job, record_hz=sample_hz(job.tool, job.trajectory, thin))
+            job = replace(job, record_hz=sample_hz(task.robot, job.tool, job.trajectory, thin))
         jobs.append(job)
     outcomes = dict(zip(motions, _outcomes(simulator, task, jobs), strict=True))
     finished: dict[int, tuple[State, State]] = {}
@@ -135,7 +136,7 @@ def evaluate_batch(
         tool = candidates[i].tool
         if outcome.recording is not None and tool is not None and settings.penetration != "ignore":
             try:
-                found[i] = findings(scene, tool, outcome.recording)
+                found[i] = findings(scene, task.robot, tool, outcome.recording)
             except Explosion as error:
                 evaluations[i] = Evaluation(candidates[i], "failed", reason=f"the simulation blew up: {error}")
                 continue
@@ -173,7 +174,7 @@ def _observed(task: Task, scene: Scene, motion: Motion, outcome: Outcome, evalua
     tool = evaluation.candidate.tool
     if outcome.recording is None or tool is None or not is_finite(outcome.recording):
         return {}
-    contacts = find_contacts(scene, tool, outcome.recording)
+    contacts = find_contacts(scene, task.robot, tool, outcome.recording)
     return observe(task, scene, motion, outcome, evaluation.reward, contacts).details()
 
 

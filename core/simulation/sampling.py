@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Recording
+from core.interfaces import JointTrajectory, Recording, Robot
 from core.scene import Scene, State
 from core.simulation.tracks import SAMPLE_HZ, Detour, smallest_extent, tool_speed
 
@@ -26,13 +26,13 @@ def thinnest(scene: Scene) -> float:
     return min((smallest_extent(part.shape) for body in scene.bodies for part in body.collisions), default=math.inf)
 
 
-def sample_hz(tool: Tool, trajectory: JointTrajectory, thin: float) -> float:
+def sample_hz(robot: Robot, tool: Tool, trajectory: JointTrajectory, thin: float) -> float:
     """The rate at which the tool moves no farther between two samples than the thinnest solid is thick.
 
     ``thin`` is that of the scene, metres. The rate is `SAMPLE_HZ` times a power of two, so that there are few.
     """
     thin = min([thin, *(smallest_extent(component.shape) for component in tool.components)])
-    return min(MAX_HZ, SAMPLE_HZ * _power(tool_speed(tool, trajectory) / thin / SAMPLE_HZ))
+    return min(MAX_HZ, SAMPLE_HZ * _power(tool_speed(robot, tool, trajectory) / thin / SAMPLE_HZ))
 
 
 def _power(wanted: float) -> float:
@@ -78,7 +78,7 @@ def detours(recording: Recording, samples: Indices) -> tuple[Detour, list[Detour
     arm, fingers, moved, turned = np.split(aside, np.cumsum([array.shape[1] for array in arrays[:3]]), axis=1)
     moved = np.sqrt((moved.reshape(len(samples), -1, 3) ** 2).sum(axis=2))
     turned = 2 * np.sqrt((turned.reshape(len(samples), -1, 4) ** 2).sum(axis=2))
-    robot = Detour(fingers.max(axis=1), arm.sum(axis=1))
+    robot = Detour(fingers.max(axis=1, initial=0.0), arm.sum(axis=1))
     return robot, [Detour(moved[:, i], turned[:, i]) for i in range(len(states.names))]
 
 

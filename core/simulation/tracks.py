@@ -22,6 +22,7 @@ from core.geometry import Array, Mesh, Pose, Shape, Sphere
 from core.interfaces import JointTrajectory, Recording
 from core.robot.frames import joint_frames, joint_values, place, robot_model, rotate
 from core.robot.solids import hull, robot_solids, solid_geometry
+from core.robots import Robot
 from core.scene import Scene
 
 SAMPLE_HZ = 25.0
@@ -117,23 +118,24 @@ def angles(rotations: Array, after: Array) -> Array:
 
 
 def robot_tracks(
-    tool: Tool, recording: Recording, detour: Detour | None = None, only: Sequence[int] | None = None
+    robot: Robot, tool: Tool, recording: Recording, detour: Detour | None = None, only: Sequence[int] | None = None
 ) -> list[Track]:
     """Follow the links that move, and the tool's components; ``only`` those with these numbers among them."""
-    solids, robot = _robot_solids(tool), robot_model(tool.gripper)
-    frames = joint_frames(robot, joint_values(robot, recording.arm, recording.fingers))
-    return solids.tracks(*frames, detour and Detour(detour.moved[None], detour.turned[None]), robot.reach, only)
+    solids, model = _robot_solids(robot, tool), robot_model(robot, tool.gripper)
+    frames = joint_frames(model, joint_values(robot, tool.gripper, recording.arm, recording.fingers))
+    return solids.tracks(*frames, detour and Detour(detour.moved[None], detour.turned[None]), model.reach, only)
 
 
-def tool_speed(tool: Tool, trajectory: JointTrajectory) -> float:
+def tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> float:
     """An upper bound of the speed of any point of a tool on its way, m/s, averaged over a sample of `SAMPLE_HZ`."""
     times = np.append(np.arange(0.0, trajectory.duration, 1 / SAMPLE_HZ), trajectory.duration)
     arm, opening = trajectory.sample(times)
-    robot = robot_model(tool.gripper)
-    rotations, positions = joint_frames(robot, joint_values(robot, arm, np.column_stack([opening, opening])))
+    model = robot_model(robot, tool.gripper)
+    joints = joint_values(robot, tool.gripper, arm, np.column_stack([opening, opening]))
+    rotations, positions = joint_frames(model, joints)
     fastest = 0.0
-    for mount, reach in _reaches(tool).items():
-        joint, pose = robot.links[mount]
+    for mount, reach in _reaches(robot, tool).items():
+        joint, pose = model.links[mount]
         turned, moved = place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
         steps = lengths(np.diff(moved, axis=0)) + reach * angles(turned[:-1], turned[1:])
         fastest = max(fastest, float((steps / np.diff(times)).max(initial=0.0)))
@@ -277,18 +279,18 @@ def _bounding_box(geometry: Any) -> tuple[Array, Array]:
 _Solid = tuple[str, str, Shape | None, Any, int, Pose]  # name, owner, shape, Coal's geometry, frame, pose in it
 
 
-@lru_cache(maxsize=2)
-def _link_solids(gripper: bool) -> tuple[_Solid, ...]:
+@lru_cache(maxsize=8)
+def _link_solids(robot: Robot, gripper: bool) -> tuple[_Solid, ...]:
     """The solids of the links that move, in the joints' frames."""
-    links = robot_model(gripper).links
-    moving = [(solid, *links[solid.name]) for solid in robot_solids(gripper) if links[solid.name][0] > 0]
+    links = robot_model(robot, gripper).links
+    moving = [(solid, *links[solid.name]) for solid in robot_solids(robot, gripper) if links[solid.name][0] > 0]
     return tuple((solid.name, ROBOT, None, solid.geometry, joint, at @ solid.pose) for solid, joint, at in moving)
 
 
 @lru_cache(maxsize=8)
-def _robot_solids(tool: Tool) -> _Solids:
+def _robot_solids(robot: Robot, tool: Tool) -> _Solids:
     """The links' solids, and behind them the tool's components."""
-    links, solids = robot_model(tool.gripper).links, list(_link_solids(tool.gripper))
+    links, solids = robot_model(robot, tool.gripper).links, list(_link_solids(robot, tool.gripper))
     for part, (mount, pose) in zip(tool.components, tool.placed().values(), strict=True):
         joint, at = links[mount]
         solids.append((part.name, ROBOT, part.shape, _geometry(part.shape), joint, at @ pose))
@@ -296,9 +298,9 @@ def _robot_solids(tool: Tool) -> _Solids:
 
 
 @lru_cache(maxsize=8)
-def _reaches(tool: Tool) -> dict[str, float]:
+def _reaches(robot: Robot, tool: Tool) -> dict[str, float]:
     """How far the tool extends from each of its mounts, metres."""
-    solids, reaches = _robot_solids(tool), dict[str, float]()
+    solids, reaches = _robot_solids(robot, tool), dict[str, float]()
     own = slice(len(solids.far) - len(tool.components), None)
     corners = (solids.far - np.linalg.norm(solids.positions, axis=1))[own]
     for (mount, pose), corner in zip(tool.placed().values(), corners, strict=True):

@@ -100,7 +100,9 @@ def view_camera(task: Task, name: str, seed: int) -> Camera:
 
 def _bounds(task: Task, seed: int) -> tuple[Array, Array]:
     home, scene = at_home(task), task.scene(seed)
-    joints = np.array([position[0] for _, position in link_frames(False, home.arm, np.zeros((1, 2))).values()])
+    joints = np.array(
+        [position[0] for _, position in link_frames(task.robot, False, home.arm, np.zeros((1, 0))).values()]
+    )
     lows, highs = [joints.min(axis=0) - _ARM_M], [joints.max(axis=0) + _ARM_M]
     lowest = min([0.0, *(_corners(body)[:, 2].min() for body in scene.free)]) - _BELOW_M
     for body in scene.bodies:

@@ -14,13 +14,14 @@ from core.design import GRIPPER_MOUNTS, Candidate, Tool
 from core.designs.reading import dump_design
 from core.geometry import Pose
 from core.interfaces import ToolRepresentation
-from core.robot.description import FINGER_OPEN, assemble, tool_urdf
+from core.robot.description import assemble, tool_urdf
+from core.robots import Robot
 
 if TYPE_CHECKING:
     import trimesh
 
 
-def save_design(candidate: Candidate, representation: ToolRepresentation, folder: Path) -> None:
+def save_design(candidate: Candidate, representation: ToolRepresentation, robot: Robot, folder: Path) -> None:
     """Write ``design.json``, a designs file; ``waypoints.csv``, ``tool.urdf``, ``tool.stl``, ``robot.urdf``, meshes."""
     tool = candidate.tool
     assert tool is not None
@@ -34,9 +35,9 @@ def save_design(candidate: Candidate, representation: ToolRepresentation, folder
         writer.writerows(candidate.plan.tolist())
     urdf = f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool)}</robot>\n'
     (folder / "tool.urdf").write_text(urdf, encoding="utf-8")
-    robot = assemble(tool, mesh_path=lambda mesh: _copied(mesh, folder))
-    (folder / "robot.urdf").write_text(robot, encoding="utf-8")
-    tool_mesh(tool).export(folder / "tool.stl")
+    whole = assemble(robot, tool, mesh_path=lambda mesh: _copied(mesh, folder))
+    (folder / "robot.urdf").write_text(whole, encoding="utf-8")
+    tool_mesh(tool, robot.opening_m).export(folder / "tool.stl")
 
 
 def _mounts(tool: Tool) -> str:
@@ -50,8 +51,12 @@ def _mounts(tool: Tool) -> str:
 
 
 def _copied(mesh: Path, folder: Path) -> str:
-    """Copy the small collision mesh of the same link to ``meshes/`` in ``folder``, and give its relative path."""
+    """Copy a mesh to ``meshes/`` in ``folder``, and give its relative path.
+
+    Where beside a folder ``visual`` there is the small collision mesh of the same link, that is copied instead.
+    """
     small = mesh.parents[1] / "collision" / f"{mesh.stem}.stl"
+    small = small if small.exists() else mesh
     copy = folder / "meshes" / small.name
     if not copy.exists():
         copy.parent.mkdir(exist_ok=True)
@@ -59,16 +64,16 @@ def _copied(mesh: Path, folder: Path) -> str:
     return f"meshes/{small.name}"
 
 
-def tool_mesh(tool: Tool) -> trimesh.Trimesh:
+def tool_mesh(tool: Tool, opening_m: float) -> trimesh.Trimesh:
     """Join the boxes to one mesh in millimetres, as slicers expect, in the frame of their mount.
 
-    With two mounts, the attachments lie apart as on an open gripper.
+    With two mounts, the attachments lie apart as on a gripper with each finger open by ``opening_m`` metres.
     """
     import trimesh
 
     apart = {
-        GRIPPER_MOUNTS[0]: Pose(np.array([0.0, FINGER_OPEN, 0.0])),
-        GRIPPER_MOUNTS[1]: Pose(np.array([0.0, -FINGER_OPEN, 0.0])),
+        GRIPPER_MOUNTS[0]: Pose(np.array([0.0, opening_m, 0.0])),
+        GRIPPER_MOUNTS[1]: Pose(np.array([0.0, -opening_m, 0.0])),
     }
     placed = tool.placed()
     boxes = []

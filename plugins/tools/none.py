@@ -1,4 +1,4 @@
-"""The bare gripper: there is no tool to design, only plans."""
+"""The bare gripper, or the bare flange of an arm without one: there is no tool to design, only plans."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ def tool_representations() -> Mapping[str, Callable[..., ToolRepresentation]]:
 
 
 class BareGripper(GivenTools):
-    """The arm with its own hand and two fingers."""
+    """The arm with its own gripper, or with nothing."""
 
     def given(self, task: Task) -> Tool:
-        return Tool(gripper=True, name="bare gripper", description="the Panda's own hand with its two fingers")
+        title = task.robot.title
+        if task.robot.gripper is None:
+            return Tool(name="bare flange", description=f"the flange of {title}, which has no gripper")
+        return Tool(gripper=True, name="bare gripper", description=f"the gripper of {title}, with its fingers")

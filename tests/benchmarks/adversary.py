@@ -239,7 +239,7 @@ class _Search:
         assert candidate.tool is not None
         problem = None
         try:
-            check_tool(candidate.tool)
+            check_tool(candidate.tool, self.task.robot)
             check_plan(candidate.plan, gripper=candidate.tool.gripper)
             self.spawn.check(candidate.tool)
         except DesignError as error:
@@ -316,7 +316,7 @@ def dense(task: Task, simulator: Simulator, candidate: Candidate, seed: int) -> 
     if recording is None:
         return None, ["no recording"]
     try:
-        found = findings(task.scene(seed), candidate.tool, recording)
+        found = findings(task.scene(seed), task.robot, candidate.tool, recording)
     except Explosion as error:
         return recording, [str(error)]
     return recording, [finding.text for finding in found]

@@ -18,7 +18,7 @@ from core.events import Generation, Run
 from core.geometry import Array, Pose
 from core.interfaces import Recording, Reply
 from core.report.tools import as_held, solids
-from core.robot.kinematics import arm
+from core.robot.kinematics import arm_of
 from core.scene import Color, State
 from core.simulation.rollout import prepare
 from plugins.listeners.rerun.arm import links, tracks
@@ -37,7 +37,6 @@ _SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200), "deviation": (150, 150,
 # Figures of replies, and their places.
 _SPENT = {"prompt_tokens": "tokens/prompt", "completion_tokens": "tokens/completion", "cost_usd": "cost_usd"}
 _SHARP_RAD = np.radians(30.0)  # faces that meet at a wider angle are shaded apart
-_HAND = ("panda_hand", *GRIPPER_MOUNTS)
 _MOUNTS = (RIGID_MOUNT, *GRIPPER_MOUNTS)
 
 
@@ -57,10 +56,12 @@ class Writer:
         self._arranged: Contents | None = None
         self._arrange()
         self._scene()
-        self._links = links(gripper=True)
-        for name, mesh in self._links.items():
-            if name not in _HAND:
-                self._log(("world", "robot", name), _mesh(mesh), static=True)
+        self._robot = run.task.robot
+        always = links(self._robot, gripper=False)
+        both = links(self._robot, gripper=True) if self._robot.gripper else {}
+        self._hand = {name: mesh for name, mesh in both.items() if name not in always}
+        for name, mesh in always.items():
+            self._log(("world", "robot", name), _mesh(mesh), static=True)
         for name, color in _SERIES.items():
             self._log(("search", "reward", name), rr.SeriesLines(colors=color, names=name, widths=2.0), static=True)
         for name in ("prompt", "completion"):
@@ -107,14 +108,14 @@ class Writer:
             self._streams.flush()
             return
         self._mount(candidate.tool)
-        path = rr.LineStrips3D([arm().positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
+        path = rr.LineStrips3D([arm_of(self._robot).positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
         self._log(("world", "path"), path)
         self._log(("world", "waypoints"), rr.Points3D(candidate.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
         text = design_text(evaluation, float(rewards[-1]))
         self._write("design", f"generation {generation}, rank {rank}\n{text}")
 
         times = recording.times - recording.times[0] + self._clock
-        for name, poses in tracks(candidate.tool.gripper, recording.arm, recording.fingers).items():
+        for name, poses in tracks(self._robot, candidate.tool.gripper, recording.arm, recording.fingers).items():
             self._move(("world", "robot", name), times, generation, poses[:, :3], poses[:, 3:])
         states = recording.states
         for k, name in enumerate(states.names):
@@ -138,16 +139,15 @@ class Writer:
                 self._log((*path, f"part_{k}"), _mesh(mesh, part.color[3]), _transform(part.pose), static=True)
 
     def _mount(self, tool: Tool) -> None:
-        hand = {name: self._links[name] for name in _HAND} if tool.gripper else {}
-        for name in _HAND:
-            self._show(("world", "robot", name), hand.get(name), once=True)
+        for name, mesh in self._hand.items():
+            self._show(("world", "robot", name), mesh if tool.gripper else None, once=True)
         placed = solids(tool)
         for mount in _MOUNTS:
             self._show(("world", "robot", mount, "tool"), joined(placed[mount]) if mount in placed else None)
 
     def _side_by_side(self, tools: Sequence[Evaluation]) -> None:
         """Show each tool as it hangs from the arm at home, in a row along x, ranks from left to right from -y."""
-        alone = [joined(as_held(e.candidate.tool)) for e in tools if e.candidate.tool is not None]
+        alone = [joined(as_held(e.candidate.tool, self._robot)) for e in tools if e.candidate.tool is not None]
         boxes = [mesh.bounds for mesh in alone]
         widths = [max(high[0] - low[0], _LEAST_M) + _GAP_M for low, high in boxes]
         if sum(widths) > 1.2 * self._row:

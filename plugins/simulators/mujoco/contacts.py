@@ -21,7 +21,7 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import brentq
 
-from core.robot.description import TOOL_FRICTION
+from core.robots import LINK_FRICTION
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
@@ -72,7 +72,7 @@ def set_contacts(spec: Element, colliders: Sequence[Collider], slip_rate: float)
     Each pair costs time in every step, so there are none of fixed geoms with the tool. Instead a fixed geom carries the
     mean of its own friction and the tool's, and has priority.
     """
-    tools = next((one.surface.friction for one in colliders if one.role is Role.TOOL), TOOL_FRICTION)
+    tools = next((one.surface.friction for one in colliders if one.role is Role.TOOL), LINK_FRICTION)
     partners = [tools if one.role is Role.SCENE else one.surface.friction for one in colliders]  # equal: no pair needed
     reference = [2 * spec.option.timestep, 1.3]  # as stiff as the time step allows, and damped so that nothing rebounds
     for number, one in enumerate(colliders):

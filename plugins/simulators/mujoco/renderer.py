@@ -7,19 +7,18 @@ import importlib
 import logging
 import os
 import platform
-from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
-from lxml import etree
 
 from core.design import Tool
 from core.errors import NoPicture
 from core.geometry import Array, Mesh, Pose, Shape
 from core.interfaces import Image, Task
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS, assemble, read_origin
+from core.robot.description import assemble
+from core.robot.visuals import link_visuals
+from core.robots import Robot
 from core.scene import Camera, Color, State
 from core.simulation.rendering import Renderer
 from plugins.simulators.mujoco.engine import mujoco
@@ -52,13 +51,14 @@ class MuJoCoRenderer(Renderer):
                 self._context.free()
 
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
-        shown = tool if tool is not None else Tool(gripper=True)
-        urdf = assemble(shown, visuals=False, mesh_path=lambda _: "0.stl")
+        robot = task.robot
+        shown = tool if tool is not None else Tool(gripper=robot.gripper is not None)
+        urdf = assemble(robot, shown, visuals=False, mesh_path=lambda _: "0.stl")
         spec = mujoco.MjSpec.from_string(urdf, assets={"0.stl": _SPECK})
         spec.compiler.discardvisual = False  # a description's reader would
         for geom in list(spec.geoms):
             spec.delete(geom)
-        _dress_arm(spec, shown.gripper)
+        _dress_arm(spec, robot, shown.gripper)
         for name, (mount, pose) in shown.placed().items():
             (component,) = (c for c in shown.components if c.name == name)
             _show(spec, spec.body(mount), component.shape, pose, component.color)
@@ -75,7 +75,7 @@ class MuJoCoRenderer(Renderer):
                 self._context.free()
             self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 10)
-        self._joints = (*ARM_JOINTS, *(FINGER_JOINTS if shown.gripper else ()))
+        self._joints = robot.joints(shown.gripper)
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
         for name, value in zip(self._joints, [*arm, *fingers], strict=False):
@@ -129,25 +129,11 @@ def _no_open_gl(why: str) -> NoPicture:
     return NoPicture(f"MuJoCo's own renderer needs OpenGL without a window ({why})")
 
 
-def _dress_arm(spec: Element, gripper: bool) -> None:
+def _dress_arm(spec: Element, robot: Robot, gripper: bool) -> None:
     """Add the description's visual meshes, in the colours of their materials."""
-    robot = etree.fromstring(assemble(Tool(gripper=gripper)).encode())
-    for link in robot.findall("link"):
-        for visual in link.findall("visual"):
-            for mesh, color in _pieces(Path(str(visual.xpath("string(geometry/mesh/@filename)")))):
-                _show(spec, spec.body(link.get("name")), mesh, read_origin(visual), color)
-
-
-@lru_cache(maxsize=16)
-def _pieces(file: Path) -> tuple[tuple[Mesh, Color], ...]:
-    """Read a Collada file's meshes and their colours."""
-    pieces: list[tuple[Mesh, Color]] = []
-    for piece in trimesh.load_scene(file).dump():
-        if isinstance(piece, trimesh.Trimesh) and len(piece.faces):  # not lines
-            red, green, blue, opacity = (float(x) / 255 for x in piece.visual.material.main_color)
-            piece.merge_vertices(merge_tex=True, merge_norm=True)
-            pieces.append((Mesh.from_trimesh(piece), (red, green, blue, opacity)))
-    return tuple(pieces)
+    for link, visuals in link_visuals(robot, gripper).items():
+        for shape, pose, color in visuals:
+            _show(spec, spec.body(link), shape, pose, color)
 
 
 def _show(spec: Element, bearer: Element, shape: Shape, pose: Pose, color: Color) -> None:

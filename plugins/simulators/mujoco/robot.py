@@ -7,18 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
+from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array
-from core.robot.description import (
-    ARM_JOINTS,
-    FINGER_FRICTION,
-    FINGER_JOINTS,
-    GRIP_FORCE,
-    HOME_JOINTS,
-    MOTOR_INERTIA,
-    TOOL_FRICTION,
-    assemble,
-)
+from core.robot.description import assemble
+from core.robots import LINK_FRICTION, Robot
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
@@ -27,7 +19,7 @@ FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
 _AHEAD = 3.0  # how many times faster a joint's speed converges than its position
 
 
-def load(tool: Tool, slots: int = 0) -> tuple[Element, list[Collider]]:
+def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collider]]:
     """Make a spec of the arm with a tool, and list its colliders. Rigidly joined links become one body.
 
     Each mount gets at least ``slots`` boxes. Unused ones are a millimetre wide, weigh nothing, and are a kilometre
@@ -36,13 +28,14 @@ def load(tool: Tool, slots: int = 0) -> tuple[Element, list[Collider]]:
     assets: dict[str, bytes] = {}
 
     def asset(path: Path) -> str:
-        assets[path.name] = path.read_bytes()
-        return path.name
+        name = f"{len(assets)}_{path.name}"  # meshes of two folders may have one name
+        assets[name] = path.read_bytes()
+        return name
 
-    urdf = assemble(tool, fused=True, visuals=False, mesh_path=asset)
+    urdf = assemble(robot, tool, fused=True, visuals=False, mesh_path=asset)
     spec = mujoco.MjSpec.from_string(urdf, assets=assets)
     spec.compiler.degree = False
-    mounts, bearer = (GRIPPER_MOUNTS, "panda_hand") if tool.gripper else ((RIGID_MOUNT,), "panda_link7")
+    bearers = robot.gripper.near_mount if tool.gripper and robot.gripper else robot.near_mount
     used = Counter(mount for mount, _ in tool.placed().values())
     for number, mount in enumerate(tool.mounts, start=1):
         away = [0.0, 0.0, 1000.0 * number]
@@ -52,13 +45,15 @@ def load(tool: Tool, slots: int = 0) -> tuple[Element, list[Collider]]:
     spec.fuse_static()
     colliders = []
     for geom, link in links:
-        role = Role.TOOL if link in mounts else Role.BEARER if link == bearer else Role.ARM
-        friction = FINGER_FRICTION if link in GRIPPER_MOUNTS else TOOL_FRICTION
+        role = Role.TOOL if link in tool.mounts else Role.BEARER if link in bearers else Role.ARM
+        friction = LINK_FRICTION if link in tool.mounts else robot.friction
+        if robot.gripper is not None and link in GRIPPER_MOUNTS:
+            friction = robot.gripper.friction
         colliders.append(Collider(geom, geom.parent.name, role, Surface(friction)))
     return spec, colliders
 
 
-def add_servos(spec: Element) -> None:
+def add_servos(spec: Element, robot: Robot) -> None:
     """Add position control with velocity feed-forward; `set_gains` sets the gains later.
 
     Gravity of the arm and its tool is compensated: those torques are known, and count towards a joint's limit. The
@@ -69,17 +64,18 @@ def add_servos(spec: Element) -> None:
     for joint in spec.joints:
         joint.actgravcomp = True
         joint.solref_limit = [2 * spec.option.timestep, 1.0]
-        if joint.name in FINGER_JOINTS:
-            joint.actfrcrange, joint.armature = [-GRIP_FORCE, GRIP_FORCE], FINGER_INERTIA
+        if robot.gripper is not None and joint.name in robot.gripper.joints:
+            force = robot.gripper.force_n
+            joint.actfrcrange, joint.armature = [-force, force], FINGER_INERTIA
         else:  # the description's effort is the limit
-            joint.armature = MOTOR_INERTIA[ARM_JOINTS.index(joint.name)]
+            joint.armature = robot.motor_inertia[robot.arm_joints.index(joint.name)]
         servo = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_pid(kp=1.0, kv=1.0)
     for coupling in spec.equalities:
         coupling.solref = [2 * spec.option.timestep, 1.0]
 
 
-def set_gains(model: Element, tracking_rate: float) -> None:
+def set_gains(model: Element, robot: Robot, tracking_rate: float) -> None:
     """Place each joint's two poles, by its inertia at home: one at the tracking rate, one faster.
 
     Take the inertia M, the time step h, a = h kv / M and b = h^2 kp / M. A step changes the error x and its rate v to
@@ -91,7 +87,7 @@ def set_gains(model: Element, tracking_rate: float) -> None:
     shake.
     """
     data = mujoco.MjData(model)
-    data.qpos[: len(HOME_JOINTS)] = HOME_JOINTS
+    data.qpos[: len(robot.home)] = robot.home
     mujoco.mj_forward(model, data)
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)

@@ -46,7 +46,9 @@ class MuJoCoSimulator(DrawingSimulator):
         key = (task, seed, tool)
         if key not in self._worlds:
             scene, inertias = weighed(task, seed)
-            self._worlds[key] = World(scene, tool, compiled(scene, inertias, tool, *self._rates))
+            self._worlds[key] = World(
+                task.robot, scene, tool, compiled(task.robot, scene, inertias, tool, *self._rates)
+            )
             if len(self._worlds) > _KEPT:
                 self._worlds.popitem(last=False)
         self._worlds.move_to_end(key)

@@ -10,17 +10,16 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Task
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS
+from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout, Task
 from core.scene import Inertia, Scene, State
 from core.simulation.playback import LAG_EVERY, record_every, schedule, targets
-from plugins.simulators.mujoco import contacts, robot
+from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco, rollout, timers_off, warnings_caught
+from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_free_body, add_geom
 
 GRAVITY = 9.81
-_ARM = len(ARM_JOINTS)
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their speeds: nothing of ours has more
 
 
@@ -32,28 +31,40 @@ def weighed(task: Task, seed: int) -> tuple[Scene, dict[str, Inertia]]:
 
 
 def compiled(
-    scene: Scene, inertias: dict[str, Inertia], tool: Tool, time_step: float, tracking_rate: float, slip_rate: float
+    robot: Robot,
+    scene: Scene,
+    inertias: dict[str, Inertia],
+    tool: Tool,
+    time_step: float,
+    tracking_rate: float,
+    slip_rate: float,
 ) -> Element:
     """Compile the model: the arm's joints first, then those of the free bodies, in order."""
-    spec = described(scene, inertias, tool, time_step, slip_rate)
+    spec = described(robot, scene, inertias, tool, time_step, slip_rate)
     if len(scene.free) <= 1:  # equal but for rounding, up to a tenth faster; not measured on a GPU
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model = spec.compile()
-    robot.set_gains(model, tracking_rate)
+    set_gains(model, robot, tracking_rate)
     return model
 
 
 def described(
-    scene: Scene, inertias: dict[str, Inertia], tool: Tool, time_step: float, slip_rate: float, slots: int = 0
+    robot: Robot,
+    scene: Scene,
+    inertias: dict[str, Inertia],
+    tool: Tool,
+    time_step: float,
+    slip_rate: float,
+    slots: int = 0,
 ) -> Element:
-    """Make the model's spec, without the servos' gains. For ``slots`` see `robot.load`.
+    """Make the model's spec, without the servos' gains. For ``slots`` see `load`.
 
     Fixed bodies are all part of the world's body, for which MuJoCo has a tree of bounding boxes.
     """
-    spec, colliders = robot.load(tool, slots)
+    spec, colliders = load(robot, tool, slots)
     surfaces = [Surface(body.friction, body.rolling_friction, body.restitution) for body in scene.bodies]
     contacts.options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
-    robot.add_servos(spec)
+    add_servos(spec, robot)
     for number, (body, surface) in enumerate(zip(scene.bodies, surfaces, strict=True)):
         if body.fixed:
             bearer, frame = spec.worldbody, body.pose
@@ -78,10 +89,11 @@ class _Settled:
 class World:
     """Play jobs one after another, each from a copy of the settled world, so that no motion affects the next."""
 
-    def __init__(self, scene: Scene, tool: Tool, model: Element) -> None:
+    def __init__(self, robot: Robot, scene: Scene, tool: Tool, model: Element) -> None:
         self._names = tuple(body.name for body in scene.free)
         self._model = model
-        self._joints = _ARM + (len(FINGER_JOINTS) if tool.gripper else 0)
+        self._arm, self._fingers = len(robot.arm_joints), len(robot.finger_joints)
+        self._joints = len(robot.joints(tool.gripper))
         self._data = mujoco.MjData(model)
         self._settled: _Settled | None = None
 
@@ -96,14 +108,14 @@ class World:
         except (mujoco.FatalError, FloatingPointError) as error:
             return Outcome(None, None, error=f"MuJoCo: {error}")
         looks = np.arange(-(-settle // LAG_EVERY) * LAG_EVERY, len(times), LAG_EVERY)
-        lag = np.abs(qpos[looks + 1, :_ARM] - trajectory.sample(times[looks] + dt)[0]).max(initial=0.0)
+        lag = np.abs(qpos[looks + 1, : self._arm] - trajectory.sample(times[looks] + dt)[0]).max(initial=0.0)
         recording = None
         if every := record_every(job, dt):
             at = np.append(np.arange(0, len(times), every), len(times))
             instants = np.append(times, times[-1] + dt)[at]
-            fingers = np.zeros((len(at), len(FINGER_JOINTS)))
-            fingers[:, : self._joints - _ARM] = qpos[at, _ARM : self._joints]
-            recording = Recording(instants, qpos[at, :_ARM], fingers, self._state(qpos[at], qvel[at]))
+            fingers = np.zeros((len(at), self._fingers))
+            fingers[:, : self._joints - self._arm] = qpos[at, self._arm : self._joints]
+            recording = Recording(instants, qpos[at, : self._arm], fingers, self._state(qpos[at], qvel[at]))
         start, end = (self._state(qpos[step], qvel[step]) for step in (settle, -1))
         return Outcome(start, end, float(lag), recording=recording)
 
@@ -117,7 +129,7 @@ class World:
             FloatingPointError: the world diverged.
         """
         controls = self._controls(trajectory, times)
-        joints = np.append(trajectory.arm[0], [trajectory.fingers[0]] * (self._joints - _ARM))
+        joints = np.append(trajectory.arm[0], [trajectory.fingers[0]] * (self._joints - self._arm))
         settled = self._settle(joints, controls[:settle])
         mujoco.mj_copyData(self._data, self._model, settled.data)  # which bodies sleep is not part of a state
         states = self._steps(self._data, settled.states, controls[settle:])
@@ -161,8 +173,8 @@ class World:
         if self._model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
             arm, fingers = trajectory.sample(times)  # servos compare them with where joints are when the step begins
         controls = np.empty((len(times), self._joints, 2))
-        controls[:, :_ARM, 0], controls[:, :_ARM, 1] = arm, speeds
-        controls[:, _ARM:, 0], controls[:, _ARM:, 1] = fingers[:, None], finger_speeds[:, None]
+        controls[:, : self._arm, 0], controls[:, : self._arm, 1] = arm, speeds
+        controls[:, self._arm :, 0], controls[:, self._arm :, 1] = fingers[:, None], finger_speeds[:, None]
         return controls.reshape(len(times), -1)
 
     def _state(self, qpos: Array, qvel: Array) -> State:
@@ -170,31 +182,31 @@ class World:
 
     def stepped(self, start: JointTrajectory) -> Stepped:
         """Make the same world for stepping from outside, with the robot at the trajectory's first targets."""
-        return Stepped(self._model, self._names, start)
+        return Stepped(self._model, self._names, start, self._fingers)
 
 
 class Stepped:
     """A `core.interfaces.World`."""
 
-    def __init__(self, model: Element, names: tuple[str, ...], start: JointTrajectory) -> None:
+    def __init__(self, model: Element, names: tuple[str, ...], start: JointTrajectory, fingers: int) -> None:
         self.time_step = float(model.opt.timestep)
         self._model, self._names, self._data = model, names, mujoco.MjData(model)
-        self._joints = model.nq - 7 * len(names)
-        self._data.qpos[:_ARM], self._data.qpos[_ARM : self._joints] = start.arm[0], start.fingers[0]
+        self._joints, self._arm, self._fingers = model.nq - 7 * len(names), start.arm.shape[1], fingers
+        self._data.qpos[: self._arm], self._data.qpos[self._arm : self._joints] = start.arm[0], start.fingers[0]
         self._ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         back = 0.0 if self._ahead else self.time_step  # see `World._controls`
         controls = self._data.ctrl.reshape(-1, 2)
-        controls[:_ARM, 0], controls[:_ARM, 1] = arm - back * speeds, speeds
-        controls[_ARM:] = fingers - back * finger_speed, finger_speed
+        controls[: self._arm, 0], controls[: self._arm, 1] = arm - back * speeds, speeds
+        controls[self._arm :] = fingers - back * finger_speed, finger_speed
         with warnings_caught():  # a world that diverges shows it in its state too
             mujoco.mj_step(self._model, self._data)
 
     def joints(self) -> tuple[Array, Array]:
-        fingers = np.zeros(len(FINGER_JOINTS))
-        fingers[: self._joints - _ARM] = self._data.qpos[_ARM : self._joints]
-        return self._data.qpos[:_ARM].copy(), fingers
+        fingers = np.zeros(self._fingers)
+        fingers[: self._joints - self._arm] = self._data.qpos[self._arm : self._joints]
+        return self._data.qpos[: self._arm].copy(), fingers
 
     def state(self) -> State:
         return state(self._names, self._data.qpos[self._joints :], self._data.qvel[self._joints :])

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from core.design import Tool
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Sphere
 from core.interfaces import Image, Task
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Camera, Geom, State
 from core.simulation.rendering import Renderer
 from plugins.simulators.pybullet.bodies import facets_file
@@ -32,11 +31,11 @@ class PyBulletRenderer(Renderer):
     def load(self, task: Task, seed: int, tool: Tool | None) -> None:
         client = self._client
         p.resetSimulation(physicsClientId=client)
-        shown = tool if tool is not None else Tool(gripper=True)
-        self._robot = load_robot(client, robot_file(self._folder, shown, visuals=True))
+        robot = task.robot
+        shown = tool if tool is not None else Tool(gripper=robot.gripper is not None)
+        self._robot = load_robot(client, robot_file(self._folder, robot, shown, visuals=True))
         numbers, _ = joint_numbers(client, self._robot)
-        gripper = tool is None or tool.gripper
-        self._joints = [numbers[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if gripper else ()))]
+        self._joints = [numbers[name] for name in robot.joints(shown.gripper)]
         self._parts: list[tuple[str, Pose, int]] = []
         self._clear: dict[int, float] = {}  # opacity of transparent parts
         for body in task.scene(seed).bodies:

@@ -9,7 +9,7 @@ from typing import Unpack
 
 from core.design import Tool
 from core.errors import UsageError, check_positive
-from core.interfaces import Image, Outcome, Rollout, Simulator, Task
+from core.interfaces import Image, Outcome, Robot, Rollout, Simulator, Task
 from core.robot.trajectory import at_home
 from core.scratch import intact, temporary_folder
 from core.simulation.playback import play
@@ -53,7 +53,7 @@ class PyBulletSimulator(Simulator):
         self._renderer: PyBulletRenderer | None = None
         # Those of the last job, since consecutive jobs mostly share them; the world is fresh each time.
         self._scene: tuple[Task, int, PreparedScene] | None = None
-        self._robot: tuple[Tool, Path] | None = None
+        self._robot: tuple[Robot, Tool, Path] | None = None
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
         return [self._one(task, job) for job in jobs]
@@ -78,10 +78,11 @@ class PyBulletSimulator(Simulator):
         folder = Path(self._folder.name)
         if self._scene is None or self._scene[0] is not task or self._scene[1] != job.seed:
             self._scene = task, job.seed, PreparedScene(task.scene(job.seed), folder)
-        if self._robot is None or self._robot[0] is not job.tool:
-            self._robot = job.tool, robot_file(folder, job.tool, visuals=False)
+        robot = task.robot
+        if self._robot is None or self._robot[0] != robot or self._robot[1] is not job.tool:
+            self._robot = robot, job.tool, robot_file(folder, robot, job.tool, visuals=False)
         with intact(folder):
-            return World(self._client, self._scene[2], self._robot[1], job.tool, job.trajectory, self._settings)
+            return World(self._client, self._scene[2], robot, self._robot[2], job.tool, job.trajectory, self._settings)
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
         try:

@@ -11,21 +11,11 @@ import numpy as np
 from lxml import etree
 from scipy.spatial.transform import Rotation
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
+from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
-from core.robot.description import (
-    ARM_JOINTS,
-    FINGER_FRICTION,
-    FINGER_JOINTS,
-    GRIP_FORCE,
-    MOTOR_INERTIA,
-    TOOL_FRICTION,
-    assemble,
-    read_numbers,
-    read_origin,
-    to_text,
-)
+from core.robot.description import assemble, read_numbers, read_origin, to_text
+from core.robots import LINK_FRICTION, Robot
 from core.scene import Inertia, Scene, State
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
@@ -84,12 +74,13 @@ class World:
         self,
         client: int,
         scene: PreparedScene,
-        robot: Path,
+        robot: Robot,
+        file: Path,
         tool: Tool,
         trajectory: JointTrajectory,
         settings: Settings,
     ) -> None:
-        """``robot`` is the file of the arm with ``tool``."""
+        """``file`` describes the robot with ``tool``."""
         self.client = client
         self.time_step = settings.time_step
         self._gain = 1.0 - float(np.exp(-settings.tracking_rate * self.time_step))
@@ -107,36 +98,41 @@ class World:
         self._scene = scene
         numbers = [(body.place(client), body.fixed) for body in scene.bodies]
         self._free = [number for number, fixed in numbers if not fixed]
-        self._load_robot(robot, tool, trajectory)
+        self._load_robot(robot, file, tool, trajectory)
 
-    def _load_robot(self, file: Path, tool: Tool, trajectory: JointTrajectory) -> None:
+    def _load_robot(self, robot: Robot, file: Path, tool: Tool, trajectory: JointTrajectory) -> None:
         client = self.client
         self.robot = load_robot(client, file)
         numbers, links = joint_numbers(client, self.robot)
-        moving = [*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ())]
+        moving = robot.joints(tool.gripper)
+        self._arm, grip = len(robot.arm_joints), robot.gripper if tool.gripper else None
         self._joints = [numbers[name] for name in moving]
         efforts = [p.getJointInfo(self.robot, joint, physicsClientId=client)[10] for joint in self._joints]
-        self._forces = [*efforts[:7], *([GRIP_FORCE] * 2 if tool.gripper else ())]
+        self._forces = [*efforts[: self._arm], *([grip.force_n] * len(grip.joints) if grip else ())]
+        self._idle = np.zeros(len(robot.finger_joints))
         self._gains = [self._gain] * len(moving)
         self._velocity_gains = [1.0] * len(moving)
-        self._gripper = tool.gripper
+        self._fingers = len(moving) - self._arm
         self._driven: tuple[list[float], list[float]] | None = None
-        start = [*trajectory.arm[0], *([trajectory.fingers[0]] * 2 if tool.gripper else ())]
+        start = [*trajectory.arm[0], *([trajectory.fingers[0]] * self._fingers)]
         for joint, angle in zip(self._joints, start, strict=True):
             p.resetJointState(self.robot, joint, angle, physicsClientId=client)
-        self._filter_contacts(tool, links)
+        self._filter_contacts(robot, tool, links)
         for name, link in links.items():
-            friction = FINGER_FRICTION if name in GRIPPER_MOUNTS else TOOL_FRICTION
+            friction = LINK_FRICTION if name in tool.mounts else robot.friction
+            if grip is not None and name in GRIPPER_MOUNTS:
+                friction = grip.friction
             p.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction), physicsClientId=client)
-        for name, inertia in driven_links().items():
+        for name, inertia in driven_links(robot).items():
             moments = inertia.moments.tolist()
             p.changeDynamics(self.robot, links[name], localInertiaDiagonal=moments, physicsClientId=client)
 
-    def _filter_contacts(self, tool: Tool, links: dict[str, int]) -> None:
+    def _filter_contacts(self, robot: Robot, tool: Tool, links: dict[str, int]) -> None:
         """Let a tool touch all links but its bearer. The arm's own links overlap by construction, and never touch."""
-        mounts = set(GRIPPER_MOUNTS) if tool.gripper else {RIGID_MOUNT}
-        bearers = {"panda_hand"} if tool.gripper else {"panda_link7", "panda_link8"}
-        everything = {"panda_link0": -1, **links}
+        mounts = set(tool.mounts)
+        bearers = set(robot.gripper.near_mount if tool.gripper and robot.gripper else robot.near_mount)
+        base = p.getBodyInfo(self.robot, physicsClientId=self.client)[0].decode()
+        everything = {base: -1, **links}
         for one, other in combinations(everything, 2):
             touch = bool({one, other} & mounts) and not {one, other} & bearers
             p.setCollisionFilterPair(
@@ -144,11 +140,10 @@ class World:
             )
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
-        """Drive the joints to targets (7,) and a finger opening, approached at these speeds, for one time step."""
+        """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
         targets, velocities = arm.tolist(), speeds.tolist()
-        if self._gripper:
-            targets += [fingers, fingers]
-            velocities += [finger_speed, finger_speed]
+        targets += [fingers] * self._fingers
+        velocities += [finger_speed] * self._fingers
         if (targets, velocities) != self._driven:  # motors keep their targets
             self._driven = targets, velocities
             p.setJointMotorControlArray(
@@ -165,9 +160,9 @@ class World:
         p.stepSimulation(physicsClientId=self.client)
 
     def joints(self) -> tuple[Array, Array]:
-        """Read the joint positions: arm (7,) and fingers (2,)."""
+        """Read the joint positions: arm (J,) and fingers (F,)."""
         angles = np.array([s[0] for s in p.getJointStates(self.robot, self._joints, physicsClientId=self.client)])
-        return angles[:7], angles[7:] if self._gripper else np.zeros(2)
+        return angles[: self._arm], angles[self._arm :] if self._fingers else self._idle
 
     def state(self) -> State:
         """Read the state of the free bodies."""
@@ -186,27 +181,27 @@ class World:
         return State(self._scene.names, positions, quaternions, linear, angular)
 
 
-def robot_file(folder: Path, tool: Tool, *, visuals: bool) -> Path:
+def robot_file(folder: Path, robot: Robot, tool: Tool, *, visuals: bool) -> Path:
     """Write the arm with its tool to a file: PyBullet reads only files."""
-    robot: Any = etree.fromstring(assemble(tool, fused=True, visuals=visuals))
-    for name, inertia in driven_links().items():
-        link = robot.find(f"link[@name='{name}']")
+    root: Any = etree.fromstring(assemble(robot, tool, fused=True, visuals=visuals))
+    for name, inertia in driven_links(robot).items():
+        link = root.find(f"link[@name='{name}']")
         link.replace(link.find("inertial"), inertial(Inertia(inertia.mass, inertia.frame, _PLACEHOLDER)))
-    return text_file(folder, to_text(robot), "urdf")
+    return text_file(folder, to_text(root), "urdf")
 
 
-@lru_cache(maxsize=1)
-def driven_links() -> dict[str, Inertia]:
+@lru_cache(maxsize=8)
+def driven_links(robot: Robot) -> dict[str, Inertia]:
     """Map each link that a motor turns to its inertia with the motor's, which is about the joint's axis alone.
 
     Bullet has no inertia of a joint. As a link's own, the joints before it carry it too where their axes are parallel.
     """
-    robot: Any = etree.fromstring(assemble(fused=True, visuals=False))
+    root: Any = etree.fromstring(assemble(robot, fused=True, visuals=False))
     found = {}
-    for name, motor in zip(ARM_JOINTS, MOTOR_INERTIA, strict=True):
-        joint = robot.find(f"joint[@name='{name}']")
+    for name, motor in zip(robot.arm_joints, robot.motor_inertia, strict=True):
+        joint = root.find(f"joint[@name='{name}']")
         link = joint.find("child").get("link")
-        own = robot.find(f"link[@name='{link}']/inertial")
+        own = root.find(f"link[@name='{link}']/inertial")
         at, tensor, axis = read_origin(own), own.find("inertia"), read_numbers(joint.find("axis"), "xyz")
         xx, xy, xz, yy, yz, zz = (float(tensor.get(f"i{pair}")) for pair in ("xx", "xy", "xz", "yy", "yz", "zz"))
         turn = at.rotation.as_matrix()

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.robot.description import assemble, merged, read_numbers, read_origin
+from core.robots import Robot
 from core.scene import Color, Inertia
 
 
@@ -61,9 +62,9 @@ class Link:
 
 
 @lru_cache(maxsize=16)
-def robot(tool: Tool) -> tuple[Link, ...]:
+def robot_links(robot: Robot, tool: Tool) -> tuple[Link, ...]:
     """List the links of the arm with a tool, parents first. Rigidly joined links become one."""
-    document: Any = etree.fromstring(assemble(tool, fused=True))
+    document: Any = etree.fromstring(assemble(robot, tool, fused=True))
     links = {link.get("name"): link for link in document.findall("link")}
     joints = {joint.find("child").get("link"): joint for joint in document.findall("joint")}
     bearers = {name: _bearer(name, joints) for name in links}
@@ -131,13 +132,15 @@ def _inertia(parts: list[tuple[Any, Pose]]) -> Inertia:
     inertias = []
     for element, pose in parts:
         inertial = element.find("inertial")
-        if (mass := float(inertial.find("mass").get("value"))) > 0:
+        if inertial is not None and (mass := float(inertial.find("mass").get("value"))) > 0:
             own = pose @ read_origin(inertial)
             axes = own.rotation.as_matrix()
             names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
             xx, xy, xz, yy, yz, zz = (float(inertial.find("inertia").get(name)) for name in names)
             tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             inertias.append((mass, own.position, axes @ tensor @ axes.T))
+    if not inertias:  # a base that stands for the ground
+        return Inertia(1.0, Pose(), np.ones(3))
     mass, center, whole = merged(inertias)
     moments, axes = np.linalg.eigh(whole)
     axes[:, 2] *= np.sign(np.linalg.det(axes))

@@ -15,10 +15,9 @@ from core.errors import NoPicture
 from core.geometry import Array, Box, Pose, Sphere
 from core.geometry import Shape as Geometry
 from core.interfaces import Image, Task
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS
 from core.scene import Camera, Color, Geom, State
 from core.simulation.rendering import Renderer
-from plugins.simulators.sapien.description import Shape, place, robot
+from plugins.simulators.sapien.description import Shape, place, robot_links
 from plugins.simulators.sapien.engine import sapien
 from plugins.simulators.sapien.shapes import to_sapien
 
@@ -45,7 +44,9 @@ class SapienRenderer(Renderer):
         self._scene.set_ambient_light([0.35] * 3)
         self._scene.add_directional_light([-1.0, 1.0, -2.0], [1.8] * 3, shadow=True, shadow_scale=2.0)
         self._cameras: dict[tuple[int, int, bool], Any] = {}
-        self._links = robot(tool if tool is not None else Tool(gripper=True))
+        robot = task.robot
+        self._joints = robot.joints(gripper=True)
+        self._links = robot_links(robot, tool if tool is not None else Tool(gripper=robot.gripper is not None))
         self._entities = [self._add(link.visuals, Pose()) for link in self._links]
         self._bodies = {body.name: self._add(body.visuals, body.pose) for body in task.scene(seed).bodies}
 
@@ -62,7 +63,7 @@ class SapienRenderer(Renderer):
         return entity
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        joints = dict(zip((*ARM_JOINTS, *FINGER_JOINTS), [*arm, *fingers], strict=True))
+        joints = dict(zip(self._joints, [*arm, *fingers], strict=True))
         for entity, pose in zip(self._entities, place(self._links, joints), strict=True):
             entity.pose = to_sapien(pose)
         for name in state.names:

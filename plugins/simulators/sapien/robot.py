@@ -8,19 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
+from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
-from core.robot.description import (
-    ARM_JOINTS,
-    FINGER_FRICTION,
-    FINGER_JOINTS,
-    GRIP_FORCE,
-    MOTOR_INERTIA,
-    TOOL_FRICTION,
-)
+from core.robots import LINK_FRICTION
+from core.robots import Robot as Arm
 from plugins.simulators.sapien.bodies import weigh
-from plugins.simulators.sapien.description import Joint, Shape, robot
+from plugins.simulators.sapien.description import Joint, Shape, robot_links
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import collision, hull, to_sapien
 from plugins.simulators.sapien.surfaces import Surface, Surfaces
@@ -38,45 +32,49 @@ _COUPLING = {"stiffness": 1e6, "damping": 1e3}
 # fewer, they sink into it and it shoots out.
 _GRIP = 4
 
-_BEARERS = {RIGID_MOUNT: ("panda_link7", "panda_link8"), **dict.fromkeys(GRIPPER_MOUNTS, ("panda_hand",))}
+
+def surface_of(arm: Arm, part: str, tool: Tool) -> Surface:
+    if arm.gripper is not None and part in GRIPPER_MOUNTS:
+        return Surface(arm.gripper.friction)
+    return Surface(LINK_FRICTION if part in tool.mounts else arm.friction)
 
 
-def surface_of(part: str) -> Surface:
-    return Surface(FINGER_FRICTION if part in GRIPPER_MOUNTS else TOOL_FRICTION)
-
-
-def surfaces_of(tool: Tool) -> set[Surface]:
-    return {surface_of(shape.part) for link in robot(tool) for shape in link.collisions}
+def surfaces_of(arm: Arm, tool: Tool) -> set[Surface]:
+    return {surface_of(arm, shape.part, tool) for link in robot_links(arm, tool) for shape in link.collisions}
 
 
 class Robot:
-    """The arm with ``tool``, its base at the origin, its joints at the trajectory's first targets."""
+    """The arm with ``tool``, its joints at the trajectory's first targets."""
 
     def __init__(
         self,
         scene: Any,
         surfaces: Surfaces,
+        arm: Arm,
         tool: Tool,
         trajectory: JointTrajectory,
         folder: Path,
         tracking_rate: float,
         time_step: float,
     ) -> None:
+        links, joints = robot_links(arm, tool), arm.joints(tool.gripper)
+        self._arm, self._fingers = len(arm.arm_joints), len(arm.finger_joints)
         self._gripper = tool.gripper
-        links = robot(tool)
         components: list[Any] = []
         for link in links:
             component = physx.PhysxArticulationLinkComponent(None if link.parent is None else components[link.parent])
             components.append(component)
             weigh(component, link.inertia)
             for shape in link.collisions:
-                _attach(component, shape, tool, surfaces, folder)
+                _attach(component, shape, arm, tool, surfaces, folder)
             if link.joint is None:
                 component.joint.type = "fixed"
             else:
-                _drive(component.joint, link.joint, tracking_rate)
+                _drive(component.joint, link.joint, arm, tracking_rate)
         if tool.gripper:
-            fingers = [i for i, link in enumerate(links) if link.joint is not None and link.joint.name in FINGER_JOINTS]
+            fingers = [
+                i for i, link in enumerate(links) if link.joint is not None and link.joint.name in arm.finger_joints
+            ]
             chain = [components[i].parent for i in fingers[:1]] + [components[i] for i in fingers]
             difference = [0.0, 1.0, -1.0]  # of the two joints, that is
             components[0].articulation.create_fixed_tendon(chain, difference, difference, **_COUPLING)
@@ -93,21 +91,25 @@ class Robot:
             scene.add_entity(entity)
         self._articulation = components[0].articulation
         active = {joint.name: number for number, joint in enumerate(self._articulation.active_joints)}
-        self._numbers = [active[name] for name in (*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ()))]
-        joints = [self._articulation.active_joints[number] for number in self._numbers]
-        self._setters = [joint.set_drive_target for joint in joints]
+        self._numbers = [active[name] for name in joints]
+        driven = [self._articulation.active_joints[number] for number in self._numbers]
+        self._setters = [joint.set_drive_target for joint in driven]
         self._orders = [math.nan] * len(joints)
         start = np.empty(len(self._numbers))
-        start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * 2 if tool.gripper else ())]
+        start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * (len(joints) - self._arm))]
         self._articulation.qpos = start
 
     def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> list[list[float]]:
         """Make the orders that `drive` takes, one list for each of S steps.
 
-        Given are the joints' targets (S, 7), finger openings (S,), and the speeds at which they are approached.
+        Given are the joints' targets (S, J), finger openings (S,), and the speeds at which they are approached.
         """
         if self._gripper:
-            arm, speeds = np.column_stack([arm, fingers, fingers]), np.column_stack([speeds, *[finger_speeds] * 2])
+            count = self._fingers
+            arm, speeds = (
+                np.column_stack([arm, *[fingers] * count]),
+                np.column_stack([speeds, *[finger_speeds] * count]),
+            )
         orders: list[list[float]] = (arm + self._ahead * speeds).tolist()
         return orders
 
@@ -121,7 +123,7 @@ class Robot:
         self._orders = orders
 
     def joints(self) -> tuple[Array, Array]:
-        """Read the joint positions: arm (7,) and fingers (2,)."""
+        """Read the joint positions: arm (J,) and fingers (F,)."""
         return self.read(self.note())
 
     def note(self) -> Any:
@@ -129,35 +131,37 @@ class Robot:
         return self._articulation.qpos
 
     def read(self, notes: Any) -> tuple[Array, Array]:
-        """Decode snapshots (..., J): arm (..., 7) and fingers (..., 2)."""
+        """Decode snapshots (..., J): arm (..., J) and fingers (..., F)."""
         values = np.asarray(notes, dtype=np.float64)[..., self._numbers]
-        return values[..., :7], values[..., 7:] if self._gripper else np.zeros((*values.shape[:-1], 2))
+        fingers = values[..., self._arm :] if self._gripper else np.zeros((*values.shape[:-1], self._fingers))
+        return values[..., : self._arm], fingers
 
 
-def _attach(component: Any, part: Shape, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
+def _attach(component: Any, part: Shape, arm: Arm, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
     def make(material: Any) -> Any:
         shape = part.shape
         collider = hull(shape, material) if isinstance(shape, Path) else collision(shape, material, folder)
         collider.local_pose = to_sapien(part.pose)
         return collider
 
-    for shape in surfaces.copies(surface_of(part.part), make, apart=_apart(part.part, tool)):
+    for shape in surfaces.copies(surface_of(arm, part.part, tool), make, apart=_apart(part.part, arm, tool)):
         component.attach(shape)
 
 
-def _apart(part: str, tool: Tool) -> int:
+def _apart(part: str, arm: Arm, tool: Tool) -> int:
     """Compute a part's bits: parts that share one don't touch each other.
 
     The arm's links overlap by construction, and a tool overlaps the link that bears it.
     """
     bits = 0 if part in tool.mounts else 1
+    bearers = arm.gripper.near_mount if tool.gripper and arm.gripper else arm.near_mount
     for number, mount in enumerate(tool.mounts, start=1):
-        if part == mount or part in _BEARERS[mount]:
+        if part == mount or part in bearers:
             bits |= 1 << number
     return bits
 
 
-def _drive(joint: Any, about: Joint, tracking_rate: float) -> None:
+def _drive(joint: Any, about: Joint, arm: Arm, tracking_rate: float) -> None:
     joint.name = about.name
     joint.type = about.kind
     joint.pose_in_parent = to_sapien(about.in_parent)
@@ -165,10 +169,10 @@ def _drive(joint: Any, about: Joint, tracking_rate: float) -> None:
     joint.limit = [[about.lower, about.upper]]
     joint.friction = 0.0
     force = about.effort
-    if about.name in FINGER_JOINTS:
-        force = GRIP_FORCE
+    if arm.gripper is not None and about.name in arm.gripper.joints:
+        force = arm.gripper.force_n
         joint.armature = [_FINGER_DRIVE]
     else:
-        joint.armature = [MOTOR_INERTIA[ARM_JOINTS.index(about.name)]]
+        joint.armature = [arm.motor_inertia[arm.arm_joints.index(about.name)]]
     stiffness = force / _GIVES_WAY
     joint.set_drive_properties(stiffness, stiffness / tracking_rate, force, "force")

@@ -8,7 +8,7 @@ from typing import Any
 
 from core.design import Tool
 from core.errors import UsageError, check_positive
-from core.interfaces import Outcome, Rollout, Task
+from core.interfaces import Outcome, Robot, Rollout, Task
 from core.robot.trajectory import at_home
 from core.scratch import intact, temporary_folder
 from core.simulation.playback import play
@@ -56,12 +56,12 @@ class SapienSimulator(DrawingSimulator):
         if self._placed is None or self._placed[0] is not task or self._placed[1] != job.seed:
             self._placed = (task, job.seed, Weighed(task.scene(job.seed)))
         try:
-            return self._built(self._placed[2], job)
+            return self._built(task.robot, self._placed[2], job)
         except FileNotFoundError:  # something cleans the temporary folder
             self._folder = temporary_folder()
-            return self._built(self._placed[2], job)
+            return self._built(task.robot, self._placed[2], job)
 
-    def _built(self, weighed: Weighed, job: Rollout) -> World:
+    def _built(self, robot: Robot, weighed: Weighed, job: Rollout) -> World:
         folder = Path(self._folder.name)
         with intact(folder):
-            return World(folder, weighed, job.tool, job.trajectory, **self._settings)
+            return World(folder, weighed, robot, job.tool, job.trajectory, **self._settings)

@@ -11,6 +11,7 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
+from core.robots import Robot as Description
 from core.scene import State
 from plugins.simulators.sapien.bodies import GRAVITY, Bodies, Weighed
 from plugins.simulators.sapien.engine import physx, sapien
@@ -32,6 +33,7 @@ class World:
         self,
         folder: Path,
         weighed: Weighed,
+        robot: Description,
         tool: Tool,
         trajectory: JointTrajectory,
         *,
@@ -57,12 +59,12 @@ class World:
         self._system = physx.PhysxCpuSystem()
         self._system.timestep = time_step
         self._scene = sapien.Scene([self._system])
-        surfaces = Surfaces(surfaces_of(tool) | weighed.moving, weighed.fixed)
+        surfaces = Surfaces(surfaces_of(robot, tool) | weighed.moving, weighed.fixed)
         self._bodies = Bodies(self._scene, surfaces, weighed, folder, time_step)
-        self._robot = Robot(self._scene, surfaces, tool, trajectory, folder, tracking_rate, time_step)
+        self._robot = Robot(self._scene, surfaces, robot, tool, trajectory, folder, tracking_rate, time_step)
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
-        """Drive the joints to targets (7,) and a finger opening, approached at these speeds, for one time step."""
+        """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
         next(self.follow(arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])))
 
     def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
@@ -74,7 +76,7 @@ class World:
             yield
 
     def joints(self) -> tuple[Array, Array]:
-        """Read the joint positions: arm (7,) and fingers (2,)."""
+        """Read the joint positions: arm (J,) and fingers (F,)."""
         return self._robot.joints()
 
     def state(self) -> State:

@@ -15,6 +15,7 @@ from lxml import etree
 from core.design import Component, DesignError, Tool
 from core.designs.rules import MAX_COMPONENTS, MAX_DENSITY, MIN_DENSITY
 from core.geometry import Box, Pose
+from core.interfaces import Robot
 from core.robot.description import assemble
 from core.robot.solids import box_gap
 from core.scene import Color
@@ -79,47 +80,50 @@ def _nearest(parents: _Parents, box: Box, pose: Pose) -> tuple[str, Pose]:
     return name, frame @ pose
 
 
-@lru_cache(maxsize=1)
-def _robot_names() -> frozenset[str]:
-    """The names of the Panda's links and joints, with and without its hand."""
-    names: set[str] = set()
-    for tool in (Tool(), Tool(gripper=True)):
-        robot = etree.fromstring(assemble(tool, visuals=False))
-        names.update(str(element.get("name")) for tag in ("link", "joint") for element in robot.findall(tag))
+@lru_cache(maxsize=8)
+def _robot_names(robot: Robot | None) -> frozenset[str]:
+    """The names of the robot's links and joints, with and without its gripper, and of its mounts."""
+    names = {*Tool().mounts, *Tool(gripper=True).mounts}
+    if robot is not None:
+        names.update(name for name, _ in robot.aliases)
+        for gripper in {False, robot.gripper is not None}:
+            root = etree.fromstring(assemble(robot, Tool(gripper=gripper), visuals=False))
+            names.update(str(element.get("name")) for tag in ("link", "joint") for element in root.findall(tag))
     return frozenset(names)
 
 
-def _check_name(name: str | None, what: str, taken: Mapping[str, object] | set[str]) -> str:
+def _check_name(name: str | None, what: str, taken: Mapping[str, object] | set[str], own: frozenset[str]) -> str:
     if name is None:
         raise DesignError(f"a {what} has no name")
     if not _NAME.fullmatch(name) or len(name) > MAX_NAME[what]:
         raise DesignError(f"{what} name {shorten(name)} is not 1 to {MAX_NAME[what]} letters, digits, '_', '.' or '-'")
-    if name in _robot_names():
+    if name in own:
         raise DesignError(f"{what} {name!r} is the robot's own; the block holds only the tool's links and joints")
     if name in taken:
         raise DesignError(f"two {what}s are named {name!r}; each needs a name of its own")
     return name
 
 
-def build_tool(root: Element, gripper: bool) -> Tool:
-    """The tool whose links and joints are the children of ``root``.
+def build_tool(root: Element, gripper: bool, robot: Robot | None = None) -> Tool:
+    """The tool whose links and joints are the children of ``root``, for ``robot``.
 
     Raises:
         DesignError: they are not boxes on fixed joints that lead to a mount.
     """
     _check_counts(root)
     mounts = Tool(gripper=gripper).mounts
+    own, aliases = _robot_names(robot), dict(robot.aliases) if robot is not None else {}
     materials = _read_materials(root)
     links: dict[str, _Link] = {}
     joints: dict[str, _Joint] = {}  # by child
     joint_names: set[str] = set()
     for element in root:
         if element.tag == "link":
-            name = _check_name(element.get("name"), "link", links)
+            name = _check_name(element.get("name"), "link", links, own)
             links[name] = _read_link(element, name, materials)
         elif element.tag == "joint":
-            joint_names.add(_check_name(element.get("name"), "joint", joint_names))
-            joint = _read_joint(element, f"joint {element.get('name')!r}")
+            joint_names.add(_check_name(element.get("name"), "joint", joint_names, own))
+            joint = _read_joint(element, f"joint {element.get('name')!r}", aliases)
             if joint.child in joints:
                 raise DesignError(f"link {joint.child!r} is the child of two joints; a link has one parent")
             joints[joint.child] = joint
@@ -128,7 +132,7 @@ def build_tool(root: Element, gripper: bool) -> Tool:
     _check_joints(joints, links, mounts)
     components: list[Component] = []
     holders: dict[str, _Holders] = {mount: ([(mount, None, Pose())], None) for mount in mounts}
-    taken = {*links, *_robot_names()}
+    taken = {*links, *own}
     for name, parent, pose in _from_mounts(links, joints, mounts):
         boxes, holders[name] = _hang(links[name], holders[parent], pose, taken)
         components += boxes
@@ -212,12 +216,12 @@ def _match(visuals: list[_PlacedBox], collisions: list[_PlacedBox], where: str) 
     return matched
 
 
-def _read_joint(element: Element, where: str) -> _Joint:
+def _read_joint(element: Element, where: str, aliases: Mapping[str, str]) -> _Joint:
     if element.get("type") != "fixed":
         raise DesignError(f'{where} is of type {shorten(element.get("type", ""))}; tools are rigid: use type "fixed"')
     parent = attribute(only_child(element, "parent", where), "parent", "link", where)
     child = attribute(only_child(element, "child", where), "child", "link", where)
-    return _Joint(parent, child, read_origin(element, where))
+    return _Joint(aliases.get(parent, parent), child, read_origin(element, where))
 
 
 def _check_joints(joints: Mapping[str, _Joint], links: Mapping[str, _Link], mounts: tuple[str, ...]) -> None:

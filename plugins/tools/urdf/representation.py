@@ -1,4 +1,4 @@
-"""Tools as URDF: the block of links and joints that is merged into the Panda's own description."""
+"""Tools as URDF: the block of links and joints that is merged into the robot's own description."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ from core.designs.rules import (
     MAX_EXTENT_M,
     MAX_GAP_M,
     MAX_SIDE_M,
-    MAX_TOOL_KG,
     MIN_COMPONENT_KG,
     MIN_DENSITY,
     MIN_SIDE_M,
     MIN_TOOL_KG,
 )
 from core.interfaces import Brief, ToolRepresentation
-from core.robot.description import FLANGE, tool_urdf
+from core.robot.description import tool_urdf
 from core.text import kind
 from plugins.tools.urdf.building import build_tool
 from plugins.tools.urdf.parsing import parse_xml
@@ -41,7 +40,7 @@ class UrdfTools(ToolRepresentation):
         text = data["tool_urdf"]
         if not isinstance(text, str):
             raise DesignError(f"tool_urdf must be a text of <link> and <joint> elements, not {kind(text)}")
-        return build_tool(parse_xml(text), gripper)
+        return build_tool(parse_xml(text), gripper, self.robot)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
         return {"tool_urdf": tool_urdf(tool)}
@@ -50,8 +49,12 @@ class UrdfTools(ToolRepresentation):
         return {"components": component_lines(tool)}
 
     def instructions(self, brief: Brief) -> str:
-        mount, elites = _GRIPPER_MOUNT if brief.gripper else _RIGID_MOUNT, _ELITES if brief.elites else ""
-        return _RULES.format(mount=mount, elites=elites, example=_example(brief.gripper))
+        robot, elites = brief.task.robot, _ELITES if brief.elites else ""
+        disc = robot.flange.disc
+        mount = _RIGID_MOUNT.format(diameter=2000 * disc.radius, thickness=1000 * disc.length)
+        mount = _GRIPPER_MOUNT if brief.gripper else mount
+        payload = f"{robot.payload_kg:g}"
+        return _RULES.format(mount=mount, elites=elites, payload=payload, example=_example(brief.gripper))
 
 
 _RULES = f"""\
@@ -66,7 +69,7 @@ before its closing tag, so it has no root element and none of the robot's own li
   {MAX_COMPONENTS} boxes.
 - The inertial needs <mass value="..."/> in kilograms; moments of inertia are computed from the box. A few grams per
   box help the arm to move well; the limits are {MIN_COMPONENT_KG:g} to {MAX_COMPONENT_KG:g} kg for a box,
-  {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its density, and {MIN_TOOL_KG:g} to {MAX_TOOL_KG:g} kg for the tool.
+  {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its density, and {MIN_TOOL_KG:g} to {{payload}} kg for the tool.
 - The tool ends within {MAX_EXTENT_M:g} m of its mount. It is rigid: it is an error if 1 N at any end would bend it by
   more than {MAX_BEND_M_N * 1000:g} mm even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length.
 - Every link is the child of exactly one joint of type "fixed", and following parents leads to the mount. The joint's
@@ -85,15 +88,15 @@ _ELITES = """
 The elites show `components` in its place, a line for each box: the name of its link, its parent link, its size, `at`
 the xyz and rpy (none: 0 0 0) of its joint's origin, its mass. A box is centred on its link's frame. Yours are URDF."""
 
-_RIGID_MOUNT = f"""\
-The tool is rigid and takes the place of the hand. It hangs from the link `panda_virtual` on the arm's flange, whose
+_RIGID_MOUNT = """\
+The tool is rigid and takes the place of the hand. It hangs from the link `tool_mount` on the arm's flange, whose
 axes are the world's when its roll, pitch and yaw are 0, as they are at home: x forward, y left, z up. The arm is above
-it, so the tool extends toward -z. What hangs from `panda_virtual` must touch the flange, a disc of
-{FLANGE.radius * 2000:g} mm diameter and {FLANGE.length * 1000:g} mm thickness centred at its origin and square to z."""
+it, so the tool extends toward -z. What hangs from `tool_mount` must touch the flange, a disc of
+{diameter:g} mm diameter and {thickness:g} mm thickness centred at its origin and square to z."""
 
 _GRIPPER_MOUNT = """\
 The tool is a pair of attachments to the gripper's fingers, which open and close them: the left part hangs from the link
-`panda_leftfinger`, the right part from `panda_rightfinger`; each must touch its finger. In both frames z points along
+`left_finger`, the right part from `right_finger`; each must touch its finger. In both frames z points along
 the finger to its tip at z = 0.054, and x across it (the finger is 0.022 wide). The left finger lies on the +y side of
 its frame and opens toward +y, the right one lies on the -y side and opens toward -y; both inner faces are at y = 0, and
 meet when the gripper is closed. At home both frames' x is the world's x, their y is the world's -y, and their z is
@@ -101,7 +104,7 @@ down."""
 
 
 def _example(gripper: bool) -> str:
-    mount = "panda_leftfinger" if gripper else "panda_virtual"
+    mount = "left_finger" if gripper else "tool_mount"
     joint_origin = "0 0.0075 0.07" if gripper else "0 0 -0.055"
     name, size = ("left_pad", "0.02 0.015 0.04") if gripper else ("shaft", "0.02 0.02 0.1")
     return f"""\

@@ -6,10 +6,9 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Pose
-from core.robot.description import FINGER_OPEN
 from plugins.vlms.offline.heads import Head, Piece
 from plugins.vlms.offline.sight import Errand
-from plugins.vlms.offline.tools import Assembly
+from plugins.vlms.offline.tools import FINGER_OPEN, Assembly
 
 
 def sample_clamp(errand: Errand, rng: np.random.Generator) -> Head:
@@ -31,7 +30,7 @@ def sample_clamp(errand: Errand, rng: np.random.Generator) -> Head:
 
 
 def build_clamp(head: Head, at: Pose, thickness: float) -> Tool:
-    """A mirrored pair of finger extensions, with the head at the pose ``at`` in the frame of panda_virtual."""
+    """A mirrored pair of finger extensions, with the head at the pose ``at`` in the frame of the tool mount."""
     assembly = Assembly(True, thickness)
     for piece, is_left in zip(head.pieces, (True, False), strict=True):
         pad = at @ piece.pose

@@ -11,6 +11,7 @@ import numpy as np
 from core.design import DesignError, Tool
 from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Array, Pose
+from core.robot.kinematics import arm_of
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.clamps import build_clamp, sample_clamp
 from plugins.vlms.offline.heads import Head
@@ -52,14 +53,14 @@ class Workshop:
     def accepts(self, tool: Tool) -> bool:
         """Report whether the tool keeps the rules."""
         try:
-            check_tool(tool)
+            check_tool(tool, self.spawn.robot)
             self.spawn.check(tool)
         except DesignError:
             return False
         return True
 
     def invent(self) -> tuple[Tool, Head, Pose, Use]:
-        """A fresh tool, its head, the head's pose in the frame of panda_virtual, and a first use.
+        """A fresh tool, its head, the head's pose in the frame of the tool mount, and a first use.
 
         It is the best of a random number of samples: doubtful ones are not always the worst.
         """
@@ -136,13 +137,14 @@ class Workshop:
         wanted = Boxes.join(thing.boxes for thing in moved.values())
         solids = Boxes.join([tool_boxes(tool), HAND]) if tool.gripper else tool_boxes(tool)
         hits = collisions(plan, touching, solids, self.sight.home, wanted, others)
-        miss = reach_error(plan)
+        arm = arm_of(self.spawn.robot)
+        miss = reach_error(plan, arm)
         if miss > _MISS_M:
             return hits + 100.0 * miss
-        return hits + (_BREAKS_RULES if meets_itself(tool, plan, self.sight.home) else 0.0)
+        return hits + (_BREAKS_RULES if meets_itself(tool, plan, self.sight.home, arm) else 0.0)
 
     def _mount(self, path: Path, head: Head, errand: Errand) -> Pose:
-        """The head's pose in the frame of panda_virtual that keeps the arm in its comfortable workspace."""
+        """The head's pose in the frame of the tool mount that keeps the arm in its comfortable workspace."""
         rng, home = self.rng, self.sight.home.position
         start = path.poses[1]
         turn = float(rng.choice([0.0, np.pi / 4, -np.pi / 4, np.pi / 2, -np.pi / 2], p=[0.6, 0.1, 0.1, 0.1, 0.1]))

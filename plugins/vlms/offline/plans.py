@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from core.design import Tool
 from core.geometry import Array, Pose
-from core.robot.kinematics import arm
+from core.robot.kinematics import Arm
 from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import plan_motion
 from plugins.vlms.offline.boxes import Boxes, overlaps
@@ -61,11 +61,11 @@ class Path:
         return np.column_stack([rows, self.grips]) if gripper else rows
 
 
-def reach_error(plan: Array) -> float:
+def reach_error(plan: Array, arm: Arm) -> float:
     """The worst error of inverse kinematics over the waypoints, in metres plus 0.2 times radians."""
-    joints, worst = arm().home, 0.0
+    joints, worst = arm.home, 0.0
     for row in plan:
-        solution = arm().inverse(Pose.xyz_rpy(row[:3], row[3:6]), joints)
+        solution = arm.inverse(Pose.xyz_rpy(row[:3], row[3:6]), joints)
         joints = solution.joints
         worst = max(worst, solution.error_m + 0.2 * solution.error_rad)
         if worst > 0.1:
@@ -73,9 +73,9 @@ def reach_error(plan: Array) -> float:
     return worst
 
 
-def meets_itself(tool: Tool, plan: Array, home: Pose) -> bool:
+def meets_itself(tool: Tool, plan: Array, home: Pose, arm: Arm) -> bool:
     """Report whether the plan drives the arm or the tool into the arm."""
-    return find_self_collision(tool, plan_motion(plan, home, arm()).trajectory) is not None
+    return find_self_collision(arm.robot, tool, plan_motion(plan, home, arm).trajectory) is not None
 
 
 def collisions(plan: Array, touching: Sequence[bool], tool: Boxes, home: Pose, moved: Boxes, others: Boxes) -> int:

@@ -18,7 +18,7 @@ from plugins.vlms.offline.sight import UP, Errand, Thing
 from plugins.vlms.offline.tools import Assembly
 
 AT = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
-"""The head in the frame of panda_virtual."""
+"""The head in the frame of the tool mount."""
 
 _BACK_M = 0.018  # plate and crossbar, from the flange ahead
 _LIP_M = 0.004

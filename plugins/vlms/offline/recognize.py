@@ -6,17 +6,16 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Array, Pose
-from core.robot.description import FINGER_OPEN
 from plugins.vlms.offline.heads import Head, Use
 from plugins.vlms.offline.sight import Errand
-from plugins.vlms.offline.tools import tool_boxes
+from plugins.vlms.offline.tools import FINGER_OPEN, tool_boxes
 
 _LOW_M = 0.015  # boxes this close to the tool's lowest point form its foot
-_FINGERTIP = np.array([0.0, 0.0, -0.11])  # of the hand, in the frame of panda_virtual
+_FINGERTIP = np.array([0.0, 0.0, -0.11])  # of the hand, in the frame of the tool mount
 
 
 def foot(tool: Tool) -> Array:
-    """Corners (V, 3) of the tool's lowest boxes, which do its work, in the frame of panda_virtual."""
+    """Corners (V, 3) of the tool's lowest boxes, which do its work, in the frame of the tool mount."""
     if not tool.components:
         return _FINGERTIP[None]
     boxes = tool_boxes(tool)
@@ -34,7 +33,7 @@ def middle(tool: Tool) -> Array:
 
 
 def recognize(tool: Tool, errand: Errand, rng: np.random.Generator) -> tuple[Head, Pose]:
-    """The tool's foot as a head for an errand, and its pose in the frame of panda_virtual.
+    """The tool's foot as a head for an errand, and its pose in the frame of the tool mount.
 
     The side that works is guessed at random, and so is the face: in front as a blade's, or at the back as a cage's.
     """

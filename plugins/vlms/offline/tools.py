@@ -9,7 +9,6 @@ import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Pose
-from core.robot.description import FINGER_OPEN
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.heads import Head
 
@@ -19,7 +18,9 @@ STYLES: tuple[Style, ...] = get_args(Style)
 _SHAFT = (0.30, 0.33, 0.38, 1.0)
 _HEADS = ((0.90, 0.49, 0.13, 1.0), (0.16, 0.50, 0.73, 1.0), (0.18, 0.63, 0.42, 1.0), (0.75, 0.22, 0.17, 1.0))
 
-_FINGER_Z = -0.0584  # the fingers' frames below panda_virtual, with the hand on
+# A hand of the usual size, and fingers that open by 4 cm each.
+FINGER_OPEN = 0.04
+_FINGER_Z = -0.0584  # the fingers' frames below the tool mount, with the hand on
 _TIP = np.array([0.0, FINGER_OPEN + 0.0076, -0.105])  # the right fingertip, open; the left one's y is negative
 
 HAND = Boxes.of(
@@ -28,18 +29,18 @@ HAND = Boxes.of(
         *((Pose(np.array([0.0, side * _TIP[1], -0.086])), np.array([0.022, 0.016, 0.054])) for side in (-1, 1)),
     ]
 )
-"""The hand with its fingers open, in the frame of panda_virtual."""
+"""The hand with its fingers open, in the frame of the tool mount."""
 
 MOUNTS: dict[str, Pose] = {
     RIGID_MOUNT: Pose(),
     GRIPPER_MOUNTS[0]: Pose.xyz_rpy((0.0, -FINGER_OPEN, _FINGER_Z), (np.pi, 0.0, 0.0)),
     GRIPPER_MOUNTS[1]: Pose.xyz_rpy((0.0, FINGER_OPEN, _FINGER_Z), (np.pi, 0.0, 0.0)),
 }
-"""The mounts in the frame of panda_virtual, with the fingers open."""
+"""The mounts in the frame of the tool mount, with the fingers open."""
 
 
 class Assembly:
-    """Collects the boxes of a tool, with poses in the frame of panda_virtual."""
+    """Collects the boxes of a tool, with poses in the frame of the tool mount."""
 
     def __init__(self, gripper: bool, thickness: float) -> None:
         self.gripper = gripper
@@ -111,7 +112,7 @@ class Assembly:
 
 
 def tool_boxes(tool: Tool) -> Boxes:
-    """The components in the frame of panda_virtual, with the fingers open."""
+    """The components in the frame of the tool mount, with the fingers open."""
     placed = tool.placed()
     return Boxes.of((MOUNTS[placed[c.name][0]] @ placed[c.name][1], np.array(c.shape.size)) for c in tool.components)
 
@@ -119,7 +120,7 @@ def tool_boxes(tool: Tool) -> Boxes:
 def build(
     head: Head, at: Pose, style: Style, thickness: float, gripper: bool, *, bend: float = 0.5, top: float = 0.0
 ) -> Tool:
-    """The tool with its head at the pose ``at`` in panda_virtual; for ``bend`` and ``top`` see `Assembly.shaft`."""
+    """The tool with its head at ``at`` in the tool mount's frame; for ``bend`` and ``top`` see `Assembly.shaft`."""
     assembly = Assembly(gripper, thickness)
     flush = np.array([0.008 - thickness / 2, 0.0, 0.0])  # aligns the shaft's front with the head's face
     last = assembly.shaft(style, at.apply(head.hold + flush), left=True, bend=bend, top=top)

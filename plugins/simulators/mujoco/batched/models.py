@@ -15,9 +15,10 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
+from core.robots import Robot
 from core.scene import Inertia, Scene, State
-from plugins.simulators.mujoco import robot
 from plugins.simulators.mujoco.engine import mujoco
+from plugins.simulators.mujoco.robot import set_gains
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.world import described, state
 
@@ -90,14 +91,20 @@ def slots(tool: Tool) -> int:
 
 
 def model(
-    scene: Scene, inertias: dict[str, Inertia], tool: Tool, time_step: float, tracking_rate: float, slip_rate: float
+    robot: Robot,
+    scene: Scene,
+    inertias: dict[str, Inertia],
+    tool: Tool,
+    time_step: float,
+    tracking_rate: float,
+    slip_rate: float,
 ) -> Element:
     """Compile as `plugins.simulators.mujoco.world.compiled`, with unused boxes, and equivalents for what Warp lacks."""
-    spec = described(scene, inertias, tool, time_step, slip_rate, slots(tool))
+    spec = described(robot, scene, inertias, tool, time_step, slip_rate, slots(tool))
     for servo in spec.actuators:  # Warp has no servo with two inputs; a force, a spring and a damper make one
         servo.set_to_position(kp=1.0, kv=1.0)
     compiled = spec.compile()
-    robot.set_gains(compiled, tracking_rate)
+    set_gains(compiled, robot, tracking_rate)
     compiled.actuator_gainprm[:, 0] = 1.0
     for friction in (compiled.geom_friction, compiled.pair_friction):  # as MuJoCo does itself
         np.maximum(friction, _LEAST_FRICTION, out=friction)

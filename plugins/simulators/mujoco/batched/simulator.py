@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from core.errors import UsageError
-from core.interfaces import Outcome, Recording, Rollout, Task
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS
+from core.interfaces import Outcome, Recording, Robot, Rollout, Task
 from core.simulation.playback import record_every, schedule
 from core.simulation.rendering import DrawingSimulator
 from plugins.simulators.mujoco.batched.models import Figures, Played, Size, figures, model
@@ -22,7 +21,6 @@ from plugins.simulators.mujoco.world import weighed
 if TYPE_CHECKING:
     from plugins.simulators.mujoco.batched.worlds import Worlds
 
-_ARM = len(ARM_JOINTS)
 _KEPT_BATCHES = 8
 _KEPT_FIGURES = 4096  # some kilobytes each
 _MOST_CONTACTS = 8192  # in a world; beyond that something else is wrong
@@ -80,7 +78,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         for members in groups.values():
             members.sort(key=lambda i: self._steps(jobs[i]))  # so that neighbours end together
             for i, played in self._played(task, members, mine, jobs):
-                outcomes[i] = self._outcome(jobs[i], mine[i], played)
+                outcomes[i] = self._outcome(task.robot, jobs[i], mine[i], played)
         return [outcomes[i] for i in range(len(jobs))]
 
     def _steps(self, job: Rollout) -> int:
@@ -96,7 +94,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         return self._figures[key]
 
     def _model(self, task: Task, job: Rollout) -> Element:
-        return model(*weighed(task, job.seed), job.tool, *self._rates)
+        return model(task.robot, *weighed(task, job.seed), job.tool, *self._rates)
 
     def _played(
         self, task: Task, members: Sequence[int], mine: dict[int, Figures], jobs: Sequence[Rollout]
@@ -151,7 +149,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         """Count the bytes that a batch may take."""
         return _SHARE * self._device.free_memory if self._device.is_cuda else _ON_THE_PROCESSOR
 
-    def _outcome(self, job: Rollout, of: Figures, played: Played) -> Outcome:
+    def _outcome(self, robot: Robot, job: Rollout, of: Figures, played: Played) -> Outcome:
         if played.crowded:
             return Outcome(None, None, error=f"MuJoCo Warp: more than {_MOST_CONTACTS // 2} contacts at once")
         if played.broken:
@@ -161,10 +159,10 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         if every := record_every(job, dt):
             times = schedule(job, dt)[1]
             numbers = np.concatenate([played.film, played.end[None]]).astype(np.float64)
-            fingers = np.zeros((len(numbers), len(FINGER_JOINTS)))
-            fingers[:, : joints - _ARM] = numbers[:, _ARM:joints]
+            arm, fingers = len(robot.arm_joints), np.zeros((len(numbers), len(robot.finger_joints)))
+            fingers[:, : joints - arm] = numbers[:, arm:joints]
             recording = Recording(
-                np.append(times[::every], times[-1] + dt), numbers[:, :_ARM], fingers, of.state(numbers)
+                np.append(times[::every], times[-1] + dt), numbers[:, :arm], fingers, of.state(numbers)
             )
         start, end = (of.state(numbers.astype(np.float64)) for numbers in (played.start, played.end))
         return Outcome(start, end, played.lag, recording=recording)

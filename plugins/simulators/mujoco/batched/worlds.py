@@ -10,7 +10,6 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Rollout
-from core.robot.description import ARM_JOINTS
 from core.simulation.playback import LAG_EVERY, record_every, schedule
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
 from plugins.simulators.mujoco.batched.kernels import advance, cut, drive, leave_out, mend, note
@@ -18,7 +17,6 @@ from plugins.simulators.mujoco.batched.models import PER_WORLD, Figures, Played,
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
-_ARM = len(ARM_JOINTS)
 _NO_ROOM = (
     mujoco_warp.OverflowType.ALL
     # Neither is a lack of capacity, and MuJoCo ignores both too.
@@ -34,7 +32,7 @@ class Worlds:
     """
 
     def __init__(self, compiled: Element, size: Size, device: Any) -> None:
-        self.size = size
+        self.size, self._arm = size, 0
         self._device, self._dt = device, float(compiled.opt.timestep)
         joints, numbers, count = compiled.nactuator, compiled.nq + compiled.nv, size.worlds
         self._ahead = int(compiled.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE)
@@ -97,7 +95,7 @@ class Worlds:
 
     def _load(self, figures: Sequence[Figures], jobs: Sequence[Rollout]) -> list[int]:
         """Reset all worlds, and count the steps of each. Worlds left over repeat the last job."""
-        count = self.size.worlds
+        count, self._arm = self.size.worlds, jobs[0].trajectory.arm.shape[1]
         which = np.minimum(np.arange(count), len(jobs) - 1)
         mine, theirs = [figures[i] for i in which], [jobs[i] for i in which]
         for name in PER_WORLD:
@@ -108,8 +106,8 @@ class Worlds:
         schedules, instants = [], []
         for i, job in enumerate(theirs):
             trajectory, known = job.trajectory, len(job.trajectory.times)
-            times[i, :known], targets[i, :known, :_ARM] = trajectory.times, trajectory.arm
-            targets[i, :known, _ARM:] = trajectory.fingers[:, None]
+            times[i, :known], targets[i, :known, : self._arm] = trajectory.times, trajectory.arm
+            targets[i, :known, self._arm :] = trajectory.fingers[:, None]
             first[i, : targets.shape[2]] = targets[i, 0]
             settle, begins = schedule(job, self._dt)
             schedules.append((settle, len(begins), record_every(job, self._dt)))
@@ -163,7 +161,17 @@ class Worlds:
             note,
             self._start.shape,
             [
-                *(self._step, self._settle, self._last, self._every, LAG_EVERY, _ARM, data.qpos, data.qvel, self._aim),
+                *(
+                    self._step,
+                    self._settle,
+                    self._last,
+                    self._every,
+                    LAG_EVERY,
+                    self._arm,
+                    data.qpos,
+                    data.qvel,
+                    self._aim,
+                ),
                 *(data.overflow, self._crowded, self._start, self._end, self._film, self._lag),
                 *(self._lost, self._astray, self._broken),
             ],
