@@ -10,8 +10,10 @@ from typing import Any, Literal, get_args
 import gymnasium
 import numpy as np
 import numpy.typing as npt
+from omegaconf import OmegaConf
 from scipy.spatial.transform import Rotation
 
+from core.config.compose import robot_part
 from core.design import DesignError, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules, check_tool
@@ -35,12 +37,13 @@ FINGER_SPEED = 0.1  # m/s
 class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     """A task with one tool. An episode is one layout of the task's scene.
 
-    Actions are in [-1, 1]. With ``control_mode="joints"`` (7,) they are speeds of the joint targets, as shares of the
+    Actions are in [-1, 1]. With ``control_mode="joints"`` (J,) they are speeds of the joint targets, as shares of the
     arm's limits. With ``"end_effector"`` (6,) they are speeds of the end-effector's target pose along and about the
     world's axes, as shares of 0.5 m/s and 2 rad/s. A tool for the gripper adds one: the fingers, -1 open to 1 closed.
 
-    Observations (9 + 13 B,): seven joints (rad), two fingers (m from the middle), and for each of B free bodies the
-    position (m), quaternion (w, x, y, z), linear (m/s) and angular (rad/s) velocity, in the world frame.
+    Observations (J + F + 13 B,): J joints (rad), F fingers (m from the middle; none if the arm has no gripper), and for
+    each of B free bodies the position (m), quaternion (w, x, y, z), linear (m/s) and angular (rad/s) velocity, in the
+    world frame.
 
     The reward of a step is the growth of the task's reward in it, so their sum over an episode is the task's reward at
     its end. ``info["reward"]`` is the task's reward now. An episode terminates at success.
@@ -53,6 +56,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         gripper: see ``designs``.
         sim: the name of a simulator that can be stepped.
         sim_settings: its settings; those left out have their defaults.
+        robot: the arm's name; None: the default robot.
+        robot_settings: its settings, and ``base``, [x, y, z, yaw].
         tool: the representation in which the file describes tools.
         control_mode: what actions mean.
         render_mode: None or ``rgb_array``.
@@ -74,6 +79,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         gripper: bool = False,
         sim: str = "pybullet",
         sim_settings: Mapping[str, Any] | None = None,
+        robot: str | None = None,
+        robot_settings: Mapping[str, Any] | None = None,
         tool: str = "urdf",
         control_mode: ControlMode = "joints",
         render_mode: str | None = None,
@@ -85,6 +92,10 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
         self.task: Task = installed().create("task", task)
+        if robot is not None:
+            self.task.robot = robot_part(OmegaConf.create({"name": robot, **(robot_settings or {})})).create()
+        if gripper and self.task.robot.gripper is None:
+            raise UserError(f"{self.task.robot.title} has no gripper; leave out gripper=True")
         self.simulator: Simulator = installed().create("sim", sim, sim_settings)
         self.tool = Tool(gripper=gripper) if designs is None else _tool(Path(designs), strategy, tool, self.task)
         self.control_mode = control_mode
