@@ -157,6 +157,9 @@ def assemble(
             mesh.set("filename", mesh_path(Path(str(mesh.get("filename")))))
     if robot.base != Pose():
         _place_base(root, robot.base)
+    for link in root.findall("link"):
+        if link.find("inertial") is None:  # in URDF none; engines would guess one
+            _inertial(link, 0.0, np.zeros(3), np.zeros((3, 3)))
     return to_text(root)
 
 
