@@ -26,7 +26,7 @@ class Experiment:
     """
 
     def __init__(self, *overrides: str, **choices: Any) -> None:
-        self.overrides = (*(f"{key}={_word(value)}" for key, value in choices.items()), *overrides)
+        self.overrides = (*(f"{key}={hydra_word(value)}" for key, value in choices.items()), *overrides)
         self.config: DictConfig = load("config", self.overrides)
         self.result: Result | None = None
         self.folder: Path | None = None
@@ -45,12 +45,12 @@ class Experiment:
         return self.result
 
 
-def _word(value: object) -> str:
+def hydra_word(value: object) -> str:
     """Write a value as on the command line."""
     if value is None:
         return "null"
     if isinstance(value, list | tuple):
-        return f"[{','.join(map(_word, value))}]"
+        return f"[{','.join(map(hydra_word, value))}]"
     if isinstance(value, bool):
         return str(value).lower()
     text = str(value)

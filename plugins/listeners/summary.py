@@ -12,8 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.cli import print_table, say
+from core.config.sources import defaults
 from core.design import best_tools
+from core.experiment import hydra_word
 from core.hooks import hookimpl
+from core.plugins import installed
 from core.report.formats import number
 from core.text import clean
 
@@ -114,11 +117,22 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
         return
     yield f"python -m core.report {folder}"
     yield f"python -m core.gallery {folder}"
-    parts = " ".join(f"{kind}={run.parts[kind]}" for kind in ("task", "sim", "tool"))
+    words = [*(f"{kind}={run.parts[kind]}" for kind in ("task", "sim", "tool")), *_robot_words(run)]
+    parts = shlex.join(words)
     design = _short(run.folder / "best" / "design.json").replace("\\", "\\\\").replace('"', '\\"')
     if not re.fullmatch(r"[\w./-]+", design):
         design = f'"{design}"'  # as Hydra wants it, beside what the shell wants
     yield f"python -m core.evaluate {parts} seed={run.seed} {shlex.quote(f'designs={design}')}"
+
+
+def _robot_words(run: Run) -> Iterable[str]:
+    """Overrides that choose the run's robot, as far as it is not the default one as it is."""
+    chosen = dict(run.config.get("robot") or {})
+    name = chosen.pop("name", run.task.robot.name)
+    if name != installed().default_robot.name:
+        yield f"robot={name}"
+    usual = defaults("robot", name)
+    yield from (f"robot.{key}={hydra_word(value)}" for key, value in chosen.items() if usual.get(key) != value)
 
 
 def _short(path: Path) -> str:
