@@ -31,7 +31,6 @@ from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from core.robot.description import measured_figures
 from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
 from core.simulation.pictures import save_film
@@ -247,7 +246,8 @@ def main() -> None:
         for name, draw in DRAWINGS.items():
             (DOCS / "images" / f"{name}.svg").write_text(draw(), encoding="utf-8")
     elif given.what == "arm":
-        fill(DOCS / "arm.md", f"\n{facts.sheet(measured_figures())}")
+        robot = installed().default_robot
+        fill(DOCS / "arm.md", f"\n{facts.sheet(robot, robot.measured)}")
     elif given.what == "prompts":
         fill(DOCS / "prompts.md", prompt_page.contents())
     elif given.what == "notebook":

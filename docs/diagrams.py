@@ -22,6 +22,7 @@ FLOORS = {
         "geometry",
         "scene",
         "design",
+        "robots",
         "messages",
         "jobs",
         "observations",
@@ -48,6 +49,7 @@ FLOORS = {
 }
 PARTS = {
     "task": "RoboToolBench's twelve",
+    "robot": "panda, ur5, ...",
     "sim": "pybullet, sapien, mujoco",
     "vlm": "gemini, openai, ... or offline",
     "tool": "urdf; none, rlbench",
@@ -96,10 +98,10 @@ def arrow(*corners: tuple[float, float], dashed: bool = False) -> str:
 
 
 def house() -> str:
-    """Draw the floors of ``core/`` and the eight kinds of parts."""
+    """Draw the floors of ``core/`` and the nine kinds of parts."""
     left, width, storey, gap = 20, 560, 52, 8
     top = 50
-    base = top + len(FLOORS) * (storey + gap)
+    base = top + max(len(FLOORS), len(PARTS)) * (storey + gap)
     pieces = [text(left, 34, "core/", size=16, anchor="start", bold=True)]
     middle = {}
     for number, (what, modules) in enumerate(reversed(FLOORS.items())):
@@ -120,7 +122,7 @@ def house() -> str:
     for what, label in (("interfaces and events", "implement"), ("plugins and config", "are found by")):
         pieces.append(arrow((rail, middle[what]), (left + width + 2, middle[what])))
         pieces.append(text((rail + left + width) / 2, middle[what] - 7, label, size=12, color=SOFT))
-    return drawing(right + wide + 20, base + 34, "The floors of core, and the eight kinds of parts beside it", pieces)
+    return drawing(right + wide + 20, base + 34, "The floors of core, and the nine kinds of parts beside it", pieces)
 
 
 def loop() -> str:

@@ -73,7 +73,7 @@ def candidate(number: int, fault: str | None = None) -> Candidate:
     mass = 0.1 + (0 if fault is None else FAULTS.index(fault) + 1) / 1000
     length = 0.1 + (number // 2) / 1000
     down = Pose(np.array([0.0, 0.0, -length / 2]))  # clear of the arm
-    tool = Tool((Component("rod", "panda_virtual", down, Box((0.02, 0.02, length)), mass),))
+    tool = Tool((Component("rod", "tool_mount", down, Box((0.02, 0.02, length)), mass),))
     plan = np.array([[0.5, 0.001 * (number % 50), 0.42, 0, 0, 0]])
     return Candidate(tool, plan, 0, 0, number // 2, number % 2)
 

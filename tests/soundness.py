@@ -13,13 +13,13 @@ from core.designs.rules import (
     MAX_EXTENT_M,
     MAX_REACH_M,
     MAX_SIDE_M,
-    MAX_TOOL_KG,
     MAX_WAYPOINTS,
     MIN_COMPONENT_KG,
     MIN_DENSITY,
     MIN_SIDE_M,
     MIN_TOOL_KG,
 )
+from tests.panda import PANDA
 
 MAX_TEXT = 5000
 
@@ -41,7 +41,7 @@ def check_candidate(candidate: Candidate) -> None:
     assert tool is not None
     assert 1 <= len(tool.components) <= MAX_COMPONENTS
     assert len(set(names)) == len(names)
-    assert MIN_TOOL_KG <= tool.mass <= MAX_TOOL_KG
+    assert MIN_TOOL_KG <= tool.mass <= PANDA.payload_kg
     for component in tool.components:
         assert all(MIN_SIDE_M <= side <= MAX_SIDE_M for side in component.shape.size)
         assert MIN_COMPONENT_KG <= component.mass <= MAX_COMPONENT_KG

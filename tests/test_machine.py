@@ -68,7 +68,7 @@ def test_a_temporary_folder_that_is_cleaned_changes_nothing(whole, tmp_path):
 def test_an_engine_whose_files_are_deleted_writes_them_again(engine):
     """The second rollout shares all files with the first; an engine may report none that is missing."""
     task, sim = installed().create("task", "HighObject"), simulator(engine)
-    tool = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.05])), Box((0.02, 0.02, 0.1))),))
+    tool = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.05])), Box((0.02, 0.02, 0.1))),))
     candidate = Candidate(tool, np.array([[0.5, 0.1, 0.4, 0.0, 0.0, 0.0]]), 0, 0)
     settings = RolloutSettings(settle_s=0.1, hold_s=0.1)
 

@@ -90,7 +90,7 @@ def answer(brief) -> str:
             {
                 "strategy_name": f"rod {number}",
                 "gripper": False,
-                **brief.representation.dump(Tool((Component("rod", "panda_virtual", pose, rod),))),
+                **brief.representation.dump(Tool((Component("rod", "tool_mount", pose, rod),))),
                 "action_sets": plans,
                 "parents": [elite.candidate.id for elite in brief.elites[:2]],
             }

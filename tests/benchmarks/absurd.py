@@ -22,6 +22,7 @@ from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simula
 from core.robot.trajectory import at_home
 from core.scene import Body, Scene, State
 from core.simulation.tracks import Track, body_tracks, robot_tracks
+from tests.panda import PANDA
 
 LIGHT, SHEET_M, BLADE_M = 1.02, 0.00095, 0.002  # the first: over the least mass that the rules allow
 GHOST_M, TIP_M_S, INSIDE_CM2, AIR_M = 0.008, 6.0, 1.0, 0.02  # from here on a motion or an end counts as absurd
@@ -102,7 +103,7 @@ def random_start(task: Task, seed: int, random: np.random.Generator, *, flat: bo
             if last:
                 break
     tool = Tool(tuple(parts), gripper)
-    tip = task.home.inverse().apply(robot_tracks(tool, _still(at_home(task)))[-1].positions[0])
+    tip = task.home.inverse().apply(robot_tracks(PANDA, tool, _still(at_home(task)))[-1].positions[0])
     goal, scene = task.goals[int(random.integers(len(task.goals)))], task.scene(seed)
     body = scene[str(random.choice(goal.bodies))]
     start = body_tracks(Scene((body,)), _still(at_home(task), Scene((body,))))
@@ -227,7 +228,7 @@ def inside(scene: Scene, tool: Tool, recording: Recording) -> tuple[float, str]:
     of a body that touch are one. This shares nothing with the check of penetration: it counts points.
     """
     worst = 0.0, ""
-    own = [track for track in robot_tracks(tool, recording) if isinstance(track.shape, Box)]
+    own = [track for track in robot_tracks(PANDA, tool, recording) if isinstance(track.shape, Box)]
     for body in scene.bodies:
         parts = [track for track in body_tracks(scene, recording) if track.owner == body.name]
         for one in own:
@@ -304,7 +305,7 @@ def hanging(scene: Scene, tool: Tool | None, recording: Recording) -> tuple[floa
     """
     assert tool is not None
     states, tracks = recording.states, body_tracks(scene, recording)
-    solids = [*robot_tracks(tool, recording), *tracks]
+    solids = [*robot_tracks(PANDA, tool, recording), *tracks]
     worst = 0.0, ""
     for body in scene.free:
         first, last = states[0].position(body.name), states[-1].position(body.name)
@@ -361,7 +362,7 @@ def tried(scene: Scene, evaluation: Evaluation, job: Rollout, recording: Recordi
     """Follow the commanded path of a rollout's tool."""
     assert evaluation.candidate.tool is not None
     count = len(evaluation.candidate.tool.components)
-    commanded = robot_tracks(evaluation.candidate.tool, _still(job.trajectory, scene))[-count:]
+    commanded = robot_tracks(PANDA, evaluation.candidate.tool, _still(job.trajectory, scene))[-count:]
     return Tried(scene, evaluation, recording, commanded, body_tracks(scene, _still(job.trajectory, scene)))
 
 

@@ -25,10 +25,10 @@ from core.errors import choices
 from core.geometry import Array
 from core.interfaces import Outcome, Rollout, RolloutSettings
 from core.plugins import installed
-from core.robot.kinematics import arm as panda_arm
 from core.scene import State
 from core.simulation.playback import World, schedule, targets
 from core.simulation.rollout import Evaluator, prepare
+from tests.panda import ARM
 
 STEPS = {  # where each engine's own steps are called: nothing of ours is in there
     "pybullet": "pybullet:stepSimulation",
@@ -178,7 +178,7 @@ class _Solving:
     def __init__(self, world: World, job: Rollout) -> None:
         self._world = world
         self.time_step = world.time_step
-        self._arm = panda_arm()
+        self._arm = ARM
         self._joints = job.trajectory.arm[0]
         settle, times = schedule(job, world.time_step)
         moving = round(job.trajectory.duration / world.time_step)

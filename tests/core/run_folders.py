@@ -23,7 +23,7 @@ PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1], [0.6, 0.1, 0.3, 0.0, 0.0, 0.0]]
 
 def hook(length: float, name: str = "hook", description: str = "") -> Tool:
     """A shaft of some length and a blade that joins it."""
-    shaft = Component("shaft", "panda_virtual", Pose(np.array([0, 0, -length / 2])), Box((0.02, 0.02, length)))
+    shaft = Component("shaft", "tool_mount", Pose(np.array([0, 0, -length / 2])), Box((0.02, 0.02, length)))
     blade = Component("blade", "shaft", Pose(np.array([0.04, 0, -length / 2])), Box((0.1, 0.03, 0.006)))
     return Tool((shaft, blade), name=name, description=description)
 

@@ -61,12 +61,12 @@ def test_mass():
     ("components", "gripper", "reason"),
     [
         ([box("a"), box("a")], False, "two parts of the tool are named 'a'"),
-        ([box(RIGID_MOUNT)], False, "two parts of the tool are named 'panda_virtual'"),
+        ([box(RIGID_MOUNT)], False, "two parts of the tool are named 'tool_mount'"),
         ([box("a", "b"), box("b")], False, "'a' hangs from 'b', which is neither a component before it"),
         ([box("a", "a")], False, "'a' hangs from 'a'"),
-        ([box("a", "panda_link8")], False, r"'a' hangs from 'panda_link8'.*the mount \(panda_virtual\)"),
-        ([box("a", LEFT)], False, r"'a' hangs from 'panda_leftfinger'.*\(panda_virtual\)"),
-        ([box("a")], True, r"'a' hangs from 'panda_virtual'.*\(panda_leftfinger or panda_rightfinger\)"),
+        ([box("a", "panda_link8")], False, r"'a' hangs from 'panda_link8'.*the mount \(tool_mount\)"),
+        ([box("a", LEFT)], False, r"'a' hangs from 'left_finger'.*\(tool_mount\)"),
+        ([box("a")], True, r"'a' hangs from 'tool_mount'.*\(left_finger or right_finger\)"),
     ],
 )
 def test_what_is_no_tool(components, gripper, reason):

@@ -4,8 +4,8 @@ from pathlib import Path
 import pytest
 
 from core.facts import LABELS, sheet
-from core.robot.description import measured_figures
 from docs.build import BEGIN, END
+from tests.panda import PANDA
 from tests.test_commands import call
 
 ROOT = Path(__file__).parents[2]
@@ -13,16 +13,16 @@ ROOT = Path(__file__).parents[2]
 
 def test_the_page_has_the_sheet_of_the_stored_figures():
     page = (ROOT / "docs/arm.md").read_text().partition(BEGIN)[2].partition(END)[0]
-    assert page.strip() == sheet(measured_figures()).strip(), "python docs/build.py arm"
+    assert page.strip() == sheet(PANDA, PANDA.measured).strip(), "python docs/build.py arm"
 
 
 def test_every_figure_has_a_row():
-    figures = measured_figures()
+    figures = PANDA.measured
     assert set(figures) == {"mujoco", "pybullet", "sapien"}
     assert all(set(one) == set(LABELS) for one in figures.values())
-    rows = sheet(figures).split("## Exactness")[1].splitlines()
+    rows = sheet(PANDA, figures).split("## Exactness")[1].splitlines()
     assert len([row for row in rows if row.startswith("|")]) == 2 + len(LABELS)
-    assert "full force at once" in sheet(figures)
+    assert "full force at once" in sheet(PANDA, figures)
 
 
 @pytest.mark.slow
@@ -32,4 +32,4 @@ def test_the_command_writes_the_figures_of_the_engines_named(tmp_path):
     assert "| figure | mujoco |" in done.stdout
     figures = json.loads((tmp_path / "figures.json").read_text())
     assert set(figures) == {"mujoco"}
-    assert sheet(figures) == done.stdout
+    assert sheet(PANDA, figures) == done.stdout

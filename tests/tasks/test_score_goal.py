@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import JointTrajectory, Rollout, Task
-from core.robot.kinematics import arm
 from core.scene import Scene, State
 from tasks.score_goal import BAR, DEPTH, HEIGHT, PUCK_HEIGHT, PUCK_RADIUS, START, WIDTH, ScoreGoal
 from tests.engines import simulator
+from tests.panda import ARM
 
 TASK = ScoreGoal()
 SCENE = TASK.scene(0)
@@ -125,7 +125,7 @@ class Shot(Task):
 def flight(aim, direction, speed, rpy):
     """Positions (S, 3) of the puck in the goal's frame, at each step until 0.3 s after the expected hit."""
     task = Shot(aim, direction / np.linalg.norm(direction), speed, rpy)
-    still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.zeros(1))
+    still = JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.zeros(1))
     job = Rollout(Tool(), still, settle_s=0.0, hold_s=speed / 9.81 + 0.3, record_hz=500.0)
     (outcome,) = simulator("pybullet").rollout(task, [job])
     assert outcome.error is None

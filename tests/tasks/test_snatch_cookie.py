@@ -9,10 +9,9 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm
 from core.scene import State
 from tasks.snatch_cookie import BODY_RADIUS, BOTTOM, COOKIES, JAR, MOUTH, RADIUS, THICKNESS, SnatchCookie
+from tests.panda import ARM, FINGER_OPEN
 
 TASK = SnatchCookie()
 START = TASK.scene(0).state()
@@ -88,7 +87,7 @@ def test_the_layout_follows_the_seed() -> None:
 @pytest.mark.slow
 def test_the_columns_stand_still() -> None:
     """Contact solvers are at their worst with stacks."""
-    still = JointTrajectory(np.zeros(1), arm().home_for(TASK.home)[None], np.array([FINGER_OPEN]))
+    still = JointTrajectory(np.zeros(1), ARM.home_for(TASK.home)[None], np.array([FINGER_OPEN]))
     jobs = [Rollout(Tool(), still, seed, settle_s=0.5, hold_s=5.0) for seed in (5, 6, 7)]
     for outcome in installed().create("sim", "pybullet").rollout(TASK, jobs):
         assert outcome.start is not None

@@ -22,11 +22,10 @@ from core.designs.rules import SpawnRules
 from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm
 from core.scene import State
 from core.simulation.rollout import evaluate_batch
 from tests.engines import every_simulator, simulator
+from tests.panda import ARM, FINGER_OPEN
 
 ROOT = Path(__file__).parents[2]
 TASKS = installed().names("task")
@@ -59,7 +58,7 @@ def task_of(name):
 def idle(name, engine):
     """The outcome of five seconds in which the bare arm stays home."""
     task = task_of(name)
-    still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.array([FINGER_OPEN]))
+    still = JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.array([FINGER_OPEN]))
     (outcome,) = simulator(engine).rollout(task, [Rollout(Tool(), still, settle_s=0.5, hold_s=5.0)])
     assert outcome.error is None
     return outcome

@@ -11,15 +11,15 @@ from core.design import Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import Rollout, Task
 from core.plugins import installed
-from core.robot.kinematics import arm
 from core.robot.trajectory import plan_motion
 from core.scene import Scene, floor, table
 from tests.engines import every_simulator, simulator
+from tests.panda import ARM
 
 pytestmark = pytest.mark.slow
 
 THICK, LONG = 0.012, 0.3
-ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -LONG / 2])), Box((THICK, THICK, LONG))),))
+ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -LONG / 2])), Box((THICK, THICK, LONG))),))
 STAND = np.array([0.55, 0.0])  # where the hollow thing is put, within reach
 
 # Hollow bodies: their task and name, the half lengths inside along x and y (or the radius), and how high over the foot
@@ -77,11 +77,11 @@ def test_rod_stays_inside(name, engine, angle, run_up):
     start = STAND - (min(0.05, wall / 2) if run_up else 0.0) * ahead
     way = [[*STAND, z + 0.3], [*start, z], [*far, z]]
     plan = np.array([[x, y, up, 0.0, 0.0, 0.0] for x, y, up in way])
-    motion = plan_motion(plan, task.home, arm())
+    motion = plan_motion(plan, task.home, ARM)
     job = Rollout(ROD, motion.trajectory, hold_s=1.0, record_hz=200.0)
     (outcome,) = simulator(engine).rollout(task, [job])
     assert outcome.error is None
-    tips = np.array([arm().forward(q).apply([0.0, 0.0, -LONG]) for q in outcome.recording.arm])
+    tips = np.array([ARM.forward(q).apply([0.0, 0.0, -LONG]) for q in outcome.recording.arm])
     low = tips[:, 2] < height + 0.02
     entered = int(np.argmax(low))
     climbed = np.flatnonzero(~low[entered:])  # over the edge it may go
@@ -96,7 +96,7 @@ def test_rod_stays_inside(name, engine, angle, run_up):
 BAR_LONG = 0.6
 BAR = Tool(
     (
-        Component("post", "panda_virtual", Pose(np.array([0.0, 0.0, -0.03])), Box((0.03, 0.03, 0.06))),
+        Component("post", "tool_mount", Pose(np.array([0.0, 0.0, -0.03])), Box((0.03, 0.03, 0.06))),
         Component("bar", "post", Pose(np.array([BAR_LONG / 2, 0.0, -0.03 + THICK / 2])), Box((BAR_LONG, THICK, THICK))),
     )
 )
@@ -116,11 +116,11 @@ def test_bar_stays_in_the_pipe(engine, aside, up, ahead):
     way = [(x - 0.28, y, z + 0.1), (x - 0.28, y, z), (x, y, z), (x + dx, y + dy, z + dz)]
     plan = np.array([[*(np.array(point) - TIP), 0.0, 0.0, 0.0] for point in way])
     alone = Alone(pipe)
-    motion = plan_motion(plan, alone.home, arm())
+    motion = plan_motion(plan, alone.home, ARM)
     assert motion.ik_error_m < 0.001
     (outcome,) = simulator(engine).rollout(alone, [Rollout(BAR, motion.trajectory, hold_s=1.0, record_hz=200.0)])
     assert outcome.error is None
-    tips = np.array([arm().forward(q).apply(TIP) for q in outcome.recording.arm])
+    tips = np.array([ARM.forward(q).apply(TIP) for q in outcome.recording.arm])
     low = int(np.argmax(tips[:, 2] < 0.1))  # from here on it is before or in the pipe
     inside = tips[low:][tips[low:, 0] > 0.95]
     assert len(inside)

@@ -9,16 +9,16 @@ from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Outcome, Rollout, Simulator
-from core.robot.description import measured_figures
 from core.scene import Body
+from tests.panda import PANDA
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["mujoco", "sapien"])
 def test_the_stored_figures_are_those_of_the_engine(engine):
     pytest.importorskip(engine)
-    measured = measure(part("sim", load("evaluate", [f"sim={engine}"]).sim).create())
-    stored = measured_figures()[engine]
+    measured = measure(part("sim", load("evaluate", [f"sim={engine}"]).sim).create(), PANDA)
+    stored = PANDA.measured[engine]
     assert measured.keys() == stored.keys()
     for name, figure in stored.items():
         least = 2e-4 if "rad" in name else 0.1  # radians; millimetres and newtons
@@ -27,8 +27,8 @@ def test_the_stored_figures_are_those_of_the_engine(engine):
 
 @pytest.mark.slow
 def test_a_slower_servo_is_less_exact_and_presses_less():
-    lazy = measure(part("sim", load("evaluate", ["sim=mujoco", "sim.tracking_rate=25"]).sim).create())
-    usual = measured_figures()["mujoco"]
+    lazy = measure(part("sim", load("evaluate", ["sim=mujoco", "sim.tracking_rate=25"]).sim).create(), PANDA)
+    usual = PANDA.measured["mujoco"]
     assert lazy["lag_mm"] > 1.5 * usual["lag_mm"]
     assert lazy["sag_mm_1kg"] > 2 * usual["sag_mm_1kg"]
     assert lazy["push_n_per_mm"] * lazy["sag_mm_1kg"] == pytest.approx(exactness.GRAVITY, rel=0.05)
@@ -48,7 +48,7 @@ def test_a_body_that_is_lifted_rises_by_what_the_force_leaves_of_the_error(mass)
     job = Rollout(Tool(tuple(parts)), motion([[0.5, 0, 0.502, 0, 0, 0]]))
     (outcome,) = simulator.rollout(Bodies(body, *rails), [job])
     rise_mm = 1000 * (outcome.end.position("body") - outcome.start.position("body"))[2]
-    left_mm = 2 - mass * exactness.GRAVITY / measured_figures()["mujoco"]["push_n_per_mm"]
+    left_mm = 2 - mass * exactness.GRAVITY / PANDA.measured["mujoco"]["push_n_per_mm"]
     assert rise_mm == pytest.approx(left_mm, abs=0.1)
 
 
@@ -62,4 +62,4 @@ class Broken(Simulator):
 
 def test_an_engine_that_fails_is_named_as_the_cause():
     with pytest.raises(UserError, match=r"can't be measured: the engine is out of order"):
-        measure(Broken())
+        measure(Broken(), PANDA)

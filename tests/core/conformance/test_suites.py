@@ -104,7 +104,7 @@ class Floating(GivenTools):
     """Gives a box in the air, far from the flange."""
 
     def given(self, task):
-        return Tool((Component("box", "panda_virtual", Pose.xyz_rpy((0.0, 0.0, -0.2)), Box((0.1, 0.1, 0.1))),))
+        return Tool((Component("box", "tool_mount", Pose.xyz_rpy((0.0, 0.0, -0.2)), Box((0.1, 0.1, 0.1))),))
 
 
 class Forgetful(ToolRepresentation):

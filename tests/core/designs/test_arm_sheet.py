@@ -2,11 +2,11 @@ import pytest
 
 from core.designs.arm_sheet import describe_arm, describe_exactness, describe_speed, segments
 from core.interfaces import RolloutSettings, Task
-from core.robot.description import measured_figures
+from tests.panda import PANDA
 
 
 def test_how_exact_the_arm_is_depends_on_the_engine():
-    measured = measured_figures()
+    measured = PANDA.measured
     texts = [describe_arm(Task.home, RolloutSettings(), engine).exactness for engine in ("mujoco", "sapien", "mine")]
     assert f"Measured in mujoco: in motion it lags by up to {measured['mujoco']['lag_mm']:.2g} mm" in texts[0]
     assert f"presses with {measured['sapien']['push_n_per_mm']:.0f} N per mm, " in texts[1]
@@ -29,4 +29,4 @@ def test_segments_take_the_time_of_the_motion():
     fast = {(one.way, one.length): one for one in segments(Task.home, RolloutSettings())}
     assert fast["forward", 0.4].seconds > fast["left", 0.4].seconds > fast["left", 0.1].seconds
     assert fast["forward", 0.4].peak > 1.5
-    assert "for 0.1 m" in describe_speed(slow)
+    assert "for 0.1 m" in describe_speed(PANDA, slow)

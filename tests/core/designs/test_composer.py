@@ -30,14 +30,14 @@ from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Pose, Vector
 from core.interfaces import Brief, Message, Picture, Reply, Request, Task, Text, ToolRepresentation
-from core.robot.description import FINGER_OPEN, assemble
-from core.robot.kinematics import arm
+from core.robot.description import assemble
 from core.robot.reach import as_table, compute_reach
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Geom, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings
 from plugins.tools.urdf.representation import UrdfTools
 from plugins.vlms.litellm.client import load as litellm
+from tests.panda import ARM, FINGER_OPEN, PANDA
 
 FOLDER = Path(prompts.__file__).parent
 PICTURE = Picture(b"\x89PNG")
@@ -705,9 +705,9 @@ def test_turns_move_parts_as_the_frames_template_says(axis: int, sign: int) -> N
     name, *motions = rows[axis]
     assert name == ("roll", "pitch", "yaw")[axis]
     position, turn = np.array([0.5, 0.0, 0.4]), sign * 0.3 * np.eye(3)[axis]
-    solution = arm().inverse(Pose.xyz_rpy(position, turn), arm().home)
+    solution = ARM.inverse(Pose.xyz_rpy(position, turn), ARM.home)
     assert solution.error_m < 1e-4
-    pose = arm().forward(solution.joints)
+    pose = ARM.forward(solution.joints)
     for part, motion in zip(PARTS, motions, strict=True):
         (direction,) = (way for text, way in DIRECTIONS.items() if motion.startswith(text))
         shift = pose.apply(0.3 * part) - (position + 0.3 * part)
@@ -726,10 +726,10 @@ def test_the_frames_example() -> None:
 
 
 def frames_at(home: Pose, gripper: bool) -> dict[str, Pose]:
-    """The robot's links, fingers open, in the frame of ``panda_virtual``."""
-    model = pin.buildModelFromXML(assemble(None if gripper else Tool(), visuals=False))
+    """The robot's links, fingers open, in the frame of ``tool_mount``."""
+    model = pin.buildModelFromXML(assemble(PANDA, None if gripper else Tool(), visuals=False))
     data = model.createData()
-    pin.framesForwardKinematics(model, data, np.r_[arm().home_for(home), [FINGER_OPEN] * (2 if gripper else 0)])
+    pin.framesForwardKinematics(model, data, np.r_[ARM.home_for(home), [FINGER_OPEN] * (2 if gripper else 0)])
     virtual = data.oMf[model.getFrameId(RIGID_MOUNT)]
     links = [(i, frame.name) for i, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
     return {name: Pose.from_matrix(virtual.actInv(data.oMf[i]).homogeneous) for i, name in links}
@@ -761,7 +761,7 @@ def test_finger_frames() -> None:
 @pytest.mark.parametrize("home", [Task.home, PushCube.home, Pose(np.array([0.4, 0.0, 0.1]))])
 def test_where_the_wrist_is_at_home(home: Pose) -> None:
     frames = frames_at(home, gripper=False)
-    robot = etree.fromstring(assemble(Tool(), visuals=False))
+    robot = etree.fromstring(assemble(PANDA, Tool(), visuals=False))
     links = {link.get("name"): link for link in robot.findall("link") if link.find("collision") is not None}
     wrist = np.concatenate([corners(links[name], frames[name]) for name in ("panda_link6", "panda_link7")])
     assert wrist[:, 2].min() > -1e-3
@@ -773,7 +773,7 @@ def test_where_the_wrist_is_at_home(home: Pose) -> None:
 
 def test_where_the_hand_is_at_home() -> None:
     frames = frames_at(Task.home, gripper=True)
-    robot = etree.fromstring(assemble(None, visuals=False))
+    robot = etree.fromstring(assemble(PANDA, None, visuals=False))
     hand = corners(robot.find("link[@name='panda_hand']"), frames["panda_hand"])
     assert np.all(hand.min(axis=0) > (-0.035, -0.105, -0.07))
     assert np.all(hand.max(axis=0)[:2] < (0.035, 0.105))
@@ -783,31 +783,31 @@ def test_where_the_hand_is_at_home() -> None:
 
 def test_the_workspace_is_that_of_this_arm() -> None:
     text = words(PromptComposer().compose(make_brief(), None)).split("# Workspace")[1].split("# Spawn")[0]
-    rows = set(text.splitlines()) & set(as_table(compute_reach(arm())).splitlines())
+    rows = set(text.splitlines()) & set(as_table(compute_reach(ARM)).splitlines())
     assert {row.split("|")[1] for row in rows} >= {"z", "0", "0.1", "0.2", "0.3", "0.4", "0.5", "0.6", "0.8"}
     assert "joint 4 at its lowest (z 0.1-0.5)" in text
     joints = [float(angle) for angle in text.split("its joints are at ")[1].split(".\n")[0].split(", ")]
-    np.testing.assert_allclose(arm().forward(np.array(joints)).position, PushCube.home.position, atol=0.01)
+    np.testing.assert_allclose(ARM.forward(np.array(joints)).position, PushCube.home.position, atol=0.01)
 
 
 def test_the_motion_is_as_in_the_action_rules() -> None:
     home, segment_s = PushCube.home, 0.5
     low, turned = [0.4, -0.2, 0.15, 0, 0, 0, 0], [0.4, -0.2, 0.15, 0, 0, 0.02, 0]
-    motion = plan_motion(np.array([low, turned, [*turned[:6], 1]]), home, arm(), segment_s=segment_s)
+    motion = plan_motion(np.array([low, turned, [*turned[:6], 1]]), home, ARM, segment_s=segment_s)
     trajectory = motion.trajectory
     assert trajectory.duration == pytest.approx(3 * segment_s, rel=0.02)  # three short segments, the first from home
-    np.testing.assert_allclose(arm().forward(trajectory.arm[0]).position, home.position, atol=1e-4)
-    np.testing.assert_allclose(arm().forward(trajectory.arm[-1]).position, low[:3], atol=1e-4)
+    np.testing.assert_allclose(ARM.forward(trajectory.arm[0]).position, home.position, atol=1e-4)
+    np.testing.assert_allclose(ARM.forward(trajectory.arm[-1]).position, low[:3], atol=1e-4)
     assert (trajectory.fingers[0], trajectory.fingers[-1]) == (FINGER_OPEN, 0.0)
     _, fingers = trajectory.sample(np.array([2 * segment_s, 2.5 * segment_s]))
     np.testing.assert_allclose(fingers, (FINGER_OPEN, FINGER_OPEN / 2), atol=1e-3)  # evenly, while the arm stands
-    halfway = arm().forward(trajectory.sample(np.array([0.5 * segment_s]))[0][0])
+    halfway = ARM.forward(trajectory.sample(np.array([0.5 * segment_s]))[0][0])
     np.testing.assert_allclose(halfway.position, (0.4, -0.2, 0.175), atol=1e-3)  # straight
 
 
 def test_a_repeated_waypoint_is_a_wait_of_one_segment() -> None:
     low = [0.4, -0.2, 0.15, 0, 0, 0]
-    motion = plan_motion(np.array([low, low, low]), PushCube.home, arm(), segment_s=0.5)
+    motion = plan_motion(np.array([low, low, low]), PushCube.home, ARM, segment_s=0.5)
     np.testing.assert_allclose(np.diff(motion.arrivals), 0.5, rtol=0.02)
     since = motion.trajectory.times > motion.arrivals[0]
     np.testing.assert_allclose(np.ptp(motion.trajectory.arm[since], axis=0), 0, atol=1e-9)
@@ -824,13 +824,13 @@ def test_gaps_are_between_turned_boxes() -> None:
     """The boxes around the two overlap; the boxes themselves are 4 mm apart."""
     shaft = bar("shaft", RIGID_MOUNT, (0, 0, -0.1), (0.1, 0.02, 0.2))
     turned = bar("turned", "shaft", (0.05 + 0.07 + 0.004, 0, 0), (0.1, 0.02, 0.1), (0, np.pi / 4, 0))
-    check_tool(Tool((shaft, replace(turned, pose=Pose.xyz_rpy((0.12, 0, 0), (0, np.pi / 4, 0))))))
+    check_tool(Tool((shaft, replace(turned, pose=Pose.xyz_rpy((0.12, 0, 0), (0, np.pi / 4, 0))))), PANDA)
     with pytest.raises(DesignError, match=r"is 3\.3 mm away from its parent"):
-        check_tool(Tool((shaft, turned)))
+        check_tool(Tool((shaft, turned)), PANDA)
     side = bar("side", "shaft", (0.05 + 0.045, 0, 0.1 + 0.045), (0.12, 0.02, 0.02), (0, np.pi / 4, 0))
     corner = replace(side, pose=Pose.xyz_rpy((0.05 + 0.03, 0, 0.1 + 0.03), (0, np.pi / 4, 0)))
     with pytest.raises(DesignError, match="mm away from its parent"):
-        check_tool(Tool((shaft, corner)))
+        check_tool(Tool((shaft, corner)), PANDA)
 
 
 class InTheBin(PushCube):
@@ -875,8 +875,8 @@ def test_what_collides_is_stated_as_it_is_checked(penetration: str) -> None:
 def test_a_turn_goes_the_shorter_way_and_a_far_one_takes_longer() -> None:
     turn = 1.3 * np.pi  # the shorter way is the other one
     plan = np.array([[0.5, 0, 0.4, 0, 0, 0], [0.5, 0, 0.4, 0, 0, turn]])
-    trajectory = plan_motion(plan, Task.home, arm()).trajectory
-    yaws = [arm().forward(joints).rpy[2] for joints in trajectory.arm]
+    trajectory = plan_motion(plan, Task.home, ARM).trajectory
+    yaws = [ARM.forward(joints).rpy[2] for joints in trajectory.arm]
     assert min(yaws) == pytest.approx(turn - 2 * np.pi, abs=0.01)
     assert max(yaws) < 0.01
     assert trajectory.duration > 1.1

@@ -36,7 +36,7 @@ SEEN = Observation(
 )
 
 
-ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
+ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
 
 
 def tried(number=0, reward=0.5, seen: Observation | None = SEEN, generation=0, **given) -> Evaluation:

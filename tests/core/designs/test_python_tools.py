@@ -16,7 +16,7 @@ from tests import toys
 
 
 def rod(z=-0.1, mass=0.005, length=0.2):
-    return Tool((Component("rod", "panda_virtual", Pose.xyz_rpy((0, 0, z)), Box((0.02, 0.02, length)), mass),))
+    return Tool((Component("rod", "tool_mount", Pose.xyz_rpy((0, 0, z)), Box((0.02, 0.02, length)), mass),))
 
 
 class Given(GivenTools):
@@ -52,7 +52,7 @@ def play(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("tool", "reason"),
     [
-        (rod(z=-0.4), "component 'rod' is 295.0 mm away from its mount 'panda_virtual'; move or lengthen it"),
+        (rod(z=-0.4), "component 'rod' is 295.0 mm away from its mount 'tool_mount'; move or lengthen it"),
         (rod(mass=50.0), "component 'rod' weighs 50 kg"),
         (rod(z=-0.35, length=0.7), "component 'rod' starts 200.0 mm inside 'table' of the scene"),
         ("a rod", "given returned \"'a rod'\"; expected a Tool or None"),

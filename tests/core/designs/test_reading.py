@@ -15,6 +15,7 @@ from core.geometry import Box, Pose
 from core.interfaces import Task, ToolRepresentation
 from core.scene import Body, Scene, table
 from core.text import clean
+from tests.panda import on_panda
 
 
 class CubeOnTable(Task):
@@ -48,18 +49,18 @@ class Rod(ToolRepresentation):
         if isinstance(length, bool) or not isinstance(length, int | float) or not 0 < length < 10:
             raise DesignError("length must be a number between 0 and 10")
         if gripper:
-            rods = ("panda_leftfinger", 1), ("panda_rightfinger", -1)
+            rods = ("left_finger", 1), ("right_finger", -1)
             return Tool(tuple(self._rod(m, length, (0, y * 0.0075, 0.05 + length / 2)) for m, y in rods), gripper=True)
-        return Tool((self._rod("panda_virtual", length, (0, 0, -length / 2)),))
+        return Tool((self._rod("tool_mount", length, (0, 0, -length / 2)),))
 
     def _rod(self, mount, length, at):
-        return Component(f"rod_{mount[6]}", mount, Pose.xyz_rpy(at), Box((0.01, 0.01, length)))
+        return Component(f"rod_{mount[0]}", mount, Pose.xyz_rpy(at), Box((0.01, 0.01, length)))
 
     def dump(self, tool):
         return {"length": tool.components[0].shape.size[2]}
 
 
-SPAWN = SpawnRules(CubeOnTable(), 0)
+SPAWN = SpawnRules(on_panda(CubeOnTable()), 0)
 PLAN = [[0.5, 0, 0.4, 0, 0, 0], [0.6, 0, 0.4, 0, 0, 0.5]]
 OPEN = [[*waypoint, 0.0] for waypoint in PLAN]
 STRATEGY = {

@@ -10,9 +10,9 @@ from core.designs.review import review
 from core.designs.rules import MAX_COMPONENTS
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
-from core.robot.kinematics import arm
 from core.robot.trajectory import plan_motion
 from tasks.bring_cube import BringCube
+from tests.panda import ARM
 
 TASK = BringCube()  # home at (0.5, 0, 0.5)
 HOME = (0.5, 0.0, 0.5)
@@ -54,11 +54,11 @@ def test_the_lowest_point_names_the_component_where_it_changes():
 
 def test_waypoints_out_of_reach_are_named_with_what_the_arm_reaches_instead():
     plan = np.array([[0.5, 0, 0.4, 0, 0, 0], [1.3, 0, 0.4, 0, 0, 0]])
-    motion = plan_motion(plan, TASK.home, arm())
+    motion = plan_motion(plan, TASK.home, ARM)
     text = reviewed(*plan)
     assert f"waypoint 2 is missed by {motion.ik_error_m * 1000:.0f} mm" in text
     assert "waypoint 1 is missed" not in text
-    x, y, z = arm().forward(motion.trajectory.arm[-1]).position
+    x, y, z = ARM.forward(motion.trajectory.arm[-1]).position
     assert f"the end-effector gets to ({x:.3f}, {y:.3f}, {z:.3f})" in text
 
 

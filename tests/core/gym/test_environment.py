@@ -13,10 +13,9 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.plugins import Offer, installed
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm
 from core.simulation.rollout import prepare
 from tasks.move_ball import MoveBall
+from tests.panda import ARM, FINGER_OPEN
 from tests.test_docs import ROOT
 
 DESIGNS = ROOT / "tests/tasks/solutions"
@@ -71,10 +70,10 @@ def test_observations_have_what_the_docstring_says():
 def test_end_effector_actions_move_the_end_effector():
     env = gymnasium.make("RoboToolBench/BringCube-v0", control_mode="end_effector")
     observed, _ = env.reset(seed=0)
-    before = arm().forward(observed[:7])
+    before = ARM.forward(observed[:7])
     for _ in range(10):
         observed, *_ = env.step(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
-    moved = arm().forward(observed[:7])
+    moved = ARM.forward(observed[:7])
     np.testing.assert_allclose(moved.position - before.position, (0, 10 * 0.05 * 0.25, 0), atol=0.01)
     assert (moved.rotation * before.rotation.inv()).magnitude() < 0.05
 
@@ -90,7 +89,7 @@ def test_the_same_plan_earns_what_it_earns_in_a_rollout():
     candidate = read_designs(document, installed().create("tool", "urdf"), SpawnRules(task, 0))[0]
     trajectory = prepare(task, candidate, 0, RolloutSettings())[1].trajectory
     env.reset(seed=0)
-    limits, total, done = 0.05 * arm().velocity_limits, 0.0, False
+    limits, total, done = 0.05 * ARM.velocity_limits, 0.0, False
     times = np.arange(0.05, trajectory.duration + 1.0, 0.05)
     targets, _ = trajectory.sample(times)
     for target in targets:
@@ -116,7 +115,7 @@ def test_fingers_open_and_close():
 def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
     file = tmp_path / "floating.json"
     document = load_designs(DESIGNS / "BringCube.json")
-    tool = Tool((Component("rod", "panda_virtual", Pose.xyz_rpy((0, 0, -0.4)), Box((0.02, 0.02, 0.2))),))
+    tool = Tool((Component("rod", "tool_mount", Pose.xyz_rpy((0, 0, -0.4)), Box((0.02, 0.02, 0.2))),))
     document["strategies"][0] |= installed().create("tool", "urdf").dump(tool)
     file.write_text(json.dumps(document))
     with pytest.raises(UserError, match=r"floating.json: the tool of strategy 0 can't be mounted: .* 295.0 mm away"):

@@ -6,10 +6,11 @@ import trimesh
 from core.design import Tool
 from core.report.drawing import Painted, draw, painted
 from tests.core.run_folders import hook
+from tests.panda import PANDA
 
 
 def test_a_tool_is_drawn_in_its_colours_with_its_edges():
-    picture = draw(painted(hook(0.3)), 240, 180)
+    picture = draw(painted(hook(0.3), PANDA), 240, 180)
     assert picture.shape == (180, 240, 4)
     alpha = picture[..., 3]
     assert alpha[0].max() == alpha[:, 0].max() == alpha[-1].max() == 0  # it fits
@@ -31,5 +32,5 @@ def test_what_is_nearer_hides_what_is_behind():
 
 
 def test_the_hand_is_drawn_for_a_gripper(tmp_path):
-    picture = draw(painted(Tool(gripper=True)))
+    picture = draw(painted(Tool(gripper=True), PANDA))
     assert (picture[..., 3] > 0).any()

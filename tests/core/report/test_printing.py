@@ -32,7 +32,7 @@ def found(piece, name):
 
 
 def test_overlapping_boxes_become_one_closed_body():
-    shaft = box("shaft", "panda_virtual", (0, 0, -0.05), (0.02, 0.02, 0.1))
+    shaft = box("shaft", "tool_mount", (0, 0, -0.05), (0.02, 0.02, 0.1))
     blade = box("blade", "shaft", (0.02, 0, -0.04), (0.06, 0.02, 0.02), (0.3, 0.2, 0.1))
     (piece,) = pieces(tool(shaft, blade), WIDE)
     assert piece.ready
@@ -43,7 +43,7 @@ def test_overlapping_boxes_become_one_closed_body():
 
 
 def test_boxes_that_touch_by_their_faces_become_one_body():
-    one = box("one", "panda_virtual", (0, 0, 0), (0.03, 0.03, 0.03))
+    one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
     other = box("other", "one", (0.03, 0, 0), (0.03, 0.03, 0.03))
     (piece,) = pieces(tool(one, other), WIDE)
     assert piece.ready
@@ -53,7 +53,7 @@ def test_boxes_that_touch_by_their_faces_become_one_body():
 
 @pytest.mark.parametrize(("gap_mm", "weld"), [(0.01, 0.01), (0.15, 0.1), (0.9, 0.5)])
 def test_gaps_that_a_design_may_have_are_closed_by_as_little_as_does_it(gap_mm, weld):
-    one = box("one", "panda_virtual", (0, 0, 0), (0.03, 0.03, 0.03))
+    one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
     other = box("other", "one", (0.03 + gap_mm / 1000, 0, 0), (0.03, 0.03, 0.03))
     mesh, by = fused((one, other), tool(one, other))
     assert (mesh.body_count, by) == (1, weld)
@@ -63,7 +63,7 @@ def test_gaps_that_a_design_may_have_are_closed_by_as_little_as_does_it(gap_mm, 
 
 
 def test_a_gap_too_wide_is_said():
-    one = box("one", "panda_virtual", (0, 0, 0), (0.03, 0.03, 0.03))
+    one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
     far = box("far_one", "one", (0.05, 0, 0), (0.03, 0.03, 0.03))
     (piece,) = pieces(tool(one, far), WIDE)
     assert failed(piece) == ["one piece"]
@@ -71,7 +71,7 @@ def test_a_gap_too_wide_is_said():
 
 
 def test_parts_that_touch_by_an_edge_only_are_said():
-    one = box("one", "panda_virtual", (0, 0, 0), (0.03, 0.03, 0.03))
+    one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
     edge = box("edge", "one", (0.03, 0.03, 0), (0.03, 0.03, 0.03))
     (piece,) = pieces(tool(one, edge), WIDE)
     assert failed(piece) == ["one piece"]
@@ -82,7 +82,7 @@ def test_parts_that_touch_by_an_edge_only_are_said():
 
 @pytest.mark.parametrize(("thickness_mm", "well"), [(0.5, False), (0.79, False), (0.81, True), (3.0, True)])
 def test_walls(thickness_mm, well):
-    shaft = box("shaft", "panda_virtual", (0, 0, 0), (0.02, 0.02, 0.1))
+    shaft = box("shaft", "tool_mount", (0, 0, 0), (0.02, 0.02, 0.1))
     sheet = box("sheet", "shaft", (0.03, 0, 0), (0.06, 0.05, thickness_mm / 1000), (0.4, 0.3, 0.2))
     (piece,) = pieces(tool(shaft, sheet), WIDE)
     assert (failed(piece) == []) == well
@@ -91,7 +91,7 @@ def test_walls(thickness_mm, well):
 
 def test_two_thin_sheets_on_each_other_make_a_wall():
     sheets = [
-        box("a", "panda_virtual", (0, 0, 0), (0.05, 0.05, 0.0005)),
+        box("a", "tool_mount", (0, 0, 0), (0.05, 0.05, 0.0005)),
         box("b", "a", (0, 0, 0.0005), (0.05, 0.05, 0.0005)),
     ]
     (piece,) = pieces(tool(*sheets), WIDE)
@@ -152,7 +152,7 @@ def test_what_is_too_long_is_said():
 def test_attachments_of_a_gripper_are_two_pieces():
     pads = [
         box(f"pad_{mount}", mount, (0, side * 0.0075, 0.07), (0.02, 0.015, 0.04))
-        for mount, side in (("panda_leftfinger", 1), ("panda_rightfinger", -1))
+        for mount, side in (("left_finger", 1), ("right_finger", -1))
     ]
     made = pieces(tool(*pads, gripper=True), Printer())
     assert [piece.name for piece in made] == ["left", "right"]

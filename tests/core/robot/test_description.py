@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -5,17 +7,9 @@ from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Box, Pose
-from core.robot.description import (
-    ACCELERATION_LIMITS,
-    ARM_JOINTS,
-    FINGER_JOINTS,
-    FINGER_OPEN,
-    HOME_JOINTS,
-    assemble,
-    box_inertia,
-    description_folder,
-    tool_urdf,
-)
+from core.robot.description import assemble, box_inertia, tool_urdf
+from plugins.robots.descriptions import robots_folder
+from tests.panda import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS, PANDA
 
 LEFT, RIGHT = GRIPPER_MOUNTS
 
@@ -43,7 +37,7 @@ every_tool = pytest.mark.parametrize("tool", TOOLS.values(), ids=TOOLS)
 
 
 def model_of(tool, **how):
-    return pin.buildModelFromXML(assemble(tool, visuals=False, **how))
+    return pin.buildModelFromXML(assemble(PANDA, tool, visuals=False, **how))
 
 
 def home(model):
@@ -70,7 +64,7 @@ def links(urdf):
 
 
 def test_masses_and_inertias_are_physical():
-    robot, total = assemble(), 0.0
+    robot, total = assemble(PANDA), 0.0
     for name, link in links(robot).items():
         mass = float(link.find("inertial/mass").get("value"))
         total += mass
@@ -101,7 +95,7 @@ def test_joint_limits_are_the_data_sheets():
     np.testing.assert_allclose(model.upperPositionLimit, [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973])
     np.testing.assert_allclose(model.velocityLimit, [2.175] * 4 + [2.61] * 3)
     np.testing.assert_allclose(model.effortLimit, [87] * 4 + [12] * 3)
-    np.testing.assert_allclose(ACCELERATION_LIMITS, [15, 7.5, 10, 12.5, 15, 20, 20])
+    np.testing.assert_allclose(PANDA.acceleration_limits, [15, 7.5, 10, 12.5, 15, 20, 20])
 
 
 def test_the_fingers_open_to_the_data_sheets_stroke():
@@ -123,7 +117,7 @@ def test_at_home_the_end_effector_has_the_worlds_axes(tool):
 
 
 def test_the_rigid_mount_takes_the_hands_place():
-    assert not {"panda_hand", *GRIPPER_MOUNTS} & set(links(assemble(RIGID)))
+    assert not {"panda_hand", *GRIPPER_MOUNTS} & set(links(assemble(PANDA, RIGID)))
     rigid, hand = model_of(Tool()), model_of(None)
     for name in (RIGID_MOUNT, "panda_link7"):
         np.testing.assert_allclose(frame_pose(rigid, name).matrix, frame_pose(hand, name).matrix, atol=1e-6)
@@ -133,8 +127,8 @@ def test_the_rigid_mount_takes_the_hands_place():
 
 
 def test_the_bare_hand_is_what_there_is_without_a_tool():
-    assert assemble(None) == assemble(Tool(gripper=True))
-    assert {"panda_hand", *GRIPPER_MOUNTS} <= set(links(assemble(None)))
+    assert assemble(PANDA, None) == assemble(PANDA, Tool(gripper=True))
+    assert {"panda_hand", *GRIPPER_MOUNTS} <= set(links(assemble(PANDA, None)))
 
 
 @every_tool
@@ -178,9 +172,9 @@ def test_fused_or_not_the_robot_weighs_the_same(tool):
 @pytest.mark.parametrize("tool", [RIGID, GRIPPER])
 def test_fusing_makes_shapes_of_the_mount(tool):
     bare, apart, fused = (
-        links(assemble(Tool(gripper=tool.gripper))),
-        links(assemble(tool)),
-        links(assemble(tool, fused=True)),
+        links(assemble(PANDA, Tool(gripper=tool.gripper))),
+        links(assemble(PANDA, tool)),
+        links(assemble(PANDA, tool, fused=True)),
     )
     assert set(fused) == set(bare)
     assert set(apart) - set(bare) == {component.name for component in tool.components}
@@ -192,7 +186,7 @@ def test_fusing_makes_shapes_of_the_mount(tool):
 def test_fused_shapes_stand_where_the_components_do():
     placed = GRIPPER.placed()
     for mount in GRIPPER_MOUNTS:
-        boxes = links(assemble(GRIPPER, fused=True))[mount].findall("collision")[-2 if mount == RIGHT else -1 :]
+        boxes = links(assemble(PANDA, GRIPPER, fused=True))[mount].findall("collision")[-2 if mount == RIGHT else -1 :]
         own = [c for c in GRIPPER.components if placed[c.name][0] == mount]
         for element, component in zip(boxes, own, strict=True):
             origin = {key: [float(x) for x in value.split()] for key, value in element.find("origin").items()}
@@ -207,14 +201,14 @@ def test_fused_shapes_stand_where_the_components_do():
 @every_tool
 @pytest.mark.parametrize("fused", [False, True])
 def test_every_urdf_is_one_tree(tool, fused):
-    robot = etree.fromstring(assemble(tool, fused=fused))
+    robot = etree.fromstring(assemble(PANDA, tool, fused=fused))
     names = [link.get("name") for link in robot.findall("link")]
     children = [joint.find("child").get("link") for joint in robot.findall("joint")]
     assert len(names) == len(set(names))
     assert sorted(children) == sorted(set(names) - {"panda_link0"})
     assert {joint.find("parent").get("link") for joint in robot.findall("joint")} <= set(names)
     movable = 9 if tool is None or tool.gripper else 7
-    assert pin.buildModelFromXML(assemble(tool, fused=fused)).nq == movable
+    assert pin.buildModelFromXML(assemble(PANDA, tool, fused=fused)).nq == movable
 
 
 def test_mesh_paths_are_the_callers_to_choose():
@@ -224,24 +218,24 @@ def test_mesh_paths_are_the_callers_to_choose():
         asked.append(path)
         return f"meshes/{path.name}"
 
-    text = assemble(RIGID, mesh_path=name)
+    text = assemble(PANDA, RIGID, mesh_path=name)
     assert asked
     assert all(path.is_absolute() and path.is_file() for path in asked)
     named = [mesh.get("filename") for mesh in etree.fromstring(text).iter("mesh")]
     assert sorted(named) == sorted(f"meshes/{path.name}" for path in asked)
-    assert str(description_folder()) not in text
+    assert str(robots_folder()) not in text
     assert "package://" not in text
 
 
 def test_meshes_are_found_by_default():
-    for mesh in etree.fromstring(assemble()).iter("mesh"):
-        assert (description_folder() / mesh.get("filename")).is_file()
+    for mesh in etree.fromstring(assemble(PANDA)).iter("mesh"):
+        assert Path(mesh.get("filename")).is_file()
 
 
 def test_visuals_can_be_left_out():
-    assert not list(etree.fromstring(assemble(RIGID, visuals=False)).iter("visual"))
-    assert len(list(etree.fromstring(assemble(RIGID)).iter("visual"))) > 8
-    one, other = (etree.fromstring(assemble(RIGID, visuals=v)) for v in (True, False))
+    assert not list(etree.fromstring(assemble(PANDA, RIGID, visuals=False)).iter("visual"))
+    assert len(list(etree.fromstring(assemble(PANDA, RIGID)).iter("visual"))) > 8
+    one, other = (etree.fromstring(assemble(PANDA, RIGID, visuals=v)) for v in (True, False))
     assert len(list(one.iter("collision"))) == len(list(other.iter("collision"))) > 8
 
 

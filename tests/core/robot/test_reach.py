@@ -3,18 +3,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Pose
-from core.robot.kinematics import arm
 from core.robot.reach import PITCHES, SELF, as_table, compute_reach, describe_limits, turns_at
 from core.robot.trajectory import plan_motion
+from tests.panda import ARM
 
 HOME = Pose(np.array([0.5, 0.0, 0.5]))
-REACH = compute_reach(arm())
+REACH = compute_reach(ARM)
 
 
 def missed(*waypoints):
     """Metres and radians by which a motion from home misses these waypoints: x, y, z, pitch, yaw."""
     plan = np.array([[x, y, z, 0.0, pitch, yaw] for x, y, z, pitch, yaw in waypoints])
-    motion = plan_motion(plan, HOME, arm())
+    motion = plan_motion(plan, HOME, ARM)
     return motion.ik_error_m, motion.ik_error_rad
 
 
@@ -36,7 +36,7 @@ def test_no_other_posture_reaches_farther(height, pitch):
     """From thirty random postures: the outer edge is the arm's, not that of one way to it."""
     beyond = Pose.xyz_rpy((REACH[height][pitch].most + 0.05, 0.0, height), (0.0, pitch, 0.0))
     rng = np.random.default_rng(0)
-    found = [arm().inverse(beyond, rng.uniform(arm().lower, arm().upper)) for _ in range(30)]
+    found = [ARM.inverse(beyond, rng.uniform(ARM.lower, ARM.upper)) for _ in range(30)]
     assert min(one.error_m + one.error_rad for one in found) > 0.01
 
 
@@ -45,7 +45,7 @@ def test_the_reach_ends_above():
     assert heights == [round(0.1 * n, 1) for n in range(len(heights))]
     assert all(any(row.values()) for row in REACH.values())
     above = Pose(np.array([0.1, 0.0, heights[-1] + 0.1]))
-    assert arm().inverse(above, arm().home).error_m > 0.003
+    assert ARM.inverse(above, ARM.home).error_m > 0.003
 
 
 def test_what_binds_at_the_inner_edge():
@@ -67,16 +67,16 @@ def test_the_table_has_a_row_for_each_height():
 
 
 def test_turns_at_home_end_where_they_say():
-    turns = turns_at(arm(), HOME.position)
+    turns = turns_at(ARM, HOME.position)
     for axis, (least, most) in zip("xyz", turns, strict=True):
         for angle, step in ((least, -0.15), (most, 0.15)):
-            seed = arm().home_for(HOME)
+            seed = ARM.home_for(HOME)
             for share in np.linspace(0.0, 1.0, 40):
-                solution = arm().inverse(
+                solution = ARM.inverse(
                     Pose.from_rotation(HOME.position, Rotation.from_euler(axis, share * angle)), seed
                 )
                 seed = solution.joints
                 assert solution.error_rad < 0.02, (axis, angle)
             if abs(angle) < 3.0:
                 beyond = Rotation.from_euler(axis, angle + step)
-                assert arm().inverse(Pose.from_rotation(HOME.position, beyond), seed).error_rad > 0.02, (axis, angle)
+                assert ARM.inverse(Pose.from_rotation(HOME.position, beyond), seed).error_rad > 0.02, (axis, angle)

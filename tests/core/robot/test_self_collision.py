@@ -19,17 +19,17 @@ from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, RolloutSettings, Task
 from core.plugins import installed
 from core.robot import self_collision
-from core.robot.description import FINGER_OPEN, HOME_JOINTS, assemble
-from core.robot.kinematics import arm
+from core.robot.description import assemble
 from core.robot.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
 from core.robot.solids import Solid, robot_solids, signed_distance, solid_geometry
 from core.robot.trajectory import plan_motion
 from core.simulation.rollout import evaluate_batch
 from tests.engines import every_simulator, simulator
 from tests.faults import Faulty, Slide
+from tests.panda import ARM, FINGER_OPEN, HOME_JOINTS, PANDA
 
 SOLUTIONS = Path(__file__).parents[2] / "tasks" / "solutions"
-ROD = Tool((Component("rod", "panda_virtual", Pose.xyz_rpy((0, 0, -0.06)), Box((0.02, 0.02, 0.12)), 0.1),))
+ROD = Tool((Component("rod", "tool_mount", Pose.xyz_rpy((0, 0, -0.06)), Box((0.02, 0.02, 0.12)), 0.1),))
 # The elbow folds, and the forearm goes into the shoulder.
 FOLDED = np.array([[0.4, 0, 0.4, 0, 0, 0], [0.22, 0.12, 0.22, 0, 0, 3.1]])
 
@@ -38,7 +38,7 @@ def moved(*waypoints, tool=None, times=None, fingers=None):
     """Targets that go through joint positions (7,), a second apart."""
     times = np.arange(len(waypoints), dtype=float) if times is None else np.array(times)
     fingers = np.full(len(waypoints), FINGER_OPEN) if fingers is None else np.array(fingers)
-    return find_self_collision(tool or Tool(), JointTrajectory(times, np.array(waypoints, dtype=float), fingers))
+    return find_self_collision(PANDA, tool or Tool(), JointTrajectory(times, np.array(waypoints, dtype=float), fingers))
 
 
 # --- against dense samples --------------------------------------------------------------------------------------
@@ -46,7 +46,7 @@ def moved(*waypoints, tool=None, times=None, fingers=None):
 
 @cache
 def model(gripper):
-    made = pin.buildModelFromXML(assemble(Tool(gripper=gripper), visuals=False))
+    made = pin.buildModelFromXML(assemble(PANDA, Tool(gripper=gripper), visuals=False))
     links = {frame.name: frame for frame in made.frames if frame.type == pin.FrameType.BODY}
     return made, made.createData(), links
 
@@ -57,18 +57,20 @@ def depths(tool, joints, fingers):
     pin.framesForwardKinematics(made, data, np.array([*joints, *[fingers] * (made.nq - 7)]))
     places = {name: Pose.from_matrix(data.oMf[made.getFrameId(name)].homogeneous) for name in links}
     placed = tool.placed()
-    solids = [(s.name, s.name, Solid(s.name, s.geometry, places[s.name] @ s.pose)) for s in robot_solids(tool.gripper)]
+    solids = [
+        (s.name, s.name, Solid(s.name, s.geometry, places[s.name] @ s.pose)) for s in robot_solids(PANDA, tool.gripper)
+    ]
     for part in tool.components:
         mount, pose = placed[part.name]
         solids.append((part.name, mount, Solid(part.name, solid_geometry(part.shape), places[mount] @ pose)))
-    hand = {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
+    hand = {"panda_hand", "left_finger", "right_finger"}
     number = {name: min(links[name].parentJoint, 7) for name in links}
     found = {}
     for (one, bearer, a), (other, others_bearer, b) in itertools.combinations(solids, 2):
         apart = abs(number[bearer] - number[others_bearer])
         if one in placed or other in placed:
             same = links[bearer].parentJoint == links[others_bearer].parentJoint
-            fingers_both = {bearer, others_bearer} == {"panda_leftfinger", "panda_rightfinger"}
+            fingers_both = {bearer, others_bearer} == {"left_finger", "right_finger"}
             limit = None if same or fingers_both else DEEP_M
         elif {one, other} & hand:
             limit = None if apart < 2 else DEEP_NEAR_M if apart == 2 else DEEP_M
@@ -85,10 +87,10 @@ def tools():
     places = st.tuples(*[st.floats(-0.25, 0.25)] * 2, st.floats(-0.3, 0.3))
     sides = st.tuples(*[st.sampled_from([0.0005, 0.002, 0.02, 0.15])] * 3)
     boxes = st.builds(
-        lambda at, size, mount: Tool((Component("box", mount, Pose.xyz_rpy(at), Box(size)),), mount != "panda_virtual"),
+        lambda at, size, mount: Tool((Component("box", mount, Pose.xyz_rpy(at), Box(size)),), mount != "tool_mount"),
         places,
         sides,
-        st.sampled_from(["panda_virtual", "panda_leftfinger"]),
+        st.sampled_from(["tool_mount", "left_finger"]),
     )
     return st.sampled_from([Tool(), Tool(gripper=True)]) | boxes
 
@@ -97,7 +99,7 @@ def tools():
 @settings(max_examples=25, deadline=None)
 @given(tools(), st.lists(st.tuples(*[st.floats(0, 1)] * 8), min_size=2, max_size=3))
 def test_it_finds_what_dense_samples_find(tool, shares):
-    low, high = np.append(arm().lower, 0.0), np.append(arm().upper, FINGER_OPEN)
+    low, high = np.append(ARM.lower, 0.0), np.append(ARM.upper, FINGER_OPEN)
     path = low + np.array(shares) * (high - low)
     found = moved(*path[:, :7], tool=tool, fingers=path[:, 7])
     instants = np.linspace(0, len(path) - 1, 40 * (len(path) - 1) + 1)
@@ -116,10 +118,10 @@ def test_it_finds_what_dense_samples_find(tool, shares):
 
 def test_a_sheet_that_passes_between_two_samples_is_found():
     """Half a millimetre thin, from one side of the forearm to the other in a hundredth of a second."""
-    post = Component("post", "panda_virtual", Pose.xyz_rpy((0, 0.065, 0)), Box((0.02, 0.13, 0.01)))
-    sheet = Component("sheet", "panda_virtual", Pose.xyz_rpy((0, 0.13, 0.15)), Box((0.0005, 0.02, 0.3)))
+    post = Component("post", "tool_mount", Pose.xyz_rpy((0, 0.065, 0)), Box((0.02, 0.13, 0.01)))
+    sheet = Component("sheet", "tool_mount", Pose.xyz_rpy((0, 0.13, 0.15)), Box((0.0005, 0.02, 0.3)))
     tool = Tool((post, sheet))
-    before, after = arm().home.copy(), arm().home.copy()
+    before, after = ARM.home.copy(), ARM.home.copy()
     before[6], after[6] = -2.0, 0.5
     assert moved(before, before, tool=tool) is None
     assert moved(after, after, tool=tool) is None
@@ -133,24 +135,24 @@ def test_a_sheet_that_passes_between_two_samples_is_found():
 
 def test_the_limits_of_two_joints_keep_links_apart():
     """A link that two joints bear is allowed all of their range: only the hulls overlap there."""
-    low, high = arm().lower, arm().upper
+    low, high = ARM.lower, ARM.upper
     for wrist in np.linspace(low[5], high[5], 9):
-        here, there = arm().home.copy(), arm().home.copy()
+        here, there = ARM.home.copy(), ARM.home.copy()
         here[5:], there[5:] = (wrist, low[6]), (wrist, high[6])
         assert moved(here, there) is None
 
 
 def test_the_hand_may_not_go_into_the_forearm():
-    back = arm().home.copy()
-    back[5:] = arm().lower[5], -np.pi / 4
-    found = moved(arm().home, back, tool=Tool(gripper=True))
+    back = ARM.home.copy()
+    back[5:] = ARM.lower[5], -np.pi / 4
+    found = moved(ARM.home, back, tool=Tool(gripper=True))
     assert {found.part, found.other} == {"panda_hand", "panda_link5"}
 
 
 def halves(inner):
     """A plate on each finger, its inner face ``inner`` metres from the finger's."""
     return tuple(
-        Component(f"plate_{side}", f"panda_{side}finger", Pose.xyz_rpy((0, y, 0.05)), Box((0.02, 0.01, 0.03)))
+        Component(f"plate_{side}", f"{side}_finger", Pose.xyz_rpy((0, y, 0.05)), Box((0.02, 0.01, 0.03)))
         for side, y in (("left", 0.005 - inner), ("right", inner - 0.005))
     )
 
@@ -158,17 +160,17 @@ def halves(inner):
 def test_fingers_close_until_their_plates_meet():
     """Commanded to close, plates may meet, as they do on a body between them."""
     tool = Tool(halves(0.01), gripper=True)
-    assert moved(arm().home, arm().home, tool=tool, fingers=[FINGER_OPEN, 0.0]) is None
+    assert moved(ARM.home, ARM.home, tool=tool, fingers=[FINGER_OPEN, 0.0]) is None
 
 
 def test_a_finger_may_not_drive_its_tool_into_the_hand():
     arch = (
-        Component("arm", "panda_leftfinger", Pose.xyz_rpy((0, 0.05, 0.03)), Box((0.02, 0.1, 0.01))),
+        Component("arm", "left_finger", Pose.xyz_rpy((0, 0.05, 0.03)), Box((0.02, 0.1, 0.01))),
         Component("hook", "arm", Pose.xyz_rpy((0, 0.045, -0.05)), Box((0.02, 0.01, 0.1))),
     )
     tool = Tool(arch, gripper=True)
-    assert moved(arm().home, arm().home, tool=tool, fingers=[FINGER_OPEN, FINGER_OPEN]) is None
-    found = moved(arm().home, arm().home, tool=tool, fingers=[FINGER_OPEN, 0.0])
+    assert moved(ARM.home, ARM.home, tool=tool, fingers=[FINGER_OPEN, FINGER_OPEN]) is None
+    found = moved(ARM.home, ARM.home, tool=tool, fingers=[FINGER_OPEN, 0.0])
     assert {found.part, found.other} == {"hook", "panda_hand"}
     assert found.with_tool
 
@@ -177,8 +179,8 @@ def test_a_finger_may_not_drive_its_tool_into_the_hand():
 def test_reference_solutions_stay_clear_of_themselves(file):
     task = installed().create("task", file.stem)
     for candidate in read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0)):
-        trajectory = plan_motion(candidate.plan, task.home, arm()).trajectory
-        assert find_self_collision(candidate.tool, trajectory) is None
+        trajectory = plan_motion(candidate.plan, task.home, ARM).trajectory
+        assert find_self_collision(PANDA, candidate.tool, trajectory) is None
 
 
 def test_few_distances_are_measured(monkeypatch):
@@ -189,17 +191,17 @@ def test_few_distances_are_measured(monkeypatch):
     file = SOLUTIONS / "CleanTable.json"
     task = installed().create("task", file.stem)
     (candidate,) = read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0))
-    trajectory = plan_motion(candidate.plan, task.home, arm()).trajectory
+    trajectory = plan_motion(candidate.plan, task.home, ARM).trajectory
     self_collision._pairs(candidate.tool)
     calls.clear()
-    find_self_collision(candidate.tool, trajectory)
+    find_self_collision(PANDA, candidate.tool, trajectory)
     pairs = len(self_collision._pairs(candidate.tool).deep)
     assert len(calls) < pairs * len(trajectory.times) / 200
 
 
 def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch):
     """A hundred thin boxes turn about the flange's axis for two minutes, close below the wrist."""
-    hub = Component("hub", "panda_virtual", Pose(np.array([0.0, 0.0, -0.01])), Box((0.02, 0.02, 0.02)))
+    hub = Component("hub", "tool_mount", Pose(np.array([0.0, 0.0, -0.01])), Box((0.02, 0.02, 0.02)))
     rays = []
     for number, angle in enumerate(np.linspace(0.0, 2 * np.pi, 99, endpoint=False)):
         turn = np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
@@ -212,12 +214,12 @@ def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch):
     calls = []
     measure = self_collision._Gauge.depth
     monkeypatch.setattr(self_collision._Gauge, "depth", lambda *given: calls.append(1) or measure(*given))
-    met = find_self_collision(Tool((hub, *rays)), trajectory)
+    met = find_self_collision(PANDA, Tool((hub, *rays)), trajectory)
     assert len(calls) < self_collision.MAX_DISTANCES + 1000
     assert met.unchecked
     assert "collisions can't be ruled out: the search was given up at" in met.describe(np.array([60.0, 119.0]))
     monkeypatch.setattr(self_collision, "MAX_DISTANCES", 10**9)
-    assert find_self_collision(Tool((hub, *rays[:5])), trajectory) is None
+    assert find_self_collision(PANDA, Tool((hub, *rays[:5])), trajectory) is None
 
 
 # --- what becomes of a plan -------------------------------------------------------------------------------------
@@ -265,8 +267,8 @@ def test_the_command_prints_what_meets_when_and_where(monkeypatch, capsys, tmp_p
 
 
 def test_when_a_waypoint_is_reached():
-    motion = plan_motion(FOLDED, Task.home, arm())
+    motion = plan_motion(FOLDED, Task.home, ARM)
     assert motion.arrivals.shape == (2,)
     assert motion.arrivals[-1] == motion.trajectory.duration
-    reached = arm().forward(motion.trajectory.sample(motion.arrivals[:1])[0][0])
+    reached = ARM.forward(motion.trajectory.sample(motion.arrivals[:1])[0][0])
     np.testing.assert_allclose(reached.position, FOLDED[0, :3], atol=1e-3)

@@ -5,6 +5,7 @@ import trimesh
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
 from core.robot.solids import Solids, body_solids, box_gap, robot_solids, signed_distance
 from core.scene import Body
+from tests.panda import PANDA
 
 CUBE = Box((1, 1, 1))
 
@@ -48,6 +49,6 @@ def test_near_solids_are_selected_by_their_bounds():
 
 
 def test_the_robots_solids_are_those_of_its_description():
-    arm, with_gripper = ({one.name for one in robot_solids(gripper)} for gripper in (False, True))
+    arm, with_gripper = ({one.name for one in robot_solids(PANDA, gripper)} for gripper in (False, True))
     assert {f"panda_link{number}" for number in range(8)} <= arm
-    assert {"panda_leftfinger", "panda_rightfinger"} <= with_gripper
+    assert {"left_finger", "right_finger"} <= with_gripper

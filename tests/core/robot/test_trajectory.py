@@ -6,11 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Pose
 from core.interfaces import JointTrajectory
-from core.robot.description import ACCELERATION_LIMITS, FINGER_OPEN
-from core.robot.kinematics import arm
 from core.robot.trajectory import plan_motion
+from tests.panda import ARM, FINGER_OPEN, PANDA
 
-ARM = arm()
+ARM = ARM
 HOME = Pose.xyz_rpy((0.5, 0, 0.5))
 PLAN = np.array(
     [
@@ -56,7 +55,7 @@ def rates(trajectory):
     speed = np.vstack([np.zeros(7), speed, np.zeros(7)])  # at rest before and after
     between = np.vstack([step[:1], (step[1:] + step[:-1]) / 2, step[-1:]])
     change = np.diff(speed, axis=0) / between
-    return (np.abs(speed) / ARM.velocity_limits).max(), (np.abs(change) / ACCELERATION_LIMITS).max()
+    return (np.abs(speed) / ARM.velocity_limits).max(), (np.abs(change) / PANDA.acceleration_limits).max()
 
 
 # --- where it goes ----------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from core.search.evolution import evaluate_all, evolve
 
 
 def tool(name="rod"):
-    return Tool((Component(name, "panda_virtual", Pose(), Box((0.1, 0.1, 0.1))),))
+    return Tool((Component(name, "tool_mount", Pose(), Box((0.1, 0.1, 0.1))),))
 
 
 def population(generation, *plans_per_tool, problem=None):

@@ -5,10 +5,10 @@ import pytest
 
 from core.design import Component, Tool
 from core.geometry import Box, Mesh, Pose, Sphere
-from core.robot.kinematics import arm
 from core.scene import Scene
 from core.simulation.contacts import HULL_M, TOUCH_M, find_contacts
 from tests.core.simulation.test_penetration import HZ, ROD, body, recording, straight
+from tests.panda import ARM, PANDA
 
 CUBE = Box((0.1, 0.1, 0.1))
 HULL = Mesh.from_trimesh(CUBE.to_trimesh())
@@ -16,7 +16,7 @@ HULL = Mesh.from_trimesh(CUBE.to_trimesh())
 
 def contacts(paths, *bodies, tool=ROD, **given):
     scene = Scene(bodies)
-    return find_contacts(scene, tool, recording(scene, paths, **given))
+    return find_contacts(scene, PANDA, tool, recording(scene, paths, **given))
 
 
 def there_and_back(gap, count=21):
@@ -62,9 +62,9 @@ def test_a_body_that_is_struck_between_two_samples_was_in_contact():
 
 def test_contacts_of_tool_and_arm_are_told_apart_and_the_rest_has_a_clearance():
     """Between the two instants the arm turns about its base, so that the rod sweeps over a post, or a link does."""
-    joints = np.repeat(arm().home[None], 21, axis=0)
+    joints = np.repeat(ARM.home[None], 21, axis=0)
     joints[:, 0] += np.linspace(-0.5, 0.5, 21)
-    rod = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
+    rod = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
     low = body("low", Box((0.05, 0.05, 0.32)), (0.5, 0, 0.16), mass=0.0)
     high = body("high", Box((0.05, 0.05, 0.1)), (0.5, 0, 0.6), mass=0.0)
     aside = body("aside", Box((0.05, 0.05, 0.2)), (0.5, 0, 0.19), mass=0.0)
@@ -78,7 +78,7 @@ def test_contacts_of_tool_and_arm_are_told_apart_and_the_rest_has_a_clearance():
 
 
 def test_a_body_is_held_by_one_that_the_robot_touches():
-    joints = np.repeat(arm().home[None], 3, axis=0)
+    joints = np.repeat(ARM.home[None], 3, axis=0)
     tray, egg = body("tray", CUBE, (0.5, 0, 0.25)), body("egg", Sphere(0.02), (0.56, 0, 0.32))
     still = {"tray": np.tile([0.5, 0, 0.25], (3, 1)), "egg": np.tile([0.54, 0, 0.32], (3, 1))}
     found = contacts(still, tray, egg, arms=joints)
@@ -89,4 +89,4 @@ def test_a_body_is_held_by_one_that_the_robot_touches():
 def test_without_motion_or_bodies_nothing_touches():
     assert contacts({"cube": np.zeros((1, 3))}, body("cube", CUBE, (0, 0, 0))).all == ()
     scene = Scene(())
-    assert find_contacts(scene, ROD, recording(scene, {"nothing": np.zeros((3, 3))})).all == ()
+    assert find_contacts(scene, PANDA, ROD, recording(scene, {"nothing": np.zeros((3, 3))})).all == ()

@@ -6,11 +6,11 @@ import pytest
 
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose
-from core.robot.kinematics import arm
 from core.scene import Body, Geom, Scene, table
 from core.simulation.penetration import findings
 from core.simulation.tracks import robot_tracks
 from tests.core.simulation.test_penetration import ROD, body, penetrations, recording, straight
+from tests.panda import ARM, PANDA
 
 HZ = 400.0
 SIDE = 0.05
@@ -119,21 +119,21 @@ def test_a_cube_that_falls_onto_a_thin_wall_and_slides_off():
             straight((0.5275, 0, low - 0.006), (0.5325, 0, low - 0.05), 20),
         ]
     )
-    assert findings(scene, ROD, recording(scene, {"cube": path}, hz=HZ)) == []
+    assert findings(scene, PANDA, ROD, recording(scene, {"cube": path}, hz=HZ)) == []
 
 
 def test_a_sheet_that_cuts_into_a_finger_is_found():
     """Parts of the fingers are boxes, other than the arm's links, which are hulls."""
     tool, count = Tool(gripper=True), 80
-    arms = np.tile(arm().home, (count, 1))
+    arms = np.tile(ARM.home, (count, 1))
     cut = body("cut", Box((0.05, 0.05, 0.001)), (0.0, 0.0, 2.0), mass=0.1)
     still = recording(Scene((cut,)), {"cut": np.tile([0.0, 0.0, 2.0], (count, 1))}, hz=HZ, arms=arms)
     fingers = [
-        t for t in robot_tracks(tool, still) if t.name == "panda_leftfinger" and isinstance(t.geometry, coal.Box)
+        t for t in robot_tracks(PANDA, tool, still) if t.name == "left_finger" and isinstance(t.geometry, coal.Box)
     ]
     assert fingers
     lowest = min(fingers, key=lambda track: track.low[0, 2])
     middle = (lowest.low[0] + lowest.high[0]) / 2
     path = np.linspace(middle - [0.06, 0.0, 0.0], middle - [0.01, 0.0, 0.0], count)
     found = penetrations(Scene((cut,)), recording(Scene((cut,)), {"cut": path}, hz=HZ, arms=arms), tool)
-    assert any("'panda_leftfinger' " in text for text in found)
+    assert any("'left_finger' " in text for text in found)

@@ -13,13 +13,13 @@ from core.errors import UsageError
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import installed
-from core.robot.kinematics import arm
 from core.scene import Body, Goal, Scene, State, table
 from core.simulation.penetration import Explosion, findings
 from core.simulation.rollout import evaluate_batch
+from tests.panda import ARM, PANDA
 
 HZ = 25.0
-ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
+ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),))
 GREY = (0.5, 0.5, 0.5, 1.0)
 
 
@@ -33,7 +33,7 @@ WALL = body("wall", Box((0.01, 0.5, 0.5)), (0.5, 0.0, 0.25), mass=0.0)
 def recording(scene, paths, hz=HZ, arms=None, quaternions=None, velocities=None):
     """Record free bodies at ``paths`` (T, 3), by name; the arm is far from them by default (``arms``: (T, 7))."""
     count = len(arms) if arms is not None else len(next(iter(paths.values())))
-    away = np.tile([2.8, *arm().home[1:]], (count, 1))
+    away = np.tile([2.8, *ARM.home[1:]], (count, 1))
     free = scene.free
     positions = np.array([paths[b.name] for b in free]).reshape(len(free), count, 3).swapaxes(0, 1)
     turned = np.zeros((count, len(free), 4))
@@ -52,7 +52,7 @@ def straight(start, end, count):
 
 
 def penetrations(scene, taken, tool=ROD):
-    return [finding.text for finding in findings(scene, tool, taken) if finding.penetration]
+    return [finding.text for finding in findings(scene, PANDA, tool, taken) if finding.penetration]
 
 
 # --- passing through --------------------------------------------------------------------------------------------
@@ -139,14 +139,14 @@ def test_a_ball_goes_through_a_solid_or_beside_it(solid, radius, seed, count, ca
 
 def sweep(turn, count):
     """The arm turns about its base."""
-    arms = np.tile(arm().home, (count, 1))
+    arms = np.tile(ARM.home, (count, 1))
     arms[:, 0] += np.linspace(-turn, turn, count)
     return arms
 
 
 @pytest.mark.parametrize("count", [4, 12, 60])
 def test_a_tool_that_goes_through_a_wall(count):
-    pose = arm().forward(arm().home)
+    pose = ARM.forward(ARM.home)
     wall = body("fence", Box((0.3, 0.01, 0.05)), pose.apply((0.0, 0.0, -0.15)), mass=0.0)
     scene = Scene((wall,))
     (found,) = penetrations(scene, recording(scene, {}, arms=sweep(0.4, count)))
@@ -156,13 +156,11 @@ def test_a_tool_that_goes_through_a_wall(count):
 
 @pytest.mark.parametrize("side", ["left_rod", "right_rod"])
 def test_each_of_a_pair_of_fingertips(side):
-    part = Component(
-        side, f"panda_{side.removesuffix('_rod')}finger", Pose(np.array([0, 0, 0.1])), Box((0.02, 0.01, 0.1))
-    )
+    part = Component(side, f"{side.removesuffix('_rod')}_finger", Pose(np.array([0, 0, 0.1])), Box((0.02, 0.01, 0.1)))
     tool = Tool((part,), gripper=True)
     taken = recording(Scene(()), {}, arms=sweep(0.4, 40))
     assert taken.fingers.shape == (40, 2)
-    pose = arm().forward(arm().home)
+    pose = ARM.forward(ARM.home)
     scene = Scene((body("fence", Box((0.3, 0.01, 0.02)), pose.apply((0.0, 0.0, -0.19)), mass=0.0),))
     (found,) = penetrations(scene, taken, tool)
     assert found.startswith(repr(side))
@@ -178,20 +176,20 @@ def test_over_the_wall_and_along_it_is_no_penetration(speed):
     over = straight((0.2, 0.0, 0.525), (0.8, 0.0, 0.525), count)
     along = straight((0.4748, -0.3, 0.25), (0.4748, 0.3, 0.25), count)
     for path in (over, along):
-        assert findings(scene, ROD, recording(scene, {"ball": path})) == []
+        assert findings(scene, PANDA, ROD, recording(scene, {"ball": path})) == []
 
 
 def test_a_bounce_and_a_hard_blow_are_no_penetration():
     scene = Scene((WALL, body("ball", Sphere(0.02), (0.2, 0, 0.25))))
     out = straight((0.1, 0.0, 0.25), (0.49, 0.0, 0.25), 6)  # 15 mm into the wall for a moment
     path = np.vstack([out, out[::-1]])
-    assert findings(scene, ROD, recording(scene, {"ball": path})) == []
+    assert findings(scene, PANDA, ROD, recording(scene, {"ball": path})) == []
 
 
 def test_what_stands_in_each_other_from_the_start_is_no_penetration():
     scene = Scene((WALL, body("plug", Cylinder(0.02, 0.2), (0.5, 0.0, 0.25))))
     taken = recording(scene, {"plug": straight((0.5, 0.0, 0.25), (0.5, 0.0, 0.3), 30)})
-    assert findings(scene, ROD, taken) == []
+    assert findings(scene, PANDA, ROD, taken) == []
 
 
 # --- flung ------------------------------------------------------------------------------------------------------
@@ -200,16 +198,18 @@ def test_what_stands_in_each_other_from_the_start_is_no_penetration():
 def test_a_body_faster_than_the_robot_can_make_it_was_flung():
     scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
     path = {"ball": straight((0.5, 0.0, 1.0), (3.0, 0.0, 1.0), 10)}
-    (found,) = findings(scene, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)}))
+    (found,) = findings(scene, PANDA, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)}))
     assert (found.penetration, "flung" in found.text, "50.0 m/s" in found.text) == (False, True, True)
     swing = recording(scene, path, arms=sweep(1.0, 10))  # some 5 m/s
     swing.states.linear_velocities[:] = (8.0, 0, 0)
-    assert findings(scene, ROD, swing) == []
-    (found,) = findings(scene, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)}, arms=sweep(1.0, 10)))
+    assert findings(scene, PANDA, ROD, swing) == []
+    (found,) = findings(
+        scene, PANDA, ROD, recording(scene, path, velocities={"ball": (50.0, 0, 0)}, arms=sweep(1.0, 10))
+    )
     robot_speed = float(found.text.split()[-2])
     for times, count in ((2.1, 0), (2.4, 1)):  # an elastic blow gives twice the speed
         swing.states.linear_velocities[:] = (times * robot_speed, 0, 0)
-        assert len(findings(scene, ROD, swing)) == count
+        assert len(findings(scene, PANDA, ROD, swing)) == count
 
 
 def test_a_fall_is_no_fling():
@@ -217,12 +217,12 @@ def test_a_fall_is_no_fling():
     times = np.arange(75) / HZ
     path = np.column_stack([np.full(75, 0.5), np.zeros(75), 1.0 - 9.81 / 2 * times**2])
     speeds = np.column_stack([np.zeros(75), np.zeros(75), -9.81 * times])
-    assert findings(scene, ROD, recording(scene, {"ball": path}, velocities={"ball": speeds})) == []
+    assert findings(scene, PANDA, ROD, recording(scene, {"ball": path}, velocities={"ball": speeds})) == []
 
 
 def test_a_body_that_is_metres_away_was_flung():
     scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
-    (found,) = findings(scene, ROD, recording(scene, {"ball": straight((0.5, 0, 1), (9, 0, 1), 500)}))
+    (found,) = findings(scene, PANDA, ROD, recording(scene, {"ball": straight((0.5, 0, 1), (9, 0, 1), 500)}))
     assert "9.0 m away" in found.text
 
 
@@ -231,7 +231,7 @@ def test_an_explosion_is_reported(velocity, why):
     scene = Scene((body("ball", Sphere(0.02), (0.5, 0, 1.0)),))
     taken = recording(scene, {"ball": np.tile((0.5, 0, 1), (5, 1))}, velocities={"ball": (velocity, 0, 0)})
     with pytest.raises(Explosion, match=why):
-        findings(scene, ROD, taken)
+        findings(scene, PANDA, ROD, taken)
 
 
 # --- what it costs ----------------------------------------------------------------------------------------------
@@ -347,4 +347,4 @@ def test_a_recording_does_not_change_what_is_recorded():
 
 
 def _still(task):
-    return JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.array([0.04]))
+    return JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.array([0.04]))

@@ -20,11 +20,10 @@ from core.errors import UsageError
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm
 from core.robot.solids import body_solids, signed_distance
 from core.scene import Body, Geom, Scene, table
 from core.simulation.perturbation import CONTACT_M, Perturbed, perturb, together
+from tests.panda import ARM, FINGER_OPEN
 
 ROOT = Path(__file__).parents[3]
 TASKS = installed().names("task")
@@ -122,7 +121,7 @@ def test_what_stands_together_moves_as_one():
 def test_a_changed_scene_is_at_rest(name):
     """In a real engine: nothing is pushed apart, nothing falls."""
     task = Perturbed(installed().create("task", name), PerturbationRange(), 1)
-    still = JointTrajectory(np.zeros(1), arm().home_for(task.home)[None], np.array([FINGER_OPEN]))
+    still = JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.array([FINGER_OPEN]))
     job = Rollout(Tool(), still, seed=0, settle_s=0.4, hold_s=0.0)
     (outcome,) = installed().create("sim", "pybullet").rollout(task, [job])
     assert outcome.error is None

@@ -7,10 +7,9 @@ from core.conformance.worlds import HOME, Bodies, cube
 from core.errors import NoPicture
 from core.interfaces import Simulator
 from core.plugins import Offer, installed
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm
 from core.scene import Camera, table
 from core.simulation.rendering import DrawingSimulator, Renderer
+from tests.panda import ARM, FINGER_OPEN
 
 TASK = Bodies(table(), cube(at=(0.6, 0.0, 0.05)))
 
@@ -63,7 +62,7 @@ def test_what_is_left_out_is_as_at_spawn():
     assert renderer.render(TASK, width=4, height=3).shape == (3, 4, 3)
     joints, fingers, state = renderer.posed
     assert renderer.loaded == (TASK, 0, None)
-    np.testing.assert_array_equal(joints, arm().home_for(HOME))
+    np.testing.assert_array_equal(joints, ARM.home_for(HOME))
     np.testing.assert_array_equal(fingers, [FINGER_OPEN, FINGER_OPEN])
     np.testing.assert_array_equal(state.position("cube"), [0.6, 0.0, 0.05])
     assert renderer.shot == (TASK.camera, 8, 6)

@@ -87,7 +87,7 @@ def test_a_tool_that_starts_in_a_body_that_was_moved_is_refused_there():
     """One that ends a millimetre from the cube's near face: some changes bring the cube nearer."""
     home = TASK.create().home
     reach, down, thick = 1.0 - 0.035 - 0.001 - home.position[0], home.position[2] - 0.035, 0.01
-    post = Component("post", "panda_virtual", Pose.xyz_rpy((0, 0, -down / 2)), Box((thick, thick, down)))
+    post = Component("post", "tool_mount", Pose.xyz_rpy((0, 0, -down / 2)), Box((thick, thick, down)))
     bar = Component("bar", "post", Pose.xyz_rpy((reach / 2, 0, -down / 2)), Box((reach, thick, thick)))
     tool = Tool((post, bar))
     SpawnRules(TASK.create(), 0).check(tool)  # clear of the scene as it is

@@ -6,21 +6,21 @@ import pytest
 from core.design import Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory
-from core.robot.kinematics import arm
 from core.scene import Scene, table
 from core.simulation.penetration import findings
 from core.simulation.sampling import coarse_samples, refined_samples, sample_hz, subset, thinnest
 from core.simulation.tracks import SAMPLE_HZ
 from tests.core.simulation.test_penetration import WALL, body, recording, straight
+from tests.panda import ARM, PANDA
 
 
 def stick(thick):
-    return Tool((Component("stick", "panda_virtual", Pose(np.array([0, 0, -0.1])), Box((thick, thick, 0.2))),))
+    return Tool((Component("stick", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((thick, thick, 0.2))),))
 
 
 def turn(seconds):
     """The arm turns about its base by a radian."""
-    joints = np.array([arm().home, arm().home])
+    joints = np.array([ARM.home, ARM.home])
     joints[1, 0] += 1.0
     return JointTrajectory(np.array([0.0, seconds]), joints, np.zeros(2))
 
@@ -29,11 +29,11 @@ def turn(seconds):
     ("thick", "seconds", "hz"), [(0.02, 20.0, 25.0), (0.02, 2.0, 25.0), (0.02, 0.5, 100.0), (0.001, 0.5, 1600.0)]
 )
 def test_fast_and_thin_tools_are_looked_at_more_often(thick, seconds, hz):
-    assert sample_hz(stick(thick), turn(seconds), thin=1.0) == hz
+    assert sample_hz(PANDA, stick(thick), turn(seconds), thin=1.0) == hz
 
 
 def test_so_are_tools_that_meet_something_thin():
-    assert sample_hz(stick(0.02), turn(1.0), thin=0.001) > sample_hz(stick(0.02), turn(1.0), thin=0.02)
+    assert sample_hz(PANDA, stick(0.02), turn(1.0), thin=0.001) > sample_hz(PANDA, stick(0.02), turn(1.0), thin=0.02)
     assert thinnest(Scene((table(), WALL))) == pytest.approx(0.01)
     assert thinnest(Scene(())) == np.inf
 
@@ -67,6 +67,6 @@ def test_what_happens_between_two_rough_samples_is_found():
     still = straight((0.4, 0, 0.25), (0.4, 0, 0.25), 64)
     there = np.vstack([straight((0.4, 0, 0.25), (0.6, 0, 0.25), 8), straight((0.6, 0, 0.25), (0.4, 0, 0.25), 8)])
     film = recording(scene, {"thing": np.vstack([still, there, still])}, hz=400.0)
-    (found,) = findings(scene, stick(0.02), film)
+    (found,) = findings(scene, PANDA, stick(0.02), film)
     assert "passed through 'wall'" in found.text
-    assert findings(scene, stick(0.02), subset(film, np.arange(0, 144, round(400 / SAMPLE_HZ)))) == []
+    assert findings(scene, PANDA, stick(0.02), subset(film, np.arange(0, 144, round(400 / SAMPLE_HZ)))) == []

@@ -70,8 +70,8 @@ def swing(name, engine, mm):
     post = Pose(np.array([0.0, 0.0, end * POST / 2]))
     tool = Tool(
         (
-            Component("post", "panda_virtual", post, Box((0.03, 0.03, POST)), mass=0.1),
-            Component("sheet", "panda_virtual", sheet, Box((length, width, mm / 1000)), mass=0.1),
+            Component("post", "tool_mount", post, Box((0.03, 0.03, POST)), mass=0.1),
+            Component("sheet", "tool_mount", sheet, Box((length, width, mm / 1000)), mass=0.1),
         )
     )
     task = installed().create("task", name)

@@ -18,7 +18,7 @@ from core.plugins import event_hub, installed
 from core.store.recorder import RunStore, summary, versions
 from tasks.bring_cube import BringCube
 
-ROD = Tool((Component("rod", "panda_virtual", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
+ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
 PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1]])
 URDF = installed().create("tool", "urdf")
 

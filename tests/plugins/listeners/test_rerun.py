@@ -24,11 +24,11 @@ from core.errors import UsageError
 from core.events import Generation, Result, Run
 from core.interfaces import Brief, Budget, Reply, Request, RolloutSettings
 from core.plugins import event_hub, installed
-from core.robot.kinematics import arm
 from core.simulation.rollout import evaluate_batch
 from core.view import end, free_port, listens, start_viewer
 from plugins.listeners.rerun.sinks import address
 from plugins.listeners.rerun.words import MAX_TEXT
+from tests.panda import ARM
 
 SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
 TASK = installed().create("task", "BringCube")
@@ -142,7 +142,7 @@ def test_the_arm_the_tool_and_the_scene_move(recorded, generations):
     links = [f"/world/robot/panda_link{k}" for k in range(9)]
     for link in links[:8]:
         assert sum("vertex_positions" in row for row in recording.static[link]) == 1
-    times = recording.column("/world/robot/panda_virtual", "sim_time")
+    times = recording.column("/world/robot/tool_mount", "sim_time")
     assert times == sorted(times)
     for path in (*links, "/world/scene/cube"):
         assert recording.column(path, "sim_time") == times
@@ -155,18 +155,18 @@ def test_the_arm_the_tool_and_the_scene_move(recorded, generations):
     assert len(starts) == 3
     last = starts[2] - 1  # of the second rollout: the first generation's best is shown last
     assert recording.column(f"/reward/{solved.id}", "sim_time")[-1] == times[last]
-    (place,) = recording.column("/world/robot/panda_virtual", "translation")[last]
+    (place,) = recording.column("/world/robot/tool_mount", "translation")[last]
     assert np.allclose(place, solved.plan[-1, :3], atol=0.01)
     (cube,) = recording.column("/world/scene/cube", "translation")[last]
     assert np.allclose(cube[:2], (0.6, 0.0), atol=0.05)
-    (home,) = recording.column("/world/robot/panda_virtual", "translation")[starts[2]]
+    (home,) = recording.column("/world/robot/tool_mount", "translation")[starts[2]]
     assert np.allclose(home, TASK.home.position, atol=0.01)
 
 
 def test_the_tool_is_mounted_for_its_rollout_and_the_hand_for_its_own(recorded, generations):
     recording, _ = recorded
     solved = generations[0].best.candidate
-    tool = "/world/robot/panda_virtual/tool"
+    tool = "/world/robot/tool_mount/tool"
     assert recording.column(tool, "generation") == [0, 0, 1]
     shown = recording.column(tool, "vertex_positions")
     assert [bool(vertices) for vertices in shown] == [True, True, False]
@@ -176,7 +176,7 @@ def test_the_tool_is_mounted_for_its_rollout_and_the_hand_for_its_own(recorded, 
     corners = [placed[c.name][1].apply(c.shape.to_trimesh().vertices) for c in solved.tool.components]
     assert np.allclose(low, np.min(np.concatenate(corners), axis=0), atol=1e-6)
     assert np.allclose(high, np.max(np.concatenate(corners), axis=0), atol=1e-6)
-    for finger in ("panda_hand", "panda_leftfinger", "panda_rightfinger"):
+    for finger in ("panda_hand", "left_finger", "right_finger"):
         meshes = [row["generation"] for row in recording.rows[f"/world/robot/{finger}"] if row.get("vertex_positions")]
         assert meshes == [1]
 
@@ -185,9 +185,9 @@ def test_the_path_is_the_way_of_the_end_effector(recorded):
     recording, _ = recorded
     strips = [strip for (strip,) in recording.column("/world/path", "strips")]
     assert len(strips) == 3
-    places = [place for (place,) in recording.column("/world/robot/panda_virtual", "translation")]
+    places = [place for (place,) in recording.column("/world/robot/tool_mount", "translation")]
     assert np.allclose(np.concatenate(strips), places, atol=1e-5)
-    assert np.allclose(strips[0][0], arm().forward(arm().home_for(TASK.home)).position, atol=1e-3)
+    assert np.allclose(strips[0][0], ARM.forward(ARM.home_for(TASK.home)).position, atol=1e-3)
 
 
 def test_the_reward_in_the_rollout_ends_at_what_was_earned(recorded, generations):
@@ -216,7 +216,7 @@ def test_what_a_generation_came_to(recorded, generations):
 
 def test_what_belongs_to_a_generation_is_there_while_it_is_shown(recorded):
     recording, _ = recorded
-    moving = recording.rows["/world/robot/panda_virtual"]
+    moving = recording.rows["/world/robot/tool_mount"]
     begins = {g: min(row["sim_time"] for row in moving if row["generation"] == g) for g in (0, 1)}
     for path in ("/search/reward/best", "/text/run", "/lineage"):
         found = {row["generation"]: row["sim_time"] for row in recording.rows[path]}

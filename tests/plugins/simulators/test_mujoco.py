@@ -35,8 +35,6 @@ from core.errors import NoPicture, UserError
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Rollout, RolloutSettings
 from core.plugins import installed
-from core.robot.description import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS
-from core.robot.kinematics import arm
 from core.scene import Body, floor, table
 from core.simulation.playback import play
 from core.simulation.rollout import prepare
@@ -47,6 +45,7 @@ import mujoco as mj
 
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.mujoco.world import Stepped, compiled
+from tests.panda import ARM, ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS
 
 ROOT = Path(__file__).parents[3]
 
@@ -337,15 +336,15 @@ def test_links_weigh_what_the_description_says(tool):
     assert [made.joint(i).name for i in range(made.njnt)] == [*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ())]
     data, rng = mj.MjData(made), np.random.default_rng(3)
     for _ in range(5):
-        data.qpos[:7] = rng.uniform(arm().lower, arm().upper)
+        data.qpos[:7] = rng.uniform(ARM.lower, ARM.upper)
         mj.mj_kinematics(made, data)
         body = data.body("panda_link7")
         flange = Pose(body.xpos, body.xquat) @ Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4))
-        np.testing.assert_allclose(flange.matrix, arm().forward(data.qpos[:7]).matrix, atol=1e-6)
+        np.testing.assert_allclose(flange.matrix, ARM.forward(data.qpos[:7]).matrix, atol=1e-6)
 
 
 def test_the_mounted_tool_adds_its_inertia():
-    heavy = Tool((Component("block", "panda_virtual", Pose(np.array([0, 0, -0.1])), Box((0.1, 0.1, 0.2)), mass=2.0),))
+    heavy = Tool((Component("block", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((0.1, 0.1, 0.2)), mass=2.0),))
     bare, loaded = (model(tool=tool).body("panda_link7") for tool in (BARE, heavy))
     assert loaded.mass[0] == pytest.approx(bare.mass[0] + 2)
     in_link = Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4)).apply([0, 0, -0.1])

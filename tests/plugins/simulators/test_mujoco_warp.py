@@ -22,7 +22,6 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
-from core.robot.description import FINGER_OPEN
 from core.scene import Body, Scene, table
 from core.simulation.rollout import evaluate_batch
 
@@ -33,6 +32,7 @@ import warp
 
 from plugins.simulators.mujoco.batched import models, simulator, worlds
 from plugins.simulators.mujoco.world import compiled
+from tests.panda import FINGER_OPEN
 
 ROOT = Path(__file__).parents[3]
 CHECKS = (

@@ -10,8 +10,8 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
-from core.robot.description import FINGER_OPEN
 from core.scene import Body, Geom, Scene, table
+from tests.panda import FINGER_OPEN
 
 pytest.importorskip("pybullet")
 

@@ -32,8 +32,6 @@ from core.errors import NoPicture, UserError
 from core.geometry import Box, Pose, Sphere
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm
 from core.robot.trajectory import plan_motion
 from core.scene import Body, table
 from core.simulation.playback import play
@@ -41,9 +39,10 @@ from core.simulation.playback import play
 pytest.importorskip("sapien", exc_type=ImportError)
 
 from plugins.simulators.sapien.bodies import Weighed
-from plugins.simulators.sapien.description import place, robot
+from plugins.simulators.sapien.description import place, robot_links
 from plugins.simulators.sapien.renderer import SapienRenderer
 from plugins.simulators.sapien.world import World
+from tests.panda import ARM, FINGER_OPEN, PANDA
 
 ROOT = Path(__file__).parents[3]
 
@@ -96,7 +95,7 @@ def test_orders_given_one_by_one_or_all_at_once_do_the_same(tmp_path, tool):
             self.time_step, self.step, self.joints, self.state = world.time_step, world.step, world.joints, world.state
 
     plan = [[0.6, 0.2, 0.3, 0, 0.3, 0, 1.0], [0.6, 0, 0.05, 0, 0, 0.5, 0.3]]
-    job = Rollout(tool, plan_motion(np.array(plan), HOME, arm()).trajectory, settle_s=0.1, hold_s=0.2, record_hz=25.0)
+    job = Rollout(tool, plan_motion(np.array(plan), HOME, ARM).trajectory, settle_s=0.1, hold_s=0.2, record_hz=25.0)
     worlds = [
         World(
             tmp_path,
@@ -161,20 +160,20 @@ def test_restitutions_are_told_apart():
 @pytest.mark.parametrize("tool", [BARE, HAND, stick(0.3, mass=1.0)], ids=["bare", "hand", "stick"])
 def test_links_weigh_what_the_description_says(tool):
     """Few links, the same mass and the same kinematics: joints anywhere put the flange where Pinocchio has it."""
-    links = robot(tool)
+    links = robot_links(PANDA, tool)
     assert len(links) == (10 if tool.gripper else 8)
     assert sum(link.inertia.mass for link in links) == pytest.approx(17 + 0.7 * tool.gripper + tool.mass, abs=1.0)
     rng = np.random.default_rng(3)
     for _ in range(5):
-        joints = rng.uniform(arm().lower, arm().upper)
+        joints = rng.uniform(ARM.lower, ARM.upper)
         poses = place(links, {f"panda_joint{i + 1}": q for i, q in enumerate(joints)})
         flange = poses[7] @ Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4))
-        np.testing.assert_allclose(flange.matrix, arm().forward(joints).matrix, atol=1e-9)
+        np.testing.assert_allclose(flange.matrix, ARM.forward(joints).matrix, atol=1e-9)
 
 
 def test_the_mounted_tool_adds_its_inertia():
-    heavy = Tool((Component("block", "panda_virtual", Pose(np.array([0, 0, -0.1])), Box((0.1, 0.1, 0.2)), mass=2.0),))
-    bare, loaded = robot(BARE)[7].inertia, robot(heavy)[7].inertia
+    heavy = Tool((Component("block", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((0.1, 0.1, 0.2)), mass=2.0),))
+    bare, loaded = robot_links(PANDA, BARE)[7].inertia, robot_links(PANDA, heavy)[7].inertia
     assert loaded.mass == pytest.approx(bare.mass + 2)
     in_link = Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4)).apply([0, 0, -0.1])
     centre = (bare.mass * bare.frame.position + 2 * in_link) / loaded.mass

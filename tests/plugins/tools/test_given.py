@@ -13,6 +13,7 @@ from core.plugins import installed
 from plugins.tools.rlbench import TOOLS
 from tasks.bring_cube import BringCube
 from tasks.one_book import OneBook
+from tests.panda import PANDA
 
 NONE, RLBENCH = (installed().create("tool", name) for name in ("none", "rlbench"))
 
@@ -20,7 +21,7 @@ NONE, RLBENCH = (installed().create("tool", name) for name in ("none", "rlbench"
 @pytest.mark.parametrize("task", TOOLS)
 def test_given_tools_keep_the_rules(task):
     tool = TOOLS[task]()
-    check_tool(tool)
+    check_tool(tool, PANDA)
     assert not tool.gripper
     assert tool.name
     assert tool.description

@@ -14,6 +14,7 @@ from core.robot import description as robot
 from plugins.tools import urdf
 from plugins.tools.urdf.building import DEFAULT_COLOR
 from plugins.tools.urdf.representation import UrdfTools
+from tests.panda import PANDA
 
 BOX = '<geometry><box size="0.02 0.02 0.1"/></geometry>'
 
@@ -139,7 +140,7 @@ def test_boxes_hang_from_the_box_that_they_touch():
         ("a_3", "a_2"),
         ("b", "a_3"),
     ]
-    check_tool(tool)
+    check_tool(tool, PANDA)
 
 
 def test_further_boxes_do_not_take_the_name_of_another_link():
@@ -160,7 +161,7 @@ def test_a_link_without_boxes_is_composed_away():
 def test_the_example_in_the_instructions_keeps_the_rules(gripper):
     text = UrdfTools().instructions(_Brief(gripper))
     tool = parse(text[text.index("<link name=") :], gripper=gripper)
-    check_tool(tool)
+    check_tool(tool, PANDA)
     assert all(mount in text for mount in tool.mounts)
     assert "None" not in text
     assert "{" not in text
@@ -281,7 +282,7 @@ def test_masses_beyond_the_rules_are_caught_by_them(mass):
         link("a", f'{shape("collision")}<inertial><mass value="{mass}"/></inertial>') + joint("panda_virtual", "a")
     )
     with pytest.raises(DesignError, match="weighs"):
-        check_tool(tool)
+        check_tool(tool, PANDA)
 
 
 @pytest.mark.parametrize(

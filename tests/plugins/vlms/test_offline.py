@@ -15,7 +15,6 @@ from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import Brief, Request, Task
 from core.plugins import installed
-from core.robot.kinematics import arm
 from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Geom, Goal, Scene, floor, table
@@ -25,6 +24,7 @@ from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.pour import handles
 from plugins.vlms.offline.sight import Sight
 from plugins.vlms.offline.tools import STYLES, build
+from tests.panda import ARM, PANDA
 
 RED = (0.8, 0.2, 0.2, 1.0)
 URDF = installed().create("tool", "urdf")
@@ -287,7 +287,7 @@ def test_every_shaft_carries_every_head(style, gripper):
     for head in made:
         for drop in (0.25, -0.3):
             tool = build(head, Pose(np.array([0.3, 0.05, -drop])), style, 0.015, gripper, top=0.4 - drop)
-            check_tool(tool)
+            check_tool(tool, PANDA)
 
 
 def test_same_seed_same_reply():
@@ -321,8 +321,8 @@ def test_long_forks_stay_clear_of_the_arm():
     """A large box is lifted by a fork that reaches back towards the shoulder."""
     task = installed().create("task", "LiftBox")
     designs = [design for design in candidates(brief(task, n_tool=4, n_action=2)) if design.problem is None]
-    motions = [plan_motion(design.plan, task.home, arm()) for design in designs]
-    met = [find_self_collision(d.tool, motion.trajectory) for d, motion in zip(designs, motions, strict=True)]
+    motions = [plan_motion(design.plan, task.home, ARM) for design in designs]
+    met = [find_self_collision(PANDA, d.tool, motion.trajectory) for d, motion in zip(designs, motions, strict=True)]
     assert len(met) >= 6
     assert sum(one is not None for one in met) <= 1, met
 
