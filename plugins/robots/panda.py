@@ -15,25 +15,29 @@ from core.geometry import Pose
 from core.interfaces import Gripper, Robot
 from plugins.robots.descriptions import description, measured
 
-HAND = Gripper(
-    link="panda_hand",
-    mount=Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, 0.0)),
-    near_mount=("panda_hand",),
-    joints=("panda_finger_joint1", "panda_finger_joint2"),
-    links=("panda_leftfinger", "panda_rightfinger"),
-    travel_m=0.04,
-    force_n=70.0,  # continuous: Franka hand's data sheet
-    friction=1.0,  # rubber tips
-)
-
 SOURCES = (
     "acceleration: Franka Control Interface documentation, 'Robot and interface specifications'",
     "motors' inertia: Franka's figures for the FR3, in the README of Drake's franka_description",
 )
 
 
+def hand() -> Gripper:
+    """The hand with two fingers."""
+    return Gripper(
+        link="panda_hand",
+        mount=Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, 0.0)),
+        near_mount=("panda_hand",),
+        joints=("panda_finger_joint1", "panda_finger_joint2"),
+        links=("panda_leftfinger", "panda_rightfinger"),
+        travel_m=0.04,
+        force_n=70.0,  # continuous: Franka hand's data sheet
+        friction=1.0,  # rubber tips
+    )
+
+
 def panda() -> Robot:
     """The arm with seven joints and a payload of 3 kg."""
+    gripper = hand()
     return Robot(
         name="panda",
         title="Franka Panda",
@@ -46,10 +50,10 @@ def panda() -> Robot:
         mount=Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, -np.pi / 4)),
         near_mount=("panda_link7", "panda_link8"),
         payload_kg=3.0,
-        gripper=HAND,
+        gripper=gripper,
         aliases=(  # the paper's names
             ("panda_virtual", RIGID_MOUNT),
-            *zip(HAND.links, GRIPPER_MOUNTS, strict=True),
+            *zip(gripper.links, GRIPPER_MOUNTS, strict=True),
         ),
         measured=measured("panda"),
         sources=SOURCES,
