@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from core.cli import print_table, say
 from core.config.sources import defaults
 from core.design import best_tools
-from core.experiment import hydra_word
 from core.hooks import hookimpl
 from core.plugins import installed
 from core.report.formats import number
@@ -127,6 +126,8 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
 
 def _robot_words(run: Run) -> Iterable[str]:
     """Overrides that choose the run's robot, as far as it is not the default one as it is."""
+    from core.experiment import hydra_word  # it imports the search, which `--help` has no need of
+
     chosen = dict(run.config.get("robot") or {})
     name = chosen.pop("name", run.task.robot.name)
     if name != installed().default_robot.name:
