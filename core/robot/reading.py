@@ -1,0 +1,305 @@
+"""Make a robot of a URDF or Xacro file, of which the arm, its home and its flange are chosen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.errors import UsageError, UserError, choices
+from core.geometry import Pose
+from core.robot.frames import link_frames
+from core.robot.kinematics import Arm
+from core.robot.plain import Drive, rigid_parts, write_plain
+from core.robot.solids import robot_solids
+from core.robot.urdf import MOVING, Description, Joint, read_description
+from core.robots import Gripper, Robot
+from core.text import clean, short_numbers
+
+# A URDF has none of these; each is a setting.
+REACHES_SPEED_S = 0.5  # in which a joint reaches its speed limit; those of the Franka FR3 need 0.26 to 0.53 s
+MOTOR_INERTIA = 0.1  # kg m^2, the armature of the UR5e's joints in MuJoCo Menagerie
+PAYLOAD_KG = 1.0
+
+_TURN = 2 * math.pi  # a continuous joint turns this far each way: limits are finite everywhere
+_TILT_RAD = 0.35  # at most between the mount's axes at home and the world's
+_UNDER_M = 0.005
+
+
+@dataclass(frozen=True)
+class GripperOptions:
+    """Say what a description does not say of its parallel gripper.
+
+    Attributes:
+        link: its first link. It goes, with all that it bears, where a rigid tool is mounted.
+        joints: of its two fingers: prismatic, 0 when closed.
+        force_n: of each finger; None: the smaller effort in the joints' limits.
+        friction: of the fingers.
+    """
+
+    link: str
+    joints: tuple[str, str]
+    force_n: float | None = None
+    friction: float = 1.0
+
+
+def read_robot(
+    path: Path,
+    home: Sequence[float] | Mapping[str, float],
+    flange: str | None = None,
+    *,
+    name: str = "urdf",
+    title: str = "",
+    mount_rpy: Sequence[float] | None = None,
+    payload_kg: float = PAYLOAD_KG,
+    acceleration: Sequence[float] | None = None,
+    motor_inertia: Sequence[float] | None = None,
+    gripper: GripperOptions | None = None,
+    fixed: Sequence[str] = (),
+    without: Sequence[str] = (),
+    arguments: Mapping[str, str] | None = None,
+) -> Robot:
+    """Make a robot of a file. Its base is the only link that has no parent.
+
+    Args:
+        path: a URDF file, or one whose name ends in ``.xacro``.
+        home: joints (J,) from the base on, or by name, radians; there the flange looks down.
+        flange: the link that bears tools; None: the only one that bears no other link.
+        name: the robot's, as in ``robot=NAME``.
+        title: as people call it; empty: the name in the description.
+        mount_rpy: how the mount is turned in the flange's frame, radians; None: by right angles, so that its axes at
+            home are nearest to the world's.
+        payload_kg: what it carries at most.
+        acceleration: limits (J,), rad/s^2; None: each joint reaches its speed limit in `REACHES_SPEED_S`.
+        motor_inertia: (J,), reflected through the gears, kg m^2; None: `MOTOR_INERTIA` each.
+        gripper: the parallel gripper, if there is one.
+        fixed: joints that are held at 0.
+        without: links that are left out, with all that they bear.
+        arguments: of a Xacro file.
+
+    Raises:
+        UserError: the file or something in it can't be used; says what, where, and how to mend it.
+    """
+    path = path.expanduser().absolute()
+    description = read_description(_text(path, arguments or {}), path, tuple(without))
+    try:
+        link = _flange(description, flange)
+        arm = _arm(description, link, fixed)
+        drives = {joint.name: _turning(joint) for joint in arm}
+        start = _home(home, drives)
+        grip, fingers = (None, {}) if gripper is None else _gripper(description, gripper, link, list(drives))
+        _check_rest(description, {**drives, **fingers}, fixed)
+        parts = rigid_parts(description, [joint.child for joint in arm])
+        _check_shapes(description, [name for name, (head, _) in parts.items() if head != description.root])
+        speeds = [drives[joint.name].velocity for joint in arm]
+        robot = Robot(
+            name=name,
+            title=title or clean(description.name, 60),
+            urdf=write_plain(description, {**drives, **fingers}, [gripper.link] if gripper else []),
+            arm_joints=tuple(drives),
+            home=start,
+            acceleration_limits=tuple(acceleration or (speed / REACHES_SPEED_S for speed in speeds)),
+            motor_inertia=tuple(motor_inertia or [MOTOR_INERTIA] * len(arm)),
+            mount_link=link,
+            mount=Pose(),
+            near_mount=tuple(name for name, (head, _) in parts.items() if head == parts[link][0]),
+            payload_kg=payload_kg,
+            gripper=grip,
+            sources=(f"description: {path}",),
+        )
+        mount = _mount(robot, mount_rpy)
+        if grip is not None:
+            grip = replace(grip, mount=grip.mount @ mount)
+        return replace(robot, mount=mount, gripper=grip)
+    except UserError as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def _text(path: Path, arguments: Mapping[str, str]) -> bytes:
+    """Read a description, or expand it.
+
+    Raises:
+        UserError: it can't be read; or Xacro is not installed, or fails.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"description {path} can't be read: {error.strerror}") from error
+    if path.suffix != ".xacro":
+        return data
+    try:
+        from xacrodoc import XacroDoc
+    except ImportError as error:
+        raise UserError(f"{path} is Xacro, which needs one more package: pip install 'vlmgineer[xacro]'") from error
+    try:
+        return bytes(
+            XacroDoc.from_file(str(path), subargs=dict(arguments), resolve_packages=False).to_urdf_string(), "utf-8"
+        )
+    except Exception as error:  # it evaluates expressions, which may raise anything
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        raise UserError(f"Xacro can't expand {path}: {reason}") from error
+
+
+def _flange(description: Description, flange: str | None) -> str:
+    if flange is not None:
+        if flange not in description.links:
+            raise choices("link", flange, description.links)
+        return flange
+    leaves = sorted(description.links.keys() - {joint.parent for joint in description.joints.values()})
+    if len(leaves) != 1:
+        raise UsageError(f"which link bears tools? Choose it with robot.flange=LINK; possible: {', '.join(leaves[:9])}")
+    return leaves[0]
+
+
+def _arm(description: Description, flange: str, fixed: Sequence[str]) -> list[Joint]:
+    """List the joints that move between base and flange."""
+    between = [description.joints[link] for link in description.above(flange)[-2::-1]]
+    arm = [joint for joint in between if joint.kind != "fixed" and joint.name not in fixed]
+    if not arm:
+        raise UserError(f"no joint moves between base {description.root!r} and flange {flange!r}")
+    return arm
+
+
+def _turning(joint: Joint) -> Drive:
+    """Check a joint of the arm."""
+    where = f"joint {joint.name!r}"
+    if joint.kind not in ("revolute", "continuous"):
+        mend = f"an arm's joints turn; hold it at 0 with robot.fixed=[{joint.name}]"
+        raise UserError(f"{where} between base and flange is {joint.kind}; {mend}")
+    if joint.mimic:
+        raise UserError(f"{where} between base and flange mimics another one, which can't be; drive each by itself")
+    lower, upper = (-_TURN, _TURN) if joint.kind == "continuous" else _span(joint, "radians")
+    return Drive("revolute", lower, upper, _limit(joint, "effort", "N m"), _limit(joint, "velocity", "rad/s"))
+
+
+def _span(joint: Joint, unit: str) -> tuple[float, float]:
+    lower, upper = joint.limits["lower"] or 0.0, joint.limits["upper"] or 0.0  # 0 where they are missing, as in URDF
+    if not lower < upper:
+        mend = f'give <limit lower="..." upper="..." effort="..." velocity="..."/>, {unit}'
+        raise UserError(f"joint {joint.name!r} can't move: its limits are {lower:g} to {upper:g}; {mend}")
+    return lower, upper
+
+
+def _limit(joint: Joint, name: str, unit: str) -> float:
+    value = joint.limits[name]
+    if value is None or value <= 0:
+        found = "has no" if value is None else f"has {value:g} as"
+        raise UserError(f"joint {joint.name!r} {found} {name} limit; take it from the arm's data sheet, {unit}")
+    return value
+
+
+def _home(home: Sequence[float] | Mapping[str, float], drives: Mapping[str, Drive]) -> tuple[float, ...]:
+    if isinstance(home, Mapping):
+        for name in home:
+            if name not in drives:
+                raise choices("joint", name, drives, "home")
+        if missing := [name for name in drives if name not in home]:
+            raise UsageError(f"home lacks {', '.join(missing)}")
+        home = [home[name] for name in drives]
+    if len(home) != len(drives):
+        raise UsageError(f"home has {len(home)} numbers for {len(drives)} joints: {', '.join(drives)}")
+    for value, (name, drive) in zip(home, drives.items(), strict=True):
+        if not drive.lower <= value <= drive.upper:
+            raise UsageError(
+                f"home {value:g} of joint {name!r} is not in its limits {drive.lower:g} to {drive.upper:g}"
+            )
+    return tuple(float(value) for value in home)
+
+
+def _gripper(
+    description: Description, options: GripperOptions, flange: str, arm: Sequence[str]
+) -> tuple[Gripper, dict[str, Drive]]:
+    """Check the gripper; its mount is the flange's pose."""
+    by_name = {joint.name: joint for joint in description.joints.values()}
+    if options.link not in description.links:
+        raise choices("link", options.link, description.links, "gripper")
+    for name in options.joints:
+        if name not in by_name:
+            raise choices("joint", name, by_name, "gripper")
+    left, right = (by_name[name] for name in options.joints)
+    heads = {joint.child for joint in (*(by_name[name] for name in arm), left, right)}
+    parts = rigid_parts(description, heads)
+    (head, at), (same, mount) = parts[options.link], parts[flange]
+    if head != same or options.link in description.above(flange):
+        raise UserError(f"gripper link {options.link!r} must be fixed to flange {flange!r}, not before it")
+    for joint in (left, right):
+        if joint.kind != "prismatic" or options.link not in description.above(joint.child):
+            raise UserError(f"joint {joint.name!r} is no prismatic joint on gripper link {options.link!r}")
+    ways = [parts[joint.parent][1].rotation.apply(joint.pose.rotation.apply(joint.axis)) for joint in (left, right)]
+    if parts[left.parent][0] != parts[right.parent][0] or ways[0] @ ways[1] > -0.9:
+        raise UserError(f"{left.name!r} and {right.name!r} don't move in opposite directions; turn one's axis around")
+    spans = [_span(joint, "metres") for joint in (left, right) if not joint.mimic or joint.limits["upper"]]
+    if not spans or any(lower != 0 for lower, _ in spans):
+        raise UserError(f"{left.name!r} and {right.name!r} must move from 0, closed, to how far they open")
+    driving = [joint for joint in (left, right) if not joint.mimic] or [left]
+    travel = min(upper for _, upper in spans)
+    force = options.force_n if options.force_n is not None else min(_limit(joint, "effort", "N") for joint in driving)
+    if not 0 < force < math.inf or not 0 <= options.friction < math.inf:
+        raise UsageError(f"gripper: force_n must be positive and friction 0 or more, got {force}, {options.friction}")
+    drive = Drive("prismatic", 0.0, travel, force, min(_limit(joint, "velocity", "m/s") for joint in driving))
+    links, joints = (left.child, right.child), (left.name, right.name)
+    made = Gripper(options.link, at.inverse() @ mount, (options.link,), joints, links, travel, force, options.friction)
+    return made, dict.fromkeys(joints, drive)
+
+
+def _check_shapes(description: Description, links: Sequence[str]) -> None:
+    if not any(description.links[name].collisions for name in links):
+        raise UserError("the arm has no collision shape; repeat each <visual> as <collision>: its hull counts")
+
+
+def _check_rest(description: Description, drives: Mapping[str, Drive], fixed: Sequence[str]) -> None:
+    """Refuse joints that would move by themselves."""
+    joints = {joint.name: joint for joint in description.joints.values()}
+    for name in fixed:
+        if name not in joints:
+            raise choices("joint", name, joints, "fixed")
+        lower, upper = joints[name].limits["lower"] or 0.0, joints[name].limits["upper"] or 0.0
+        if joints[name].kind != "continuous" and not min(lower, 0.0) == lower <= 0.0 <= upper:
+            raise UserError(f"joint {name!r} can't be held at 0: its limits are {lower:g} to {upper:g}")
+    for joint in joints.values():
+        if joint.kind != "fixed" and joint.name not in drives and joint.name not in fixed:
+            mend = f"hold it with robot.fixed=[{joint.name}], or leave out robot.without=[{joint.child}]"
+            if joint.kind not in MOVING:
+                mend = f"make it fixed, or leave out robot.without=[{joint.child}]"
+            raise UserError(f"joint {joint.name!r} is {joint.kind}, and neither the arm's nor the gripper's; {mend}")
+
+
+def _mount(robot: Robot, rpy: Sequence[float] | None) -> Pose:
+    """Turn the mount on the flange, so that its axes at home are about the world's."""
+    flange = Arm(robot).forward(np.array(robot.home))
+    exact = flange.rotation.inv()
+    if rpy is None:
+        turns = Rotation.create_group("O")  # by right angles
+        turn = turns[int((turns.inv() * exact).magnitude().argmin())]
+    elif len(rpy) != 3 or not all(map(math.isfinite, rpy)):
+        raise UsageError(f"mount_rpy must be three finite numbers, got {list(rpy)}")
+    else:
+        turn = Rotation.from_euler("xyz", rpy)
+    off = float((exact.inv() * turn).magnitude())
+    if off > _TILT_RAD:
+        down = short_numbers(exact.apply([0.0, 0.0, -1.0]), 2)
+        found = f"at home the mount's axes are {math.degrees(off):.0f} degrees off the world's"
+        found += f" ({robot.mount_link!r} has down at {down})"
+        same = short_numbers(Pose.from_rotation((0.0, 0.0, 0.0), exact).rpy, 4, ",")
+        raise UserError(f"{found}; choose a home with the flange looking down, or robot.mount_rpy=[{same}]")
+    mount = Pose.from_rotation((0.0, 0.0, 0.0), turn)
+    _check_looks_down(robot, flange @ mount)
+    return mount
+
+
+def _check_looks_down(robot: Robot, mount: Pose) -> None:
+    """Refuse a home at which the arm's last link lies below its flange."""
+    frames = link_frames(robot, False, np.array([robot.home]), np.zeros((1, 2)))
+    heights = []
+    for solid in robot_solids(robot, False):
+        if solid.name in robot.near_mount:
+            rotations, positions = frames[solid.name]
+            center = positions[0] + rotations[0] @ solid.bounds()[0]
+            heights.append(float(mount.inverse().apply(center)[2]))
+    if heights and max(heights) < -_UNDER_M:
+        below = f"{-max(heights):.3f} m below flange {robot.mount_link!r}"
+        raise UserError(f"at home the arm's last link is {below}, which looks up; choose a home where it looks down")

@@ -1,0 +1,344 @@
+"""Read a robot's URDF that a person or a program wrote, defensively: links and joints as data.
+
+The text may be wrong in any way: it is parsed without DTD, entities and network, and every number is checked.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
+from xml.etree.ElementTree import Element, ParseError
+
+import numpy as np
+from defusedxml.common import DefusedXmlException
+from defusedxml.ElementTree import fromstring
+
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT
+from core.errors import UserError, choices
+from core.geometry import Array, Box, Cylinder, Pose, Sphere
+from core.robot.description import BASE
+from core.robot.meshes import ONE, Scale
+from core.scene import Color
+from core.text import shorten
+
+MAX_BYTES = 10_000_000
+MAX_PARTS = 500  # links, joints, and shapes of a link
+MAX_NUMBER = 1e6  # of any unit; keeps products finite
+MOVING = ("revolute", "continuous", "prismatic")
+_KINDS = (*MOVING, "fixed", "floating", "planar")
+_GREY: Color = (0.7, 0.7, 0.7, 1.0)
+_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+_OURS = (RIGID_MOUNT, *GRIPPER_MOUNTS, BASE, f"{RIGID_MOUNT}_joint", f"{BASE}_joint")
+_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A shape of a link, in the link's frame: a box, sphere or cylinder, or a mesh file with its scale."""
+
+    shape: Box | Sphere | Cylinder | Path
+    scale: Scale
+    pose: Pose
+    color: Color
+
+
+@dataclass(frozen=True)
+class Link:
+    """A link: its mass, centre of mass (3,) and inertia tensor (3, 3) about it, in its frame, and its shapes."""
+
+    name: str
+    mass: float
+    center: Array
+    inertia: Array
+    collisions: tuple[Shape, ...]
+    visuals: tuple[Shape, ...]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint: its pose in the parent's frame, its axis (3,), and its limits as written; None where there is none."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    pose: Pose
+    axis: Array
+    limits: Mapping[str, float | None]  # lower, upper, effort, velocity
+    mimic: bool
+
+
+@dataclass(frozen=True)
+class Description:
+    """A tree of links: the name of the robot, its links by name, and its joints by child; ``root`` has none."""
+
+    name: str
+    root: str
+    links: dict[str, Link]
+    joints: dict[str, Joint]
+
+    def above(self, link: str) -> list[str]:
+        """List a link and those that bear it, up to the root."""
+        chain = [link]
+        while chain[-1] in self.joints:
+            chain.append(self.joints[chain[-1]].parent)
+        return chain
+
+
+def read_description(data: bytes, file: Path, without: tuple[str, ...] = ()) -> Description:
+    """Read a URDF that lies at ``file``, without the links that ``without`` names and all that they bear.
+
+    Raises:
+        UserError: it is no URDF, or something in it is wrong; says what, where, and how to mend it.
+    """
+    if len(data) > MAX_BYTES:
+        raise UserError(f"{file} has {len(data) / 1e6:.0f} MB; at most {MAX_BYTES / 1e6:.0f} MB are read")
+    try:
+        root = fromstring(data, forbid_dtd=True)
+    except ParseError as error:
+        raise UserError(f"{file} is malformed XML: {error}") from error
+    except (DefusedXmlException, ValueError, LookupError) as error:  # an encoding that does not exist
+        raise UserError(f"{file} must be plain XML without DOCTYPE and entities ({type(error).__name__})") from error
+    if root.tag != "robot":
+        raise UserError(f"{file} is no URDF: its root is <{shorten(root.tag)[1:-1]}> instead of <robot>")
+    try:
+        return _read(root, file, without)
+    except UserError as error:
+        raise type(error)(f"{file}: {error}") from error
+
+
+def _read(root: Element, file: Path, without: tuple[str, ...]) -> Description:
+    colors = {m.get("name", ""): _color(m) for m in root.iter("material") if m.find("color") is not None}
+    elements = {tag: _unique(root, tag) for tag in ("link", "joint")}
+    ends = [
+        (joint, _end(joint, "parent", elements["link"]), _end(joint, "child", elements["link"]))
+        for joint in elements["joint"].values()
+    ]
+    parents: dict[str, str] = {}
+    for _, parent, child in ends:
+        if child in parents:
+            raise UserError(f"link {child!r} hangs on two joints, so that links form a loop; a URDF is a tree")
+        parents[child] = parent
+    for name in without:
+        if name not in elements["link"]:
+            raise choices("link", name, elements["link"])
+    chains = {name: _chain(name, parents) for name in elements["link"]}
+    kept = {name for name, chain in chains.items() if not set(chain) & set(without)}
+    roots = sorted(kept - parents.keys())
+    if len(roots) != 1:
+        found = f"{len(roots)} links have no parent: {', '.join(roots[:5])}" if roots else "no link is left"
+        raise UserError(f"{found}; an arm has one base, join the others to it with fixed joints")
+    links = {name: _link(elements["link"][name], name, colors, file) for name in elements["link"] if name in kept}
+    joints = {child: _joint(joint, parent, child) for joint, parent, child in ends if child in kept}
+    return Description(str(root.get("name") or file.stem), roots[0], links, joints)
+
+
+def _unique(root: Element, tag: str) -> dict[str, Element]:
+    """Find the elements of a kind by name."""
+    found: dict[str, Element] = {}
+    for element in root.findall(tag):
+        name = _name(element, tag)
+        if not _NAME.fullmatch(name):
+            raise UserError(f"{tag} name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'; rename it")
+        if name in _OURS:
+            raise UserError(f"{tag} {name!r} has a name that the program needs itself; rename it")
+        if name in found:
+            raise UserError(f"two {tag}s are named {name!r}; each needs a name of its own")
+        found[name] = element
+    if len(found) > MAX_PARTS:
+        raise UserError(f"there are {len(found)} {tag}s; at most {MAX_PARTS} are read")
+    return found
+
+
+def _name(element: Element, tag: str) -> str:
+    name = element.get("name")
+    if name is None:
+        raise UserError(f"a <{tag}> has no name")
+    return name
+
+
+def _end(joint: Element, tag: str, links: Mapping[str, Element]) -> str:
+    end = joint.find(tag)
+    name = None if end is None else end.get("link")
+    where = f"joint {joint.get('name')!r}"
+    if name is None:
+        raise UserError(f'{where} names no {tag}; add <{tag} link="..."/>')
+    if name not in links:
+        raise choices("link", name, links, where)
+    return name
+
+
+def _chain(link: str, parents: Mapping[str, str]) -> list[str]:
+    chain = [link]
+    while (above := parents.get(chain[-1])) is not None:
+        chain.append(above)
+        if above in chain[:-1]:
+            raise UserError(f"links form a loop: {' -> '.join(chain[chain.index(above) :][::-1])}; a URDF is a tree")
+    return chain
+
+
+# --- elements -------------------------------------------------------------------------------------------------------
+
+
+def _link(element: Element, name: str, colors: Mapping[str, Color], file: Path) -> Link:
+    where = f"link {name!r}"
+    shapes = {tag: tuple(_shapes(element, tag, where, colors, file)) for tag in ("collision", "visual")}
+    inertial = element.find("inertial")
+    mass, pose, tensor = 0.0, Pose(), np.zeros((3, 3))
+    if inertial is not None:
+        at = f"{where}: inertial"
+        pose, mass = _origin(inertial, at), _number(_child(inertial, "mass", at), "value", at)
+        if mass < 0:
+            raise UserError(f"{at}: mass is {mass:g} kg; it can't be negative")
+        given = inertial.find("inertia")
+        names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        xx, xy, xz, yy, yz, zz = (0.0,) * 6 if given is None else (_number(given, n, at, 0.0) for n in names)
+        axes = pose.rotation.as_matrix()
+        tensor = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
+    return Link(name, mass, pose.position, tensor, shapes["collision"], shapes["visual"])
+
+
+def _shapes(link: Element, tag: str, where: str, colors: Mapping[str, Color], file: Path) -> Iterator[Shape]:
+    elements = link.findall(tag)
+    if len(elements) > MAX_PARTS:
+        raise UserError(f"{where} has {len(elements)} <{tag}> elements; at most {MAX_PARTS} are read")
+    for element in elements:
+        at = f"{where}: {tag}"
+        geometry = _child(element, "geometry", at)
+        if len(geometry) != 1:
+            raise UserError(f"{at}: <geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}")
+        material = element.find("material")
+        color = _GREY
+        if material is not None:
+            named = colors.get(material.get("name", ""), _GREY)
+            color = named if material.find("color") is None else _color(material)
+        shape, scale = _geometry(geometry[0], at, file)
+        yield Shape(shape, scale, _origin(element, at), color)
+
+
+def _geometry(element: Element, at: str, file: Path) -> tuple[Box | Sphere | Cylinder | Path, Scale]:
+    def size(name: str) -> float:
+        return _positive(_number(element, name, f"{at}: {element.tag}"), name, at)
+
+    match element.tag:
+        case "box":
+            x, y, z = (_positive(side, "size", at) for side in _numbers(element, "size", 3, f"{at}: box"))
+            return Box((x, y, z)), ONE
+        case "sphere":
+            return Sphere(size("radius")), ONE
+        case "cylinder":
+            return Cylinder(size("radius"), size("length")), ONE
+        case "mesh":
+            x, y, z = _numbers(element, "scale", 3, f"{at}: mesh", ONE)
+            if 0.0 in (x, y, z):
+                raise UserError(f"{at}: mesh scale is {x:g} {y:g} {z:g}; no factor can be 0")
+            return find_mesh(element.get("filename") or "", file, at), (x, y, z)
+    raise UserError(f"{at}: <{shorten(element.tag)[1:-1]}> is no shape of a URDF: use box, sphere, cylinder or mesh")
+
+
+def find_mesh(name: str, file: Path, where: str) -> Path:
+    """Find a mesh as a URDF names it: absolute, relative to the URDF, ``file://``, or ``package://``.
+
+    A package is a folder of its name that holds the URDF or lies beside or above it, or one in ROS_PACKAGE_PATH, or in
+    a ``share`` of AMENT_PREFIX_PATH.
+
+    Raises:
+        UserError: the name or the package can't be resolved, or there is no such file.
+    """
+    scheme, _, rest = name.partition("://") if "://" in name else ("", "", name)
+    if not rest or "\0" in rest or len(rest) > 4096:
+        raise UserError(f"{where}: mesh has no filename that can be read")
+    if scheme not in ("", "file", "package"):
+        raise UserError(f"{where}: mesh {shorten(name)}: {scheme}:// is not read; give a path, or package://")
+    found = file.parent / (unquote(rest) if scheme else rest)
+    if scheme == "package":
+        package, _, inner = rest.partition("/")
+        above = file.resolve().parents
+        roots = [Path(root) for path in _PATHS for root in os.environ.get(path, "").split(os.pathsep) if root]
+        folders = [
+            *above,
+            *(folder / package for folder in [*above, *roots, *(root / "share" for root in roots)]),
+            *roots,
+        ]
+        home = next((folder for folder in folders if folder.name == package and folder.is_dir()), None)
+        if home is None:
+            mend = f"put it there, or add the folder that holds it to {_PATHS[0]}"
+            raise UserError(f"{where}: package {shorten(package)} is neither beside nor above the URDF; {mend}")
+        found = home / inner
+    try:
+        there = found.is_file()
+    except OSError:  # a name that is too long
+        there = False
+    if not there:
+        raise UserError(f"{where}: there is no mesh file {found} (named {shorten(name, 200)})")
+    return found.resolve()
+
+
+def _joint(element: Element, parent: str, child: str) -> Joint:
+    name = _name(element, "joint")
+    where, kind = f"joint {name!r}", element.get("type", "")
+    if kind not in _KINDS:
+        raise choices("type", kind, _KINDS, where)
+    axis, given = element.find("axis"), element.find("limit")
+    along = np.array([1.0, 0.0, 0.0] if axis is None else _numbers(axis, "xyz", 3, f"{where}: axis"))
+    length = float(np.linalg.norm(along))
+    if kind in MOVING and length < 1e-6:
+        raise UserError(f"{where}: its axis has length 0")
+    names = ("lower", "upper", "effort", "velocity")
+    limits = {n: None if given is None or given.get(n) is None else _number(given, n, f"{where}: limit") for n in names}
+    pose, mimic = _origin(element, where), element.find("mimic") is not None
+    return Joint(name, kind, parent, child, pose, along / max(length, 1e-6), limits, mimic)
+
+
+def _child(element: Element, tag: str, where: str) -> Element:
+    child = element.find(tag)
+    if child is None:
+        raise UserError(f"{where} has no <{tag}>")
+    return child
+
+
+def _origin(element: Element, where: str) -> Pose:
+    origin = element.find("origin")
+    if origin is None:
+        return Pose()
+    xyz, rpy = (_numbers(origin, name, 3, f"{where}: origin", (0.0, 0.0, 0.0)) for name in ("xyz", "rpy"))
+    return Pose.xyz_rpy(xyz, rpy)
+
+
+def _color(material: Element) -> Color:
+    where = f"material {shorten(material.get('name', ''))}"
+    red, green, blue, opacity = np.clip(_numbers(_child(material, "color", where), "rgba", 4, where), 0.0, 1.0)
+    return float(red), float(green), float(blue), float(opacity)
+
+
+def _number(element: Element, name: str, where: str, default: float | None = None) -> float:
+    return _numbers(element, name, 1, where, None if default is None else (default,))[0]
+
+
+def _numbers(
+    element: Element, name: str, count: int, where: str, default: tuple[float, ...] | None = None
+) -> tuple[float, ...]:
+    text = element.get(name)
+    if text is None:
+        if default is None:
+            raise UserError(f"{where}: {name} is missing")
+        return default
+    try:
+        values = tuple(float(word) for word in text.split())
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(math.isfinite(v) and abs(v) <= MAX_NUMBER for v in values):
+        wanted = "a number" if count == 1 else f"{count} numbers"
+        raise UserError(f"{where}: {name} is {shorten(text)}; expected {wanted}, finite and at most {MAX_NUMBER:g}")
+    return values
+
+
+def _positive(value: float, name: str, where: str) -> float:
+    if value <= 0:
+        raise UserError(f"{where}: {name} is {value:g}; it must be greater than 0")
+    return value
