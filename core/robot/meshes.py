@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from core.errors import UserError
 from core.files import write_whole
-from core.geometry import Array, Shape
+from core.geometry import Array
 from core.scene import Color
 
 KINDS = (".stl", ".obj", ".dae", ".ply")
@@ -50,26 +50,22 @@ def hull_file(mesh: Path, scale: Scale = ONE) -> Path:
     return _kept("hulls", "stl", key.encode() + _content(mesh), lambda: _hull(_load(mesh, scale), mesh))
 
 
-def visual_file(shape: Path | Shape, color: Color, scale: Scale = ONE) -> Path:
-    """Write what is drawn of a shape as a Collada file in metres, z up, or find it as it was written before.
+def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
+    """Write what is drawn of a mesh as a Collada file in metres, z up, or find it as it was written before.
 
-    A mesh keeps its own colours, one for each of its parts. Corners of one with more than `MAX_DRAWN` triangles are
+    It keeps its own colours, one for each of its parts. Corners of a mesh with more than `MAX_DRAWN` triangles are
     merged where they are close.
 
     Args:
-        shape: a mesh file, or a box, sphere or cylinder.
-        color: of what has none, red, green, blue and opacity, 0..1.
-        scale: multiplies a mesh's x, y and z.
+        mesh: an STL, OBJ, Collada or PLY file.
+        color: of parts that have none, red, green, blue and opacity, 0..1.
+        scale: multiplies x, y and z.
 
     Raises:
         UserError: the mesh can't be read or is too large, or the file can't be written.
     """
-    key = f"{color} {scale} {shape.suffix.lower() if isinstance(shape, Path) else shape}".encode()
-    if isinstance(shape, Path):
-        mesh = shape
-        return _kept("visuals", "dae", key + _content(mesh), lambda: _collada(_load(mesh, scale), color))
-    solid = shape.to_trimesh()
-    return _kept("visuals", "dae", key, lambda: _collada([solid], color))
+    key = f"{mesh.suffix.lower()} {tuple(map(float, scale))} {color}"
+    return _kept("visuals", "dae", key.encode() + _content(mesh), lambda: _collada(_load(mesh, scale), color))
 
 
 def _content(mesh: Path) -> bytes:

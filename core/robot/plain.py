@@ -112,12 +112,11 @@ def _write_link(root: Any, link: Link, mass: float, center: Array, tensor: Array
             part = etree.SubElement(element, tag)
             _write_origin(part, shape.pose)
             _write_shape(etree.SubElement(part, "geometry"), shape, drawn=tag == "visual")
+            if tag == "visual":
+                etree.SubElement(etree.SubElement(part, "material", name=""), "color", rgba=_numbers(shape.color))
 
 
 def _write_shape(geometry: Any, shape: Shape, *, drawn: bool) -> None:
-    if drawn:
-        etree.SubElement(geometry, "mesh", filename=str(visual_file(shape.shape, shape.color, shape.scale)))
-        return
     match shape.shape:
         case Box(size):
             etree.SubElement(geometry, "box", size=_numbers(size))
@@ -126,7 +125,8 @@ def _write_shape(geometry: Any, shape: Shape, *, drawn: bool) -> None:
         case Cylinder(radius, length):
             etree.SubElement(geometry, "cylinder", radius=_numbers([radius]), length=_numbers([length]))
         case Path() as mesh:
-            etree.SubElement(geometry, "mesh", filename=str(hull_file(mesh, shape.scale)))
+            file = visual_file(mesh, shape.color, shape.scale) if drawn else hull_file(mesh, shape.scale)
+            etree.SubElement(geometry, "mesh", filename=str(file))
 
 
 def _write_origin(parent: Any, pose: Pose) -> None:

@@ -7,4 +7,4 @@ from core.hooks import hookimpl
 
 @hookimpl
 def robots() -> Mapping[str, str]:
-    return {"panda": "plugins.robots.panda:panda"}
+    return {"panda": "plugins.robots.panda:panda", "urdf": "plugins.robots.urdf:urdf"}

@@ -3,7 +3,6 @@ import pytest
 import trimesh
 
 from core.errors import UserError
-from core.geometry import Box
 from core.robot import meshes
 from core.robot.meshes import MAX_CORNERS, MAX_DRAWN, hull_file, visual_file
 
@@ -68,7 +67,6 @@ def test_names_tell_content_apart(write, tmp_path):
 
 def test_what_is_drawn_keeps_its_colours(write, tmp_path):
     assert drawn(visual_file(write("a.stl"), RED)) == [RED]
-    assert drawn(visual_file(Box((0.1, 0.1, 0.1)), GREY)) == [GREY]
     painted = trimesh.creation.box((0.1, 0.1, 0.1))
     painted.visual.face_colors = [0, 255, 0, 255]
     assert drawn(visual_file(write("a.ply", painted), RED)) == [(0.0, 1.0, 0.0, 1.0)]
