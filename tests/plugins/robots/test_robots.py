@@ -1,0 +1,72 @@
+"""The arms that are built in."""
+
+import numpy as np
+import pytest
+from lxml import etree
+
+from core.conformance.suites import SUITES
+from core.errors import UserError
+from core.geometry import Pose
+from core.plugins import RobotPart, installed
+from core.robot.kinematics import arm_of
+from plugins.robots.descriptions import measured
+
+# The home of most tasks, and where the base has to stand for it.
+HOME = Pose(np.array([0.5, 0.0, 0.5]))
+SHEETS = {
+    "panda": (7, 3.0, True),
+    "fr3": (7, 3.0, True),
+    "kinova": (6, 2.2, False),
+    "ur5": (6, 5.0, False),
+    "ur10": (6, 10.0, False),
+    "xarm7": (7, 3.5, False),
+    "z1": (6, 3.0, False),
+}
+NAMES = tuple(SHEETS)
+BASES = {"z1": (0.15, 0.0, 0.35, 0.0)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_robots_conform(name):
+    checked = installed().create("robot", name)
+    for check in SUITES["robot"]:
+        check(checked)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_home_is_the_tasks(name):
+    robot = RobotPart("robot", name, base=BASES.get(name, (0.0,) * 4)).create()
+    arm = arm_of(robot)
+    assert np.abs(arm.home_for(HOME) - arm.home).max() < 1e-3
+
+
+def test_the_shortest_arm_needs_another_place():
+    with pytest.raises(UserError, match=r"robot z1 can't reach the task's home .* place it elsewhere with robot.base"):
+        arm_of(installed().create("robot", "z1")).home_for(HOME)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sources_and_exactness_are_known(name):
+    robot = installed().create("robot", name)
+    assert any("payload" in source for source in robot.sources) or name in ("panda", "fr3")
+    assert any("acceleration" in source for source in robot.sources)
+    assert set(measured(name)) == {"pybullet", "sapien", "mujoco"}
+
+
+def test_mass_of_what_is_dropped_is_dropped():
+    """Kinova's hand and fingers weigh 1 kg; the disc in their place a tenth."""
+    masses = {link: float(mass) for link, mass in _masses("kinova")}
+    assert not [link for link in masses if "finger" in link]
+    assert masses["j2s6s200_link_6"] == pytest.approx(0.098, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_payload_and_joints_are_those_of_the_data_sheets(name):
+    robot = installed().create("robot", name)
+    assert (len(robot.arm_joints), robot.payload_kg, robot.gripper is not None) == SHEETS[name]
+
+
+def _masses(name):
+    root = etree.fromstring(installed().create("robot", name).urdf.encode())
+    return [(link.get("name"), link.find("inertial/mass").get("value")) for link in root.findall("link")]
