@@ -18,6 +18,7 @@ from core.conformance import (
     output,
     repeat,
     robot,
+    robots,
     task,
     tool,
     vlm,
@@ -38,6 +39,7 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 SUITES = {
     "sim": _checks(repeat, robot, bodies, impacts, output),
     "task": _checks(task),
+    "robot": _checks(robots),
     "vlm": _checks(vlm),
     "tool": _checks(tool),
     "evolution": _checks(evolution),
