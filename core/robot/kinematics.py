@@ -25,6 +25,9 @@ _MAX_STEPS_ALL, _FEW_STEPS = 50_000, 3
 
 _EYE = np.eye(6)
 _STRIDE = 0.5  # radians, of each joint in a step
+# A joint that turns more between two knots of a path, 2 cm or 0.1 rad apart, is at a singularity, or on its way to
+# another branch. Halfway between knots that far apart, what it moves bows out by 4 % of its radius.
+_JUMP_RAD = 0.6
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,8 @@ class Arm:
     """The kinematics of a robot's arm of J joints.
 
     Limits are ``lower``, ``upper`` (J,) in radians, ``velocity_limits`` (J,) in rad/s and ``acceleration_limits`` (J,)
-    in rad/s^2.
+    in rad/s^2. ``jump_rad`` is the most that a joint may turn between two knots of a path, so that an arm without a
+    spare joint keeps its elbow and wrist as they are: infinity with a spare one, which leads around singularities.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -55,6 +59,7 @@ class Arm:
         self.velocity_limits: Array = self._model.velocityLimit.copy()
         self.acceleration_limits: Array = np.array(robot.acceleration_limits)
         self.home: Array = np.array(robot.home)
+        self.jump_rad = _JUMP_RAD if len(self.home) <= len(_EYE) else math.inf
 
     def forward(self, joints: Array) -> Pose:
         """Compute the pose of the tool mount in the world."""
@@ -74,18 +79,22 @@ class Arm:
         joints, errors = self.follow(pose.position[None], pose.rotation.as_matrix()[None], seed)
         return Solution(joints[0], float(errors[0, 0]), float(errors[0, 1]))
 
-    def follow(self, positions: Array, rotations: Array, seed: Array) -> tuple[Array, Array]:
+    def follow(
+        self, positions: Array, rotations: Array, seed: Array, jump_rad: float = math.inf
+    ) -> tuple[Array, Array]:
         """Solve a sequence of poses: joints (K, J), and the remaining errors (K, 2) in metres and radians.
 
         Positions (K, 3) and rotations (K, 3, 3) are those of the tool mount in the world. Each solution starts from
         the one before, the first from ``seed``. The method is damped least squares on the pose error (position and
         rotation vector). A joint that presses against its limit is held there while the others go on. For a pose out
-        of reach the nearest pose found is returned, with its error. Work is bounded: see ``_MAX_STEPS_ALL``.
+        of reach the nearest pose found is returned, with its error. No joint turns by more than ``jump_rad`` from one
+        pose to the next: what would need it is out of reach. Work is bounded: see ``_MAX_STEPS_ALL``.
         """
         left = _MAX_STEPS_ALL
         joints, errors = np.empty((len(positions), len(self.home))), np.empty((len(positions), 2))
         for k, (position, rotation) in enumerate(zip(positions, rotations, strict=True)):
-            seed, error, steps = self._closest(position, rotation, seed, _MAX_STEPS if left > 0 else _FEW_STEPS)
+            most = _MAX_STEPS if left > 0 else _FEW_STEPS
+            seed, error, steps = self._closest(position, rotation, seed, most, jump_rad)
             left -= steps
             joints[k] = seed
             errors[k] = math.sqrt(error[:3].dot(error[:3])), math.sqrt(error[3:].dot(error[3:])) / _RADIAN_WEIGHT
@@ -100,13 +109,15 @@ class Arm:
         error[3:] = _RADIAN_WEIGHT * pin.log3(self._back.dot(rotation))
         return error
 
-    def _closest(self, position: Array, rotation: Array, seed: Array, most: int) -> tuple[Array, Array, int]:
+    def _closest(
+        self, position: Array, rotation: Array, seed: Array, most: int, jump_rad: float
+    ) -> tuple[Array, Array, int]:
         """Solve one pose: joints, their `_miss`, and the steps taken.
 
         Most planning time is spent here: numpy's fastest calls.
         """
-        lower, upper = self.lower, self.upper
-        q = np.minimum(np.maximum(seed, lower), upper)
+        q = np.minimum(np.maximum(seed, self.lower), self.upper)
+        lower, upper = np.maximum(self.lower, q - jump_rad), np.minimum(self.upper, q + jump_rad)
         error = self._miss(position, rotation, q)
         cost, damping = float(error.dot(error)), 1e-4
         count = 0

@@ -1,0 +1,137 @@
+"""An arm without a spare joint passes its singularities without a jump, and reports by how much it misses."""
+
+import numpy as np
+import pytest
+from lxml import etree
+from scipy.spatial.transform import Rotation
+
+from core.geometry import Pose
+from core.interfaces import Robot
+from core.plugins import installed
+from core.robot.kinematics import Arm, arm_of
+from core.robot.trajectory import plan_motion
+
+HOME = Pose.xyz_rpy((0.45, 0.0, 0.4))
+# The joints of Universal Robots' UR5, from its Denavit-Hartenberg parameters: xyz, pitch, axis.
+JOINTS = (
+    ("0 0 0.089159", 0.0, "0 0 1"),
+    ("0 0.13585 0", np.pi / 2, "0 1 0"),
+    ("0 -0.1197 0.425", 0.0, "0 1 0"),
+    ("0 0 0.39225", np.pi / 2, "0 1 0"),
+    ("0 0.093 0", 0.0, "0 0 1"),
+    ("0 0 0.09465", 0.0, "0 1 0"),
+)
+
+
+def six_joints() -> Robot:
+    root = etree.Element("robot", name="six")
+    for number, (xyz, pitch, axis) in enumerate((("", 0.0, ""), *JOINTS)):
+        link = etree.SubElement(root, "link", name=f"link{number}")
+        inertial = etree.SubElement(link, "inertial")
+        etree.SubElement(inertial, "mass", value="1")
+        etree.SubElement(inertial, "inertia", ixx="0.01", iyy="0.01", izz="0.01", ixy="0", ixz="0", iyz="0")
+        if not number:
+            continue
+        joint = etree.SubElement(root, "joint", name=f"joint{number}", type="revolute")
+        etree.SubElement(joint, "parent", link=f"link{number - 1}")
+        etree.SubElement(joint, "child", link=f"link{number}")
+        etree.SubElement(joint, "origin", xyz=xyz, rpy=f"0 {pitch} 0")
+        etree.SubElement(joint, "axis", xyz=axis)
+        etree.SubElement(joint, "limit", lower="-6.28", upper="6.28", velocity="3.14", effort="150")
+    return Robot(
+        name="six",
+        title="Six Joints",
+        urdf=etree.tostring(root, encoding="unicode"),
+        arm_joints=tuple(f"joint{number}" for number in range(1, 7)),
+        home=(-0.22, -1.55, 1.38, -1.4, -np.pi / 2, -0.22),
+        acceleration_limits=(5.0,) * 6,
+        motor_inertia=(0.1,) * 6,
+        mount_link="link6",
+        mount=Pose.xyz_rpy((0.0, 0.0823, 0.0), (np.pi / 2, 0.0, 0.0))
+        @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, np.pi / 2)),
+        near_mount=("link6",),
+        payload_kg=5.0,
+    )
+
+
+@pytest.fixture(scope="module")
+def arm() -> Arm:
+    return arm_of(six_joints())
+
+
+def deviation(arm, plan, joints):
+    """How far the mount is from the straight way between two waypoints, at most: metres and radians."""
+    share = np.linspace(0, 1, 500)[:, None]
+    start, end = Rotation.from_euler("xyz", plan[:, 3:6])
+    turned = start * Rotation.from_rotvec(share * (start.inv() * end).as_rotvec())
+    points = plan[0, :3] + share * (plan[1, :3] - plan[0, :3])
+    far = np.zeros(2)
+    for pose in map(arm.forward, joints):
+        ways, angles = np.linalg.norm(points - pose.position, axis=1), (turned.inv() * pose.rotation).magnitude()
+        nearest = np.argmin(ways + 0.3 * angles)
+        far = np.maximum(far, (ways[nearest], angles[nearest]))
+    return far
+
+
+def last_way(motion):
+    """The joints (T, J) from the first waypoint on."""
+    return motion.trajectory.arm[motion.trajectory.times >= motion.arrivals[0]]
+
+
+# Through the wrist's singularity (joint 5 at 0), and past it by less than five degrees.
+WAYS = (
+    ((0.40, -0.20, 0.40, np.pi / 2, 0.0, 0.0), (0.40, 0.25, 0.40, np.pi / 2, 0.0, 0.0)),
+    ((0.40, -0.20, 0.40, np.pi / 2, 0.03, 0.0), (0.40, 0.25, 0.40, np.pi / 2, 0.03, 0.0)),
+    ((0.40, -0.20, 0.30, 1.4, 0.1, 0.2), (0.40, 0.20, 0.40, 1.7, -0.1, -0.2)),
+)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_line_past_the_wrists_singularity(arm, way):
+    plan = np.array(way)
+    motion = plan_motion(plan, HOME, arm)
+    joints = last_way(motion)
+    assert np.abs(joints[:, 4]).min() < 0.08, "the way is not near the singularity"
+    metres, radians = deviation(arm, plan, joints)
+    assert metres < motion.misses[1, 0] + 0.003
+    assert radians < motion.misses[1, 1] + 0.01
+    assert motion.misses[1, 0] < 0.02
+    assert no_joint_jumps(arm, motion)
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.01, 0.05])
+def test_a_line_through_the_shoulders_singularity_above_the_base(arm, aside):
+    """The flange can't come nearer to the base's axis than 0.1 m: the arm goes around, and says so."""
+    plan = np.array([(0.3, aside, 0.6, 0, 0, 0), (-0.3, aside, 0.6, 0, 0, 0)])
+    motion = plan_motion(plan, HOME, arm)
+    joints = last_way(motion)
+    metres, radians = deviation(arm, plan, joints)
+    assert 0.04 < metres < motion.misses[1, 0] + 0.003
+    assert radians < motion.misses[1, 1] + 0.01
+    assert no_joint_jumps(arm, motion)
+    assert (joints[:, 2] > 0.2).all(), "the elbow changed sides"
+    assert (joints[:, 4] < -0.2).all(), "the wrist changed sides"
+    assert np.ptp(motion.trajectory.times[motion.trajectory.times >= motion.arrivals[0]]) > 3.0
+
+
+def no_joint_jumps(arm, motion):
+    steps = np.abs(np.diff(motion.trajectory.arm, axis=0)) / np.diff(motion.trajectory.times)[:, None]
+    return bool((steps <= arm.velocity_limits).all())
+
+
+def test_from_knot_to_knot_no_joint_turns_by_more_than_the_limit(arm):
+    """The tool's axis swings past that of joint 4, which is to turn by half a turn at once."""
+    angles = np.arange(0.0, 1.2, 0.1)
+    turns = Rotation.from_euler("xyz", [(0.97 + angle, 0.02, -0.4) for angle in angles]).as_matrix()
+    points = np.tile((0.45, 0.0, 0.4), (len(angles), 1))
+    start = arm.inverse(Pose.from_rotation(points[0], Rotation.from_matrix(turns[0])), arm.home_for(HOME)).joints
+    free, _ = arm.follow(points, turns, start)
+    kept, errors = arm.follow(points, turns, start, arm.jump_rad)
+    assert np.abs(np.diff(free, axis=0)).max() > arm.jump_rad
+    assert np.abs(np.diff(kept, axis=0)).max() <= arm.jump_rad + 1e-12
+    assert 0.001 < errors[:, 1].max() < 0.2
+    assert errors[-1].max() < 1e-3, "behind the singularity it is back on its way"
+
+
+def test_an_arm_with_a_spare_joint_needs_no_limit():
+    assert arm_of(installed().create("robot", "panda")).jump_rad == np.inf
