@@ -28,6 +28,7 @@ from core.interfaces import (
     Picture,
     Reply,
     Request,
+    Robot,
     Simulator,
     Task,
     ToolRepresentation,
@@ -245,6 +246,21 @@ def _lost(brief: Brief, problem: str) -> Candidate:
     return Candidate(None, np.zeros((0, 6)), brief.generation, brief.agent, problem=problem)
 
 
+def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
+    """Return the tool kinds that the robot can bear: without a gripper, rigid ones.
+
+    Raises:
+        UserError: none is left.
+    """
+    borne = [name for name in tool_kinds if name != "gripper" or robot.gripper is not None]
+    if not borne:
+        raise UserError(
+            f"robot {robot.name} has no gripper, and task.tool_kinds has no other kind; set task.tool_kinds=[rigid], "
+            "or choose another robot"
+        )
+    return borne
+
+
 def make_designer(
     task: Task,
     simulator: Simulator,
@@ -263,12 +279,15 @@ def make_designer(
     Where nothing can draw, standard error says why, and the model gets text alone.
 
     Raises:
-        UserError: an unknown tool kind, no given tool for the task, or one that breaks a rule.
+        UserError: an unknown tool kind, none that the robot can bear, no given tool for the task, or one that breaks a
+            rule.
     """
     for name in tool_kinds:
         if name not in TOOL_KINDS:
             raise choices("tool kind", str(name), TOOL_KINDS, "task.tool_kinds")
     given = given_tool(representation, task, seed)
+    if given is None:
+        tool_kinds = borne_kinds(tool_kinds, task.robot)
     bare = [Tool(gripper=name == "gripper") for name in dict.fromkeys(tool_kinds)]
 
     def show(evaluation: Evaluation) -> Picture | None:
