@@ -81,7 +81,8 @@ class Workshop:
         return (tool, head, at, use), fault + (0.0 if self.accepts(tool) else _BREAKS_RULES)
 
     def _head(self, errand: Errand) -> Head:
-        grips = handles(errand.holder) if errand.holder is not None and not self.gripper else None
+        holder = errand.holder
+        grips = handles(holder, errand.space) if holder is not None and not self.gripper else None
         if grips is not None and self.rng.random() < 0.8:
             return sample_fork(grips, self.rng)
         clamps = self.gripper and self.rng.random() < (0.9 if errand.deep and errand.shift[2] > 0.03 else 0.5)
@@ -116,9 +117,11 @@ class Workshop:
         if fault == 0.0 or not self._is_high(path):
             return Use(plan, text), fault
         tried = [(fault, plan)]
-        for radius in (float(np.hypot(*home[:2])), 0.4, 0.3):
+        space = self.sight.space
+        way = space.from_axis(plan[0])
+        for radius in (float(np.hypot(*space.from_axis(home))), round(space.inner + 0.1, 2), space.inner):
             rows = np.repeat(plan[:1], 2, axis=0)
-            rows[:, :2] *= radius / max(float(np.hypot(*plan[0, :2])), 1e-6)
+            rows[:, :2] = space.base[:2] + way * (radius / max(float(np.hypot(*way)), 1e-6))
             rows[0, 2] = home[2]
             longer = np.vstack([rows, plan])
             tried.append((self._fault(tool, longer, [False, False, *touching], errands), longer))
@@ -163,15 +166,19 @@ class Workshop:
             lowest = min(pose.position[2] for pose in path.poses)
             most = max(least, home[2] - beneath - 0.003)
             least = min(most, errand.clear_z - lowest + (_HAND_M if self.gripper else 0.005))
+        space = self.sight.space
+        ahead = space.direction(home) if space.base[:2].any() else 0.0
         places: list[tuple[float, Pose]] = []
         for _ in range(_MOUNTS):
-            angle, radius, drop = rng.uniform(-0.9, 0.9), rng.uniform(0.32, 0.66), rng.uniform(least, most)
-            place = (radius * np.cos(angle), radius * np.sin(angle), start.position[2] + drop)
+            angle = ahead + rng.uniform(-0.9, 0.9)
+            radius, drop = rng.uniform(space.inner + 0.02, space.outer - 0.02), rng.uniform(least, most)
+            way = radius * np.array([np.cos(angle), np.sin(angle)])
+            place = (*(space.base[:2] + way), start.position[2] + drop)
             if straight:
                 place = (start.position[0], start.position[1], start.position[2] + drop)
             at = Pose.xyz_rpy(place, (0.0, 0.0, yaw)).inverse() @ start
             back = at.inverse()
-            strain = _strain(np.array([(pose @ back).position for pose in path.poses]))
+            strain = space.strain(np.array([(pose @ back).position for pose in path.poses]))
             cost = 20.0 * strain + float(np.hypot(*at.position[:2])) + rng.uniform(0.0, 0.15)
             places.append((cost, at))
         return min(places, key=lambda place: place[0])[1]
@@ -187,12 +194,3 @@ def _least_faulty(make: Callable[[], tuple[A, float]], tries: int) -> A:
         if fault < least:
             best, least = other, fault
     return best
-
-
-def _strain(points: Array) -> float:
-    """The largest distance in metres of end-effector points (N, 3) from the arm's comfortable workspace."""
-    ground = np.hypot(points[:, 0], points[:, 1])
-    stretch = np.linalg.norm(points - np.array([0.0, 0.0, 0.33]), axis=1)  # from the shoulder
-    strain = np.maximum(0.0, ground - 0.68) + np.maximum(0.0, 0.3 - ground)
-    strain += np.maximum(0.0, 0.1 - points[:, 2]) + np.maximum(0.0, stretch - 0.75)
-    return float(strain.max())

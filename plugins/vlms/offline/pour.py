@@ -16,6 +16,7 @@ from plugins.vlms.offline.heads import Head, Piece
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.sight import UP, Errand, Thing
 from plugins.vlms.offline.tools import Assembly
+from plugins.vlms.offline.workspace import Workspace
 
 AT = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
 """The head in the frame of the tool mount."""
@@ -47,9 +48,9 @@ class Handles:
         return np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
 
 
-def handles(thing: Thing) -> Handles | None:
+def handles(thing: Thing, space: Workspace) -> Handles | None:
     """The handles that are easiest to reach from the arm's side; None if there are none."""
-    away = float(np.arctan2(thing.position[1], thing.position[0]))
+    away = space.direction(thing.position)
     turns = sorted(np.arange(4) * np.pi / 2, key=lambda turn: -np.cos(turn - away))
     found = (_handles(thing, float(heading)) for heading in turns[:2])
     return next((one for one in found if one is not None), None)
@@ -118,7 +119,7 @@ def build_fork(head: Head) -> Tool:
 
 def pour(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
     """Slide over the handles of the bodies' container, lift it, carry it to the goal, and turn it over there."""
-    grips = handles(errand.holder) if errand.holder is not None else None
+    grips = handles(errand.holder, errand.space) if errand.holder is not None else None
     if errand.holder is None or grips is None:
         raise ValueError("a fork for handles needs a container with handles")
     gap = float(head.hold[2])
@@ -135,7 +136,7 @@ def pour(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
     high += rng.uniform(0.01, 0.06)
     path.stroke(np.array([*grasp[:2], high]), grips.heading, rng.uniform(0.1, 0.3))
     place = np.mean([thing.position for thing in errand.things], axis=0) + errand.shift
-    heading = float(np.arctan2(place[1], place[0])) + rng.uniform(-0.5, 0.8)
+    heading = errand.space.direction(place) + rng.uniform(-0.5, 0.8)
     sign, turn = float(rng.choice([-1.0, 1.0])), rng.uniform(2.2, 3.0)
     ahead, side = np.array([np.cos(heading), np.sin(heading), 0.0]), np.array([-np.sin(heading), np.cos(heading), 0.0])
     there = place - (gap + _BACK_M - grips.rear) * ahead - sign * 0.5 * head.level * side

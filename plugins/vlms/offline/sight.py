@@ -13,6 +13,7 @@ from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
 from core.scene import Body, Goal
 from plugins.vlms.offline.boxes import Boxes, overlaps
+from plugins.vlms.offline.workspace import Workspace, workspace_of
 
 UP = np.array([0.0, 0.0, 1.0])
 _DEEP_M = 0.05
@@ -73,6 +74,7 @@ class Errand:
     shift: Array
     others: Boxes  # of all other bodies
     clear_z: float  # height above everything near the way
+    space: Workspace
     holder: Thing | None = None  # a loose body that contains them
 
     @cached_property
@@ -103,7 +105,7 @@ class Errand:
     @property
     def heading(self) -> float:
         """The horizontal direction of the shift; toward the robot if there is none."""
-        x, y = self.shift[:2] if self.length > 0.01 else -self.center[:2]
+        x, y = self.shift[:2] if self.length > 0.01 else -self.space.from_axis(self.center)
         return float(np.arctan2(y, x))
 
     def span(self, heading: float) -> tuple[float, float]:
@@ -169,12 +171,13 @@ class Errand:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Bodies with collision shapes, their names, the goals, and the end-effector's home."""
+    """Bodies with collision shapes, their names, the goals, the end-effector's home, and the arm's workspace."""
 
     things: tuple[Thing, ...]
     names: tuple[str, ...]
     goals: tuple[Goal, ...]
     home: Pose
+    space: Workspace
 
     @classmethod
     def of(cls, brief: Brief) -> Sight:
@@ -190,7 +193,8 @@ class Sight:
             goals = tuple(Goal((body.name,), away=0.2) for body in scene.free[:1])
         bodies = [body for body in scene.bodies if body.collisions]
         names = tuple(body.name for body in bodies)
-        return cls(tuple(Thing.of(body) for body in bodies), names, goals, brief.task.home)
+        things, space = tuple(Thing.of(body) for body in bodies), workspace_of(brief.task.robot)
+        return cls(things, names, goals, brief.task.home, space)
 
     @cached_property
     def boxes(self) -> Boxes:
@@ -219,7 +223,8 @@ class Sight:
         high = np.maximum(points, points + shift).max(axis=0)[:2] + reach
         boxes = self.boxes
         near = ((boxes.lower[:, :2] < high) & (boxes.upper[:, :2] > low)).all(axis=1)
-        return Errand(tuple(things), shift, others, float(boxes.upper[near, 2].max()), self._holder(things))
+        clear_z = float(boxes.upper[near, 2].max())
+        return Errand(tuple(things), shift, others, clear_z, self.space, self._holder(things))
 
     def _holder(self, things: list[Thing]) -> Thing | None:
         """A loose body that encloses the positions of all things."""
@@ -261,7 +266,8 @@ def _lanes(things: list[Thing], goal: Goal, rng: np.random.Generator) -> list[li
 
 def _escape(errand: Errand, away: float, rng: np.random.Generator) -> Array:
     """A shift of at least ``away``, at random from unblocked directions, most likely toward the robot."""
-    toward = -errand.center[:2] / max(np.hypot(*errand.center[:2]), 1e-6)
+    way = errand.space.from_axis(errand.center)
+    toward = -way / max(np.hypot(*way), 1e-6)
     flat = [(toward[0], toward[1]), (-1, 0), (1, 0), (0, 1), (0, -1), (-toward[0], -toward[1])]
     options = [np.array([x, y, 0.0]) for x, y in flat] + [UP]
     prior = np.array([2.0, 3.0, 1.0, 1.0, 1.0, 0.5, 1.5])

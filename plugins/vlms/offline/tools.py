@@ -18,7 +18,7 @@ STYLES: tuple[Style, ...] = get_args(Style)
 _SHAFT = (0.30, 0.33, 0.38, 1.0)
 _HEADS = ((0.90, 0.49, 0.13, 1.0), (0.16, 0.50, 0.73, 1.0), (0.18, 0.63, 0.42, 1.0), (0.75, 0.22, 0.17, 1.0))
 
-# A hand of the usual size, and fingers that open by 4 cm each.
+# Finger extensions are for a hand of the Panda's size, with fingers that open by 4 cm each.
 FINGER_OPEN = 0.04
 _FINGER_Z = -0.0584  # the fingers' frames below the tool mount, with the hand on
 _TIP = np.array([0.0, FINGER_OPEN + 0.0076, -0.105])  # the right fingertip, open; the left one's y is negative

@@ -15,7 +15,6 @@ from plugins.vlms.offline.sight import UP, Errand
 
 Way = Callable[[Path, Errand, Head, np.random.Generator], str]
 
-_BEYOND_M = 1.3  # from the base: bodies are thrown to goals beyond
 _FALL_M = 0.1  # bodies that go down by more are pushed over an edge
 
 
@@ -56,7 +55,7 @@ def _about(length: float, rng: np.random.Generator) -> float:
 def push(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
     """Come down behind or around the bodies, and move them horizontally; fast if they are to be thrown or to fall."""
     falls = errand.shift[2] < -_FALL_M
-    thrown = bool(np.hypot(*(errand.center + errand.shift)[:2]) > _BEYOND_M)
+    thrown = bool(np.hypot(*errand.space.from_axis(errand.center + errand.shift)) > errand.space.farthest)
     way = _Along.of(errand, errand.heading + rng.normal(0.0, 0.06) * (rng.random() < 0.4))
     spare = max(0.001, (head.depth - (way.front - way.rear)) / 2)
     gap = spare if head.use == "surround" else rng.uniform(0.004, 0.03)

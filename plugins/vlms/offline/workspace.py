@@ -1,0 +1,70 @@
+"""The space in which an arm works with ease, from its kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from core.geometry import Array, Pose
+from core.interfaces import Robot
+from core.robot.frames import joint_frames, robot_model
+from core.robot.kinematics import arm_of
+from core.robot.reach import Span, span_at
+
+LOWEST_M = 0.1  # of the end-effector above the ground that things stand on
+_TOOL_M = 0.55  # what a tool adds to an arm's stretch, at most
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """Bounds of the end-effector's place, with the flange pointing down.
+
+    ``base`` (3,) is where the robot stands. ``inner`` and ``outer`` are distances from its axis, ``stretch`` is that
+    from its ``shoulder`` (3,). Positions are in the world, all numbers in metres.
+    """
+
+    base: Array
+    shoulder: Array
+    inner: float
+    outer: float
+    stretch: float
+
+    @property
+    def farthest(self) -> float:
+        """How far from the base's axis a tool can bring a body, at most."""
+        return self.stretch + _TOOL_M
+
+    def from_axis(self, points: Array) -> Array:
+        """Compute the horizontal ways (..., 2) from the base to points (..., 3)."""
+        return np.asarray(points)[..., :2] - self.base[:2]
+
+    def direction(self, point: Array) -> float:
+        """Compute the direction from the base to a point (3,), an angle about the world's z."""
+        x, y = self.from_axis(point)
+        return float(np.arctan2(y, x))
+
+    def strain(self, points: Array) -> float:
+        """Measure how far points (N, 3) of the end-effector are outside at most, metres."""
+        ground = np.hypot(*self.from_axis(points).T)
+        stretch = np.linalg.norm(points - self.shoulder, axis=1)
+        strain = np.maximum(0.0, ground - self.outer) + np.maximum(0.0, self.inner - ground)
+        strain += np.maximum(0.0, LOWEST_M - points[:, 2]) + np.maximum(0.0, stretch - self.stretch)
+        return float(strain.max())
+
+
+@lru_cache(maxsize=8)
+def workspace_of(robot: Robot) -> Workspace:
+    """Compute the workspace from the arm's reach at about the height of its shoulder, its second joint."""
+    stand = replace(robot, base=Pose())
+    _, positions = joint_frames(robot_model(stand, False), np.array([robot.home]))
+    height = float(positions[2, 0, 2])
+    arm = arm_of(stand)
+    heights = sorted(np.round(np.arange(0.0, 1.05, 0.1), 3).tolist(), key=lambda z: abs(z - height))
+    spans = (span_at(arm, z, 0.0) for z in heights)
+    span = next((span for span in spans if span is not None), Span(0.0, robot_model(stand, False).reach))
+    shoulder = robot.base.position + np.array([0.0, 0.0, round(height, 2)])
+    # Clear of the edges, where the elbow is stretched or folded: by 6 cm inside, and by 15 % outside.
+    inner, outer = round(span.least + 0.06, 2), round(0.85 * span.most, 2)
+    return Workspace(robot.base.position, shoulder, inner, outer, round(0.94 * span.most, 2))

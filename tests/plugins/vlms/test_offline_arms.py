@@ -1,0 +1,43 @@
+"""The embedded designer knows an arm by its data: where it stands, and how far it reaches."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.geometry import Pose
+from core.plugins import installed
+from plugins.vlms.offline.workspace import workspace_of
+
+PANDA = installed().create("robot", "panda")
+
+
+def test_the_workspace_is_the_reach_less_a_margin():
+    space = workspace_of(PANDA)
+    assert (space.inner, space.outer, space.stretch) == (0.3, 0.68, 0.75)
+    assert space.shoulder.tolist() == [0, 0, 0.33]
+    assert space.farthest == 1.3
+    assert workspace_of(PANDA) is space
+
+
+@pytest.mark.parametrize("point", [(0.5, 0.0, 0.3), (0.3, -0.3, 0.1), (0.0, 0.6, 0.5)])
+def test_within_there_is_no_strain(point):
+    assert workspace_of(PANDA).strain(np.array([point])) == 0
+
+
+@pytest.mark.parametrize(
+    ("point", "strain"), [((0.2, 0, 0.2), 0.1), ((0.78, 0, 0.33), 0.13), ((0, 0.5, 0.05), 0.05), ((0.5, 0, 0.98), 0.07)]
+)
+def test_beyond_there_is(point, strain):
+    near = np.array([0.5, 0.0, 0.3])
+    assert workspace_of(PANDA).strain(np.array([near, point])) == pytest.approx(strain, abs=0.005)
+
+
+def test_it_moves_with_the_base():
+    base = Pose.xyz_rpy((1.0, 0.5, 0.2), (0.0, 0.0, np.pi))
+    here, there = workspace_of(PANDA), workspace_of(replace(PANDA, base=base))
+    assert (here.inner, here.outer, here.stretch) == (there.inner, there.outer, there.stretch)
+    points = np.random.default_rng(0).uniform((-0.7, -0.7, 0.2), (0.7, 0.7, 1.6), (20, 3))
+    for point in points:
+        assert there.strain(base.apply(point)[None]) == pytest.approx(here.strain(point[None]))
+    assert there.direction(np.array([1.0, 1.0, 0.0])) == pytest.approx(np.pi / 2)
