@@ -14,11 +14,13 @@ from core.geometry import Box, Pose
 from core.interfaces import Outcome, RolloutSettings, Simulator, Task
 from core.scene import Body, Goal, Scene, State
 from core.simulation.rollout import evaluate_batch
+from tests.panda import PANDA
 
 FAULTS = ("abort", "segfault", "hang", "nan", "leak", "raise")
 
 
 class Slide(Task):
+    robot = PANDA
     name = "Slide"
     description = "A block."
     goals = (Goal(("block",), away=0.1),)

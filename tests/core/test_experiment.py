@@ -5,7 +5,7 @@ import pytest
 import core
 from core import Experiment
 from core.errors import UsageError, UserError
-from core.experiment import _word
+from core.experiment import hydra_word
 from core.plugins import installed
 from tests import toys
 
@@ -60,11 +60,11 @@ def test_mistakes_are_reported_at_once():
     ],
 )
 def test_values_as_the_command_line_has_them(value, word):
-    assert _word(value) == word
+    assert hydra_word(value) == word
 
 
 def test_lists_are_lists():
-    assert _word(["a", 1, [False]]) == "[a,1,[false]]"
+    assert hydra_word(["a", 1, [False]]) == "[a,1,[false]]"
 
 
 def test_nothing_else_is_in_the_package_itself():

@@ -13,18 +13,18 @@ from core.design import DesignError
 from core.designs.reading import parse_reply, read_designs
 from core.designs.rules import MAX_COMPONENTS
 from core.plugins import installed
-from plugins.tools.urdf.representation import UrdfTools
 from tests.conftest import FUZZ_CASES
 from tests.hostile import REPLIES, ROD, TOOLS, boxes, frames, reply, reply_of, sound, spawn_rules, tool_reply
 from tests.soundness import check_candidate
 
+URDF = installed().create("tool", "urdf")
 LIMITS = {"workers": 1, "timeout_s": 60.0, "memory_mb": 1024}
 HARMLESS = {"texture", "stylesheet", "million plans"}  # what is hostile in them is dropped, what is left is sound
 
 
 def reading(text):
     """Read a reply as `core.search.designer` does."""
-    return read_designs(parse_reply(text), UrdfTools(), spawn_rules(), n_tool=10, n_action=10)
+    return read_designs(parse_reply(text), URDF, spawn_rules(), n_tool=10, n_action=10)
 
 
 def problems(names):
@@ -106,7 +106,7 @@ def test_a_sound_reply_is_accepted():
 @pytest.mark.parametrize("name", sorted(HARMLESS & set(TOOLS)))
 def test_references_are_dropped(name):
     (candidate,) = reading(tool_reply(name))
-    written = json.dumps(UrdfTools().dump(candidate.tool))
+    written = json.dumps(URDF.dump(candidate.tool))
     assert "passwd" not in written
     assert "127.0.0.1" not in written
 
@@ -114,10 +114,10 @@ def test_references_are_dropped(name):
 def test_names_reach_no_path():
     """Valid names of links hold no path separator."""
     for name in ("..", ".", "-rf", "a" * 64):
-        tool = UrdfTools().parse(sound(tool_urdf=ROD.replace('"rod"', f'"{name}"')), gripper=False)
+        tool = URDF.parse(sound(tool_urdf=ROD.replace('"rod"', f'"{name}"')), gripper=False)
         assert tool.components[0].name == name
     with pytest.raises(DesignError):
-        UrdfTools().parse(sound(tool_urdf=ROD.replace('"rod"', '"a/b"')), gripper=False)
+        URDF.parse(sound(tool_urdf=ROD.replace('"rod"', '"a/b"')), gripper=False)
 
 
 # --- random ones ------------------------------------------------------------------------------------------------
@@ -212,7 +212,7 @@ def test_any_tool_is_sound_or_refused():
             check_candidate(candidate)
             if candidate.problem is None:
                 sound_ones += 1
-                again = UrdfTools().parse(UrdfTools().dump(candidate.tool), gripper=gripper)
+                again = URDF.parse(URDF.dump(candidate.tool), gripper=gripper)
                 assert len(again.components) == len(candidate.tool.components)
 
     check()

@@ -8,11 +8,12 @@ import trimesh
 
 from core.design import Component, DesignError, Tool
 from core.designs.rules import SpawnRules, check_plan, check_tool
+from core.errors import UserError
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
 from core.interfaces import Task
 from core.scene import Body, Geom, Scene, table
 from plugins.tools.urdf.representation import UrdfTools
-from tests.panda import PANDA
+from tests.panda import PANDA, on_panda
 
 WAYPOINT = [0.5, 0, 0.3, 0, 0, 0]
 
@@ -249,7 +250,7 @@ def test_plans_become_arrays():
         ([[-math.inf, *WAYPOINT[1:]]], "x is -inf"),
         ([[10**400, *WAYPOINT[1:]]], "x is beyond 3 metres"),
         ([[*WAYPOINT[:4], -(10**400), 0]], "pitch is beyond 100 radians"),
-        ([[2, 2, 2, 0, 0, 0]], "waypoint 1 is 3.46 m from the base; at most 3 m"),
+        ([[2, 2, 2, 0, 0, 0]], "waypoint 1 is 3.46 m from the world's origin; at most 3 m"),
         (np.zeros((2, 3)), "waypoint 1 has 3 numbers"),
         (np.zeros(6), "waypoint 1 must be a list"),
         (np.zeros((1, 6), dtype=complex), "x must be a number"),
@@ -276,7 +277,7 @@ def test_gripper_plans_have_seven_numbers():
 
 @pytest.fixture(scope="module")
 def spawn():
-    return SpawnRules(CubeOnTable(), 0)
+    return SpawnRules(on_panda(CubeOnTable()), 0)
 
 
 def test_tools_that_start_clear_pass(spawn):
@@ -336,16 +337,16 @@ def test_every_shape_of_a_scene_collides(shape):
     thing = Body("thing", Pose.xyz_rpy((0.5, 0, 0.2)), 1.0, part, part)
     below = rigid(box(at=(0.001, 0.001, -0.15), size=(0.02, 0.02, 0.3)))
     beside = rigid(box(at=(0, 0.3, -0.3)))
-    rules = SpawnRules(CubeOnTable(thing), 0)
+    rules = SpawnRules(on_panda(CubeOnTable(thing)), 0)
     with pytest.raises(DesignError, match="mm inside 'thing'"):
         rules.check(below)
     rules.check(beside)
-    SpawnRules(CubeOnTable(), 0).check(below)
+    SpawnRules(on_panda(CubeOnTable()), 0).check(below)
 
 
 def test_marks_do_not_collide():
     mark = Body.mark("mark", (0.5, 0, 0.3), 0.1, (1, 0, 0, 1))
-    SpawnRules(CubeOnTable(mark), 0).check(rigid(box(at=(0, 0, -0.15), size=(0.02, 0.02, 0.3))))
+    SpawnRules(on_panda(CubeOnTable(mark)), 0).check(rigid(box(at=(0, 0, -0.15), size=(0.02, 0.02, 0.3))))
 
 
 def test_an_attachment_may_be_in_its_own_finger_only(spawn):
@@ -366,14 +367,14 @@ def test_the_arm_is_where_the_task_starts_it():
         home = Pose(np.array([0.5, 0.0, 0.15]))
 
     tool = rigid(box(at=(0, 0, -0.1), size=(0.02, 0.02, 0.2)))
-    SpawnRules(CubeOnTable(), 0).check(tool)
+    SpawnRules(on_panda(CubeOnTable()), 0).check(tool)
     with pytest.raises(DesignError, match="mm inside 'table'"):
-        SpawnRules(Low(), 0).check(tool)
+        SpawnRules(on_panda(Low()), 0).check(tool)
 
 
 def test_a_home_out_of_reach_is_an_error():
     class Far(CubeOnTable):
         home = Pose(np.array([2.0, 0.0, 0.5]))
 
-    with pytest.raises(ValueError, match="out of the arm's reach"):
-        SpawnRules(Far(), 0)
+    with pytest.raises(UserError, match=r"can't reach the task's home \(2, 0, 0.5\)"):
+        SpawnRules(on_panda(Far()), 0)

@@ -3,8 +3,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from core.errors import UserError
 from core.geometry import Pose
+from core.plugins import installed
 from core.robot import kinematics
+from core.robot.kinematics import arm_of
 from tests.panda import ARM, HOME_JOINTS
 
 ARM = ARM
@@ -108,12 +111,12 @@ def test_home_for():
 
 
 def test_a_home_out_of_reach():
-    with pytest.raises(ValueError, match=r"home \[2. 0. 0.\] is out of the arm's reach by 1\.\d\d\d m"):
+    with pytest.raises(UserError, match=r"robot panda can't reach the task's home \(2, 0, 0\), by 1\.\d\d\d m"):
         ARM.home_for(Pose.xyz_rpy((2, 0, 0)))
 
 
 def test_one_arm_per_process():
-    assert ARM is ARM
+    assert arm_of(installed().create("robot", "panda")) is ARM
 
 
 @pytest.mark.slow

@@ -192,10 +192,10 @@ def test_few_distances_are_measured(monkeypatch):
     task = installed().create("task", file.stem)
     (candidate,) = read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0))
     trajectory = plan_motion(candidate.plan, task.home, ARM).trajectory
-    self_collision._pairs(candidate.tool)
+    self_collision._pairs(PANDA, candidate.tool)
     calls.clear()
     find_self_collision(PANDA, candidate.tool, trajectory)
-    pairs = len(self_collision._pairs(candidate.tool).deep)
+    pairs = len(self_collision._pairs(PANDA, candidate.tool).deep)
     assert len(calls) < pairs * len(trajectory.times) / 200
 
 

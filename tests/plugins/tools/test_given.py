@@ -13,7 +13,7 @@ from core.plugins import installed
 from plugins.tools.rlbench import TOOLS
 from tasks.bring_cube import BringCube
 from tasks.one_book import OneBook
-from tests.panda import PANDA
+from tests.panda import PANDA, on_panda
 
 NONE, RLBENCH = (installed().create("tool", name) for name in ("none", "rlbench"))
 
@@ -33,7 +33,7 @@ def test_stick_is_as_in_the_paper():
     assert mount == RIGID_MOUNT
     assert component.shape.size[0] == pytest.approx(0.4, abs=0.03)
     np.testing.assert_allclose(pose.position, [0.2, 0.0, -0.1], atol=0.02)
-    SpawnRules(BringCube(), 0).check(RLBENCH.given(BringCube()))
+    SpawnRules(on_panda(BringCube()), 0).check(RLBENCH.given(BringCube()))
 
 
 def test_the_error_names_the_tasks_with_a_given_tool():
@@ -43,11 +43,11 @@ def test_the_error_names_the_tasks_with_a_given_tool():
 
 @pytest.mark.parametrize(("representation", "numbers"), [(NONE, 7), (RLBENCH, 6)])
 def test_a_document_holds_plans_only(representation, numbers):
-    spawn = SpawnRules(BringCube(), 0)
+    spawn = SpawnRules(on_panda(BringCube()), 0)
     plan = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0, 0.5][:numbers]]
     (candidate,) = read_designs({"strategies": [{"action_sets": [plan]}]}, representation, spawn)
     assert candidate.problem is None
-    assert candidate.tool.components == representation.given(BringCube()).components
+    assert candidate.tool.components == representation.given(on_panda(BringCube())).components
     (again,) = read_designs({"strategies": [dump_design(candidate, representation)]}, representation, spawn)
     np.testing.assert_array_equal(again.plan, candidate.plan)
     (wrong,) = read_designs({"strategies": [{"gripper": numbers == 6, "action_sets": [plan]}]}, representation, spawn)
@@ -58,7 +58,7 @@ def test_a_document_holds_plans_only(representation, numbers):
     ("representation", "words"), [(NONE, "nothing but its two-finger gripper"), (RLBENCH, "stick")]
 )
 def test_prompt_asks_for_plans_only(representation, words):
-    task = BringCube()
+    task = on_panda(BringCube())
     brief = Brief(task, 0, representation, representation.given(task).gripper, 1, 10, 0, 0, 0)
     user = PromptComposer().compose(brief, None)[-1]
     text = "".join(part.text for part in user.parts if isinstance(part, Text))
@@ -70,6 +70,6 @@ def test_prompt_asks_for_plans_only(representation, words):
 
 
 def test_bare_gripper_is_the_hand():
-    assert NONE.given(OneBook()) == Tool(
-        gripper=True, name="bare gripper", description="the Panda's own hand with its two fingers"
+    assert NONE.given(on_panda(OneBook())) == Tool(
+        gripper=True, name="bare gripper", description="the gripper of Franka Panda, with its fingers"
     )

@@ -14,8 +14,11 @@ from core.robot import description as robot
 from plugins.tools import urdf
 from plugins.tools.urdf.building import DEFAULT_COLOR
 from plugins.tools.urdf.representation import UrdfTools
-from tests.panda import PANDA
+from tasks.one_book import OneBook
+from tests.panda import PANDA, on_panda
 
+URDF = UrdfTools()
+URDF.robot = PANDA
 BOX = '<geometry><box size="0.02 0.02 0.1"/></geometry>'
 
 
@@ -29,21 +32,21 @@ def joint(parent, child, *, kind="fixed", origin='<origin xyz="0 0 -0.05"/>'):
 
 
 def parse(text, *, gripper=False):
-    return UrdfTools().parse({"tool_urdf": text}, gripper=gripper)
+    return URDF.parse({"tool_urdf": text}, gripper=gripper)
 
 
 def shape(tag, geometry=BOX, origin="", material=""):
     return f"<{tag}>{origin}{geometry}{material}</{tag}>"
 
 
-A = link("a") + joint("panda_virtual", "a")
+A = link("a") + joint("tool_mount", "a")
 
 
 class _Brief:
     """The fields of a brief that `UrdfTools.instructions` reads."""
 
     def __init__(self, gripper, elites=()):
-        self.gripper, self.elites = gripper, elites
+        self.gripper, self.elites, self.task = gripper, elites, on_panda(OneBook())
 
 
 def test_is_found_by_name():
@@ -53,7 +56,7 @@ def test_is_found_by_name():
 
 
 def test_schema_names_the_field_that_parse_reads_and_dump_writes():
-    assert set(UrdfTools().schema()) == {"tool_urdf"} == set(UrdfTools().dump(parse(A)))
+    assert set(URDF.schema()) == {"tool_urdf"} == set(URDF.dump(parse(A)))
 
 
 @pytest.mark.parametrize(
@@ -61,13 +64,13 @@ def test_schema_names_the_field_that_parse_reads_and_dump_writes():
 )
 def test_a_root_and_a_declaration_may_be_there(wrap):
     (component,) = parse(wrap.format(A)).components
-    assert (component.name, component.parent, component.mass) == ("a", "panda_virtual", 0.005)
+    assert (component.name, component.parent, component.mass) == ("a", "tool_mount", 0.005)
     assert component.shape == Box((0.02, 0.02, 0.1))
     np.testing.assert_allclose(component.pose.position, [0, 0, -0.05])
 
 
 def test_a_missing_origin_is_zero():
-    (component,) = parse(link("a") + joint("panda_virtual", "a", origin="")).components
+    (component,) = parse(link("a") + joint("tool_mount", "a", origin="")).components
     assert component.pose == Pose()
 
 
@@ -77,21 +80,34 @@ def test_the_order_of_elements_does_not_matter():
 
 
 def test_attachments_hang_from_both_fingers():
-    text = link("l") + link("r") + joint("panda_leftfinger", "l") + joint("panda_rightfinger", "r")
+    text = link("l") + link("r") + joint("left_finger", "l") + joint("right_finger", "r")
     tool = parse(text, gripper=True)
     assert tool.gripper
-    assert [c.parent for c in tool.components] == ["panda_leftfinger", "panda_rightfinger"]
+    assert [c.parent for c in tool.components] == ["left_finger", "right_finger"]
+
+
+@pytest.mark.parametrize(
+    ("alias", "mount"),
+    [("panda_virtual", "tool_mount"), ("panda_leftfinger", "left_finger"), ("panda_rightfinger", "right_finger")],
+)
+def test_a_robots_other_names_of_mounts_are_read(alias, mount):
+    gripper = mount != "tool_mount"
+    named, usual = (parse(link("a") + joint(parent, "a"), gripper=gripper) for parent in (alias, mount))
+    assert named == usual
+    assert [c.parent for c in named.components] == [mount]
+    with pytest.raises(DesignError, match=f"'{alias}', which is neither"):
+        UrdfTools().parse({"tool_urdf": link("a") + joint(alias, "a")}, gripper=gripper)
 
 
 def test_a_visual_alone_collides_too():
-    (component,) = parse(link("a", shape("visual")) + joint("panda_virtual", "a")).components
+    (component,) = parse(link("a", shape("visual")) + joint("tool_mount", "a")).components
     assert component.shape == Box((0.02, 0.02, 0.1))
 
 
 def test_mass_is_shared_by_volume():
     boxes = shape("collision", '<geometry><box size="0.1 0.1 0.1"/></geometry>')
     boxes += shape("collision", '<geometry><box size="0.1 0.1 0.3"/></geometry>', '<origin xyz="0 0 -0.2"/>')
-    tool = parse(link("a", f'{boxes}<inertial><mass value="0.08"/></inertial>') + joint("panda_virtual", "a"))
+    tool = parse(link("a", f'{boxes}<inertial><mass value="0.08"/></inertial>') + joint("tool_mount", "a"))
     assert [c.mass for c in tool.components] == pytest.approx([0.02, 0.06])
 
 
@@ -108,13 +124,13 @@ def test_mass_is_shared_by_volume():
 def test_color(material, color):
     top = '<material name="green"><color rgba="0 1 0 1"/></material>'
     both = shape("visual", material=material) + shape("collision")
-    assert parse(top + link("a", both) + joint("panda_virtual", "a")).components[0].color == color
+    assert parse(top + link("a", both) + joint("tool_mount", "a")).components[0].color == color
 
 
 def test_boxes_of_a_link_and_its_children_keep_their_places():
     turned = '<origin xyz="0 0 -0.1" rpy="0.3 -0.2 0.9"/>'
     boxes = shape("collision", origin=turned) + shape("collision", origin='<origin xyz="0.1 0 0"/>')
-    text = link("a", boxes) + joint("panda_virtual", "a", origin='<origin xyz="0.01 0.02 0.03" rpy="1 0.5 0.2"/>')
+    text = link("a", boxes) + joint("tool_mount", "a", origin='<origin xyz="0.01 0.02 0.03" rpy="1 0.5 0.2"/>')
     text += link("b") + joint("a", "b", origin='<origin xyz="0 0.2 0" rpy="0 0 1.5"/>')
     tool = parse(text)
     assert [c.name for c in tool.components] == ["a", "a_2", "b"]
@@ -125,17 +141,17 @@ def test_boxes_of_a_link_and_its_children_keep_their_places():
         "b": frame @ Pose.xyz_rpy((0, 0.2, 0), (0, 0, 1.5)),
     }
     for name, (mount, pose) in tool.placed().items():
-        assert mount == "panda_virtual"
+        assert mount == "tool_mount"
         np.testing.assert_allclose(pose.matrix, wanted[name].matrix, atol=1e-12)
 
 
 def test_boxes_hang_from_the_box_that_they_touch():
     row = "".join(shape("collision", origin=f'<origin xyz="0 0 {z}"/>') for z in (0, -0.1, -0.2))
     tool = parse(
-        link("a", row) + joint("panda_virtual", "a") + link("b") + joint("a", "b", origin='<origin xyz="0 0 -0.3"/>')
+        link("a", row) + joint("tool_mount", "a") + link("b") + joint("a", "b", origin='<origin xyz="0 0 -0.3"/>')
     )
     assert [(c.name, c.parent) for c in tool.components] == [
-        ("a", "panda_virtual"),
+        ("a", "tool_mount"),
         ("a_2", "a"),
         ("a_3", "a_2"),
         ("b", "a_3"),
@@ -144,22 +160,22 @@ def test_boxes_hang_from_the_box_that_they_touch():
 
 
 def test_further_boxes_do_not_take_the_name_of_another_link():
-    tool = parse(link("a", shape("collision") * 2) + joint("panda_virtual", "a") + link("a_2") + joint("a", "a_2"))
+    tool = parse(link("a", shape("collision") * 2) + joint("tool_mount", "a") + link("a_2") + joint("a", "a_2"))
     assert sorted(c.name for c in tool.components) == ["a", "a_2", "a_3"]
 
 
 def test_a_link_without_boxes_is_composed_away():
     text = link("frame", "") + joint(
-        "panda_virtual", "frame", origin='<origin xyz="0 0 -0.1" rpy="0 1.5707963267948966 0"/>'
+        "tool_mount", "frame", origin='<origin xyz="0 0 -0.1" rpy="0 1.5707963267948966 0"/>'
     )
     (component,) = parse(text + link("a") + joint("frame", "a")).components
-    assert component.parent == "panda_virtual"
+    assert component.parent == "tool_mount"
     np.testing.assert_allclose(component.pose.position, [-0.05, 0, -0.1], atol=1e-12)
 
 
 @pytest.mark.parametrize("gripper", [False, True])
 def test_the_example_in_the_instructions_keeps_the_rules(gripper):
-    text = UrdfTools().instructions(_Brief(gripper))
+    text = URDF.instructions(_Brief(gripper))
     tool = parse(text[text.index("<link name=") :], gripper=gripper)
     check_tool(tool, PANDA)
     assert all(mount in text for mount in tool.mounts)
@@ -175,7 +191,7 @@ def test_a_field_of_the_wrong_type(value):
 
 def test_a_missing_field():
     with pytest.raises(DesignError, match="tool_urdf is missing"):
-        UrdfTools().parse({}, gripper=False)
+        URDF.parse({}, gripper=False)
 
 
 LAUGHS = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
@@ -204,26 +220,29 @@ HOSTILE = {
     "two geometries": (link("a", f"<collision>{BOX * 2}</collision>"), "2 <geometry> elements"),
     "no size": (link("a", "<collision><geometry><box/></geometry></collision>"), 'needs <box size="..."'),
     "duplicate links": (A + link("a"), "two links are named 'a'"),
-    "duplicate joints": (A + link("b") + joint("panda_virtual", "a"), "two joints are named"),
+    "duplicate joints": (A + link("b") + joint("tool_mount", "a"), "two joints are named"),
     "cycle": (link("a") + link("b") + joint("a", "b") + joint("b", "a"), "circle"),
     "its own parent": (link("a") + joint("a", "a"), "circle"),
     "unreachable": (A + link("b") + link("c") + joint("b", "c"), "no joint holds link 'b'"),
     "unknown child": (A + joint("a", "ghost"), "'ghost', which is not a link"),
     "unknown parent": (link("a") + joint("ghost", "a"), "'ghost', which is neither"),
     "hand as mount": (link("a") + joint("panda_hand", "a"), "its mount"),
-    "finger as mount of a rigid tool": (link("a") + joint("panda_leftfinger", "a"), r"its mount \(panda_virtual\)"),
+    "finger as mount of a rigid tool": (link("a") + joint("left_finger", "a"), r"its mount \(tool_mount\)"),
     "moves the robot": (A + joint("a", "panda_link7"), "not a link of the tool"),
-    "two parents": (A + link("b") + joint("panda_virtual", "b") + joint("a", "b"), "child of two joints"),
+    "two parents": (A + link("b") + joint("tool_mount", "b") + joint("a", "b"), "child of two joints"),
     "robot's link": (link("panda_link7"), "robot's own"),
-    "the mount itself": (link("panda_virtual"), "robot's own"),
-    "robot's joint": (A.replace("panda_virtual-a", "panda_joint1"), "robot's own"),
+    "the mount itself": (link("tool_mount"), "robot's own"),
+    "the mount by its other name": (link("panda_virtual"), "robot's own"),
+    "finger by its other name": (link("a") + joint("panda_leftfinger", "a"), r"its mount \(tool_mount\)"),
+    "a mount of other tools": (link("left_finger"), "robot's own"),
+    "robot's joint": (A.replace("tool_mount-a", "panda_joint1"), "robot's own"),
     "name with a space": (link("a b"), "letters, digits"),
     "long name": (link("a" * 65), "1 to 64"),
     "empty name": (link(""), "letters, digits"),
     "no name": ("<link/>", "a link has no name"),
-    "hinge": (link("a") + joint("panda_virtual", "a", kind="revolute"), "'revolute'; tools are rigid"),
+    "hinge": (link("a") + joint("tool_mount", "a", kind="revolute"), "'revolute'; tools are rigid"),
     "no type": (A.replace('type="fixed"', ""), "tools are rigid"),
-    "no parent": (A.replace('<parent link="panda_virtual"/>', ""), 'needs <parent link="..."'),
+    "no parent": (A.replace('<parent link="tool_mount"/>', ""), 'needs <parent link="..."'),
     "no child": (A.replace('<child link="a"/>', "<child/>"), 'needs <child link="..."'),
     "two origins": (A.replace('<origin xyz="0 0 -0.05"/>', "<origin/><origin/>"), "2 <origin> elements"),
     "foreign element": (A + "<gazebo/>", "<gazebo> is not allowed"),
@@ -266,7 +285,7 @@ def test_bad_numbers(numbers, reason, place):
     origin = f'<origin {place}="{numbers}"/>' if place != "size" else ""
     geometry = f'<geometry><box size="{numbers}"/></geometry>' if place == "size" else BOX
     with pytest.raises(DesignError, match=reason) as caught:
-        parse(link("a", shape("collision", geometry, origin)) + joint("panda_virtual", "a"))
+        parse(link("a", shape("collision", geometry, origin)) + joint("tool_mount", "a"))
     assert len(str(caught.value)) < 200
 
 
@@ -279,7 +298,7 @@ def test_sides_are_positive(size):
 @pytest.mark.parametrize("mass", ["-0.1", "0", "5"])
 def test_masses_beyond_the_rules_are_caught_by_them(mass):
     tool = parse(
-        link("a", f'{shape("collision")}<inertial><mass value="{mass}"/></inertial>') + joint("panda_virtual", "a")
+        link("a", f'{shape("collision")}<inertial><mass value="{mass}"/></inertial>') + joint("tool_mount", "a")
     )
     with pytest.raises(DesignError, match="weighs"):
         check_tool(tool, PANDA)
@@ -297,7 +316,7 @@ def test_masses_beyond_the_rules_are_caught_by_them(mass):
     ],
 )
 def test_visual_and_collision_boxes_are_the_same(visual, same):
-    text = link("a", visual + shape("collision")) + joint("panda_virtual", "a")
+    text = link("a", visual + shape("collision")) + joint("tool_mount", "a")
     if same:
         assert len(parse(text).components) == 1
     else:
@@ -310,7 +329,7 @@ def test_visuals_are_matched_in_any_order():
     high, low = '<origin xyz="0 0 0.1"/>', '<origin xyz="0 0 0"/>'
     shapes = shape("visual", origin=high, material=red) + shape("visual", origin=low)
     shapes += shape("collision", origin=low) + shape("collision", origin=high)
-    tool = parse(link("a", shapes) + joint("panda_virtual", "a"))
+    tool = parse(link("a", shapes) + joint("tool_mount", "a"))
     assert [c.color for c in tool.components] == [DEFAULT_COLOR, (1, 0, 0, 1)]
 
 
@@ -341,7 +360,7 @@ def tools(draw):
 @settings(max_examples=60, deadline=None)
 @given(tools())
 def test_dump_and_parse_give_the_same_tool(tool):
-    again = UrdfTools().parse(UrdfTools().dump(tool), gripper=tool.gripper)
+    again = URDF.parse(URDF.dump(tool), gripper=tool.gripper)
     assert [(c.name, c.parent) for c in again.components] == [(c.name, c.parent) for c in tool.components]
     before, after = tool.placed(), again.placed()
     for component, other in zip(tool.components, again.components, strict=True):
@@ -350,7 +369,7 @@ def test_dump_and_parse_give_the_same_tool(tool):
         here, there = before[component.name], after[component.name]
         assert here[0] == there[0]
         np.testing.assert_allclose(there[1].matrix, here[1].matrix, rtol=0, atol=1e-9)
-    assert UrdfTools().dump(again) == {"tool_urdf": robot.tool_urdf(again)}
+    assert URDF.dump(again) == {"tool_urdf": robot.tool_urdf(again)}
 
 
 MARKUP = [
@@ -359,7 +378,7 @@ MARKUP = [
     *(
         "<origin xyz='0 0 0' rpy='1 2 3'/>",
         "<child link='a'/>",
-        "<parent link='panda_virtual'/>",
+        "<parent link='tool_mount'/>",
         "<material name='m'/>",
     ),
     *("<inertial><mass value='1'/></inertial>", "<!DOCTYPE x>", "<![CDATA[", "]]>", "<!--", "-->", "<?x y?>"),
