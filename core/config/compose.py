@@ -21,7 +21,7 @@ from core.cli import say
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
-from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Simulator, Task, ToolRepresentation
+from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Robot, Simulator, Task, ToolRepresentation
 from core.plugins import KINDS, NOT_SETTINGS, Part, RobotPart, TaskPart
 
 T = TypeVar("T")
@@ -185,6 +185,8 @@ def node(config: DictConfig, of: type[T]) -> T:
 
 @overload
 def part(kind: Literal["task"], config: DictConfig) -> Part[Task]: ...
+@overload
+def part(kind: Literal["robot"], config: DictConfig) -> Part[Robot]: ...
 @overload
 def part(kind: Literal["sim"], config: DictConfig) -> Part[Simulator]: ...
 @overload
