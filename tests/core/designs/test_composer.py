@@ -37,7 +37,7 @@ from core.scene import Body, Geom, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings
 from plugins.tools.urdf.representation import UrdfTools
 from plugins.vlms.litellm.client import load as litellm
-from tests.panda import ARM, FINGER_OPEN, PANDA
+from tests.panda import ARM, FINGER_OPEN, PANDA, on_panda
 
 FOLDER = Path(prompts.__file__).parent
 PICTURE = Picture(b"\x89PNG")
@@ -75,7 +75,7 @@ class Bar(ToolRepresentation):
 
 
 def make_brief(**changes: Any) -> Brief:
-    brief = Brief(PushCube(), 7, Bar(), gripper=False, n_tool=3, n_action=4, generation=0, agent=0, seed=0)
+    brief = Brief(on_panda(PushCube()), 7, Bar(), gripper=False, n_tool=3, n_action=4, generation=0, agent=0, seed=0)
     return replace(brief, **changes)
 
 
@@ -843,7 +843,7 @@ class InTheBin(PushCube):
 
 
 def test_a_tool_may_start_inside_a_hollow_body_and_must_be_clear_at_home() -> None:
-    rules = SpawnRules(InTheBin(), 0)
+    rules = SpawnRules(on_panda(InTheBin()), 0)
     rod = Tool((bar("rod", RIGID_MOUNT, (0, 0, -0.07), (0.02, 0.02, 0.14)),))
     rules.check(rod)  # its end is 0.06 m above the bottom, between the walls
     assert "z -0 to open" in layout_table(InTheBin(), 0) or "free through its middle" in layout_table(InTheBin(), 0)
@@ -852,7 +852,7 @@ def test_a_tool_may_start_inside_a_hollow_body_and_must_be_clear_at_home() -> No
 
 
 def test_what_an_attachment_may_overlap() -> None:
-    rules = SpawnRules(PushCube(), 0)
+    rules = SpawnRules(on_panda(PushCube()), 0)
     left, right = GRIPPER_MOUNTS
     rules.check(Tool((bar("on", left, (0, 0.01, 0.03), (0.02, 0.02, 0.04)),), gripper=True))
     with pytest.raises(DesignError, match=r"inside the arm \(panda_hand\)"):

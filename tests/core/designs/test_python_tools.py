@@ -13,6 +13,7 @@ from core.plugins import Offer, installed
 from core.search.orchestration import run
 from tasks.bring_cube import BringCube
 from tests import toys
+from tests.panda import on_panda
 
 
 def rod(z=-0.1, mass=0.005, length=0.2):
@@ -68,13 +69,13 @@ def test_a_given_tool_that_breaks_a_rule_ends_the_command(play, tmp_path, tool, 
     assert "\n" not in line
     assert not (tmp_path / "run").exists()
     with pytest.raises(UserError, match=r"expected a Tool|breaks a rule"):
-        read_designs({"strategies": [{"action_sets": [[]]}]}, part(), SpawnRules(BringCube(), 0))
+        read_designs({"strategies": [{"action_sets": [[]]}]}, part(), SpawnRules(on_panda(BringCube()), 0))
 
 
 def test_given_tools_that_keep_the_rules_are_given():
     for tool in (rod(), Tool(), Tool(gripper=True)):
         part = type("Mine", (Given,), {"tool": tool})()
-        assert given_tool(part, BringCube()) is tool
+        assert given_tool(part, on_panda(BringCube())) is tool
 
 
 def test_a_tool_that_a_strategy_builds_is_checked(play):

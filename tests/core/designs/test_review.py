@@ -12,9 +12,9 @@ from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.robot.trajectory import plan_motion
 from tasks.bring_cube import BringCube
-from tests.panda import ARM
+from tests.panda import ARM, on_panda
 
-TASK = BringCube()  # home at (0.5, 0, 0.5)
+TASK = on_panda(BringCube())  # home at (0.5, 0, 0.5)
 HOME = (0.5, 0.0, 0.5)
 
 

@@ -134,7 +134,7 @@ def test_a_plugin_without_hooks_is_a_failure_that_names_its_file(monkeypatch, tm
     found.register(object(), "yours", "your-package")
     one, other = found.failures
     assert (one.entry_point, other.entry_point) == ("mine", "yours")
-    assert one.reason.startswith(f"{tmp_path / 'unhooked.py'} implements no hook; possible: tasks, simulators, vlms, ")
+    assert one.reason.startswith(f"{tmp_path / 'unhooked.py'} implements no hook; possible: tasks, robots, ")
     assert other.reason.startswith("builtins.object implements no hook")
     assert not found.offers
 

@@ -1,3 +1,5 @@
+import typing
+
 import pytest
 
 from core import plugins
@@ -12,7 +14,11 @@ BUILT_IN = sorted(installed().offers)
 
 @pytest.mark.parametrize(("kind", "name"), [key for key in BUILT_IN if key[0] in INTERFACES])
 def test_each_part_is_what_its_kind_says(kind, name):
-    assert issubclass(installed().factory(kind, name), INTERFACES[kind])
+    factory, interface = installed().factory(kind, name), INTERFACES[kind]
+    if isinstance(factory, type):
+        assert issubclass(factory, interface)
+    else:
+        assert typing.get_type_hints(factory)["return"] is interface
 
 
 def test_a_part_of_another_kind_is_refused(found):
