@@ -15,7 +15,6 @@ from functools import lru_cache
 from itertools import combinations, product
 from typing import Any, NamedTuple
 
-import coal
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
@@ -24,7 +23,7 @@ from core.design import Tool
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
 from core.robot.frames import RobotModel, joint_frames, joint_values, robot_model
-from core.robot.solids import robot_solids, solid_geometry
+from core.robot.solids import corners, robot_solids, solid_geometry
 from core.robots import Robot
 
 # Depth that counts, metres. Hulls are larger than the links: of the poses in which two hulls overlap by more than this,
@@ -147,8 +146,7 @@ def _part(name: str, joint: int, geometry: Any, pose: Pose) -> _Part:
     geometry.computeLocalAABB()
     low, high = geometry.aabb_local.min_, geometry.aabb_local.max_
     middle, half = (low + high) / 2, (high - low) / 2
-    corners = np.array(np.meshgrid(*np.column_stack([low, high]))).reshape(3, -1).T
-    points = np.asarray(geometry.points()) if isinstance(geometry, coal.ConvexBase) else corners
+    points = corners(geometry)
     longest = int(half.argmax())
     radius = float(np.linalg.norm(np.delete(points - middle, longest, axis=1), axis=1).max())
     axis = np.eye(3)[longest]

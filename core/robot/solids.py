@@ -64,6 +64,15 @@ def solid_geometry(shape: Shape) -> Any:
             return hull(shape.to_trimesh())
 
 
+def corners(geometry: Any) -> Array:
+    """List the corners (V, 3) of a Coal shape; of what is round, those of its bounding box."""
+    if isinstance(geometry, coal.ConvexBase):
+        return np.asarray(geometry.points())
+    geometry.computeLocalAABB()
+    ends = np.column_stack([geometry.aabb_local.min_, geometry.aabb_local.max_])
+    return np.array(np.meshgrid(*ends)).reshape(3, -1).T
+
+
 def body_solids(body: Body) -> Iterator[Solid]:
     """Yield a body's collision shapes, in the world."""
     return (Solid(body.name, solid_geometry(part.shape), body.pose @ part.pose) for part in body.collisions)
