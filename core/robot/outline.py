@@ -10,7 +10,7 @@ from lxml import etree
 from core.design import Tool
 from core.geometry import Array
 from core.robot.description import assemble, read_numbers
-from core.robot.solids import robot_solids
+from core.robot.extents import link_extents
 from core.robots import Robot
 from core.text import short_numbers, table
 
@@ -37,7 +37,8 @@ def _joint(joint: Any, link: str) -> tuple[str, ...]:
     origin, limit = joint.find("origin"), joint.find("limit")
     xyz, rpy = (np.zeros(3) if origin is None else read_numbers(origin, name) for name in ("xyz", "rpy"))
     way = _MOTIONS.get(joint.get("type"))
-    motion = joint.get("type") if way is None else f"{way} {_axis(read_numbers(joint.find('axis'), 'xyz'))}"
+    axis = np.eye(3)[0] if joint.find("axis") is None else read_numbers(joint.find("axis"), "xyz")  # as URDF has it
+    motion = joint.get("type") if way is None else f"{way} {_axis(axis)}"
     bounds = [float(limit.get(name, 0)) for name in ("lower", "upper", "velocity")] if limit is not None else []
     span = f"{bounds[0]:g} to {bounds[1]:g}" if bounds and joint.get("type") != "continuous" else "-"
     held = f"{link} on {joint.find('parent').get('link')}"
@@ -55,12 +56,7 @@ _AXES = tuple(zip("xyz", np.eye(3), strict=True))
 
 def _boxes(robot: Robot, tool: Tool) -> dict[str, str]:
     """The box around each link of the robot, rounded to a millimetre, and each component's."""
-    bounds: dict[str, tuple[Array, Array]] = {}
-    for solid in robot_solids(robot, tool.gripper):
-        center, half = solid.bounds()
-        low, high = bounds.get(solid.name, (center - half, center + half))
-        bounds[solid.name] = np.minimum(low, center - half), np.maximum(high, center + half)
-    bounds = {name: (low.round(3), high.round(3)) for name, (low, high) in bounds.items()}
+    extents = {name: (low.round(3), high.round(3)) for name, (low, high) in link_extents(robot, tool.gripper).items()}
     halves = {component.name: np.array(component.shape.size) / 2 for component in tool.components}
-    bounds |= {name: (-half, half) for name, half in halves.items()}
-    return {name: f"{short_numbers(low, 4)} to {short_numbers(high, 4)}" for name, (low, high) in bounds.items()}
+    extents |= {name: (-half, half) for name, half in halves.items()}
+    return {name: f"{short_numbers(low, 4)} to {short_numbers(high, 4)}" for name, (low, high) in extents.items()}

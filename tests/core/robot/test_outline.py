@@ -1,41 +1,47 @@
 """The robot as a table: the same frames and limits as its description, and boxes around its links."""
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from lxml import etree
 
 from core.design import Tool
+from core.geometry import Pose
 from core.robot.description import assemble, read_numbers
 from core.robot.outline import HEAD, outline
 from core.robot.solids import robot_solids
 from plugins.tools.rlbench import broom
 from tests.panda import PANDA
+from tests.six_joints import six_joints
 
-TOOLS = [
-    pytest.param(Tool(), id="rigid"),
-    pytest.param(Tool(gripper=True), id="gripper"),
-    pytest.param(broom(), id="broom"),
+SIX = six_joints(Pose.xyz_rpy((0.1, -0.2, 0.0), (0.0, 0.0, 0.5)))
+MOUNTED = [
+    pytest.param(PANDA, Tool(), id="rigid"),
+    pytest.param(PANDA, Tool(gripper=True), id="gripper"),
+    pytest.param(PANDA, broom(), id="broom"),
+    pytest.param(SIX, broom(), id="six joints, elsewhere"),
 ]
 
 
-def rows(tool):
+def rows(robot, tool):
     """The rows of the table by link, each as a dictionary with the parent."""
-    lines = outline(PANDA, tool).splitlines()[2:]
+    lines = outline(robot, tool).splitlines()[2:]
     found = [dict(zip(HEAD, [cell.strip() for cell in line.strip("|").split("|")], strict=True)) for line in lines]
     return {row[HEAD[0]].partition(" on ")[0]: row | {"parent": row[HEAD[0]].partition(" on ")[2]} for row in found}
 
 
-def rebuilt(tool):
+def rebuilt(robot, tool):
     """A URDF made of nothing but the table."""
-    robot = etree.Element("robot", name="again")
-    for name, row in rows(tool).items():
-        etree.SubElement(robot, "link", name=name)
+    made = etree.Element("robot", name="again")
+    for name, row in rows(robot, tool).items():
+        etree.SubElement(made, "link", name=name)
         if not row["parent"]:
             continue
         motion, *words = row["joint"].split()
         kind = {"turns": "revolute", "slides": "prismatic", "fixed": "fixed"}[motion]
-        joint = etree.SubElement(robot, "joint", name=f"to_{name}", type=kind)
+        joint = etree.SubElement(made, "joint", name=f"to_{name}", type=kind)
         etree.SubElement(joint, "parent", link=row["parent"])
         etree.SubElement(joint, "child", link=name)
         etree.SubElement(joint, "origin", xyz=row["xyz"], rpy=row["rpy"])
@@ -45,7 +51,7 @@ def rebuilt(tool):
             etree.SubElement(joint, "axis", xyz=" ".join(map(str, axis)))
             lower, upper = row["range"].split(" to ")
             etree.SubElement(joint, "limit", lower=lower, upper=upper, velocity=row["speed"], effort="1")
-    return etree.tostring(robot, encoding="unicode")
+    return etree.tostring(made, encoding="unicode")
 
 
 def frames(urdf):
@@ -55,9 +61,9 @@ def frames(urdf):
     return model, {f.name: data.oMf[i].homogeneous for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY}
 
 
-@pytest.mark.parametrize("tool", TOOLS)
-def test_frames_and_limits_are_those_of_the_description(tool):
-    (short, shown), (whole, placed) = frames(rebuilt(tool)), frames(assemble(PANDA, tool, visuals=False))
+@pytest.mark.parametrize(("robot", "tool"), MOUNTED)
+def test_frames_and_limits_are_those_of_the_description(robot, tool):
+    (short, shown), (whole, placed) = frames(rebuilt(robot, tool)), frames(assemble(robot, tool, visuals=False))
     assert set(shown) == set(placed)
     for name, pose in placed.items():
         np.testing.assert_allclose(shown[name], pose, atol=3e-4)
@@ -71,7 +77,7 @@ def box(row):
 
 @pytest.mark.parametrize("gripper", [False, True])
 def test_a_links_box_is_around_its_shapes(gripper):
-    shown = rows(Tool(gripper=gripper))
+    shown = rows(PANDA, Tool(gripper=gripper))
     for solid in robot_solids(PANDA, gripper):
         (low, high), (center, half) = box(shown[solid.name]), solid.bounds()
         assert np.all(low <= center - half + 0.001)
@@ -79,8 +85,16 @@ def test_a_links_box_is_around_its_shapes(gripper):
     assert shown["panda_link8"][HEAD[-1]] == "-"
 
 
+def test_an_axis_that_is_not_given_is_x():
+    root = etree.fromstring(PANDA.urdf)
+    joint = root.find("joint[@name='panda_joint1']")
+    joint.remove(joint.find("axis"))
+    made = replace(PANDA, urdf=etree.tostring(root, encoding="unicode"))
+    assert rows(made, Tool())["panda_link1"]["joint"] == "turns about x"
+
+
 def test_a_tool_keeps_its_boxes():
-    shown, robot = rows(broom()), etree.fromstring(assemble(PANDA, broom(), visuals=False))
+    shown, robot = rows(PANDA, broom()), etree.fromstring(assemble(PANDA, broom(), visuals=False))
     for component in broom().components:
         low, high = box(shown[component.name])
         np.testing.assert_allclose(high - low, component.shape.size, atol=2e-4)

@@ -1,0 +1,109 @@
+"""Measure the space that links take: each by itself, around the tool mount at home, and the fingers of a gripper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT
+from core.geometry import Array, Pose
+from core.robot.frames import link_frames, open_mounts, robot_model
+from core.robot.kinematics import arm_of
+from core.robot.solids import corners, robot_solids
+from core.robots import Robot
+
+Extent = tuple[Array, Array]  # the lowest and the highest x, y and z, metres
+GRIPPER = "gripper"
+_NEAR_M = 0.3  # from the mount's origin; tools that bend around the arm are seldom larger
+
+
+class Finger(NamedTuple):
+    """A finger of the open gripper.
+
+    Attributes:
+        name: of its link, a mount.
+        pose: of its frame in that of the tool mount.
+        extent: of its collision shapes, in its frame.
+        opens: the axis of its frame (3,), perhaps reversed, along which it opens.
+        tip: the axis of its frame (3,), perhaps reversed, that leads to its tip.
+    """
+
+    name: str
+    pose: Pose
+    extent: Extent
+    opens: Array
+    tip: Array
+
+    def face(self, way: Array) -> float:
+        """Find where it ends along an axis of its frame (3,), perhaps reversed: a coordinate on this axis, metres."""
+        return float(np.abs(way) @ self.extent[int(way.sum() > 0)])
+
+    def place(self, way: Array) -> Array:
+        """Place this end (3,) in the frame of the tool mount."""
+        return self.pose.apply(np.abs(way) * self.face(way))
+
+
+def link_extents(robot: Robot, gripper: bool) -> dict[str, Extent]:
+    """Measure the collision shapes of each link that has some, in its own frame."""
+    return _extents((s.name, s.pose.apply(corners(s.geometry))) for s in robot_solids(robot, gripper))
+
+
+def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent]:
+    """Measure the links near the tool mount, in its frame, with the arm at ``home`` and the fingers open.
+
+    All links of the gripper but the fingers are one, `GRIPPER`.
+
+    Raises:
+        UserError: the arm can't reach ``home``.
+    """
+    fingers = np.full((1, len(robot.finger_joints)), robot.opening_m)
+    frames = link_frames(robot, gripper, arm_of(robot).home_for(home)[None], fingers)
+    poses = {name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in frames.items()}
+    mount, bare = poses[RIGID_MOUNT].inverse(), robot_model(robot, False).links
+    found = _extents(
+        (
+            solid.name if solid.name in bare or solid.name in GRIPPER_MOUNTS else GRIPPER,
+            (mount @ poses[solid.name] @ solid.pose).apply(corners(solid.geometry)),
+        )
+        for solid in robot_solids(robot, gripper)
+    )
+    off = {name: np.maximum(np.maximum(low, -high), 0.0) for name, (low, high) in found.items()}
+    return {name: extent for name, extent in found.items() if np.linalg.norm(off[name]) < _NEAR_M}
+
+
+def _extents(placed: Iterable[tuple[str, Array]]) -> dict[str, Extent]:
+    found: dict[str, Extent] = {}
+    for name, points in placed:
+        low, high = found.get(name, (points[0], points[0]))
+        found[name] = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    return found
+
+
+@lru_cache(maxsize=8)
+def fingers_of(robot: Robot) -> tuple[Finger, ...]:
+    """Measure the fingers of the open gripper, the left one first; none without a gripper."""
+    if robot.gripper is None:
+        return ()
+    model, poses, extents = robot_model(robot, True), open_mounts(robot, True), link_extents(robot, True)
+    found = []
+    for name in GRIPPER_MOUNTS:
+        joint, own = model.links[name]
+        opens, tip = own.rotation.inv().apply(model.axes[joint][1]), poses[name].rotation.inv().apply((0.0, 0.0, -1.0))
+        found.append(Finger(name, poses[name], extents[name], _nearest_axis(opens), _nearest_axis(tip)))
+    return tuple(found)
+
+
+def finger_gap(robot: Robot) -> float:
+    """Measure the way between the inner faces of the fingers of the open gripper, metres."""
+    left, right = fingers_of(robot)
+    return float((left.place(-left.opens) - right.place(-right.opens)) @ left.pose.rotation.apply(left.opens))
+
+
+def _nearest_axis(way: Array) -> Array:
+    axis = np.zeros(3)
+    axis[np.abs(way).argmax()] = np.sign(way[np.abs(way).argmax()])
+    return axis
