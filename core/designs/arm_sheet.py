@@ -55,7 +55,7 @@ def describe_arm(task: Task, rollout: RolloutSettings, engine: str) -> ArmSheet:
 def _sheet(robot: Robot, home: Pose, rollout: tuple[Any, ...], engine: str) -> ArmSheet:
     arm = arm_of(robot)
     reach = compute_reach(arm)
-    turns = zip(("roll", "pitch", "yaw"), turns_at(arm, home.position), strict=True)
+    turns = zip(("roll", "pitch", "yaw"), turns_at(arm, home), strict=True)
     return ArmSheet(
         as_table({z: row for z, row in reach.items() if z <= _EACH_M or round(10 * z) % 2 == 0}),
         describe_limits(reach),

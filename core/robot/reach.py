@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import count
@@ -19,6 +19,7 @@ from core.robot.self_collision import find_self_collision
 
 PITCHES = (-0.8, -0.5, 0.0, 0.5, 0.8)
 SELF = "the arm itself"
+SINGULAR = "a singular pose"  # where its links can't be folded nearer to its axis
 _RISE_M = 0.1  # between two heights
 _STEP_M, _STEP_RAD = 0.02, 0.1
 _NEAR_M, _NEAR_RAD = 0.003, 0.02  # a pose missed by less counts as reached
@@ -42,27 +43,32 @@ Row = dict[float, Span | None]  # by pitch; None: nothing is reached
 
 @lru_cache(maxsize=4)
 def compute_reach(arm: Arm, pitches: tuple[float, ...] = PITCHES) -> dict[float, Row]:
-    """Compute the reach straight ahead of the base at roll = yaw = 0, by height from z = 0 up and by pitch.
+    """Compute the reach straight ahead of the base, at its yaw and roll = 0, by height from z = 0 up and by pitch.
 
-    A pose counts as reached if the inverse kinematics comes near it from the pose beside it, and the arm is clear of
-    itself there. Distances are rounded inwards to 2 cm.
+    Distances are those from the base's axis, heights those in the world. A pose counts as reached if the inverse
+    kinematics comes near it from the pose beside it, and the arm is clear of itself there. Distances are rounded
+    inwards to 2 cm.
     """
     table: dict[float, Row] = {}
-    for number in count():
-        height = round(number * _RISE_M, 3)
-        row = {pitch: span_at(arm, height, pitch) for pitch in pitches}
-        if not any(row.values()):
-            break
-        table[height] = row
-    return table
+    home = max(0, round(float(arm.forward(arm.home).position[2]) / _RISE_M))
+    for numbers in (count(home), range(home - 1, -1, -1)):
+        for number in numbers:
+            height = round(number * _RISE_M, 3)
+            row = {pitch: span_at(arm, height, pitch) for pitch in pitches}
+            if not any(row.values()):
+                break
+            table[height] = row
+    return dict(sorted(table.items()))
 
 
 def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
     """Find the distances that are reached at this height and pitch: out from near home's, and back in from there."""
+    x, y, _ = arm.robot.base.position
+    base = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, arm.robot.base.rpy[2]))
     farthest = int(robot_model(arm.robot, False).reach / _STEP_M)
-    home = round(float(np.hypot(*arm.forward(arm.home).position[:2])) / _STEP_M)
+    home = round(float(np.hypot(*base.inverse().apply(arm.forward(arm.home).position)[:2])) / _STEP_M)
     turn = Rotation.from_euler("y", pitch)
-    poses = [Pose.from_rotation((step * _STEP_M, 0.0, height), turn) for step in range(farthest)]
+    poses = [base @ Pose.from_rotation((step * _STEP_M, 0.0, height), turn) for step in range(farthest)]
     for first in sorted(range(farthest), key=lambda step: abs(step - home)):
         start = arm.inverse(poses[first], arm.home)
         if _is_near(start):
@@ -78,12 +84,13 @@ def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
     return Span((most - len(back) + 1) * _STEP_M, most * _STEP_M, inner)
 
 
-def turns_at(arm: Arm, position: Array) -> tuple[tuple[float, float], ...]:
-    """Find how far the end-effector turns at ``position`` by roll, pitch or yaw alone: least and most, radians."""
-    start, angles = arm.home_for(Pose(position)), np.arange(1, int(np.pi / _STEP_RAD) + 1) * _STEP_RAD
+def turns_at(arm: Arm, home: Pose) -> tuple[tuple[float, float], ...]:
+    """Find how far the end-effector turns from ``home`` about the world's x, y or z alone: least and most, radians."""
+    start, angles = arm.home_for(home), np.arange(1, int(np.pi / _STEP_RAD) + 1) * _STEP_RAD
 
     def most(axis: Array) -> float:
-        way, _ = _march(arm, [Pose.from_rotation(position, Rotation.from_rotvec(axis * a)) for a in angles], start)
+        turned = [Rotation.from_rotvec(axis * angle) * home.rotation for angle in angles]
+        way, _ = _march(arm, [Pose.from_rotation(home.position, turn) for turn in turned], start)
         return float(((_clear(arm, way) or len(way)) - 1) * _STEP_RAD)
 
     return tuple((-most(-axis), most(axis)) for axis in np.eye(3))
@@ -112,19 +119,18 @@ def _clear(arm: Arm, way: list[Array]) -> int:
 
 
 def _binding(arm: Arm, missed: Solution | None) -> tuple[str, ...]:
-    """Name the joints that are at a limit where a pose is missed."""
+    """Name the joints that are at a limit where a pose is missed, or say that none is."""
     if missed is None:
         return ()
     low, high = missed.joints - arm.lower < _AT_LIMIT_RAD, arm.upper - missed.joints < _AT_LIMIT_RAD
     sides = enumerate(zip(low, high, strict=True), 1)
-    return tuple(
-        f"joint {n} at its {'lowest' if below else 'highest'}" for n, (below, above) in sides if below or above
-    )
+    bound = [f"joint {n} at its {'lowest' if below else 'highest'}" for n, (below, above) in sides if below or above]
+    return tuple(bound) or (SINGULAR,)
 
 
 def as_table(reach: dict[float, Row]) -> str:
     """Write the reach as a Markdown table in centimetres, a row for each height in metres."""
-    pitches = list(next(iter(reach.values())))
+    pitches = list(next(iter(reach.values()), {}))
     lines = [["z", *(f"{pitch:g}" for pitch in pitches)], ["-"] * (len(pitches) + 1)]
     for height, row in reach.items():
         spans = [f"{100 * span.least:.0f}-{100 * span.most:.0f}" if span else "none" for span in row.values()]
@@ -143,8 +149,16 @@ def describe_limits(reach: dict[float, Row]) -> str:
     words = []
     for limit, places in sorted(met.items(), key=lambda item: -len(item[1])):
         at, turned = zip(*places, strict=True)
-        where = f"z {min(at):g}-{max(at):g}"
-        where += f", pitch up to {max(turned):g}" if max(turned) < max(pitches) else ""
-        where += f", pitch from {min(turned):g}" if min(turned) > min(pitches) else ""
+        where = f"z {_range(at)}"
+        if min(turned) > min(pitches) and max(turned) < max(pitches):
+            where += f", pitch {_range(turned, ' to ')}"
+        elif max(turned) < max(pitches):
+            where += f", pitch up to {max(turned):g}"
+        elif min(turned) > min(pitches):
+            where += f", pitch from {min(turned):g}"
         words.append(f"{limit} ({where})")
     return ", ".join(words)
+
+
+def _range(numbers: Sequence[float], between: str = "-") -> str:
+    return between.join(dict.fromkeys(f"{bound(numbers):g}" for bound in (min, max)))

@@ -1,11 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Pose
-from core.robot.reach import PITCHES, SELF, as_table, compute_reach, describe_limits, turns_at
+from core.robot.kinematics import arm_of
+from core.robot.reach import PITCHES, SELF, SINGULAR, Span, as_table, compute_reach, describe_limits, turns_at
 from core.robot.trajectory import plan_motion
-from tests.panda import ARM
+from tests.panda import ARM, PANDA
+from tests.six_joints import six_joints
 
 HOME = Pose(np.array([0.5, 0.0, 0.5]))
 REACH = compute_reach(ARM)
@@ -57,6 +61,40 @@ def test_what_binds_at_the_inner_edge():
     assert "joint 6 at its highest (z 0-0.2, pitch up to 0)" in words
 
 
+def test_where_a_limit_binds_is_said_in_short():
+    spans = {limit: Span(0.1, 0.5, (limit,)) for limit in ("a", "b", "c")}
+    reach = {
+        0.0: {-0.5: spans["a"], 0.0: spans["b"], 0.5: spans["c"]},
+        0.1: {-0.5: spans["a"], 0.0: None, 0.5: spans["b"]},
+    }
+    words = "a (z 0-0.1, pitch up to -0.5), b (z 0-0.1, pitch from 0), c (z 0, pitch from 0.5)"
+    assert describe_limits(reach) == words
+    assert describe_limits({0.0: {-0.5: None, 0.0: spans["b"], 0.5: None}}) == "b (z 0, pitch 0)"
+    assert describe_limits({}) == ""
+
+
+@pytest.mark.parametrize("at", [(0.3, -0.2, 0.0), (0.0, 0.0, 0.9), (0.1, 0.2, -0.1)])
+def test_the_reach_is_that_of_the_base(at):
+    """Distances go from its axis, ahead of it; heights are the world's."""
+    elsewhere = arm_of(replace(PANDA, base=Pose.xyz_rpy(at, (0.0, 0.0, 0.7))))
+    reach = compute_reach(elsewhere, (0.0,))
+    assert min(reach) == {0.0: 0.0, 0.9: 0.6, -0.1: 0.0}[at[2]]  # low ones are out of reach
+    for height, row in reach.items():
+        if (own := round(height - at[2], 1)) in REACH:
+            assert row[0.0] == REACH[own][0.0]
+
+
+def test_an_arm_of_six_joints():
+    """No joint ends near its base's axis, but its shoulder stands beside it: there it is singular."""
+    arm = arm_of(six_joints())
+    reach = compute_reach(arm, (0.0, 0.5))
+    assert SINGULAR in reach[0.5][0.0].inner
+    assert reach[0.1][0.0].most == pytest.approx(0.9, abs=0.03)
+    pose = Pose.xyz_rpy((reach[0.1][0.5].most, 0.0, 0.1), (0.0, 0.5, 0.0))
+    assert arm.inverse(pose, arm.home).error_m < 0.004
+    assert describe_limits(reach)
+
+
 def test_the_table_has_a_row_for_each_height():
     lines = as_table(REACH).splitlines()
     assert lines[0] == "|z|-0.8|-0.5|0|0.5|0.8|"
@@ -67,7 +105,7 @@ def test_the_table_has_a_row_for_each_height():
 
 
 def test_turns_at_home_end_where_they_say():
-    turns = turns_at(ARM, HOME.position)
+    turns = turns_at(ARM, HOME)
     for axis, (least, most) in zip("xyz", turns, strict=True):
         for angle, step in ((least, -0.15), (most, 0.15)):
             seed = ARM.home_for(HOME)
