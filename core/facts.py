@@ -1,4 +1,6 @@
-"""``python -m core.facts [robot=NAME] [sims=[NAME,...]] [output=FILE.json]``: measure how exact an arm is."""
+"""``python -m core.facts [robot=NAME] [sims=[NAME,...]] [output=FILE.json]``: say where an arm reaches, how fast it is,
+and measure how exact it is. Without ``sims`` (``sims=[]``) the figures are those that were measured before.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,6 @@ from omegaconf import OmegaConf
 from core.cli import arguments, command, say, write_bytes
 from core.config.compose import load, robot_part
 from core.conformance.exactness import measure
-from core.conformance.worlds import HOME
 from core.designs.arm_sheet import segments, short
 from core.interfaces import Robot, RolloutSettings
 from core.robot.kinematics import arm_of
@@ -47,15 +48,15 @@ LABELS = {
 def sheet(robot: Robot, figures: Figures) -> str:
     """Write all facts about the arm as Markdown: reach, speed, and the figures of each engine."""
     arm = arm_of(robot)
-    reach, timed = compute_reach(arm), segments(arm, HOME, RolloutSettings())
+    reach, timed = compute_reach(arm), segments(arm, arm.forward(arm.home), RolloutSettings())
     limits = arm.lower, arm.upper, arm.velocity_limits, arm.acceleration_limits
     joints = zip(robot.arm_joints, arm.home, *limits, strict=True)
     parts = {
         "Reach": [
             "Smallest and largest horizontal distance of the end-effector from the base's axis in centimetres, "
-            "straight ahead at roll = yaw = 0, by height z in metres and pitch in radians:",
+            "straight ahead of the base at its yaw and roll = 0, by height z in metres and pitch in radians:",
             as_table(reach),
-            f"At the inner edge binds: {describe_limits(reach)}.",
+            f"At the inner edge binds: {describe_limits(reach) or 'nothing'}.",
         ],
         "Joints": [
             table(
@@ -69,14 +70,19 @@ def sheet(robot: Robot, figures: Figures) -> str:
                 [[one.way, f"{one.length:g}", f"{one.seconds:.2f}", f"{one.peak:.2f}"] for one in timed],
             )
         ],
-        "Exactness": [
+    }
+    if figures:
+        parts["Exactness"] = [
             table(
                 ["figure", *figures],
                 [[text, *(_number(one.get(name)) for one in figures.values())] for name, text in LABELS.items()],
             )
-        ],
-    }
-    return "".join(f"## {title}\n\n" + "".join(f"{text}\n\n" for text in texts) for title, texts in parts.items())
+        ]
+    carries = f"payload {robot.payload_kg:g} kg, {'with' if robot.gripper else 'without'} a gripper"
+    lines = [f"{robot.title}: {len(robot.arm_joints)} joints, {carries}.\n\n"]
+    for title, texts in parts.items():
+        lines += [f"## {title}\n\n", *(f"{text}\n\n" for text in texts)]
+    return "".join(lines)
 
 
 def _number(figure: float | None) -> str:
@@ -86,8 +92,8 @@ def _number(figure: float | None) -> str:
 def main() -> None:
     cfg = load("facts", arguments(USAGE))
     robot = robot_part(cfg.robot).create()
-    figures: dict[str, dict[str, float | None]] = {}
-    for name, sim in engines(OmegaConf.to_container(cfg.sims)).items():  # type: ignore[arg-type]
+    figures: dict[str, Mapping[str, float | None]] = {} if cfg.sims else dict(robot.measured)
+    for name, sim in (engines(OmegaConf.to_container(cfg.sims)) if cfg.sims else {}).items():  # type: ignore[arg-type]
         found = measure(sim.create(), robot)
         figures[name] = {key: None if figure is None else round(figure, 5) + 0.0 for key, figure in found.items()}
     if cfg.output is not None:

@@ -6,6 +6,7 @@ import pytest
 from core.facts import LABELS, sheet
 from docs.build import BEGIN, END
 from tests.panda import PANDA
+from tests.six_joints import six_joints
 from tests.test_commands import call
 
 ROOT = Path(__file__).parents[2]
@@ -23,6 +24,21 @@ def test_every_figure_has_a_row():
     rows = sheet(PANDA, figures).split("## Exactness")[1].splitlines()
     assert len([row for row in rows if row.startswith("|")]) == 2 + len(LABELS)
     assert "full force at once" in sheet(PANDA, figures)
+
+
+def test_of_an_arm_that_was_not_measured_there_is_the_rest():
+    text = sheet(six_joints(), {})
+    assert text.startswith("Six Joints: 6 joints, payload 5 kg, without a gripper.")
+    assert "## Exactness" not in text
+    assert "| wrist_3_joint | -0.2201 | -6.283 | 6.283 |" in text
+    assert "|0.3|" in text
+
+
+@pytest.mark.slow
+def test_without_engines_the_command_shows_the_stored_figures(tmp_path):
+    done = call(tmp_path, "facts", "sims=[]")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == sheet(PANDA, PANDA.measured)
 
 
 @pytest.mark.slow
