@@ -1,4 +1,4 @@
-"""Say in a prompt where the arm reaches, how fast it is and how exact."""
+"""Say in a prompt where the arm stands and reaches, how fast and exact it is, and what a tool meets at the mount."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from core.geometry import Pose
+from core.geometry import Array, Pose
 from core.interfaces import Robot, RolloutSettings, Task
+from core.robot.extents import extents_at_home, fingers_of
 from core.robot.kinematics import Arm, arm_of
 from core.robot.reach import as_table, compute_reach, describe_limits, turns_at
 from core.robot.trajectory import plan_motion
-from core.text import short_numbers
+from core.text import short_number, short_numbers, table
 
 WAYS = ("forward", "left", "up")
 LENGTHS_M = (0.1, 0.2, 0.4)
 _EACH_M = 0.6  # up to here each height is shown, above it every other
 _AT_WILL_RAD = 2.8  # nearly half a turn to both sides
 _SAMPLES = 400
+_LEVEL_M = 0.001
+_SIDES = ("to the front", "to the left", "up"), ("to the back", "to the right", "down")  # along x, y, z, and reversed
 
 
 class Segment(NamedTuple):
@@ -32,38 +35,107 @@ class Segment(NamedTuple):
     peak: float
 
 
-class ArmSheet(NamedTuple):
-    """The arm's facts for templates: ``reach`` a table, ``turns`` by roll, pitch and yaw at home, ``joints`` there.
+class FingerSheet(NamedTuple):
+    """A finger of the open gripper, as the tool mount has it.
 
-    ``limits`` says what binds at the reach's inner edge; ``speed`` and ``exactness`` are sentences.
+    Attributes:
+        name: of its link.
+        origin: of its frame.
+        axes: where its x, y and z point.
+        below: how far below the mount it ends, metres.
     """
 
+    name: str
+    origin: str
+    axes: tuple[str, ...]
+    below: str
+
+
+class ArmSheet(NamedTuple):
+    """The arm's facts for templates.
+
+    Attributes:
+        at: where its base stands, x, y and z; empty at the world's origin.
+        yaw: how the base is turned; empty if it is not.
+        reach: a table.
+        limits: what binds at the reach's inner edge, if anything does.
+        turns: how far it turns by roll, pitch and yaw at home.
+        joints: their values at home.
+        speed: a sentence.
+        exactness: sentences; empty if it was not measured.
+        around: a table of the links around the mount at home, in its frame.
+        clear: whether all of these but the gripper are above the mount.
+        bearers: the links among these that a rigid tool may overlap.
+        fingers: those of the gripper.
+    """
+
+    at: str
+    yaw: str
     reach: str
     limits: str
     turns: str
     joints: str
     speed: str
     exactness: str
+    around: str
+    clear: bool
+    bearers: tuple[str, ...]
+    fingers: tuple[FingerSheet, ...]
 
 
-def describe_arm(task: Task, rollout: RolloutSettings, engine: str) -> ArmSheet:
-    """Describe the arm at the task's home, in the engine of this name."""
-    return _sheet(task.robot, task.home, astuple(rollout), engine)
+def describe_arm(task: Task, rollout: RolloutSettings, engine: str, gripper: bool) -> ArmSheet:
+    """Describe the arm at the task's home, in the engine of this name, with its gripper or without.
+
+    Raises:
+        UserError: the arm can't reach the task's home.
+    """
+    return _sheet(task.robot, task.home, astuple(rollout), engine, gripper)
 
 
 @lru_cache(maxsize=16)
-def _sheet(robot: Robot, home: Pose, rollout: tuple[Any, ...], engine: str) -> ArmSheet:
+def _sheet(robot: Robot, home: Pose, rollout: tuple[Any, ...], engine: str, gripper: bool) -> ArmSheet:
     arm = arm_of(robot)
+    joints = arm.home_for(home)
     reach = compute_reach(arm)
     turns = zip(("roll", "pitch", "yaw"), turns_at(arm, home), strict=True)
+    around = extents_at_home(robot, gripper, home)
+    shaped, own = extents_at_home(robot, False, home), robot.base.rpy[2]
     return ArmSheet(
-        as_table({z: row for z, row in reach.items() if z <= _EACH_M or round(10 * z) % 2 == 0}),
-        describe_limits(reach),
-        ", ".join(f"{name} {_turn(*least_most)}" for name, least_most in turns),
-        short_numbers(arm.home_for(home), 2, ", "),
-        describe_speed(robot, segments(arm, home, RolloutSettings(*rollout))),
-        describe_exactness(robot.measured, engine),
+        at=short_numbers(robot.base.position, 4, ", ") if robot.base != Pose() else "",
+        yaw=short_number(own, 4) if own else "",
+        reach=as_table({z: row for z, row in reach.items() if z <= _EACH_M or round(10 * z) % 2 == 0}),
+        limits=describe_limits(reach),
+        turns=", ".join(f"{name} {_turn(*least_most)}" for name, least_most in turns),
+        joints=short_numbers(joints, 2, ", "),
+        speed=describe_speed(robot, segments(arm, home, RolloutSettings(*rollout))),
+        exactness=describe_exactness(robot.measured, engine),
+        around=table(
+            ("link", "x", "y", "z"),
+            [(name, *(_range(*ends) for ends in zip(*extent, strict=True))) for name, extent in around.items()],
+        ),
+        clear=all(low[2] > -_LEVEL_M for low, _ in shaped.values()),
+        bearers=tuple(name for name in robot.near_mount if name in shaped),
+        fingers=tuple(
+            FingerSheet(
+                finger.name,
+                short_numbers(finger.pose.position, 4, ", "),
+                tuple(_side(axis) for axis in finger.pose.rotation.as_matrix().T),
+                short_number(-finger.place(finger.tip)[2], 3),
+            )
+            for finger in fingers_of(robot)
+        ),
     )
+
+
+def _range(low: float, high: float) -> str:
+    return f"{short_number(low, 3)} to {short_number(high, 3)}"
+
+
+def _side(way: Array) -> str:
+    """Say where an axis (3,) points in the frame of the tool mount."""
+    axis = int(np.abs(way).argmax())
+    aligned = abs(way[axis]) > 1 - 1e-4  # within a degree
+    return _SIDES[int(way[axis] < 0)][axis] if aligned else f"along ({short_numbers(way, 3, ', ')})"
 
 
 def _turn(least: float, most: float) -> str:
@@ -89,10 +161,11 @@ def describe_speed(robot: Robot, segments: Sequence[Segment]) -> str:
     by_length = [[one for one in segments if one.length == length] for length in (LENGTHS_M[0], LENGTHS_M[-1])]
     times = [f"{'/'.join(f'{one.seconds:.2g}' for one in group)} s for {group[0].length:g} m" for group in by_length]
     peaks = min(one.peak for one in segments), max(one.peak for one in segments)
-    limits = ", ".join(f"{limit:g}" for limit in robot.acceleration_limits)
+    limits = [f"{limit:g}" for limit in robot.acceleration_limits]
+    most = limits[0] if len(set(limits)) == 1 else ", ".join(limits)
     return (
         f"Segments {'/'.join(WAYS)} through home take {', '.join(times)}, with a peak speed of {peaks[0]:.2g} to "
-        f"{peaks[1]:.2g} times the mean. Joints accelerate by at most {limits} rad/s2, half of it for bends of the path"
+        f"{peaks[1]:.2g} times the mean. Joints accelerate by at most {most} rad/s2, half of it for bends of the path"
     )
 
 

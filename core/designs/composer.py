@@ -150,6 +150,7 @@ class PromptComposer:
         task, representation = brief.task, brief.representation
         given = representation.given(task)
         mounted = given if given is not None else Tool(gripper=brief.gripper)
+        bare, robot = given is not None and not given.components, task.robot
         numbers = given is not None or self.settings.feedback != "paper"  # all that plans for a given tool differ in
         last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
         elites, shortened = elites_text(
@@ -157,26 +158,31 @@ class PromptComposer:
         )
         return {
             "given": given,
-            "bare": given is not None and not given.components,
+            "bare": bare,
+            "head": "tool" if not bare else "gripper" if brief.gripper else "flange",
             "brief": brief,
             "task": task,
             "idea": self._idea,
             "instructed": self._idea is not None,
             "feedback": self.settings.feedback,
             "picture": picture is not None,
-            "robot": task.robot,
-            "friction": {"tool": LINK_FRICTION, "fingers": task.robot.gripper.friction if task.robot.gripper else None},
+            "robot": robot,
+            "friction": {
+                "arm": robot.friction,
+                "tool": LINK_FRICTION,
+                "fingers": robot.gripper.friction if robot.gripper else None,
+            },
             "tool_rules": representation.instructions(brief).strip(),
             "task_source": task.source().rstrip("\n"),
             "layout": layout_table(task, brief.scene_seed),
             "vocabulary": f"{class_source(Task, *TASK)}\n\n{class_source(Body, *BODY)}",
             "helpers": helpers(task),
             "executor": function_source(plan_motion),
-            "urdf": outline(task.robot, mounted),
+            "urdf": outline(robot, mounted),
             "home_xyz": f"({short_numbers(task.home.position, 4, ', ')})",
             "home_rpy": f"({short_numbers(task.home.rpy, 4, ', ')})",
             "rollout": self.rollout,
-            "arm": describe_arm(task, self.rollout, self.engine),
+            "arm": describe_arm(task, self.rollout, self.engine, brief.gripper),
             "max_waypoints": MAX_WAYPOINTS,
             "schema": json.dumps(answer_schema(brief), ensure_ascii=False, separators=(",", ":")) if schema else "",
             "tie": f"{self.tie:g}",
@@ -218,7 +224,7 @@ def answer_schema(brief: Brief) -> dict[str, Any]:
         "strategy_name": {"type": "string"},
         "strategy_description": {"type": "string"},
         **({} if given else {"tool_name": {"type": "string"}, "tool_description": {"type": "string"}}),
-        "gripper": {"type": "boolean", "enum": [brief.gripper]},
+        **({"gripper": {"type": "boolean", "enum": [brief.gripper]}} if brief.task.robot.gripper else {}),
         **brief.representation.schema(),
         "action_description": {"type": "string"},
         "action_sets": _list(plan, brief.n_action, brief.n_action),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from core.design import DesignError, Tool
 from core.designs.elites import component_lines
 from core.designs.rules import (
@@ -20,11 +22,15 @@ from core.designs.rules import (
     MIN_SIDE_M,
     MIN_TOOL_KG,
 )
-from core.interfaces import Brief, ToolRepresentation
+from core.geometry import Array
+from core.interfaces import Brief, Robot, Task, ToolRepresentation
 from core.robot.description import tool_urdf
-from core.text import kind
+from core.robot.extents import Finger, finger_gap, fingers_of
+from core.text import kind, short_number, short_numbers
 from plugins.tools.urdf.building import build_tool
 from plugins.tools.urdf.parsing import parse_xml
+
+_MEET_M = 0.0005  # fingers nearer than this meet
 
 
 class UrdfTools(ToolRepresentation):
@@ -50,11 +56,9 @@ class UrdfTools(ToolRepresentation):
 
     def instructions(self, brief: Brief) -> str:
         robot, elites = brief.task.robot, _ELITES if brief.elites else ""
-        disc = robot.flange.disc
-        mount = _RIGID_MOUNT.format(diameter=2000 * disc.radius, thickness=1000 * disc.length)
-        mount = _GRIPPER_MOUNT if brief.gripper else mount
+        mount = _gripper_mount(robot) if brief.gripper else _rigid_mount(brief.task)
         payload = f"{robot.payload_kg:g}"
-        return _RULES.format(mount=mount, elites=elites, payload=payload, example=_example(brief.gripper))
+        return _RULES.format(mount=mount, elites=elites, payload=payload, example=_example(robot, brief.gripper))
 
 
 _RULES = f"""\
@@ -89,25 +93,68 @@ The elites show `components` in its place, a line for each box: the name of its 
 the xyz and rpy (none: 0 0 0) of its joint's origin, its mass. A box is centred on its link's frame. Yours are URDF."""
 
 _RIGID_MOUNT = """\
-The tool is rigid and takes the place of the hand. It hangs from the link `tool_mount` on the arm's flange, whose
-axes are the world's when its roll, pitch and yaw are 0, as they are at home: x forward, y left, z up. The arm is above
+The tool is rigid{place}. It hangs from the link `tool_mount` on the arm's flange, whose
+axes are the world's when its roll, pitch and yaw are 0{home}: x forward, y left, z up. The arm is above
 it, so the tool extends toward -z. What hangs from `tool_mount` must touch the flange, a disc of
 {diameter:g} mm diameter and {thickness:g} mm thickness centred at its origin and square to z."""
 
 _GRIPPER_MOUNT = """\
 The tool is a pair of attachments to the gripper's fingers, which open and close them: the left part hangs from the link
-`left_finger`, the right part from `right_finger`; each must touch its finger. In both frames z points along
-the finger to its tip at z = 0.054, and x across it (the finger is 0.022 wide). The left finger lies on the +y side of
-its frame and opens toward +y, the right one lies on the -y side and opens toward -y; both inner faces are at y = 0, and
-meet when the gripper is closed. At home both frames' x is the world's x, their y is the world's -y, and their z is
-down."""
+`left_finger`, the right part from `right_finger`; each must touch its finger. The frames part says how their axes lie.
+{fingers}
+The inner faces are {gap} m apart when the gripper is open, and {closed}."""
 
 
-def _example(gripper: bool) -> str:
-    mount = "left_finger" if gripper else "tool_mount"
-    joint_origin = "0 0.0075 0.07" if gripper else "0 0 -0.055"
-    name, size = ("left_pad", "0.02 0.015 0.04") if gripper else ("shaft", "0.02 0.02 0.1")
-    return f"""\
+def _rigid_mount(task: Task) -> str:
+    robot, disc = task.robot, task.robot.flange.disc
+    return _RIGID_MOUNT.format(
+        place=" and takes the place of the gripper" if robot.gripper else "",
+        home=", as they are at home" if np.allclose(task.home.rpy, 0.0, atol=1e-3) else "",
+        diameter=2000 * disc.radius,
+        thickness=1000 * disc.length,
+    )
+
+
+def _gripper_mount(robot: Robot) -> str:
+    gap = finger_gap(robot)
+    closed = max(0.0, gap - 2 * robot.opening_m)
+    return _GRIPPER_MOUNT.format(
+        fingers="\n".join(map(_finger, fingers_of(robot))),
+        gap=short_number(gap, 3),
+        closed="meet when it is closed" if closed < _MEET_M else f"{short_number(closed, 3)} m when it is closed",
+    )
+
+
+def _finger(finger: Finger) -> str:
+    ends = zip("xyz", *finger.extent, strict=True)
+    space = ", ".join(f"{axis} {short_number(low, 4)} to {short_number(high, 4)}" for axis, low, high in ends)
+    tip, inner = (f"{_axis(way)[1]} = {short_number(finger.face(way), 4)}" for way in (finger.tip, -finger.opens))
+    faces = f"tip at {tip}, inner face at {inner}"
+    return f"- In its frame `{finger.name}` takes up {space}; {faces}, opens toward {_axis(finger.opens)}."
+
+
+def _axis(way: Array) -> str:
+    """Name an axis (3,), perhaps reversed, such as +y."""
+    at = int(np.abs(way).argmax())
+    return f"{'-' if way[at] < 0 else '+'}{'xyz'[at]}"
+
+
+def _example(robot: Robot, gripper: bool) -> str:
+    """Write a shaft that hangs from the flange, or a pad on the inside of the left finger's tip."""
+    if gripper:
+        finger = fingers_of(robot)[0]
+        out, down = np.abs(finger.opens), np.abs(finger.tip)
+        mount, name, size = finger.name, "left_pad", 0.02 * (1 - out - down) + 0.015 * out + 0.04 * down
+        at = np.mean(finger.extent, axis=0) * (1 - out - down)
+        at += out * finger.face(-finger.opens) + 0.0075 * finger.opens + down * finger.face(finger.tip)
+        at += 0.0155 * finger.tip  # it overlaps the finger by 4.5 mm
+    else:
+        mount, name, size = "tool_mount", "shaft", np.array([0.02, 0.02, 0.1])
+        at = np.array([0.0, 0.0, -(robot.flange.disc.length + size[2]) / 2])
+    return _EXAMPLE.format(mount=mount, name=name, size=short_numbers(size, 4), at=short_numbers(at, 4))
+
+
+_EXAMPLE = """\
 <link name="{name}">
   <collision>
     <geometry><box size="{size}"/></geometry>
@@ -118,5 +165,5 @@ def _example(gripper: bool) -> str:
 <joint name="{name}_joint" type="fixed">
   <parent link="{mount}"/>
   <child link="{name}"/>
-  <origin xyz="{joint_origin}" rpy="0 0 0"/>
+  <origin xyz="{at}" rpy="0 0 0"/>
 </joint>"""

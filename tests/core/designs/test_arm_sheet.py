@@ -1,13 +1,36 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from core.designs.arm_sheet import describe_arm, describe_exactness, describe_speed, segments
+from core.geometry import Pose
 from core.interfaces import RolloutSettings, Task
-from tests.panda import PANDA
+from core.scene import Scene
+from tests.panda import ARM, PANDA
+from tests.six_joints import six_joints
+
+
+class Nothing(Task):
+    name = description = "Nothing"
+    goals = ()
+
+    def scene(self, seed):
+        return Scene(())
+
+    def reward(self, start, end):
+        return np.zeros(start.positions.shape[:-2])
+
+
+def sheet(robot, *, engine="mujoco", gripper=False):
+    task = Nothing()
+    task.robot = robot
+    return describe_arm(task, RolloutSettings(), engine, gripper)
 
 
 def test_how_exact_the_arm_is_depends_on_the_engine():
     measured = PANDA.measured
-    texts = [describe_arm(Task.home, RolloutSettings(), engine).exactness for engine in ("mujoco", "sapien", "mine")]
+    texts = [sheet(PANDA, engine=engine).exactness for engine in ("mujoco", "sapien", "mine")]
     assert f"Measured in mujoco: in motion it lags by up to {measured['mujoco']['lag_mm']:.2g} mm" in texts[0]
     assert f"presses with {measured['sapien']['push_n_per_mm']:.0f} N per mm, " in texts[1]
     lags = [figures["lag_mm"] for figures in measured.values()]
@@ -23,10 +46,42 @@ def test_of_an_arm_that_was_never_measured_nothing_is_said():
 
 def test_segments_take_the_time_of_the_motion():
     """Without limits the profile is a trapezoid: its peak is 1.25 times its mean."""
-    slow = segments(Task.home, RolloutSettings(segment_s=3.0))
+    slow = segments(ARM, Task.home, RolloutSettings(segment_s=3.0))
     assert [one.seconds for one in slow] == pytest.approx([3.0] * len(slow), rel=0.01)
     assert [one.peak for one in slow] == pytest.approx([1.25] * len(slow), rel=0.02)
-    fast = {(one.way, one.length): one for one in segments(Task.home, RolloutSettings())}
+    fast = {(one.way, one.length): one for one in segments(ARM, Task.home, RolloutSettings())}
     assert fast["forward", 0.4].seconds > fast["left", 0.4].seconds > fast["left", 0.1].seconds
     assert fast["forward", 0.4].peak > 1.5
     assert "for 0.1 m" in describe_speed(PANDA, slow)
+
+
+def test_where_the_base_stands_is_said_if_it_is_elsewhere():
+    here, there = sheet(PANDA), sheet(replace(PANDA, base=Pose.xyz_rpy((0.1, 0, -0.05), (0, 0, 0.5))))
+    assert (here.at, here.yaw) == ("", "")
+    assert (there.at, there.yaw) == ("0.1, 0, -0.05", "0.5")
+
+
+def test_what_a_tool_meets_at_the_mount():
+    rigid, gripper, six = sheet(PANDA), sheet(PANDA, gripper=True), sheet(six_joints())
+    assert rigid.clear
+    assert rigid.bearers == ("panda_link7",)
+    assert "| panda_link7 | -0.044 to 0.044 | -0.088 to 0.054 | 0 to 0.055 |" in rigid.around
+    assert gripper.around.startswith(rigid.around)
+    assert "| left_finger | -0.011 to 0.011 | -0.066 to -0.04 | -0.113 to -0.059 |" in gripper.around
+    assert not six.clear  # its elbow is lower
+    assert six.fingers == ()
+    assert six.exactness == ""
+
+
+def test_where_the_axes_of_the_fingers_point():
+    left, right = sheet(PANDA, gripper=True).fingers
+    assert left == ("left_finger", "0, -0.04, -0.0584", ("to the front", "to the right", "down"), "0.113")
+    assert right[:2] == ("right_finger", "0, 0.04, -0.0584")
+    askew = replace(PANDA.gripper, mount=PANDA.gripper.mount @ Pose.xyz_rpy((0, 0, 0), (0, 0, 0.5)))
+    turned = sheet(replace(PANDA, gripper=askew)).fingers[0]
+    assert turned.axes == ("along (0.878, -0.479, 0)", "along (-0.479, -0.878, 0)", "down")
+
+
+def test_equal_limits_are_said_once():
+    assert "accelerate by at most 5 rad/s2" in sheet(six_joints()).speed
+    assert "accelerate by at most 15, 7.5, 10, 12.5, 15, 20, 20 rad/s2" in sheet(PANDA).speed

@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-import trimesh
-from lxml import etree
 
 import core.designs.composer
 import prompts
@@ -28,16 +26,18 @@ from core.designs.composer import CHECK, REPAIR, SUFFIX, PromptComposer, answer_
 from core.designs.layout import layout_table
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError, UserError
-from core.geometry import Array, Box, Pose, Vector
-from core.interfaces import Brief, Message, Picture, Reply, Request, Task, Text, ToolRepresentation
-from core.robot.description import assemble
+from core.geometry import Array, Box, Cylinder, Pose, Vector
+from core.interfaces import Brief, Message, Picture, Reply, Request, Robot, Task, Text, ToolRepresentation
+from core.robot.extents import extents_at_home
 from core.robot.reach import as_table, compute_reach
 from core.robot.trajectory import plan_motion
+from core.robots import ISO_9409_1_50
 from core.scene import Body, Geom, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings
 from plugins.tools.urdf.representation import UrdfTools
 from plugins.vlms.litellm.client import load as litellm
 from tests.panda import ARM, FINGER_OPEN, PANDA, on_panda
+from tests.six_joints import six_joints
 
 FOLDER = Path(prompts.__file__).parent
 PICTURE = Picture(b"\x89PNG")
@@ -168,7 +168,7 @@ def test_without_a_picture_none_is_mentioned() -> None:
 def test_the_robot_shown_is_the_one_that_gets_the_tool() -> None:
     rigid, gripper = (words(PromptComposer().compose(make_brief(gripper=g), None)) for g in (False, True))
     for text, hand in ((rigid, False), (gripper, True)):
-        links = set(re.findall(r"^\| (panda_\w+)(?: on panda_\w+)? \|", text, re.MULTILINE))
+        links = set(re.findall(r"^\| (\w+)(?: on \w+)? \|", text, re.MULTILINE))
         assert RIGID_MOUNT in links
         assert ("panda_hand" in links) == (set(GRIPPER_MOUNTS) <= links) == hand
     assert "exactly 6 numbers" in rigid
@@ -725,60 +725,16 @@ def test_the_frames_example() -> None:
     np.testing.assert_allclose(turned, about_z @ about_y @ about_x, atol=1e-12)
 
 
-def frames_at(home: Pose, gripper: bool) -> dict[str, Pose]:
-    """The robot's links, fingers open, in the frame of ``tool_mount``."""
-    model = pin.buildModelFromXML(assemble(PANDA, None if gripper else Tool(), visuals=False))
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, np.r_[ARM.home_for(home), [FINGER_OPEN] * (2 if gripper else 0)])
-    virtual = data.oMf[model.getFrameId(RIGID_MOUNT)]
-    links = [(i, frame.name) for i, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
-    return {name: Pose.from_matrix(virtual.actInv(data.oMf[i]).homogeneous) for i, name in links}
-
-
-def corners(link: Any, pose: Pose) -> Array:
-    """All vertices of a link's collision shapes, with the link at ``pose``."""
-    points = []
-    for collision in link.findall("collision"):
-        origin = collision.find("origin")
-        values = [[float(x) for x in origin.get(key).split()] for key in ("xyz", "rpy")] if origin is not None else None
-        mesh, box = collision.find("geometry/mesh"), collision.find("geometry/box")
-        if mesh is not None:
-            shape = trimesh.load(mesh.get("filename"))
-        else:
-            shape = trimesh.creation.box([float(x) for x in box.get("size").split()])
-        local = Pose.xyz_rpy(*values) if values else Pose()
-        points.append((pose @ local).apply(shape.vertices))
-    return np.concatenate(points)
-
-
-def test_finger_frames() -> None:
-    frames = frames_at(Task.home, gripper=True)
-    for name, side in zip(GRIPPER_MOUNTS, (-1, 1), strict=True):
-        np.testing.assert_allclose(frames[name].position, (0, side * 0.04, -0.0584), atol=1e-6)
-        np.testing.assert_allclose(frames[name].rotation.as_matrix(), np.diag([1, -1, -1]), atol=1e-6)
-
-
-@pytest.mark.parametrize("home", [Task.home, PushCube.home, Pose(np.array([0.4, 0.0, 0.1]))])
-def test_where_the_wrist_is_at_home(home: Pose) -> None:
-    frames = frames_at(home, gripper=False)
-    robot = etree.fromstring(assemble(PANDA, Tool(), visuals=False))
-    links = {link.get("name"): link for link in robot.findall("link") if link.find("collision") is not None}
-    wrist = np.concatenate([corners(links[name], frames[name]) for name in ("panda_link6", "panda_link7")])
-    assert wrist[:, 2].min() > -1e-3
-    assert 0.18 < wrist[:, 2].max() < 0.2
-    assert 0.13 < np.linalg.norm(wrist[:, :2], axis=1).max() < 0.15
-    forearm = corners(links["panda_link5"], frames["panda_link5"])
-    assert forearm[:, 2].min() > 0.0
-
-
-def test_where_the_hand_is_at_home() -> None:
-    frames = frames_at(Task.home, gripper=True)
-    robot = etree.fromstring(assemble(PANDA, None, visuals=False))
-    hand = corners(robot.find("link[@name='panda_hand']"), frames["panda_hand"])
-    assert np.all(hand.min(axis=0) > (-0.035, -0.105, -0.07))
-    assert np.all(hand.max(axis=0)[:2] < (0.035, 0.105))
-    for name in GRIPPER_MOUNTS:
-        assert corners(robot.find(f"link[@name='{name}']"), frames[name])[:, 2].min() == pytest.approx(-0.113, abs=1e-3)
+def test_the_space_around_the_mount_is_shown() -> None:
+    for gripper in (False, True):
+        text = words(PromptComposer().compose(make_brief(gripper=gripper), None)).split("# Spawn rules")[1]
+        rows = re.findall(r"^\| (\w+) \| (.+) \| (.+) \| (.+) \|$", text.split("# Frames")[0], re.MULTILINE)[1:]
+        shown = {name: np.array([cell.split(" to ") for cell in cells], dtype=float).T for name, *cells in rows}
+        extents = extents_at_home(PANDA, gripper, PushCube.home)
+        assert list(shown) == list(extents)
+        for name, extent in extents.items():
+            np.testing.assert_allclose(shown[name], extent, atol=6e-4)
+        assert ("Below `tool_mount` there is nothing but the tool." in text) == (not gripper)
 
 
 def test_the_workspace_is_that_of_this_arm() -> None:
@@ -880,6 +836,97 @@ def test_a_turn_goes_the_shorter_way_and_a_far_one_takes_longer() -> None:
     assert min(yaws) == pytest.approx(turn - 2 * np.pi, abs=0.01)
     assert max(yaws) < 0.01
     assert trajectory.duration > 1.1
+
+
+# --- other arms -------------------------------------------------------------------------------------------------
+
+
+def for_robot(robot: Robot, **changes: Any) -> Brief:
+    task = PushCube()
+    task.robot = robot
+    return make_brief(task=task, **changes)
+
+
+def prose(brief: Brief) -> str:
+    """The composed text without code, the schema and the names of links."""
+    return re.sub(r"```.*?```|`.*?`", "", words(PromptComposer().compose(brief, PICTURE)), flags=re.DOTALL)
+
+
+class Flange(GivenBar):
+    def given(self, task: Task) -> Tool:
+        return Tool(name="bare flange", description="the flange")
+
+
+@pytest.mark.parametrize(
+    "brief",
+    [
+        pytest.param(for_robot(six_joints()), id="initial"),
+        pytest.param(for_robot(six_joints(), elites=ELITES), id="evolution"),
+        pytest.param(for_robot(six_joints(), representation=UrdfTools()), id="urdf"),
+        pytest.param(for_robot(six_joints(), representation=GivenBar(), n_tool=1), id="given"),
+        pytest.param(for_robot(six_joints(), representation=Flange(), n_tool=1), id="bare"),
+    ],
+)
+def test_an_arm_without_a_gripper(brief: Brief) -> None:
+    text = prose(brief)
+    assert "A robot arm with 6 joints, the Six Joints, stands at the origin of the world." in text
+    assert not re.search(r"\b(grip|finger|hand\b)", text)
+    assert "None" not in text
+    assert "| forearm_link on upper_arm_link | turns about y |" in text
+    assert "| forearm_link | -" in text or brief.n_tool == 1  # around the mount
+    assert "gripper" not in json.dumps(answer_schema(brief))
+    if isinstance(brief.representation, Flange):
+        assert "the flange" in text
+        assert not re.search(r"\btools?\b", text.partition("# Mission")[2].replace("There is no tool, and none", ""))
+
+
+def test_a_base_that_stands_elsewhere() -> None:
+    robot = six_joints(Pose.xyz_rpy((0.1, -0.1, 0.05), (0.0, 0.0, 0.4)))
+    text, usual = prose(for_robot(robot)), prose(for_robot(six_joints()))
+    for part in (
+        "stands at (0.1, -0.1, 0.05) in the world.",
+        "straight ahead of it (roll = 0, yaw = 0.4), by height z in\nmetres in the world",
+        "turned by yaw 0.4: straight ahead of it is (cos 0.4, sin 0.4, 0).",
+    ):
+        assert part in text
+        assert part not in usual
+    assert "origin of the world" not in text
+    assert "the origin is the arm's base" not in text
+
+
+@pytest.mark.parametrize("robot", [PANDA, six_joints(flange=replace(ISO_9409_1_50, disc=Cylinder(0.03, 0.004)))])
+@pytest.mark.parametrize("gripper", [False, True])
+def test_the_example_of_a_tool_can_be_used(robot: Robot, gripper: bool) -> None:
+    if gripper and robot.gripper is None:
+        return
+    brief = for_robot(robot, gripper=gripper, representation=UrdfTools())
+    example = brief.representation.instructions(brief).partition("Example of one link and its joint:\n")[2]
+    tool = UrdfTools().parse({"tool_urdf": example}, gripper=gripper)
+    check_tool(tool, robot)
+    SpawnRules(brief.task, 0).check(tool)
+    assert "mm diameter and 4 mm thickness" in brief.representation.instructions(brief) or robot is PANDA
+
+
+def test_attachments_are_told_the_fingers() -> None:
+    brief = make_brief(gripper=True, representation=UrdfTools())
+    text = words(PromptComposer().compose(brief, None))
+    for part in (
+        "In its frame `left_finger` takes up x -0.011 to 0.011, y 0 to 0.026, z 0.0003 to 0.0545; "
+        "tip at z = 0.0545, inner face at y = 0, opens toward +y.",
+        "inner face at y = 0, opens toward -y.",
+        "The inner faces are 0.08 m apart when the gripper is open, and meet when it is closed.",
+        "`left_finger`: origin at (0, -0.04, -0.0584), x points to the front, y to the right, z down; "
+        "the tip is 0.113 m below.",
+        "`right_finger`: origin at (0, 0.04, -0.0584)",
+        "(each finger 0.04 m out)",
+    ):
+        assert part in text
+
+
+def test_no_template_names_a_robot() -> None:
+    names = re.compile(r"\b(panda|franka|ur5|ur10|xarm|kinova|jaco|fr3)", re.IGNORECASE)
+    for file in FOLDER.glob("*.j2"):
+        assert not names.search(file.read_text(encoding="utf-8")), file.name
 
 
 def test_the_core_imports_no_plugin() -> None:
