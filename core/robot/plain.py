@@ -17,7 +17,7 @@ from core.robot.meshes import hull_file, visual_file
 from core.robot.urdf import Description, Link, Shape
 
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
-_BASE_KG, _BASE_INERTIA = 1.0, 0.01 * np.eye(3)  # the base does not move, and engines want a mass
+_BASE_KG, _BASE_INERTIA = 1.0, 0.01 * np.eye(3)  # of a base without: it does not move, but engines want a mass
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,15 @@ def write_plain(description: Description, drives: Mapping[str, Drive], detached:
     heads = {child for child, joint in description.joints.items() if joint.name in drives} | {*detached}
     parts = rigid_parts(description, heads)
     inertias: dict[str, tuple[float, Array, Array]] = {}
-    for head in heads:
+    for head in (*heads, description.root):
         own = [(description.links[name], at) for name, (of, at) in parts.items() if of == head]
-        inertias[head] = _inertia(head, own)
-    inertias[description.root] = _BASE_KG, np.zeros(3), _BASE_INERTIA
-    root = etree.Element("robot", name="robot")
+        try:
+            inertias[head] = _inertia(head, own)
+        except UserError:
+            if head != description.root:
+                raise
+            inertias[head] = _BASE_KG, np.zeros(3), _BASE_INERTIA
+    root = etree.Element("robot", name=description.name)
     for link in description.links.values():
         _write_link(root, link, *inertias.get(link.name, (0.0, np.zeros(3), np.zeros((3, 3)))))
     for joint in description.joints.values():

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.errors import UsageError, UserError, choices
-from core.geometry import Pose
+from core.geometry import Array, Pose
 from core.robot.frames import link_frames
 from core.robot.kinematics import Arm
 from core.robot.plain import Drive, rigid_parts, write_plain
@@ -111,7 +111,8 @@ def read_robot(
             gripper=grip,
             sources=(f"description: {path}",),
         )
-        mount = _mount(robot, mount_rpy)
+        axis = parts[link][1].rotation.inv().apply(arm[-1].axis)
+        mount = _mount(robot, axis, mount_rpy)
         if grip is not None:
             grip = replace(grip, mount=grip.mount @ mount)
         return replace(robot, mount=mount, gripper=grip)
@@ -268,11 +269,18 @@ def _check_rest(description: Description, drives: Mapping[str, Drive], fixed: Se
             raise UserError(f"joint {joint.name!r} is {joint.kind}, and neither the arm's nor the gripper's; {mend}")
 
 
-def _mount(robot: Robot, rpy: Sequence[float] | None) -> Pose:
-    """Turn the mount on the flange, so that its axes at home are about the world's."""
+def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Pose:
+    """Turn the mount on the flange, so that its axes at home are about the world's.
+
+    ``axis`` (3,) is the last joint's in the flange's frame: a flange is square to it.
+    """
     flange = Arm(robot).forward(np.array(robot.home))
     exact = flange.rotation.inv()
     if rpy is None:
+        tilt = math.acos(min(1.0, abs(flange.rotation.apply(axis)[2])))
+        if tilt > _TILT_RAD:
+            found = f"at home the axis of {robot.arm_joints[-1]!r} is {math.degrees(tilt):.0f} degrees off the vertical"
+            raise UserError(f"{found}; choose a home where the flange looks down, or turn the mount: robot.mount_rpy")
         turns = Rotation.create_group("O")  # by right angles
         turn = turns[int((turns.inv() * exact).magnitude().argmin())]
     elif len(rpy) != 3 or not all(map(math.isfinite, rpy)):
@@ -281,11 +289,9 @@ def _mount(robot: Robot, rpy: Sequence[float] | None) -> Pose:
         turn = Rotation.from_euler("xyz", rpy)
     off = float((exact.inv() * turn).magnitude())
     if off > _TILT_RAD:
-        down = short_numbers(exact.apply([0.0, 0.0, -1.0]), 2)
         found = f"at home the mount's axes are {math.degrees(off):.0f} degrees off the world's"
-        found += f" ({robot.mount_link!r} has down at {down})"
         same = short_numbers(Pose.from_rotation((0.0, 0.0, 0.0), exact).rpy, 4, ",")
-        raise UserError(f"{found}; choose a home with the flange looking down, or robot.mount_rpy=[{same}]")
+        raise UserError(f"{found}; choose another home, or robot.mount_rpy=[{same}]")
     mount = Pose.from_rotation((0.0, 0.0, 0.0), turn)
     _check_looks_down(robot, flange @ mount)
     return mount

@@ -1,0 +1,382 @@
+import contextlib
+import copy
+import os
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from core.errors import UserError
+from core.geometry import Pose
+from core.robot.frames import link_frames
+from core.robot.kinematics import arm_of
+from core.robot.reading import GripperOptions, read_robot
+from core.robot.solids import robot_solids
+from core.robots import Robot
+from tests.outside_arm import FLANGE, HOME, LIMIT, write_arm
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return write_arm(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture
+def changed(file):
+    """Write the arm's URDF with parts of its text replaced, and read it."""
+
+    def read(*changes, home=HOME, flange=FLANGE, name="changed.urdf", **options):
+        text = file.read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (file.parent / name).write_text(text)
+        return read_robot(file.parent / name, home, flange, **options)
+
+    return read
+
+
+# --- what is read ---------------------------------------------------------------------------------------------------
+
+
+def test_the_arm_is_as_the_file_has_it(file):
+    robot = read_robot(file, HOME, FLANGE)
+    assert (robot.name, robot.title) == ("urdf", "outside arm")
+    assert robot.arm_joints == tuple(f"joint_{n}" for n in range(1, 7))
+    assert robot.acceleration_limits == (5.2, 5.2, 5.2, 8.0, 8.0, 8.0)
+    assert robot.near_mount == ("hand", FLANGE)
+    assert robot.gripper is None
+    arm = arm_of(robot)
+    np.testing.assert_allclose(arm.upper, LIMIT)
+    above = arm.forward(arm.home)
+    np.testing.assert_allclose(above.rotation.as_matrix(), np.eye(3), atol=0.01)
+    reached = 0.42 * np.sin(0.35) + 0.40 * np.sin(1.85), 0.35 + 0.42 * np.cos(0.35) + 0.40 * np.cos(1.85) - 0.12
+    np.testing.assert_allclose(above.position, (reached[0], 0.0, reached[1]), atol=1e-3)
+    assert arm.home_for(Pose(np.array([0.5, 0.0, 0.5]))).shape == (6,)
+
+
+def test_meshes_of_all_formats_and_units_have_their_size(file):
+    robot = read_robot(file, HOME, FLANGE)
+    half = {solid.name: solid.bounds()[1] for solid in robot_solids(robot, False)}
+    assert len(half) == 7
+    np.testing.assert_allclose(half["upper_arm"], (0.065, 0.06, 0.2125), atol=1e-3)  # Collada in centimetres
+    np.testing.assert_allclose(half["forearm"], (0.055, 0.06, 0.1325), atol=1e-3)  # STL in millimetres, scaled
+
+
+@pytest.mark.parametrize(
+    "name", ["meshes/a.stl", "../meshes/base.stl", "file://{folder}/meshes/base.stl", "{folder}/meshes/base.stl"]
+)
+def test_paths_of_meshes(changed, file, name):
+    folder = file.parents[1]
+    (file.parent / "meshes").mkdir(exist_ok=True)
+    (file.parent / "meshes/a.stl").write_bytes((folder / "meshes/base.stl").read_bytes())
+    assert changed(("../meshes/base.stl", name.format(folder=folder))).near_mount == ("hand", FLANGE)
+
+
+def test_packages_are_found_in_ros_paths(changed, file, monkeypatch, tmp_path):
+    (tmp_path / "share").mkdir()
+    (tmp_path / "share/other_arm").symlink_to(file.parents[1])
+    change = ("package://outside_arm", "package://other_arm")
+    with pytest.raises(UserError, match="package 'other_arm' is neither beside nor above the URDF; put it there, or"):
+        changed(change)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere{os.pathsep}{tmp_path}/share")
+    changed(change)
+    monkeypatch.delenv("ROS_PACKAGE_PATH")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    changed(change)
+
+
+def test_home_by_name_and_a_flange_that_is_the_only_end(file):
+    by_name = {f"joint_{n}": value for n, value in reversed(list(enumerate(HOME, 1)))}
+    assert read_robot(file, by_name) == read_robot(file, HOME, FLANGE)
+
+
+def test_a_mount_turned_by_hand(changed):
+    turned = (0.0, 0.35, 1.5, 0.0, 1.29, 0.785)
+    with pytest.raises(UserError, match=r"45 degrees off the world's; .*robot.mount_rpy=\[(.*)\]") as caught:
+        changed(home=turned)
+    rpy = [float(number) for number in str(caught.value).rpartition("[")[2].rstrip("]").split(",")]
+    robot = changed(home=turned, mount_rpy=rpy)
+    at_home = arm_of(robot).forward(np.array(turned)).rotation.as_matrix()
+    np.testing.assert_allclose(at_home, np.eye(3), atol=1e-3)
+
+
+def test_continuous_joints_turn_twice_at_most(changed):
+    first = '"joint_1" type="revolute"'
+    robot = changed((first, first.replace("revolute", "continuous")))
+    np.testing.assert_allclose(arm_of(robot).upper, [2 * np.pi, *[LIMIT] * 5])
+
+
+def test_an_inertia_counts_where_the_link_moves(changed):
+    """The hand has no mass; the flange that is fixed to it has it, 5 cm farther on."""
+    robot = ElementTree.fromstring(
+        changed(('<link name="tool0"/>', _HEAVY), ('<mass value="0.172"/>', '<mass value="0"/>')).urdf
+    )
+    inertial = robot.find("link[@name='hand']/inertial")
+    assert float(inertial.find("mass").get("value")) == 0.5
+    assert inertial.find("origin").get("xyz").split()[2] == "0.05"
+
+
+_HEAVY = '<link name="tool0"><inertial><mass value="0.5"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3"/></inertial></link>'
+
+
+def test_rounded_inertias_are_mended(changed):
+    moments = 'ixx="0.00500" iyy="0.00500" izz="0.01002"'
+    robot = ElementTree.fromstring(changed(('<link name="tool0"/>', _HEAVY), (_INERTIA, moments)).urdf)
+    inertia = robot.find("link[@name='hand']/inertial/inertia")
+    x, y, z = (float(inertia.get(name)) for name in ("ixx", "iyy", "izz"))
+    assert x + y >= z
+
+
+_INERTIA = 'ixx="1e-3" iyy="1e-3" izz="1e-3"'
+
+
+def test_a_gripper(changed):
+    robot = changed(*gripped(), gripper=GripperOptions("hand_base", ("left", "right")))
+    gripper = robot.gripper
+    assert (gripper.links, gripper.travel_m, gripper.force_n) == (("finger_l", "finger_r"), 0.03, 25.0)
+    rigid, held = (
+        arm_of(robot).forward(np.array(HOME)),
+        link_frames(robot, True, np.array([HOME]), np.full((1, 2), 0.03)),
+    )
+    rotation, position = (values[0] for values in held["tool_mount"])
+    np.testing.assert_allclose(position, rigid.position, atol=1e-9)
+    np.testing.assert_allclose(rotation, rigid.rotation.as_matrix(), atol=1e-9)
+    fingers = held["left_finger"][1] - held["right_finger"][1]
+    np.testing.assert_allclose(np.abs(fingers), [[0.0, 0.06, 0.0]], atol=1e-9)
+    assert {solid.name for solid in robot_solids(robot, True)} > {"left_finger", "right_finger", "hand_base"}
+    assert "hand_base" not in {solid.name for solid in robot_solids(robot, False)}
+
+
+def gripped(
+    kinds=("prismatic", "prismatic"), right='<axis xyz="0 -1 0"/><mimic joint="left"/>', lower="0", fixed="tool0"
+):
+    """The changes that give the arm a gripper."""
+    box = '<geometry><box size="0.02 0.02 0.04"/></geometry>'
+    inertia = '<inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial>'
+    links = "".join(
+        f'<link name="{name}">{inertia}<collision><origin xyz="0 0 0.02"/>{box}</collision></link>'
+        for name in ("hand_base", "finger_l", "finger_r")
+    )
+    joints = f'<joint name="on" type="fixed"><parent link="{fixed}"/><child link="hand_base"/></joint>'
+    limit = f'<limit lower="{lower}" upper="0.03" effort="25" velocity="0.1"/>'
+    for name, kind, more in (("left", kinds[0], f'<axis xyz="0 1 0"/>{limit}'), ("right", kinds[1], right)):
+        ends = f'<origin xyz="0 0 0.04"/><parent link="hand_base"/><child link="finger_{name[0]}"/>'
+        joints += f'<joint name="{name}" type="{kind}">{ends}{more}</joint>'
+    return [("</robot>", f"{links}{joints}</robot>")]
+
+
+def test_what_moves_beside_the_arm_is_held_or_left_out(changed):
+    with pytest.raises(
+        UserError, match=r"joint 'left' is prismatic, and neither .*robot.fixed=\[left\].*=\[finger_l\]"
+    ):
+        changed(*gripped())
+    assert len(changed(*gripped(), fixed=["left", "right"]).arm_joints) == 6
+    bare = changed(*gripped(), without=["hand_base"])
+    assert "finger" not in bare.urdf
+    assert changed(fixed=["joint_4"], home=[*HOME[:3], *HOME[4:]]).arm_joints[3] == "joint_5"
+
+
+def test_xacro(changed, file):
+    header = ('<robot name="outside arm">', '<robot name="outside arm" xmlns:xacro="http://www.ros.org/wiki/xacro">')
+    macro = ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 ${2 - 1}"/>')
+    argument = ("</robot>", '<xacro:arg name="speed" default="1"/></robot>')
+    used = ('velocity="2.6"', 'velocity="$(arg speed)"')
+    robot = changed(header, macro, argument, used, name="arm.urdf.xacro", arguments={"speed": "2.0"})
+    np.testing.assert_allclose(arm_of(robot).velocity_limits[:3], 2.0)
+    with pytest.raises(UserError, match=r"Xacro can't expand .*arm.urdf.xacro: .*nothing"):
+        changed(header, ('<axis xyz="0 0 1"/>', '<axis xyz="${nothing}"/>'), name="arm.urdf.xacro")
+
+
+def test_xacro_that_is_not_installed(changed, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "xacrodoc", None)
+    with pytest.raises(UserError, match=r"is Xacro, which needs one more package: pip install 'vlmgineer\[xacro\]'"):
+        changed(name="arm.xacro")
+
+
+# --- what is refused ------------------------------------------------------------------------------------------------
+
+_LIMIT_1 = f'<limit lower="-{LIMIT}" upper="{LIMIT}" effort="150" velocity="2.6"/>'
+_JOINT_3 = '<joint name="joint_3" type="revolute">'
+_ON_HAND = '<parent link="hand"/>'
+
+WRONG = {
+    "no limits": ([(_LIMIT_1, "")], r"joint 'joint_1' can't move: its limits are 0 to 0; give <limit lower="),
+    "limits the wrong way": ([(f'lower="-{LIMIT}"', 'lower="3"')], "can't move: its limits are 3 to 2.9"),
+    "no effort": (
+        [('effort="150" ', "")],
+        "joint 'joint_1' has no effort limit; take it from the arm's data sheet, N m",
+    ),
+    "no speed": ([('velocity="2.6"', 'velocity="0"')], "joint 'joint_1' has 0 as velocity limit"),
+    "nan limit": ([('effort="40"', 'effort="nan"')], "joint 'joint_4': limit: effort is 'nan'; expected a number, fin"),
+    "huge number": ([('effort="40"', 'effort="1e999"')], "effort is '1e999'"),
+    "words": ([('xyz="0 0 0.05"', 'xyz="0 0 up"')], "joint 'tool0_fixed': origin: xyz is '0 0 up'; expected 3 numbers"),
+    "no mass": (
+        [('<mass value="0.172"/>', '<mass value="0"/>')],
+        r"link 'hand' with what is fixed to it \(1 more\) moves",
+    ),
+    "negative mass": ([('<mass value="0.172"/>', '<mass value="-1"/>')], "link 'hand': inertial: mass is -1 kg"),
+    "mass without value": ([('<mass value="0.172"/>', "<mass/>")], "link 'hand': inertial: value is missing"),
+    "no inertia": ([(_HEAVY_HAND := 'izz="0.00010', 'izz="-0.10')], "link 'hand'.*inertia that is not positive"),
+    "mimic": ([(_JOINT_3, f'{_JOINT_3}<mimic joint="joint_2"/>')], "joint 'joint_3' between base and flange mimics"),
+    "prismatic": (
+        [(_JOINT_3, _JOINT_3.replace("revolute", "prismatic"))],
+        r"'joint_3' between base and flange is prismatic; .* robot.fixed=\[joint_3\]",
+    ),
+    "planar": ([(_JOINT_3, _JOINT_3.replace("revolute", "planar"))], "'joint_3' between base and flange is planar"),
+    "unknown type": (
+        [(_JOINT_3, _JOINT_3.replace("revolute", "revolut"))],
+        "no type 'revolut' in joint 'joint_3' .did you",
+    ),
+    "axis of length 0": ([('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>')], "joint 'joint_1': its axis has length 0"),
+    "loop": ([('<child link="turret"/>', '<child link="hand"/>')], "link 'hand' hangs on two joints"),
+    "ring": ([('<parent link="base_link"/>', _ON_HAND)], "links form a loop: .*turret -> upper_arm"),
+    "two roots": (
+        [("</robot>", '<link name="table"/></robot>')],
+        "2 links have no parent: base_link, table; an arm has one",
+    ),
+    "unknown child": (
+        [('<child link="hand"/>', '<child link="hnad"/>')],
+        r"no link 'hnad' in joint 'joint_6' \(did you mean 'hand'",
+    ),
+    "joint without ends": ([(_ON_HAND, "")], "joint 'tool0_fixed' names no parent"),
+    "two of a name": ([('<link name="turret">', '<link name="hand">')], "two links are named 'hand'"),
+    "a name of ours": ([('"tool0"', '"tool_mount"')], "link 'tool_mount' has a name that the program needs itself"),
+    "odd name": ([('"tool0"', '"tool 0/"')], "link name 'tool 0/' is not 1 to 64 letters"),
+    "missing mesh": (
+        [("../meshes/base.stl", "../meshes/bse.stl")],
+        "link 'base_link': collision: there is no mesh file .*bse.stl",
+    ),
+    "mesh from the network": ([("../meshes/base.stl", "https://a.b/c.stl")], "https:// is not read; give a path"),
+    "mesh without name": ([('<mesh filename="../meshes/base.stl"/>', "<mesh/>")], "collision: mesh has no filename"),
+    "capsule": ([("<mesh", "<capsule")], "<capsule> is no shape of a URDF: use box, sphere, cylinder or mesh"),
+    "scale of 0": ([('scale="0.001', 'scale="0')], "link 'forearm': collision: mesh scale is 0 0.001 0.001"),
+    "millimetres": (
+        [(' scale="0.001 0.001 0.001"', "")],
+        r"mesh .*forearm.stl reaches 210 m from its origin; if it is in mill",
+    ),
+    "doctype": ([("<robot", "<!DOCTYPE a><robot")], "must be plain XML without DOCTYPE and entities"),
+    "cut off": ([("</robot>", "")], "changed.urdf is malformed XML: "),
+    "another format": (
+        [("<robot", "<mujoco"), ("</robot>", "</mujoco>")],
+        "is no URDF: its root is <mujoco> instead of <robot>",
+    ),
+    "home is too long": ([], "home has 7 numbers for 6 joints: joint_1, ", {"home": (0.0, *HOME)}),
+    "home out of limits": (
+        [],
+        "home 3 of joint 'joint_1' is not in its limits -2.9 to 2.9",
+        {"home": (3.0, *HOME[1:])},
+    ),
+    "nan home": ([], "home nan of joint 'joint_6' is not in its limits", {"home": (*HOME[:5], float("nan"))}),
+    "unknown home": ([], r"no joint 'joint_9' in home .*possible: joint_1", {"home": {"joint_9": 0.0}}),
+    "home by too few names": ([], "home lacks joint_1, joint_3", {"home": {"joint_2": 0.0}}),
+    "flange looks ahead": (
+        [],
+        "at home the axis of 'joint_6' is 87 degrees off the vertical; choose a home where the flange looks down",
+        {"home": (0, 0.35, 1.27, 0, 0, 0)},
+    ),
+    "unknown flange": ([], r"no link 'tool1' \(did you mean 'tool0'\?\); possible: base_link", {"flange": "tool1"}),
+    "base as flange": ([], "no joint moves between base 'base_link' and flange 'base_link'", {"flange": "base_link"}),
+    "which flange": (gripped(), "which link bears tools.* possible: finger_l, finger_r", {"flange": None}),
+    "unknown held joint": ([], "no joint 'left' in fixed", {"fixed": ["left"]}),
+    "unknown link left out": ([], "no link 'hat'; possible", {"without": ["hat"]}),
+    "too few accelerations": ([], "acceleration_limits has 1 numbers for 6 joints", {"acceleration": [1.0]}),
+    "no payload": ([], "payload_kg must be positive", {"payload_kg": 0.0}),
+    "gripper of hinges": (gripped(("revolute", "prismatic")), "joint 'left' is no prismatic joint", "gripper"),
+    "fingers that go the same way": (
+        gripped(right='<axis xyz="0 1 0"/><mimic joint="left"/>'),
+        "don't move in opposite",
+        "gripper",
+    ),
+    "fingers that are never closed": (
+        gripped(lower="0.01"),
+        "must move from 0, closed, to how far they open",
+        "gripper",
+    ),
+    "gripper on the elbow": (
+        gripped(fixed="forearm"),
+        "gripper link 'hand_base' must be fixed to flange 'tool0'",
+        "gripper",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_named_in_one_line(changed, name):
+    changes, message, *more = WRONG[name]
+    options = more[0] if more else {}
+    if options == "gripper":
+        options = {"gripper": GripperOptions("hand_base", ("left", "right"))}
+    with pytest.raises(UserError, match=message) as caught:
+        changed(*changes, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_no_collision_shape(changed, file):
+    text = file.read_text()
+    shapes = {
+        line.split("<collision>")[1].split("</collision>")[0] for line in text.splitlines() if "<collision>" in line
+    }
+    with pytest.raises(UserError, match="the arm has no collision shape; repeat each <visual> as <collision>"):
+        changed(*((f"<collision>{shape}</collision>", "") for shape in shapes))
+
+
+def test_a_flange_that_looks_up(changed):
+    with pytest.raises(UserError, match=r"the arm's last link is 0.0\d\d m below flange 'tool0', which looks up"):
+        changed(home=(0.0,) * 6)
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(UserError, match=r"description .*none.urdf can't be read: No such file"):
+        read_robot(tmp_path / "none.urdf", HOME)
+
+
+# --- anything -------------------------------------------------------------------------------------------------------
+
+TEXTS = [
+    "",
+    " ",
+    "nan",
+    "inf",
+    "-1",
+    "0",
+    "0 0 0",
+    "1e-320",
+    "1e300",
+    "hand",
+    "base_link",
+    "fixed",
+    "floating",
+    "a" * 500,
+]
+TEXTS += ["continuous", "package://", "package://outside_arm", "../..", "file:///dev/zero", "\x7f", "1 2", "world", "é"]
+
+
+@pytest.mark.slow
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_mutation_gives_an_arm_or_one_line(file, tmp_path, data):
+    root = ElementTree.fromstring(file.read_text())
+    for _ in range(data.draw(st.integers(1, 3))):
+        elements = list(root.iter())
+        element = data.draw(st.sampled_from(elements))
+        match data.draw(st.sampled_from(["text", "delete", "remove", "repeat", "tag"])):
+            case "text" if element.attrib:
+                element.set(data.draw(st.sampled_from(sorted(element.attrib))), data.draw(st.sampled_from(TEXTS)))
+            case "delete" if element.attrib:
+                del element.attrib[data.draw(st.sampled_from(sorted(element.attrib)))]
+            case "remove" if len(element):
+                element.remove(data.draw(st.sampled_from(list(element))))
+            case "repeat" if len(element):
+                element.append(copy.deepcopy(data.draw(st.sampled_from(list(element)))))
+            case "tag":
+                element.tag = data.draw(st.sampled_from(["link", "joint", "mesh", "robot", "box", "limit", "mimic"]))
+    mutant = file.parent / "mutant.urdf"
+    mutant.write_bytes(ElementTree.tostring(root))
+    with contextlib.suppress(UserError):
+        robot = read_robot(mutant, HOME, FLANGE)
+        assert isinstance(robot, Robot)
+        assert np.isfinite(arm_of(robot).forward(np.array(robot.home)).position).all()
+        robot_solids(robot, False)
