@@ -14,7 +14,7 @@ from core.errors import UserError
 from core.geometry import Array, Box, Cylinder, Pose, Sphere
 from core.robot.description import merged, to_text
 from core.robot.meshes import hull_file, visual_file
-from core.robot.urdf import Description, Link, Shape
+from core.robot.urdf import Description, Joint, Link, Shape
 
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
 _BASE_KG, _BASE_INERTIA = 1.0, 0.01 * np.eye(3)  # of a base without: it does not move, but engines want a mass
@@ -44,42 +44,44 @@ def rigid_parts(description: Description, heads: Iterable[str]) -> dict[str, tup
     return found
 
 
-def write_plain(description: Description, drives: Mapping[str, Drive], detached: Iterable[str] = ()) -> str:
-    """Write a description as URDF text.
+def write_plain(
+    description: Description, drives: Mapping[str, Drive], flange: str, detached: Iterable[str] = ()
+) -> str:
+    """Write a description as URDF text. Links that are rigidly joined become one, under the name of the first.
 
     Args:
         description: of the robot.
         drives: the joints that move, by name; all others are fixed.
-        detached: links that are not always there, whose mass is not counted to what bears them.
+        flange: a link that stays, as a frame.
+        detached: links that are not always there, and so stay apart from what bears them.
 
     Raises:
         UserError: a link that moves lacks mass or a physical inertia, or a mesh can't be used.
     """
-    heads = {child for child, joint in description.joints.items() if joint.name in drives} | {*detached}
+    heads = [name for name, joint in description.joints.items() if joint.name in drives or name in detached]
     parts = rigid_parts(description, heads)
-    inertias: dict[str, tuple[float, Array, Array]] = {}
-    for head in (*heads, description.root):
-        own = [(description.links[name], at) for name, (of, at) in parts.items() if of == head]
-        try:
-            inertias[head] = _inertia(head, own)
-        except UserError:
-            if head != description.root:
-                raise
-            inertias[head] = _BASE_KG, np.zeros(3), _BASE_INERTIA
     root = etree.Element("robot", name=description.name)
-    for link in description.links.values():
-        _write_link(root, link, *inertias.get(link.name, (0.0, np.zeros(3), np.zeros((3, 3)))))
-    for joint in description.joints.values():
-        drive = drives.get(joint.name)
-        element = etree.SubElement(root, "joint", name=joint.name, type=drive.kind if drive else "fixed")
-        etree.SubElement(element, "parent", link=joint.parent)
-        etree.SubElement(element, "child", link=joint.child)
-        _write_origin(element, joint.pose)
-        if drive is not None:
-            etree.SubElement(element, "axis", xyz=_numbers(joint.axis))
-            limits = ("lower", "upper", "effort", "velocity")
-            etree.SubElement(element, "limit", {name: _numbers([getattr(drive, name)]) for name in limits})
+    for head in (description.root, *heads):
+        _write_link(root, head, [(description.links[name], at) for name, (of, at) in parts.items() if of == head])
+    for head in heads:
+        joint = description.joints[head]
+        parent, at = parts[joint.parent]
+        _write_joint(root, joint, parent, head, at @ joint.pose, drives.get(joint.name))
+    if flange not in (description.root, *heads):
+        etree.SubElement(root, "link", name=flange)
+        _write_joint(root, description.joints[flange], parts[flange][0], flange, parts[flange][1], None)
     return to_text(root)
+
+
+def _write_joint(root: Any, joint: Joint, parent: str, child: str, pose: Pose, drive: Drive | None) -> None:
+    element = etree.SubElement(root, "joint", name=joint.name, type=drive.kind if drive else "fixed")
+    etree.SubElement(element, "parent", link=parent)
+    etree.SubElement(element, "child", link=child)
+    _write_origin(element, pose)
+    if drive is not None:
+        etree.SubElement(element, "axis", xyz=_numbers(joint.axis))
+        limits = ("lower", "upper", "effort", "velocity")
+        etree.SubElement(element, "limit", {name: _numbers([getattr(drive, name)]) for name in limits})
 
 
 def _inertia(head: str, parts: list[tuple[Link, Pose]]) -> tuple[float, Array, Array]:
@@ -104,20 +106,29 @@ def _inertia(head: str, parts: list[tuple[Link, Pose]]) -> tuple[float, Array, A
     return mass, center, tensor + max(0.0, lacking * 1.001) * np.eye(3)
 
 
-def _write_link(root: Any, link: Link, mass: float, center: Array, tensor: Array) -> None:
-    element = etree.SubElement(root, "link", name=link.name)
+def _write_link(root: Any, head: str, parts: list[tuple[Link, Pose]]) -> None:
+    """Write rigidly joined links, at poses in the frame of the first, as one. A base needs no inertia of its own."""
+    element = etree.SubElement(root, "link", name=head)
+    try:
+        mass, center, tensor = _inertia(head, parts)
+    except UserError:
+        if len(root) > 1:
+            raise
+        solid = any(link.collisions for link, _ in parts)  # without, it is only a frame
+        mass, center, tensor = solid * _BASE_KG, np.zeros(3), solid * _BASE_INERTIA
     inertial = etree.SubElement(element, "inertial")
     _write_origin(inertial, Pose(center))
     etree.SubElement(inertial, "mass", value=_numbers([mass]))
     names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
     etree.SubElement(inertial, "inertia", {name: _numbers([tensor[at]]) for name, at in names.items()})
-    for tag, shapes in (("visual", link.visuals or link.collisions), ("collision", link.collisions)):
-        for shape in shapes:
-            part = etree.SubElement(element, tag)
-            _write_origin(part, shape.pose)
-            _write_shape(etree.SubElement(part, "geometry"), shape, drawn=tag == "visual")
-            if tag == "visual":
-                etree.SubElement(etree.SubElement(part, "material", name=""), "color", rgba=_numbers(shape.color))
+    for link, at in parts:
+        for tag, shapes in (("visual", link.visuals or link.collisions), ("collision", link.collisions)):
+            for shape in shapes:
+                part = etree.SubElement(element, tag)
+                _write_origin(part, at @ shape.pose)
+                _write_shape(etree.SubElement(part, "geometry"), shape, drawn=tag == "visual")
+                if tag == "visual":
+                    etree.SubElement(etree.SubElement(part, "material", name=""), "color", rgba=_numbers(shape.color))
 
 
 def _write_shape(geometry: Any, shape: Shape, *, drawn: bool) -> None:

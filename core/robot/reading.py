@@ -99,14 +99,14 @@ def read_robot(
         robot = Robot(
             name=name,
             title=title or clean(description.name, 60),
-            urdf=write_plain(description, {**drives, **fingers}, [gripper.link] if gripper else []),
+            urdf=write_plain(description, {**drives, **fingers}, link, [gripper.link] if gripper else []),
             arm_joints=tuple(drives),
             home=start,
             acceleration_limits=tuple(acceleration or (speed / REACHES_SPEED_S for speed in speeds)),
             motor_inertia=tuple(motor_inertia or [MOTOR_INERTIA] * len(arm)),
             mount_link=link,
             mount=Pose(),
-            near_mount=tuple(name for name, (head, _) in parts.items() if head == parts[link][0]),
+            near_mount=tuple(dict.fromkeys([parts[link][0], link])),
             payload_kg=payload_kg,
             gripper=grip,
             sources=(f"description: {path}",),
@@ -115,7 +115,7 @@ def read_robot(
         mount = _mount(robot, axis, mount_rpy)
         if grip is not None:
             grip = replace(grip, mount=grip.mount @ mount)
-        return replace(robot, mount=mount, gripper=grip)
+        return _straightened(replace(robot, mount=mount, gripper=grip))
     except UserError as error:
         raise type(error)(f"{path}: {error}") from error
 
@@ -295,6 +295,16 @@ def _mount(robot: Robot, axis: Array, rpy: Sequence[float] | None) -> Pose:
     mount = Pose.from_rotation((0.0, 0.0, 0.0), turn)
     _check_looks_down(robot, flange @ mount)
     return mount
+
+
+def _straightened(robot: Robot) -> Robot:
+    """Turn the arm at home until the mount's axes are exactly the world's, at the same place."""
+    arm = Arm(robot)
+    solution = arm.inverse(Pose(arm.forward(arm.home).position), arm.home)
+    if solution.error_m > 1e-3 or solution.error_rad > 1e-3:
+        where = f"misses it by {solution.error_m:.3f} m and {solution.error_rad:.3f} rad"
+        raise UserError(f"near home the arm can't turn the flange straight down: it {where}; choose another home")
+    return replace(robot, home=tuple(solution.joints.round(6).tolist()))
 
 
 def _check_looks_down(robot: Robot, mount: Pose) -> None:
