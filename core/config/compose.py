@@ -218,7 +218,16 @@ def part(kind: str, config: DictConfig) -> Part:
     return Part(kind, settings["name"], tuple((key, _hashable(value)) for key, value in given))
 
 
+class _Mapping(dict[Any, Any]):
+    """A setting of several keys that is never changed, so that a part with it can be a key itself."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
+
+
 def _hashable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return _Mapping({key: _hashable(item) for key, item in value.items()})
     return tuple(_hashable(item) for item in value) if isinstance(value, list) else value
 
 

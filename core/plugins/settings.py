@@ -11,6 +11,8 @@ import pydantic
 
 from core.errors import UsageError, choices
 
+_NAMED = ("missing", "unexpected_keyword_argument")  # errors about a key of a setting, which their text doesn't name
+
 
 def check_settings(
     factory: Callable[..., Any], settings: Mapping[str, Any], where: str, given: Mapping[str, Any]
@@ -33,7 +35,8 @@ def check_settings(
         try:
             checked[name] = pydantic.TypeAdapter(hints.get(name, Any)).validate_python(value)
         except pydantic.ValidationError as error:
-            reason = error.errors()[0]["msg"]
+            first = error.errors()[0]
+            reason = f"{first['msg']}: {first['loc'][-1]}" if first["type"] in _NAMED else first["msg"]
             raise UsageError(f"{where}: setting {name!r} can't be {value!r}: {reason}") from error
     for name, parameter in parameters.items():
         if parameter.default is parameter.empty and name not in checked:
