@@ -6,8 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
+from pydantic import ConfigDict
 from scipy.spatial.transform import Rotation
 
 from core.errors import UsageError, UserError, choices
@@ -45,6 +47,8 @@ class GripperOptions:
     joints: tuple[str, str]
     force_n: float | None = None
     friction: float = 1.0
+
+    __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
 
 
 def read_robot(
