@@ -59,7 +59,7 @@ class Robot:
 
     Attributes:
         name: as in ``robot=NAME``.
-        title: as people call it, such as Franka Panda.
+        title: as people call it, with its maker.
         urdf: its description, with absolute paths of meshes. Collision meshes count as their convex hulls.
         arm_joints: the names of its J joints, from the base to the flange.
         home: joints (J,) from which inverse kinematics starts, in radians: it chooses elbow and wrist, and they stay.

@@ -29,7 +29,7 @@ from core.robot.solids import Solid, robot_solids, signed_distance
 from core.robot.trajectory import plan_motion
 
 # The radius of gyration of a link is at most this many diagonals of the box around its collision shapes. Of the
-# Panda's links, whose identified inertias shift mass between neighbours, the first has 1.15.
+# default arm's links, whose identified inertias shift mass between neighbours, the first has 1.15.
 _SPREAD = 1.5
 _WHOLE = 0.02  # radians between the axes of the mount at home and the world's
 _ROOM = 0.01  # radians between home and the limits

@@ -23,8 +23,8 @@ from core.robots import Gripper, Robot
 from core.text import clean, short_numbers
 
 # A URDF has none of these; each is a setting.
-REACHES_SPEED_S = 0.5  # in which a joint reaches its speed limit; those of the Franka FR3 need 0.26 to 0.53 s
-MOTOR_INERTIA = 0.1  # kg m^2, the armature of the UR5e's joints in MuJoCo Menagerie
+REACHES_SPEED_S = 0.5  # in which a joint reaches its speed limit; arms that are built in need 0.13 to 0.79 s
+MOTOR_INERTIA = 0.1  # kg m^2, as MuJoCo Menagerie has it for arms that carry 3.5 to 12.5 kg
 PAYLOAD_KG = 1.0
 
 _TURN = 2 * math.pi  # a continuous joint turns this far each way: limits are finite everywhere
