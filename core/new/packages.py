@@ -18,7 +18,10 @@ from core.plugins import KINDS, installed
 
 @dataclass(frozen=True)
 class Template:
-    """A kind's config group, its name for people, its module and class, its test, and its word on the command line."""
+    """A kind's config group, its name for people, its module and class, its test, and its word on the command line.
+
+    ``data``: a file that is written beside the module.
+    """
 
     group: str
     what: str
@@ -26,10 +29,12 @@ class Template:
     cls: str
     test: str = "test.py"
     choice: str = "{}"
+    data: str | None = None
 
 
 TEMPLATES = {
     "task": Template("task", "a task", "task", "{}"),
+    "robot": Template("robot", "a robot", "robot", "make_robot", data="arm.urdf"),
     "sim": Template("sim", "a simulator", "simulator", "{}Simulator"),
     "vlm": Template("vlm", "a model", "model", "{}Model"),
     "tool": Template("tool", "a tool representation", "tools", "{}Tools"),
@@ -74,6 +79,8 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
         code / "conf" / template.group / f"{name}.yaml": _render(f"{kind}.yaml", values),
         folder / "tests" / f"test_{snake}.py": _render(template.test, values),
     }
+    if template.data is not None:
+        new[code / template.data] = _render(f"{kind}{Path(template.data).suffix}", values)
     for file in (*new, code, code.with_suffix(".py")):
         if file.exists():
             raise UserError(f"{file} is there already; choose another name, or another folder with output=DIR")

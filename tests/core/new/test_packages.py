@@ -12,9 +12,9 @@ from core.new import packages as new
 from tests.packages import PYTHON, install
 
 PARTS = {"task": "PullBlock", "sim": "my_engine", "vlm": "parrot", "tool": "crates", "strategy": "greedy"}
-PARTS |= {"executor": "in_turn", "listener": "rows", "fitness": "mean_layouts"}
+PARTS |= {"robot": "my_arm", "executor": "in_turn", "listener": "rows", "fitness": "mean_layouts"}
 RUNS = ["task=PullBlock", "sim=my_engine", "vlm=parrot", "tool=crates", "evolution=greedy", "executor=in_turn"]
-RUNS += ["fitness=mean_layouts"]
+RUNS += ["robot=my_arm", "fitness=mean_layouts"]
 SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "film=false"]
 
 
