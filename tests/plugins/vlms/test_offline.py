@@ -24,7 +24,8 @@ from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.pour import handles
 from plugins.vlms.offline.sight import Sight
 from plugins.vlms.offline.tools import STYLES, build
-from tests.panda import ARM, PANDA
+from plugins.vlms.offline.workspace import workspace_of
+from tests.panda import ARM, PANDA, on_panda
 
 RED = (0.8, 0.2, 0.2, 1.0)
 URDF = installed().create("tool", "urdf")
@@ -173,6 +174,7 @@ TASKS = (CubeTask, BallTask, SweepTask, PlateTask, SlotTask, ShelfTask, DeepTask
 
 
 def brief(task, *, gripper=False, n_tool=2, n_action=3, seed=7, elites=(), representation=URDF):
+    task = on_panda(task)
     return Brief(task, 0, representation, gripper, n_tool, n_action, 1 if elites else 0, 0, seed, tuple(elites))
 
 
@@ -239,11 +241,11 @@ def test_only_a_loose_body_holds_others():
 
 
 def test_handles_are_measured():
-    pan = sight(PanTask()).errands(np.random.default_rng(0))[0].holder
-    found = handles(pan)
+    space = workspace_of(PANDA)
+    found = handles(sight(PanTask()).errands(np.random.default_rng(0))[0].holder, space)
     assert np.allclose((found.base, found.outer, found.low, found.high), (0.1, 0.12, 0.052, 0.06))
     assert np.allclose((found.heading, found.rear, found.reach), (0.0, -0.1, 0.035))
-    assert handles(sight(CubeTask()).things[-1]) is None
+    assert handles(sight(CubeTask()).things[-1], space) is None
 
 
 def test_a_detour_avoids_an_obstacle_above():
@@ -393,7 +395,9 @@ def test_given_tools_get_plans_only(name):
 
 def rewards(task, designs: list[Candidate]) -> list[float]:
     simulator = installed().create("sim", "pybullet")
-    return [evaluation.reward for evaluation in evaluate_batch(task, simulator, designs, 0, RolloutSettings())]
+    return [
+        evaluation.reward for evaluation in evaluate_batch(on_panda(task), simulator, designs, 0, RolloutSettings())
+    ]
 
 
 @pytest.mark.slow
