@@ -1,14 +1,15 @@
-"""``python -m core.transfer designs=FILE|RUN_DIR task=NAME sims=[NAME,...] seeds=[N,...]``: try designs in several
-engines, in the scene as it is and with small perturbations.
+"""``python -m core.transfer designs=FILE|RUN_DIR task=NAME robots=[NAME,...] sims=[NAME,...] seeds=[N,...]``: try
+designs on several arms and in several engines, in the scene as it is and with small perturbations.
 """
 
 from __future__ import annotations
 
 import itertools
 import json
+import math
 import operator
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,37 +20,41 @@ from rich.console import Console
 from rich.progress import track
 
 from core.cli import arguments, command, print_table, say, write_bytes
-from core.config.compose import check_seed, first_line, load, node, part, task_part
+from core.config.compose import check_seed, first_line, load, node, part, robot_part, task_part
 from core.config.settings import PerturbationRange
 from core.design import TIE, Candidate, Evaluation, best_first
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.interfaces import RolloutSettings, ToolRepresentation
+from core.plugins import TaskPart
 from core.search.evolution import evaluate_all
-from core.simulation.robustness import check_draws, engines, perturbed, worst
+from core.simulation.robustness import arms, check_draws, engines, perturbed, worst
 from core.simulation.rollout import Evaluator
 from core.store.reader import stored_config, stored_evaluations
 from core.text import clean
 
 USAGE = (
-    "usage: python -m core.transfer designs=FILE|RUN_DIR [task=NAME] [sims=[NAME,...]] [seeds=[N,...]] "
-    "[perturbation.KEY=X] [top=N] [output=FILE.json] [KEY=VALUE ...]"
+    "usage: python -m core.transfer designs=FILE|RUN_DIR [task=NAME] [robots=[NAME,...]] [sims=[NAME,...]] "
+    "[seeds=[N,...]] [perturbation.KEY=X] [top=N] [output=FILE.json] [KEY=VALUE ...]"
 )
+
+
+World = tuple[str, str, int | None]
+"""A robot, an engine, and the seed of a perturbation (None: the scene as it is)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trial(Candidate):
-    """A candidate that is tried in one engine; ``change`` is the seed of a perturbation, None: the scene as it is."""
+    """A candidate that is tried in one world."""
 
-    engine: str = ""
-    change: int | None = None
+    world: World = ("", "", None)
     evaluator: Evaluator = field(kw_only=True)
 
     @cached_property
     def content(self) -> str:
-        """A name of the trial: the design, the engine and the perturbation."""
-        return f"{self.id} {self.engine} {self.change}"
+        """A name of the trial: the design and the world."""
+        return f"{self.id} {self.world}"
 
 
 def attempt(trials: Sequence[Candidate]) -> list[Evaluation]:
@@ -59,62 +64,97 @@ def attempt(trials: Sequence[Candidate]) -> list[Evaluation]:
 
 
 def transfer(cfg: DictConfig) -> dict[str, Any]:
-    """Try every design in every engine, in the scene as it is and with each perturbation.
+    """Try every design on every robot in every engine, in the scene as it is and with each perturbation.
 
     Returns:
         The content of the output file.
 
     Raises:
-        UserError: the designs can't be used, or a part or setting is wrong.
+        UserError: the designs can't be used on any robot, or a part or setting is wrong.
     """
     check_seed(cfg.seed)
     check_draws(cfg.seeds)
     task = task_part(cfg)
-    candidates = designs(cfg, part("tool", cfg.tool).create(), SpawnRules(task.create(), cfg.seed))
+    robots = arms(OmegaConf.to_container(cfg.robots), robot_part(cfg.robot))  # type: ignore[arg-type]
+    tasks = {robot: replace(task, robot=part) for robot, part in robots.items()}
+    candidates = on_each(cfg, tasks)
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
     settings, ranges = node(cfg.rollout, RolloutSettings), node(cfg.perturbation, PerturbationRange)
-    evaluators: dict[tuple[str, int | None], Evaluator] = {}
-    for engine, sim in sims.items():
-        evaluators[engine, None] = nominal = Evaluator(task, sim, cfg.seed, settings)
-        evaluators |= {(engine, change): perturbed(nominal, ranges, change) for change in cfg.seeds}
-    tried: dict[tuple[str, str, int | None], Evaluation] = {}
+    evaluators: dict[World, Evaluator] = {}
+    for (robot, of), (engine, sim) in itertools.product(tasks.items(), sims.items()):
+        evaluators[robot, engine, None] = nominal = Evaluator(of, sim, cfg.seed, settings)
+        evaluators |= {(robot, engine, change): perturbed(nominal, ranges, change) for change in cfg.seeds}
+    tried: dict[tuple[str, World], Evaluation] = {}
     with part("executor", cfg.executor).create() as executor:
         for evaluation in track(
             evaluate_all(trials(candidates, evaluators), attempt, executor),
             "trials",
-            total=len(candidates) * len(evaluators),
+            total=sum(len(candidates[robot]) for robot, *_ in evaluators),
             console=(console := Console(stderr=True)),
             transient=True,
             disable=not console.is_terminal,
         ):
             trial = evaluation.candidate
             assert isinstance(trial, Trial)
-            tried[trial.id, trial.engine, trial.change] = evaluation
+            tried[trial.id, trial.world] = evaluation
     return {
         "task": task.name,
         "seed": cfg.seed,
         "seeds": list(cfg.seeds),
         "perturbation": asdict(ranges),
+        "robots": {robot: {"name": of.name, **dict(of.settings), "base": of.base} for robot, of in robots.items()},
         "engines": {engine: {"name": sim.name, **dict(sim.settings)} for engine, sim in sims.items()},
         "designs": [
             record(
                 candidate,
-                {engine: tried[candidate.id, engine, None] for engine in sims},
-                {engine: [tried[candidate.id, engine, change] for change in cfg.seeds] for engine in sims},
+                robot,
+                {engine: tried[candidate.id, (robot, engine, None)] for engine in sims},
+                {engine: [tried[candidate.id, (robot, engine, change)] for change in cfg.seeds] for engine in sims},
             )
-            for candidate in candidates
+            for alike in zip(*candidates.values(), strict=True)
+            for robot, candidate in zip(candidates, alike, strict=True)
         ],
     }
 
 
-def trials(candidates: Sequence[Candidate], evaluators: Mapping[tuple[str, int | None], Evaluator]) -> Iterator[Trial]:
-    """Yield every candidate with every evaluator; candidates that share a tool stay together."""
-    for _, group in itertools.groupby(candidates, key=lambda candidate: id(candidate.tool)):
-        alike = list(group)
-        for (engine, change), evaluator in evaluators.items():
-            for candidate in alike:
-                named = {field.name: getattr(candidate, field.name) for field in fields(Candidate)}
-                yield Trial(**named, engine=engine, change=change, evaluator=evaluator)
+def trials(candidates: Mapping[str, Sequence[Candidate]], evaluators: Mapping[World, Evaluator]) -> Iterator[Trial]:
+    """Yield each robot's candidates with each of its evaluators; candidates that share a tool stay together."""
+    for robot, of in candidates.items():
+        for _, group in itertools.groupby(of, key=lambda candidate: id(candidate.tool)):
+            alike = list(group)
+            for world, evaluator in evaluators.items():
+                for candidate in alike if world[0] == robot else ():
+                    named = {field.name: getattr(candidate, field.name) for field in fields(Candidate)}
+                    yield Trial(**named, world=world, evaluator=evaluator)
+
+
+def on_each(cfg: DictConfig, tasks: Mapping[str, TaskPart]) -> dict[str, list[Candidate]]:
+    """Read the designs for each robot, by its rules and with the names of mounts that ``cfg.robot`` has.
+
+    On a robot that can't even start the task, each design has that as its problem.
+
+    Raises:
+        UserError: no robot can start it, or the designs can't be read; one line.
+    """
+    representation = part("tool", cfg.tool).create()
+    aliases = task_part(cfg).create().robot.aliases
+    found: dict[str, list[Candidate]] = {}
+    problems: dict[str, str] = {}
+    for robot, task_of in tasks.items():
+        task = task_of.create()
+        if not {*aliases} <= {*task.robot.aliases}:
+            task.robot = replace(task.robot, aliases=(*task.robot.aliases, *aliases))
+        try:
+            found[robot] = designs(cfg, representation, SpawnRules(task, cfg.seed))
+        except UserError as error:
+            problems[robot] = str(error)
+    if not found:
+        raise UserError("; ".join(dict.fromkeys(problems.values())))
+    some = next(iter(found.values()))
+    return {
+        robot: found[robot] if robot in found else [replace(one, problem=problems[robot]) for one in some]
+        for robot in tasks
+    }
 
 
 def designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRules) -> list[Candidate]:
@@ -129,8 +169,8 @@ def designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRul
 
 
 def as_the_run(words: Sequence[str]) -> DictConfig:
-    """The configuration of the command line. Where designs are a run's, the task, the tool, the layout and the rollout
-    settings are the run's too, unless the command line sets them.
+    """The configuration of the command line. Where designs are a run's, its task, robot, tool, layout and rollout
+    settings count too, unless the command line sets them.
     """
     cfg = load("transfer", words)
     if OmegaConf.is_missing(cfg, "designs"):
@@ -143,7 +183,8 @@ def as_the_run(words: Sequence[str]) -> DictConfig:
         for key in ("seed", *(f"rollout.{name}" for name in run.get("rollout", {}))):
             if key not in named:
                 OmegaConf.update(cfg, key, OmegaConf.select(OmegaConf.create(run), key))
-        for kind in {"task", "tool"} - {key.partition(".")[0] for key in named}:
+        kinds = {"task", "tool", *(["robot"] if run.get("robot") else [])}  # runs of earlier versions had no robot
+        for kind in kinds - {key.partition(".")[0] for key in named}:
             OmegaConf.update(cfg, kind, run[kind], merge=False, force_add=True)
     except (KeyError, OmegaConfBaseException) as error:
         raise UserError(f"{cfg.designs}: its configuration can't be used here: {first_line(error)}") from error
@@ -151,16 +192,18 @@ def as_the_run(words: Sequence[str]) -> DictConfig:
 
 
 def record(
-    candidate: Candidate, nominal: Mapping[str, Evaluation], changed: Mapping[str, Sequence[Evaluation]]
+    candidate: Candidate, robot: str, nominal: Mapping[str, Evaluation], changed: Mapping[str, Sequence[Evaluation]]
 ) -> dict[str, Any]:
-    """The entry of one design in the output file."""
+    """The entry of one design on one robot in the output file."""
     robust = worst(candidate, changed)
     return {
         "design": candidate.id,
+        "robot": robot,
         "name": candidate.strategy_name,
         "robust": robust.reward,
         "status": robust.status,
         "reason": robust.reason,
+        "ik_error_m": None if math.isnan(robust.ik_error_m) else robust.ik_error_m,
         "engines": {
             engine: {"nominal": nominal[engine].reward, **figures}
             for engine, figures in robust.details["engines"].items()
@@ -178,24 +221,26 @@ def main() -> None:
 
 
 def show(result: Mapping[str, Any]) -> None:
-    """Print a table of each design in each engine, as it is and perturbed, and the robust score."""
-    numbers = ("nominal", "perturbed", "robust")
+    """Print a table of each design on each robot in each engine, as it is and perturbed, and the robust score."""
+    numbers = ("nominal", "perturbed", "robust", "IK error (mm)")
     rows = []
     for design in result["designs"]:
-        robust = f"{design['robust']:.3f}"
+        missed = design["ik_error_m"]
+        once = f"{design['robust']:.3f}", "–" if missed is None else f"{1000 * missed:.0f}"
         for engine, found in design["engines"].items():
             perturbed = f"{found['mean']:.3f} ± {found['std']:.3f}"
-            rows.append((design["design"], engine, f"{found['nominal']:.3f}", perturbed, robust))
-            robust = ""  # once per design
-    print_table(("design", "engine", *numbers), rows, numbers)
+            rows.append((design["design"], design["robot"], engine, f"{found['nominal']:.3f}", perturbed, *once))
+            once = "", ""
+    print_table(("design", "robot", "engine", *numbers), rows, numbers)
     count = len(result["seeds"])
     lines = [
         f"perturbed: mean ± standard deviation over {count} small perturbation{'s' if count > 1 else ''} of the scene",
-        "robust: the lowest of the engines' means",
+        "robust: the lowest of the engines' means; IK error: how far the arm misses the plan at most",
     ]
     for design in result["designs"]:
         remarks = [design["reason"]] if design["reason"] else design["warnings"]
-        lines += [f"{design['design']}: {clean(remark, 2000)}" for remark in remarks]
+        of = f"{design['design']}, {design['robot']}"
+        lines += [f"{of}: {clean(remark, 2000)}" for remark in remarks]
     say(*lines)
 
 

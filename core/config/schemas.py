@@ -75,8 +75,9 @@ class EvaluateConfig(SceneConfig):
 class TransferConfig:
     """Settings of ``python -m core.transfer``.
 
-    ``designs``: a designs file, or a run's folder, of which the ``top`` best are taken. ``seed`` is the layout's, and
-    ``seeds`` are those of the perturbations. ``output``: a JSON file to write as well.
+    ``designs``: a designs file, or a run's folder, of which the ``top`` best are taken. ``robots``: entries as those of
+    ``sims``; empty: ``robot`` alone. ``seed`` is the layout's, and ``seeds`` are those of the perturbations.
+    ``output``: a JSON file to write as well.
     """
 
     task: dict[str, Any] = MISSING
@@ -84,6 +85,7 @@ class TransferConfig:
     tool: dict[str, Any] = MISSING
     executor: dict[str, Any] = MISSING
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    robots: list[Any] = field(default_factory=list)
     sims: list[Any] = MISSING
     seed: int = 0
     seeds: list[int] = MISSING

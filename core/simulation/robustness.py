@@ -8,15 +8,15 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
-from core.config.compose import load, part
+from core.config.compose import load, part, robot_part
 from core.config.settings import PerturbationRange
 from core.design import Candidate, DesignError, Evaluation
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Simulator, Task
-from core.plugins import Part, TaskPart
+from core.plugins import Part, RobotPart, TaskPart
 from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import Evaluator
 
@@ -37,8 +37,16 @@ class PerturbedEvaluator(Evaluator):
     """Evaluate in a perturbed scene. A tool that overlaps it at spawn is rejected."""
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        rules = _spawn_rules(self.task, self.seed)
-        return super().__call__([_checked(candidate, rules) for candidate in candidates])
+        return super().__call__([self._checked(candidate) for candidate in candidates])
+
+    def _checked(self, candidate: Candidate) -> Candidate:
+        if candidate.tool is None or candidate.problem is not None:
+            return candidate
+        try:
+            _spawn_rules(self.task, self.seed).check(candidate.tool)
+        except DesignError as error:
+            return replace(candidate, problem=f"in the perturbed scene, {error}")
+        return candidate
 
     @property
     def trial(self) -> dict[str, Any]:
@@ -48,16 +56,6 @@ class PerturbedEvaluator(Evaluator):
 @lru_cache(maxsize=256)
 def _spawn_rules(task: Part[Task], seed: int) -> SpawnRules:
     return SpawnRules(task.create(), seed)
-
-
-def _checked(candidate: Candidate, rules: SpawnRules) -> Candidate:
-    if candidate.tool is None or candidate.problem is not None:
-        return candidate
-    try:
-        rules.check(candidate.tool)
-    except DesignError as error:
-        return replace(candidate, problem=f"in the perturbed scene, {error}")
-    return candidate
 
 
 def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) -> Evaluator:
@@ -77,23 +75,47 @@ def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None)
     Raises:
         UserError: an engine does not exist or can't be used here; there are no entries, or one is repeated.
     """
-    found: dict[str, Part[Simulator]] = {}
-    for entry in sims:
+    nodes = _entries("sim", "engine", sims, chosen)
+    found: dict[str, Part[Simulator]] = {shown: part("sim", node) for shown, node in nodes.items()}
+    for engine in found.values():
+        engine.create()  # so that a fault is reported once, not by each worker
+    return found
+
+
+def arms(robots: Sequence[str | Mapping[str, Any]], chosen: RobotPart) -> dict[str, RobotPart]:
+    """Make the robots, by the names under which they are shown: entries as those of `engines`; none: ``chosen`` alone.
+
+    Raises:
+        UserError: a robot does not exist or can't be made, or is repeated.
+    """
+    nodes = _entries("robot", "robot", robots or [chosen.name], chosen)
+    found = {shown: robot_part(node) for shown, node in nodes.items()}
+    for robot in found.values():
+        robot.create()  # as above
+    return found
+
+
+def _entries(
+    kind: str, word: str, entries: Sequence[str | Mapping[str, Any]], chosen: Part | None
+) -> dict[str, DictConfig]:
+    """Read the entries of a list of parts: the configuration of each, by the name under which it is shown."""
+    found: dict[str, DictConfig] = {}
+    for entry in entries:
         settings = {"name": entry} if isinstance(entry, str) else {str(key): value for key, value in entry.items()}
         name = settings.pop("name", None)
         if not isinstance(name, str):
-            raise UsageError(f"sims: {entry!r} names no engine; give a name, or {{name: NAME, SETTING: VALUE}}")
+            raise UsageError(f"{kind}s: {entry!r} names no {word}; give a name, or {{name: NAME, SETTING: VALUE}}")
         shown = " ".join([name, *(f"{key}={value}" for key, value in settings.items())])
         if shown in found:
-            raise UsageError(f"sims: {shown!r} is repeated; name each engine once")
-        if chosen is not None and chosen.name == name:
-            usual = dict(chosen.settings)
-        else:
-            usual = dict(part("sim", load("evaluate", [f"sim={name}"]).sim).settings)
-        found[shown] = part("sim", OmegaConf.create({"name": name, **usual, **settings}))
-        found[shown].create()  # so that a fault is reported once, not by each worker
+            raise UsageError(f"{kind}s: {shown!r} is repeated; name each {word} once")
+        usual = chosen
+        if usual is None or usual.name != name:
+            node = load("evaluate", [f"{kind}={name}"])[kind]
+            usual = robot_part(node) if kind == "robot" else part(kind, node)
+        base = {"base": usual.base} if isinstance(usual, RobotPart) else {}
+        found[shown] = OmegaConf.create({"name": name, **dict(usual.settings), **base, **settings})
     if not found:
-        raise UsageError("sims: name at least one engine")
+        raise UsageError(f"{kind}s: name at least one {word}")
     return found
 
 

@@ -5,6 +5,7 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,12 @@ import pytest
 from core.config.compose import load
 from core.designs.rules import SpawnRules
 from core.errors import UserError
-from core.plugins import installed
+from core.plugins import Offer, installed
 from core.search.orchestration import run
 from core.store.reader import stored_config, stored_evaluations
 from core.transfer import as_the_run, transfer
+from plugins.robots.panda import panda
+from tests import toys
 
 ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"
@@ -53,7 +56,7 @@ def test_every_design_in_every_engine_with_every_change(tmp_path):
     assert done.returncode == 0, done.stderr
     assert not done.stderr
     result = json.loads((tmp_path / "out" / "transfer.json").read_text())
-    assert list(result) == ["task", "seed", "seeds", "perturbation", "engines", "designs"]
+    assert list(result) == ["task", "seed", "seeds", "perturbation", "robots", "engines", "designs"]
     assert (result["task"], result["seed"], result["seeds"]) == ("BringCube", 0, [0, 4])
     assert result["perturbation"] == {"position": 0.01, "yaw": 0.05, "mass": 0.1, "friction": 0.2}
     assert [engine["time_step"] for engine in result["engines"].values()] == [0.002, 0.004]
@@ -75,9 +78,10 @@ def test_every_design_in_every_engine_with_every_change(tmp_path):
     lines = done.stdout.splitlines()
     for design in result["designs"]:  # in a pipe a row is a line, and no figure is cut
         for engine, figures in design["engines"].items():
-            row = f"{design['design']} {engine} {figures['nominal']:.3f} {figures['mean']:.3f} ± {figures['std']:.3f}"
+            row = f"{design['design']} panda {engine} "
+            row += f"{figures['nominal']:.3f} {figures['mean']:.3f} ± {figures['std']:.3f}"
             assert any(" ".join(line.split()).startswith(row) for line in lines), row
-    assert f"{far['design']}: {far['reason']}" in lines
+    assert f"{far['design']}, panda: {far['reason']}" in lines
 
 
 @pytest.mark.slow
@@ -111,6 +115,68 @@ def test_no_spread_no_difference():
     )["designs"]
     figures = design["engines"]["pybullet"]
     assert figures["rewards"] == [figures["nominal"]]
+
+
+# --- several robots ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def arms(monkeypatch, tmp_path):
+    """Offer two arms beside the Panda, and an engine and an executor of this process; gives the words that use them."""
+    stiff = panda().urdf.replace('type="prismatic"', 'type="fixed"')
+    robots = {
+        "weak": lambda: replace(panda(), name="weak", payload_kg=0.002),
+        "stiff": lambda: replace(panda(), name="stiff", title="Stiff", gripper=None, urdf=stiff),
+        "foreign": lambda: replace(panda(), name="foreign", aliases=()),
+    }
+    offers = {("robot", name): Offer("robot", name, "arms", "tests", make) for name, make in robots.items()}
+    monkeypatch.setattr(installed(), "offers", installed().offers | toys.offered() | offers)
+    return ["sims=[toy]", "seeds=[1]", "executor=here", f"executor.notes={tmp_path / 'notes'}"]
+
+
+def on(arms, robots, *words):
+    """Tell each arm's entry by its name."""
+    result = transfer(load("transfer", [f"designs={SOLUTION}", *arms, f"robots=[{robots}]", *words]))
+    assert list(result["robots"]) == [design["robot"] for design in result["designs"]]
+    assert len({design["design"] for design in result["designs"]}) == 1
+    return {design["robot"]: design for design in result["designs"]}
+
+
+def test_an_arm_that_cannot_do_it_is_a_row_with_the_reason(arms):
+    far = "panda base=[3, 0, 0, 0]"
+    found = on(arms, "weak,panda,{name: panda, base: [3, 0, 0, 0]},foreign")
+    assert {robot for robot, design in found.items() if design["status"] == "rejected"} == {"weak", far}
+    assert "the arm carries at most 0.002 kg" in found["weak"]["reason"]
+    assert found[far]["reason"].startswith("robot panda can't reach the task's home (0.5, 0, 0.5), by ")
+    assert found["weak"]["robust"] == found[far]["robust"] == 0
+    assert found["weak"]["ik_error_m"] is None
+    assert (
+        found["panda"] | {"robot": "foreign"} == found["foreign"]
+    )  # the same tool and plan, also by the paper's names
+    assert found["panda"]["ik_error_m"] < 1e-3
+
+
+def test_attachments_for_fingers_need_a_gripper(arms):
+    file = SOLUTION.with_name("SnatchCookie.json")
+    found = on(arms, "stiff,panda", "task=SnatchCookie", f"designs={file}")
+    assert found["stiff"]["reason"].startswith("Stiff has no gripper")
+    assert found["panda"]["status"] != "rejected"
+
+
+def test_no_arm_that_can_do_it_is_an_error(arms):
+    with pytest.raises(UserError, match=r"robot panda can't reach .* by 1.* robot panda can't reach .* by 2"):
+        on(arms, "{name: panda, base: [3, 0, 0, 0]},{name: panda, base: [4, 0, 0, 0]}")
+
+
+@pytest.mark.slow
+def test_an_arm_that_stands_elsewhere(tmp_path):
+    words = ["sims=[pybullet]", "seeds=[1]", "output=out.json"]
+    done = call(tmp_path, f"designs={SOLUTION}", *words, "robots=[panda,{name: panda, base: [0.05, 0, 0, 0]}]")
+    assert done.returncode == 0, done.stderr
+    here, there = json.loads((tmp_path / "out.json").read_text())["designs"]
+    assert (here["robot"], there["robot"]) == ("panda", "panda base=[0.05, 0, 0, 0]")
+    assert here["robust"] != there["robust"] == pytest.approx(here["robust"], abs=0.02)
+    assert any(line.split()[1:6] == ["panda", "base=[0.05,", "0,", "0,", "0]"] for line in done.stdout.splitlines())
 
 
 # --- a run's folder ---------------------------------------------------------------------------------------------
@@ -172,6 +238,10 @@ def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
         (["designs=missing.json"], "no designs file missing.json"),
         ([f"designs={ROOT / 'docs'}"], "holds no run: there is no run.sqlite in it"),
         ([f"designs={SOLUTION}", "sims=[pybullet,bullet]"], r"no sim 'bullet' \(did you mean 'pybullet'\?\)"),
+        ([f"designs={SOLUTION}", "robots=[panda,pandas]"], r"no robot 'pandas' \(did you mean 'panda'\?\)"),
+        ([f"designs={SOLUTION}", "robots=[panda,panda]"], "robots: 'panda' is repeated; name each robot once"),
+        ([f"designs={SOLUTION}", "robots=[{base: [0, 0, 0, 0]}]"], "names no robot; give a name, or {name: NAME"),
+        ([f"designs={SOLUTION}", "robots=[{name: panda, base: [1]}]"], "robot.base must be four numbers"),
         ([f"designs={SOLUTION}", "seeds=[]"], "seeds must be"),
         ([f"designs={SOLUTION}", "perturbation.mass=1.5"], "perturbation.mass must be"),
         ([f"designs={SOLUTION}", "perturbation.weight=1"], "no key 'weight' in perturbation"),
