@@ -180,11 +180,11 @@ def test_a_run_says_what_it_came_to(tiny):
 def test_the_result(tiny):
     result = result_of(tiny[0])
     assert list(result) == [
-        *("task", "sim", "vlm", "tool", "evolution", "budget", "seed", "best", "tie", "stopped"),
+        *("task", "robot", "sim", "vlm", "tool", "evolution", "budget", "seed", "best", "tie", "stopped"),
         *("generations", "n_evaluations", "wall_time_s", "rollouts_per_s", "versions"),
     ]
-    assert [result[key] for key in ("task", "sim", "vlm", "tool", "evolution", "budget", "seed")] == [
-        *("BringCube", "pybullet", "offline", "urdf", "vlmgineer", "quick", 5)
+    assert [result[key] for key in ("task", "robot", "sim", "vlm", "tool", "evolution", "budget", "seed")] == [
+        *("BringCube", "panda", "pybullet", "offline", "urdf", "vlmgineer", "quick", 5)
     ]
     assert set(result["best"]) == {"reward", "distance_m", "generation", "candidate"}
     assert 0 <= result["best"]["reward"] <= 1

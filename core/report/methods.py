@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from core.plugins import WORDS, installed
 from core.report.runs import FinishedRun, LeftOutRun, short
 
-CHOICES = ("tool", "evolution", "vlm", "prompt", "sim", "budget")
+CHOICES = ("tool", "evolution", "vlm", "robot", "prompt", "sim", "budget")
 """The choices that describe a method best, in this order; others follow."""
 
 _NO_METHOD = ("seed", "film", "listener", "executor", "task.name", "task.paper")
@@ -59,7 +60,7 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     with the same choices differ in it, so that a setting that follows from a choice or from the task makes no method
     of its own. The seed, the executor and the listeners never do.
     """
-    settings = [flatten(config) for _, config in configs]
+    settings = [flatten({**config, "robot": robot_of(config)}) for _, config in configs]
     named = {key for of in settings for key in of if key.endswith(".name") and key.count(".") == 1}
     first = [f"{choice}.name" for choice in CHOICES]
     choices = [*first, *sorted(named - set(first))]
@@ -74,6 +75,12 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
         return [" ".join(_say(key, of.get(key)) for key in choices[:3]) for of in settings]
     names = _shortest(list(dict.fromkeys(methods)), varying)
     return [names[method] for method in methods]
+
+
+def robot_of(config: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The robot of a run's configuration; that of earlier versions named none, and the default was used."""
+    found: Mapping[str, Any] = config.get("robot") or {}
+    return found or {"name": installed().default_robot.name, **WORDS["robot"]}
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:

@@ -22,7 +22,7 @@ from core.store.rows import Best, Figures, parsed, validated
 from core.text import clean
 
 STORE, RESULT, HYDRA = "run.sqlite", "result.json", ".hydra"
-CHOICES = ("task", "sim", "vlm", "tool", "evolution", "budget")  # by name in a result
+CHOICES = ("task", "robot", "sim", "vlm", "tool", "evolution", "budget")  # by name in a result
 MAX_DEPTH = 6  # of a run's folder below one that the user names
 
 _LONGEST = 300
@@ -150,7 +150,7 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
     except (OSError, ValueError) as error:
         mend = "" if stored is None else f"; delete it, and {STORE} is read in its place"
         return LeftOutRun(folder, "unreadable", short(f"{RESULT}: {error}{mend}"), _task(config), config)
-    config = config or {kind: {"name": getattr(figures, kind)} for kind in CHOICES}
+    config = config or {kind: {"name": getattr(figures, kind)} for kind in CHOICES if getattr(figures, kind)}
     if figures.stopped is not None:
         return LeftOutRun(folder, "unfinished", short(f"stopped: {figures.stopped}"), figures.task, config)
     if figures.best is None:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from core.report.formats import Cell, Link, Table, columns
+from core.report.formats import Cell, Column, Link, Table, columns
+from core.report.methods import label, robot_of
 from core.report.results import Results
 from core.report.runs import Spending, spending
 from core.report.statistics import (
@@ -27,7 +28,14 @@ from core.report.tools import Tools, size
 def tables(results: Results, shown: Tools) -> list[Table]:
     """All tables that have rows."""
     every = [
-        *(rewards(results), methods(results), improvements(results), generations(results), tools(results, shown)),
+        *(
+            rewards(results),
+            arms(results),
+            methods(results),
+            improvements(results),
+            generations(results),
+            tools(results, shown),
+        ),
         *(runs(results), left_out(results), parameters(results), costs(results), versions(results)),
     ]
     return [table for table in every if table.rows]
@@ -53,6 +61,20 @@ def rewards(results: Results) -> Table:
         "travelled in the best run's best plan. Left out: runs that failed or are unfinished; they are in no figure."
     )
     return Table("rewards", "Rewards by task and method", head, tuple(rows), note)
+
+
+def arms(results: Results) -> Table:
+    """Each task on each arm, where runs have several."""
+    robots = label([("", {"robot": robot_of(run.config)}) for run in results.runs])
+    names = list(dict.fromkeys(robots))
+    alike = label([(run.task, {**run.config, "robot": None}) for run in results.runs])
+    found: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for run, method, robot in zip(results.runs, alike, robots, strict=True) if len(names) > 1 else ():
+        found[run.task, method][robot].append(run.best.reward)
+    rows = [(*key, *(mean(of[name]) if name in of else None for name in names)) for key, of in sorted(found.items())]
+    head = (*columns("task|method"), *(Column(name.removeprefix("robot="), 3) for name in names))
+    note = "Of each run's best reward, the average over runs on that arm; a dash where no run of it counts."
+    return Table("arms", "Rewards by task and arm", head, tuple(rows), note)
 
 
 def methods(results: Results) -> Table:

@@ -250,7 +250,7 @@ def _write(file: Path, text: str) -> None:
 def report(run: Run, result: Result) -> dict[str, Any]:
     """Return the content of ``result.json``."""
     return {
-        **{kind: run.parts[kind] for kind in ("task", "sim", "vlm", "tool", "evolution")},
+        **{kind: run.parts[kind] for kind in ("task", "robot", "sim", "vlm", "tool", "evolution")},
         "budget": run.config["budget"]["name"],
         "seed": run.seed,
         "best": best_figures(result),

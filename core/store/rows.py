@@ -126,6 +126,7 @@ class Figures:
     generations: tuple[GenerationFigures, ...]
     n_evaluations: Count
     wall_time_s: Amount
+    robot: str = ""  # of runs before there was a choice
     sim: str = ""
     vlm: str = ""
     tool: str = ""
@@ -160,6 +161,7 @@ class _Budget(_Schema):
 
 class _Config(_Schema):
     task: Chosen = {}
+    robot: dict[str, Any] = {}
     sim: Chosen = {}
     vlm: Chosen = {}
     tool: Chosen = {}

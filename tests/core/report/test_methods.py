@@ -1,5 +1,6 @@
 """Methods are named by the settings that distinguish them; runs are grouped by them."""
 
+from core.plugins import installed
 from core.report.methods import group, label
 from core.report.runs import find_runs
 from tests.core.run_folders import write_run
@@ -41,6 +42,18 @@ def test_methods_are_named_by_the_least_that_tells_them_apart():
     ]
     assert labels(config(), config(sim="sapien")) == ["sim=pybullet", "sim=sapien"]
     assert labels(config(), config(fitness="robust")) == ["no fitness", "fitness=robust"]
+
+
+def test_runs_on_several_robots_are_not_one_methods():
+    assert labels(config(robot="one"), config(robot="two")) == ["robot=one", "robot=two"]
+    moved = config(robot={"name": "one", "base": [0.1, 0, 0, 0]}), config(robot={"name": "one", "base": [0, 0, 0, 0]})
+    assert labels(*moved) == ["robot.base=[0.1, 0, 0, 0]", "robot.base=[0, 0, 0, 0]"]
+
+
+def test_runs_of_versions_that_had_one_robot_are_the_default_robots():
+    default = {"name": installed().default_robot.name, "base": [0.0, 0.0, 0.0, 0.0]}
+    assert len(set(labels(config(), config(robot={}), config(robot=default)))) == 1
+    assert labels(config(), config(robot="other")) == [f"robot={default['name']}", "robot=other"]
 
 
 def test_seed_workers_listeners_and_films_make_no_method():

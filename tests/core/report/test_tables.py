@@ -51,6 +51,23 @@ def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
         assert row["candidate"] == best["candidate"]
 
 
+def test_tasks_by_arm_where_runs_have_several(tmp_path):
+    near, far = "robot.base=[0.1,0,0,0]", "robot.base=[0.2,0,0,0]"
+    write_run(tmp_path / "0", near, rewards=[[0.5]])
+    write_run(tmp_path / "1", near, "seed=1", rewards=[[0.7]])
+    write_run(tmp_path / "2", far, rewards=[[0.9]])
+    write_run(tmp_path / "3", near, "task=OneBook", rewards=[[0.2]])
+    report([tmp_path], tmp_path / "out", ["svg"], QUICK)
+    book, cube = sorted(read_csv(tmp_path / "out" / "data" / "arms.csv"), key=lambda row: row["task"], reverse=True)
+    near_far = ["robot.base=[0.1, 0, 0, 0]", "robot.base=[0.2, 0, 0, 0]"]
+    assert list(cube)[2:] == near_far
+    assert [float(cube[name]) for name in near_far] == pytest.approx([0.6, 0.9])
+    assert [book[name] for name in near_far] == ["0.2", ""]
+    assert cube["method"] == book["method"] == "tool=urdf evolution=vlmgineer vlm=offline"
+    rewards = read_csv(tmp_path / "out" / "data" / "rewards.csv")
+    assert sorted(float(row["average"]) for row in rewards) == pytest.approx([0.2, 0.6, 0.9])
+
+
 def test_methods_over_all_tasks(made):
     root, finished, _ = made
     (row,) = [r for r in read_csv(root / "out" / "data" / "methods.csv") if r["method"] == "evolution=sampling"]

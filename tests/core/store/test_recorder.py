@@ -35,7 +35,14 @@ def opened(tmp_path):
     store = RunStore.create(tmp_path / "run", config)
     events = event_hub()
     events.register(store)
-    parts = {"task": "BringCube", "sim": "none", "vlm": "canned", "tool": "urdf", "evolution": "vlmgineer"}
+    parts = {
+        "task": "BringCube",
+        "robot": "panda",
+        "sim": "none",
+        "vlm": "canned",
+        "tool": "urdf",
+        "evolution": "vlmgineer",
+    }
     run = Run(store.folder, config, parts, "a can", BringCube(), URDF, Budget(1, 1, 3, 0, 5, 0.6), 7)
     events.hook.run_started(run=run)
     yield store, events, run
@@ -113,6 +120,7 @@ def test_result_and_generations(opened):
     assert result.pop("versions").keys() >= {"python", "vlmgineer", "numpy", "pin"}
     assert result == {
         "task": "BringCube",
+        "robot": "panda",
         "sim": "none",
         "vlm": "canned",
         "tool": "urdf",
