@@ -27,6 +27,7 @@ from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State
 from docs import build, prompt_page
 from docs.diagrams import DRAWINGS
 from tests.core.run_folders import write_run
+from tests.outside_arm import write_arm
 from tests.packages import PYTHON, install
 
 ROOT = Path(__file__).parents[1]
@@ -62,6 +63,8 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
 def test_command(line: str, tmp_path: Path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     words = shlex.split(line)[1:]
+    if "robot.path=my_lab" in line:
+        write_arm(tmp_path / "my_lab")
     if words[1] == "core.run" and "--help" not in words:
         words += SMALL
     if words[1] in ("core.report", "core.gallery"):
