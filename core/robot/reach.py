@@ -71,11 +71,12 @@ def span_at(arm: Arm, height: float, pitch: float) -> Span | None:
     poses = [base @ Pose.from_rotation((step * _STEP_M, 0.0, height), turn) for step in range(farthest)]
     for first in sorted(range(farthest), key=lambda step: abs(step - home)):
         start = arm.inverse(poses[first], arm.home)
-        if _is_near(start):
+        if _is_near(start) and not _clear(arm, [start.joints] * 2):
             break
     else:
         return None
     out, _ = _march(arm, poses[first + 1 :], start.joints)
+    out = out[: _clear(arm, out) or None]
     most = first + len(out) - 1
     back, within = _march(arm, poses[:most][::-1], out[-1])
     inner = _binding(arm, within)
@@ -112,7 +113,7 @@ def _is_near(solution: Solution) -> bool:
 
 
 def _clear(arm: Arm, way: list[Array]) -> int:
-    """Count the joints before the arm meets itself on the way; 0 if it does not."""
+    """Count the joints before the arm meets itself on the way, at least 1; 0 if it does not."""
     still = JointTrajectory(np.arange(float(len(way))), np.array(way), np.zeros(len(way)))
     met = find_self_collision(arm.robot, Tool(), still)
     return 0 if met is None else max(1, int(np.ceil(met.time_s)))

@@ -5,11 +5,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Pose
+from core.plugins import installed
 from core.robot.kinematics import arm_of
-from core.robot.reach import PITCHES, SELF, SINGULAR, Span, as_table, compute_reach, describe_limits, turns_at
+from core.robot.reach import PITCHES, SELF, SINGULAR, Span, as_table, compute_reach, describe_limits, span_at, turns_at
 from core.robot.trajectory import plan_motion
 from tests.panda import ARM, PANDA
-from tests.six_joints import six_joints
 
 HOME = Pose(np.array([0.5, 0.0, 0.5]))
 REACH = compute_reach(ARM)
@@ -86,13 +86,20 @@ def test_the_reach_is_that_of_the_base(at):
 
 def test_an_arm_of_six_joints():
     """No joint ends near its base's axis, but its shoulder stands beside it: there it is singular."""
-    arm = arm_of(six_joints())
+    arm = arm_of(installed().create("robot", "ur5"))
     reach = compute_reach(arm, (0.0, 0.5))
     assert SINGULAR in reach[0.5][0.0].inner
     assert reach[0.1][0.0].most == pytest.approx(0.9, abs=0.03)
     pose = Pose.xyz_rpy((reach[0.1][0.5].most, 0.0, 0.1), (0.0, 0.5, 0.0))
     assert arm.inverse(pose, arm.home).error_m < 0.004
     assert describe_limits(reach)
+
+
+def test_a_way_out_ends_where_the_arm_meets_itself():
+    """Two centimetres farther, where the inverse kinematics still goes, the wrist is in the forearm."""
+    arm = arm_of(installed().create("robot", "kinova"))
+    span = span_at(arm, 0.5, 0.8)
+    assert (span.least, span.most) == (0.0, pytest.approx(0.54))
 
 
 def test_the_table_has_a_row_for_each_height():
