@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from core.design import Tool
+from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array
 from core.robot.description import assemble, read_numbers
 from core.robot.extents import link_extents
@@ -19,7 +19,7 @@ _MOTIONS = {"revolute": "turns about", "continuous": "turns about", "prismatic":
 
 
 def outline(robot: Robot, tool: Tool) -> str:
-    """Write a row for each link of the robot with ``tool``.
+    """Write a row for each link of the robot with ``tool`` that has a shape or bears another, and for the mount.
 
     It has the joint that bears the link, as in URDF: its motion, its origin in the parent's frame, its limits. The box
     is the smallest one along the link's axes around all of its collision shapes, from its lowest to its highest corner.
@@ -27,7 +27,8 @@ def outline(robot: Robot, tool: Tool) -> str:
     root: Any = etree.fromstring(assemble(robot, tool, visuals=False))
     joints = {joint.find("child").get("link"): joint for joint in root.findall("joint")}
     boxes = _boxes(robot, tool)
-    names = [str(link.get("name")) for link in root.findall("link")]
+    bears = {RIGID_MOUNT, *boxes, *(joint.find("parent").get("link") for joint in joints.values())}
+    names = [name for link in root.findall("link") if (name := str(link.get("name"))) in bears]
     return table(HEAD, [(*_joint(joints.get(name), name), boxes.get(name, "-")) for name in names])
 
 
