@@ -171,7 +171,7 @@ def describe_speed(robot: Robot, segments: Sequence[Segment]) -> str:
 
 def short(figure: float) -> str:
     """Write a figure with two digits, and no fewer before the point."""
-    return f"{figure:.2g}" if abs(figure) < 100 else f"{figure:.0f}"
+    return f"{figure:.2g}" if abs(figure) < 99.5 else f"{figure:.0f}"
 
 
 def describe_exactness(measured: Mapping[str, Mapping[str, float | None]], engine: str) -> str:

@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 
 from core.facts import LABELS, sheet
+from core.plugins import installed
 from docs.build import BEGIN, END
 from tests.panda import PANDA
-from tests.six_joints import six_joints
 from tests.test_commands import call
 
 ROOT = Path(__file__).parents[2]
@@ -27,8 +27,8 @@ def test_every_figure_has_a_row():
 
 
 def test_of_an_arm_that_was_not_measured_there_is_the_rest():
-    text = sheet(six_joints(), {})
-    assert text.startswith("Six Joints: 6 joints, payload 5 kg, without a gripper.")
+    text = sheet(installed().create("robot", "ur5"), {})
+    assert text.startswith("Universal Robots UR5: 6 joints, payload 5 kg, without a gripper.")
     assert "## Exactness" not in text
     assert "| wrist_3_joint | -0.2201 | -6.283 | 6.283 |" in text
     assert "|0.3|" in text

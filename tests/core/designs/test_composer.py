@@ -28,6 +28,7 @@ from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Cylinder, Pose, Vector
 from core.interfaces import Brief, Message, Picture, Reply, Request, Robot, Task, Text, ToolRepresentation
+from core.plugins import installed
 from core.robot.extents import extents_at_home
 from core.robot.reach import as_table, compute_reach
 from core.robot.trajectory import plan_motion
@@ -37,7 +38,6 @@ from core.simulation.rollout import RolloutSettings
 from plugins.tools.urdf.representation import UrdfTools
 from plugins.vlms.litellm.client import load as litellm
 from tests.panda import ARM, FINGER_OPEN, PANDA, on_panda
-from tests.six_joints import six_joints
 
 FOLDER = Path(prompts.__file__).parent
 PICTURE = Picture(b"\x89PNG")
@@ -841,6 +841,9 @@ def test_a_turn_goes_the_shorter_way_and_a_far_one_takes_longer() -> None:
 # --- other arms -------------------------------------------------------------------------------------------------
 
 
+UR5 = installed().create("robot", "ur5")
+
+
 def for_robot(robot: Robot, **changes: Any) -> Brief:
     task = PushCube()
     task.robot = robot
@@ -860,16 +863,16 @@ class Flange(GivenBar):
 @pytest.mark.parametrize(
     "brief",
     [
-        pytest.param(for_robot(six_joints()), id="initial"),
-        pytest.param(for_robot(six_joints(), elites=ELITES), id="evolution"),
-        pytest.param(for_robot(six_joints(), representation=UrdfTools()), id="urdf"),
-        pytest.param(for_robot(six_joints(), representation=GivenBar(), n_tool=1), id="given"),
-        pytest.param(for_robot(six_joints(), representation=Flange(), n_tool=1), id="bare"),
+        pytest.param(for_robot(UR5), id="initial"),
+        pytest.param(for_robot(UR5, elites=ELITES), id="evolution"),
+        pytest.param(for_robot(UR5, representation=UrdfTools()), id="urdf"),
+        pytest.param(for_robot(UR5, representation=GivenBar(), n_tool=1), id="given"),
+        pytest.param(for_robot(UR5, representation=Flange(), n_tool=1), id="bare"),
     ],
 )
 def test_an_arm_without_a_gripper(brief: Brief) -> None:
     text = prose(brief)
-    assert "A robot arm with 6 joints, the Six Joints, stands at the origin of the world." in text
+    assert "A robot arm with 6 joints, the Universal Robots UR5, stands at the origin of the world." in text
     assert not re.search(r"\b(grip|finger|hand\b)", text)
     assert "None" not in text
     assert "| forearm_link on upper_arm_link | turns about y |" in text
@@ -881,8 +884,8 @@ def test_an_arm_without_a_gripper(brief: Brief) -> None:
 
 
 def test_a_base_that_stands_elsewhere() -> None:
-    robot = six_joints(Pose.xyz_rpy((0.1, -0.1, 0.05), (0.0, 0.0, 0.4)))
-    text, usual = prose(for_robot(robot)), prose(for_robot(six_joints()))
+    robot = replace(UR5, base=Pose.xyz_rpy((0.1, -0.1, 0.05), (0.0, 0.0, 0.4)))
+    text, usual = prose(for_robot(robot)), prose(for_robot(UR5))
     for part in (
         "stands at (0.1, -0.1, 0.05) in the world.",
         "straight ahead of it (roll = 0, yaw = 0.4), by height z in\nmetres in the world",
@@ -894,7 +897,7 @@ def test_a_base_that_stands_elsewhere() -> None:
     assert "the origin is the arm's base" not in text
 
 
-@pytest.mark.parametrize("robot", [PANDA, six_joints(flange=replace(ISO_9409_1_50, disc=Cylinder(0.03, 0.004)))])
+@pytest.mark.parametrize("robot", [PANDA, replace(UR5, flange=replace(ISO_9409_1_50, disc=Cylinder(0.03, 0.004)))])
 @pytest.mark.parametrize("gripper", [False, True])
 def test_the_example_of_a_tool_can_be_used(robot: Robot, gripper: bool) -> None:
     if gripper and robot.gripper is None:

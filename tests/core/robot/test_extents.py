@@ -11,19 +11,19 @@ from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Pose
+from core.plugins import installed
 from core.robot.description import assemble, read_numbers, read_origin
 from core.robot.extents import GRIPPER, extents_at_home, finger_gap, fingers_of, link_extents
 from core.robot.kinematics import arm_of
 from tests.panda import PANDA
-from tests.six_joints import six_joints
 
 HOMES = [Pose(np.array(at)) for at in ((0.5, 0.0, 0.5), (0.4, -0.2, 0.2), (0.4, 0.0, 0.3))]
-SIX = six_joints()
+UR5 = installed().create("robot", "ur5")
 ROBOTS = [
     pytest.param(PANDA, False, id="rigid"),
     pytest.param(PANDA, True, id="gripper"),
-    pytest.param(SIX, False, id="six"),
-    pytest.param(replace(SIX, base=Pose.xyz_rpy((0.1, -0.1, 0.05), (0, 0, 0.4))), False, id="elsewhere"),
+    pytest.param(UR5, False, id="six joints"),
+    pytest.param(replace(UR5, base=Pose.xyz_rpy((0.1, -0.1, 0.05), (0, 0, 0.4))), False, id="elsewhere"),
 ]
 
 
@@ -102,4 +102,4 @@ def test_the_fingers_of_the_data_sheet():
 
 
 def test_an_arm_without_a_gripper_has_no_fingers():
-    assert fingers_of(SIX) == ()
+    assert fingers_of(UR5) == ()
