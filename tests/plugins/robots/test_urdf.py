@@ -49,7 +49,9 @@ def test_settings_of_a_gripper(words):
     ((old, new),) = gripped()
     file.with_name("gripped.urdf").write_text(file.read_text().replace(old, new))
     path = f"robot.path={file.with_name('gripped.urdf')}"
-    robot = robot_part(load("render", [*words, path, GRIPPER]).robot).create()
+    part, again = (robot_part(load("render", [*words, path, GRIPPER]).robot) for _ in range(2))
+    assert hash(part) == hash(again)  # it is made once per process
+    robot = part.create()
     assert (robot.gripper.force_n, robot.finger_joints) == (30.0, ("left", "right"))
 
 
