@@ -19,7 +19,7 @@ def test_the_old_name_of_the_listeners_group_is_an_alias_that_warns(capsys):
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (["+robot=ur5"], "no key 'robot' in the configuration"),
+        (["+arm=ur5"], "no key 'arm' in the configuration"),
         (["+nonsense.key=1"], "no key 'nonsense' in the configuration; possible: budget, evolution, "),
         (["++nonsense.key=1"], "no key 'nonsense' in the configuration"),
         (["nonsense.key=1"], "no key 'nonsense' in the configuration"),
