@@ -13,7 +13,7 @@ import numpy as np
 
 from core.geometry import Array, Pose
 
-Use = Literal["push", "surround", "scoop", "hook", "clamp", "pour"]
+Use = Literal["push", "surround", "scoop", "hook", "clamp", "pour", "pinch"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Head:
 
     ``hold`` (3,) is the point where the shaft's axis meets the first piece. ``depth`` is the length ahead of the face,
     ``width`` the length across. ``level`` is the height above the bodies' foot. ``aside`` (3,), for a hook, is the
-    offset at which it passes the bodies before it is behind them.
+    offset at which it passes the bodies before it is behind them. ``turn``, for a pinch, is where its x points.
     """
 
     kind: str
@@ -43,6 +43,7 @@ class Head:
     width: float
     level: float = 0.0
     aside: Array = field(default_factory=lambda: np.zeros(3))
+    turn: float = 0.0
 
 
 def _box(name: str, x: float, y: float, z: float, size: tuple[float, float, float], parent: int = 0) -> Piece:

@@ -15,6 +15,7 @@ from core.robot.kinematics import arm_of
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.clamps import build_clamp, sample_clamp
 from plugins.vlms.offline.heads import Head
+from plugins.vlms.offline.pinch import sample_pinch
 from plugins.vlms.offline.plans import Path, collisions, meets_itself, reach_error
 from plugins.vlms.offline.pour import AT, build_fork, handles, sample_fork
 from plugins.vlms.offline.sight import Errand, Sight
@@ -85,7 +86,10 @@ class Workshop:
         grips = handles(holder, errand.space) if holder is not None and not self.gripper else None
         if grips is not None and self.rng.random() < 0.8:
             return sample_fork(grips, self.rng)
-        clamps = self.gripper and self.rng.random() < (0.9 if errand.deep and errand.shift[2] > 0.03 else 0.5)
+        lifts = errand.deep and errand.shift[2] > 0.03
+        if lifts and self.spawn.robot.gripper is None and self.rng.random() < 0.8:
+            return sample_pinch(errand, self.rng)
+        clamps = self.gripper and self.rng.random() < (0.9 if lifts else 0.5)
         return (sample_clamp if clamps else sample_head)(errand, self.rng)
 
     def _build(self, head: Head, at: Pose, path: Path, errand: Errand) -> Tool:
@@ -95,6 +99,8 @@ class Workshop:
         style = STYLES[int(self.rng.choice(len(STYLES), p=[0.6, 0.2, 0.2, 0.0]))]
         if head.use == "clamp":
             return build_clamp(head, at, min(thickness, 0.012) if errand.deep else thickness)
+        if head.use == "pinch":
+            return build(head, at, "gantry", min(thickness, 0.012), self.gripper)
         if not self._is_high(path):
             return build(head, at, style, thickness, self.gripper)
         tall = float(errand.upper[2] - errand.lower[2])  # the jib passes over the bodies
@@ -152,7 +158,7 @@ class Workshop:
         start = path.poses[1]
         turn = float(rng.choice([0.0, np.pi / 4, -np.pi / 4, np.pi / 2, -np.pi / 2], p=[0.6, 0.1, 0.1, 0.1, 0.1]))
         yaw = turn + rng.normal(0.0, 0.15) * (rng.random() < 0.5)
-        if head.use == "clamp":
+        if head.use in ("clamp", "pinch"):
             yaw = float(start.rpy[2])
         # Low enough for the shaft above the head, and high enough that the head at home is clear of the scene.
         least = float(head.hold[2]) + (0.18 if self.gripper else 0.03)
@@ -161,7 +167,7 @@ class Workshop:
         most = max(least + 0.02, min(home[2] - beneath - 0.015, 0.45))
         if self._is_high(path):
             least, most = -0.45, 0.0
-        straight = head.use == "clamp" and errand.deep
+        straight = head.use in ("clamp", "pinch") and errand.deep
         if straight:  # the hand stays above the container that the fingers reach into
             lowest = min(pose.position[2] for pose in path.poses)
             most = max(least, home[2] - beneath - 0.003)

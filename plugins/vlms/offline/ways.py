@@ -9,6 +9,7 @@ import numpy as np
 
 from core.geometry import Array
 from plugins.vlms.offline.heads import Head
+from plugins.vlms.offline.pinch import pinch
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.pour import pour
 from plugins.vlms.offline.sight import UP, Errand
@@ -168,6 +169,7 @@ def head_path(errands: Sequence[Errand], head: Head, rng: np.random.Generator) -
     if head.use == "pour":  # one motion for all
         errands = errands[:1]
     path = Path()
-    ways: dict[str, Way] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp, "pour": pour}
+    ways: dict[str, Way] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
+    ways |= {"pour": pour, "pinch": pinch}
     texts = [ways[head.use](path, errand, head, rng) for errand in errands]
     return path, "; then ".join(dict.fromkeys(texts))
