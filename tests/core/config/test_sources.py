@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from omegaconf import OmegaConf
+from omegaconf import MISSING, OmegaConf
 
 from core.config import sources
 from core.config.compose import load, part, prepared
@@ -13,15 +13,22 @@ from core.hooks import hookimpl
 from core.interfaces import Task
 from core.plugins import KINDS, PROVIDED, installed
 from tests.core.plugins.offering import Engine, Offering
+from tests.panda import PANDA
 
 ROOT = Path(__file__).parents[3]
 BUILT_IN = sorted(installed().offers)
+ROBOTS = {"panda": lambda: PANDA}
 
 
 @pytest.mark.parametrize(("kind", "name"), BUILT_IN)
 def test_the_configs_are_the_factories_own_defaults(kind, name):
     parameters = inspect.signature(installed().factory(kind, name)).parameters
     defaults = {key: p.default for key, p in parameters.items() if key not in PROVIDED.get(kind, ())}
+    if kind == "robot":  # the defaults are its config: it needs no file
+        signature = {key: MISSING if value is inspect.Parameter.empty else value for key, value in defaults.items()}
+        composed = OmegaConf.to_container(load("config", [f"robot={name}"]).robot)
+        assert composed == {"name": name, **signature, "base": [0.0] * 4}
+        return
     document = yaml.safe_load((ROOT / "conf" / kind / f"{name}.yaml").read_text())
     if kind == "listener":  # several at once: the name is the key
         assert document == {name: defaults}
@@ -45,7 +52,9 @@ def test_a_part_without_a_config_file_has_its_signature(found, monkeypatch):
     def listener(color: str = "red", where: Path = ROOT) -> object:
         raise NotImplementedError
 
-    found.register(Offering(simulators={"grid": Engine}, listeners={"shout": listener}), "mine", "my-package")
+    found.register(
+        Offering(simulators={"grid": Engine}, listeners={"shout": listener}, robots=ROBOTS), "mine", "my-package"
+    )
     found.register(Offering(executors={"gone": "no_such_module:Executor"}), "other", "other-package")
     monkeypatch.setattr(sources, "installed", lambda: found)
     cfg = load(
@@ -81,7 +90,7 @@ def brought(found, monkeypatch, tmp_path):
         def config_path(self):
             return "pkg://brought.conf"
 
-    found.register(Brings(tasks={"Hinted": make, "Far": Task}), "mine", "my-package")
+    found.register(Brings(tasks={"Hinted": make, "Far": Task}, robots=ROBOTS), "mine", "my-package")
     monkeypatch.setattr(sources, "installed", lambda: found)
     return found
 
@@ -118,7 +127,7 @@ def test_settings_of_a_listener_that_its_config_file_does_not_list(found, monkey
     def summary(top: int = 3, color: str = "red") -> object:
         raise NotImplementedError
 
-    found.register(Offering(listeners={"summary": summary}), "mine", "my-package")
+    found.register(Offering(listeners={"summary": summary}, robots=ROBOTS), "mine", "my-package")
     monkeypatch.setattr(sources, "installed", lambda: found)
     assert load("config", ["listener=[summary]", "listener.summary.color=blue"]).listener == {
         "summary": {"top": 3, "color": "blue"}

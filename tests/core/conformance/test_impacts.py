@@ -9,16 +9,17 @@ from core.conformance.worlds import Bodies
 from core.interfaces import Simulator
 from core.plugins import installed
 from tests.engines import SIMULATORS, simulator
+from tests.panda import PANDA
 
 
 class Otherwise(Simulator):
-    """Simulates another scene than the one it is given."""
+    """Simulates another scene or robot than the one it is given."""
 
-    def __init__(self, engine, change):
-        self.engine, self.change = simulator(engine), change
+    def __init__(self, engine, change=lambda body: body, robot=PANDA):
+        self.engine, self.change, self.robot = simulator(engine), change, robot
 
     def rollout(self, task, jobs):
-        return self.engine.rollout(Bodies(*map(self.change, task.scene(0).bodies)), jobs)
+        return self.engine.rollout(Bodies(*map(self.change, task.scene(0).bodies), robot=self.robot), jobs)
 
     def render(self, task, views):
         raise NotImplementedError
@@ -58,21 +59,9 @@ def test_friction_that_stops_slip_too_slowly_is_found():
             check(sluggish)
 
 
-@pytest.mark.parametrize(
-    ("engine", "place"),
-    [
-        ("pybullet", "plugins.simulators.pybullet.world.MOTOR_INERTIA"),
-        ("sapien", "plugins.simulators.sapien.robot.MOTOR_INERTIA"),
-        ("mujoco", "plugins.simulators.mujoco.robot.MOTOR_INERTIA"),
-    ],
-)
-def test_a_wrist_without_its_motors_inertia_is_found(engine, place, monkeypatch):
+@pytest.mark.parametrize("engine", SIMULATORS)
+def test_a_wrist_without_its_motors_inertia_is_found(engine):
     """As it was in PyBullet and SAPIEN: a light stick's blow had hardly anything behind it but the motor's torque."""
-    simulator(engine)
-    monkeypatch.setattr(place, (1e-3,) * 7)
-    if engine == "pybullet":
-        from plugins.simulators.pybullet.world import driven_links
-
-        monkeypatch.setattr("plugins.simulators.pybullet.world.driven_links", driven_links.__wrapped__)
+    light = replace(PANDA, motor_inertia=(1e-3,) * 7)
     with pytest.raises(AssertionError, match=r"ms after a blow of the wrist at .* a puck of .* has"):
-        impacts.check_blow_of_the_wrist_has_its_motor_behind_it(installed().create("sim", engine))
+        impacts.check_blow_of_the_wrist_has_its_motor_behind_it(Otherwise(engine, robot=light))

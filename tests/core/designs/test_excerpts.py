@@ -9,7 +9,7 @@ from core.interfaces import Task
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.scene import Body
-from tests.core.designs.test_composer import PushCube
+from tests.faults import Slide
 
 
 def test_a_class_keeps_its_docstring_and_the_members_that_are_asked_for():
@@ -46,7 +46,7 @@ def test_helpers_are_those_of_the_tasks_own_package():
     assert "Lengths are outer ones" in shown
     assert "def table(" not in shown  # the table of the layout has its numbers
     assert "return" not in shown
-    assert helpers(PushCube()) == ""
+    assert helpers(Slide()) == ""
 
 
 SHAPES = '''

@@ -16,6 +16,7 @@ from core.interfaces import VLM, Budget, Observation, Picture, Reply, Text
 from core.plugins import event_hub, installed
 from core.search.designer import ModelDesigner
 from tasks.bring_cube import BringCube
+from tests.panda import on_panda
 
 ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
 PLAN = [[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]]
@@ -50,7 +51,7 @@ def good(request):
 
 def designer(vlm, budget=None, kinds=("rigid",), seed=3, events=None, temperature=1.0, prompt=None, show=None):
     return ModelDesigner(
-        BringCube(),
+        on_panda(BringCube()),
         vlm,
         URDF,
         PromptComposer(prompt),

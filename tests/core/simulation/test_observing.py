@@ -18,6 +18,7 @@ from core.scene import Body, Goal, Scene, table
 from core.simulation.rollout import evaluate_batch
 from tasks.bring_cube import BringCube
 from tests.engines import simulator
+from tests.panda import PANDA, on_panda
 
 FAILURES = Path(__file__).parents[2] / "failures"  # the names of the strategies say how they fail
 SOLUTIONS = Path(__file__).parents[2] / "tasks" / "solutions"
@@ -104,6 +105,7 @@ def test_the_worst_miss_names_its_waypoint_and_stuck_its_obstacle():
 
 
 class Mistaken(BringCube):
+    robot = PANDA
     """Its goal names a body that can't move, and one that is not there."""
 
     goals = (Goal(("table", "dog"), away=0.1),)
@@ -117,6 +119,7 @@ def test_a_goal_of_other_bodies_leaves_all_free_ones():
 
 
 class Bare(BringCube):
+    robot = PANDA
     """No body can move, and one is solid at most."""
 
     solid = True
@@ -155,7 +158,7 @@ def test_states_that_are_not_finite_are_not_observed(monkeypatch):
 
     monkeypatch.setattr(engine, "rollout", diverging)
     settings = RolloutSettings(observe=True, penetration="ignore")
-    (evaluation,) = evaluate_batch(BringCube(), engine, [candidate], 0, settings)
+    (evaluation,) = evaluate_batch(on_panda(BringCube()), engine, [candidate], 0, settings)
     assert (evaluation.status, evaluation.details) == ("ok", {})
 
 

@@ -238,6 +238,7 @@ def test_an_explosion_is_reported(velocity, why):
 
 
 class Fenced(Task):
+    robot = PANDA
     name = "Fenced"
     description = "A ball before a wall."
     goals = (Goal(("ball",), place=(0.8, None, None)),)
@@ -311,6 +312,7 @@ def test_a_wrong_choice_is_refused():
 
 
 class Hurried(Task):
+    robot = PANDA
     """A heavy ball that flies at a thin wall, faster than a coarse time step can resolve."""
 
     name = "Hurried"
