@@ -5,8 +5,7 @@ import numpy as np
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT
 from core.geometry import Pose
 from core.interfaces import Simulator
-from core.robot.description import FINGER_OPEN
-from core.robot.kinematics import arm as panda
+from core.robot.kinematics import arm_of
 from core.scene import State
 from core.simulation.playback import play
 
@@ -40,18 +39,18 @@ class ToySimulator(Simulator):
         state = task.scene(seed).state() if state is None else state
         for position in state.positions:
             dot(position, self.radius, (200, 40, 40))
-        joints = panda().home_for(task.home) if arm is None else arm
-        opening = FINGER_OPEN if fingers is None else float(np.mean(fingers))
-        for pose, box in boxes(tool, joints, opening) if tool else ():
+        joints = arm_of(task.robot).home_for(task.home) if arm is None else arm
+        opening = task.robot.opening_m if fingers is None else float(np.mean(fingers))
+        for pose, box in boxes(task.robot, tool, joints, opening) if tool else ():
             for corner in np.linspace(-0.5, 0.5, 20)[:, None] * box.size:
                 dot(pose.apply(corner), 0.015, (40, 80, 200))
-        dot(panda().forward(joints).position, 0.02, (30, 30, 30))
+        dot(arm_of(task.robot).forward(joints).position, 0.02, (30, 30, 30))
         return picture
 
 
-def boxes(tool, joints, opening):
+def boxes(robot, tool, joints, opening):
     """Yield pose in the world and shape of each of the tool's boxes."""
-    hand = panda().forward(joints)
+    hand = arm_of(robot).forward(joints)
     left, right = (Pose(np.array([0.0, side * opening, -0.045])) for side in (1, -1))  # roughly where fingers are
     mounts = {RIGID_MOUNT: hand, **dict(zip(GRIPPER_MOUNTS, (hand @ left, hand @ right), strict=True))}
     placed = tool.placed()
@@ -66,16 +65,16 @@ class ToyWorld:
     def __init__(self, task, tool, seed, time_step, radius):
         self.time_step = time_step
         self._radius = radius
-        self._tool = tool
+        self._robot, self._tool = task.robot, tool
         self._start = task.scene(seed).state()
         self._positions = self._start.positions.copy()
         self._velocities = np.zeros_like(self._positions)
-        self._joints, self._fingers = panda().home_for(task.home), FINGER_OPEN
+        self._joints, self._fingers = arm_of(task.robot).home_for(task.home), task.robot.opening_m
 
     def step(self, arm, fingers, speeds, finger_speed):
-        before = list(boxes(self._tool, self._joints, self._fingers))
+        before = list(boxes(self._robot, self._tool, self._joints, self._fingers))
         self._joints, self._fingers = np.array(arm), float(fingers)
-        after = list(boxes(self._tool, self._joints, self._fingers))
+        after = list(boxes(self._robot, self._tool, self._joints, self._fingers))
         moved = np.zeros_like(self._positions)
         for (old, box), (new, _) in zip(before, after, strict=True):
             for i, position in enumerate(self._positions):
@@ -87,7 +86,8 @@ class ToyWorld:
         self._velocities = moved / self.time_step
 
     def joints(self):
-        return self._joints, np.full(2, self._fingers) if self._tool.gripper else np.zeros(2)
+        count = len(self._robot.finger_joints)
+        return self._joints, np.full(count, self._fingers if self._tool.gripper else 0.0)
 
     def state(self):
         start = self._start

@@ -40,7 +40,7 @@ def call(folder, *words):
     )
 
 
-def summary(capsys, *rewards, replies=(), name="hook", **settings):
+def summary(capsys, *rewards, replies=(), name="hook", robot=None, **settings):
     """What is printed of a run with these rewards by generation."""
     events = event_hub()
     events.register(installed().create("listener", "summary", settings))
@@ -55,7 +55,9 @@ def summary(capsys, *rewards, replies=(), name="hook", **settings):
             evaluations.append(good if reward is not None else Evaluation(candidate, "rejected", reason="heavy"))
         generations.append(Generation(index, tuple(evaluations)))
     parts = {"task": "BringCube", "sim": "pybullet", "tool": "urdf"}
-    run = Run(Path("runs/it's here/x=1"), {"listener": {"rerun": {}}}, parts, "m", None, None, None, 3, None, None)
+    config = {"listener": {"rerun": {}}, "robot": robot or {}}
+    task = installed().create("task", "BringCube")
+    run = Run(Path("runs/it's here/x=1"), config, parts, "m", task, None, None, 3, None, None)
     events.hook.run_finished(run=run, result=Result(tuple(generations), 1.0))
     return capsys.readouterr().err
 
@@ -119,6 +121,19 @@ def test_commands_are_quoted(capsys):
             f'designs="{folder}/best/design.json"',
         ],
     ]
+
+
+@pytest.mark.parametrize(
+    ("robot", "words"),
+    [
+        ({"name": "panda", "base": [0.0] * 4}, []),
+        ({"name": "panda", "base": [0.1, 0.0, 0.0, 1.5]}, ["robot.base=[0.1,0.0,0.0,1.5]"]),
+        ({"name": "ur5", "base": [0.0] * 4}, ["robot=ur5"]),
+    ],
+)
+def test_the_command_names_another_robot_or_place(capsys, robot, words):
+    line = summary(capsys, [0.5], robot=robot).splitlines()[-1]
+    assert [word for word in shlex.split(line) if word.startswith("robot")] == words
 
 
 @pytest.fixture(scope="module")
