@@ -55,7 +55,7 @@ def main() -> None:
 
 
 def named(names: Sequence[str]) -> list[str]:
-    """Return the named robots; all if ``names`` is empty.
+    """Return the named robots; if ``names`` is empty all but those of one's own URDF, which need settings.
 
     Raises:
         UsageError: no robot has such a name.
@@ -64,7 +64,7 @@ def named(names: Sequence[str]) -> list[str]:
     for name in names:
         if name not in there:
             raise choices("robot", name, there)
-    return list(names) or there
+    return list(names) or [name for name in there if name != "urdf"]
 
 
 def best(task: str, robot: str, sim: str, given: Settings) -> dict[str, Any]:
