@@ -319,17 +319,20 @@ def _body_solids(scene: Scene) -> tuple[dict[int, Track], _Solids, list[int]]:
     global _last
     if _last is not None and _last[0] is scene:
         return _last[1]
-    fixed, free, numbers = {}, [], []
-    names = [body.name for body in scene.free]
+    names, numbers = [body.name for body in scene.free], list[int]()
+    fixed, free, places = dict[int, _Solid](), list[_Solid](), list[Pose]()
     parts = [(body, part) for body in scene.bodies for part in body.collisions]
     for number, (body, part) in enumerate(parts):
-        frame = 0 if body.fixed else names.index(body.name)
+        frame = len(fixed) if body.fixed else names.index(body.name)
         solid = (body.name, body.name, part.shape, _geometry(part.shape), frame, part.pose)
         if body.fixed:
-            at = body.pose.rotation.as_matrix()[None, None], body.pose.position[None, None]
-            (fixed[number],) = _Solids.of([solid]).tracks(*at, None, 0.0)
+            fixed[number] = solid
+            places.append(body.pose)
         else:
             free.append(solid)
             numbers.append(number)
-    _last = scene, (fixed, _Solids.of(free), numbers)
+    rotations = np.array([pose.rotation.as_matrix() for pose in places]).reshape(-1, 1, 3, 3)
+    positions = np.array([pose.position for pose in places]).reshape(-1, 1, 3)
+    tracks = _Solids.of(list(fixed.values())).tracks(rotations, positions, None, 0.0)
+    _last = scene, (dict(zip(fixed, tracks, strict=True)), _Solids.of(free), numbers)
     return _last[1]
