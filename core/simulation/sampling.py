@@ -88,6 +88,9 @@ def _aside(values: Array, samples: Indices) -> Array:
     before = np.repeat(np.arange(len(samples) - 1), np.diff(samples))
     share = ((at[:-1] - samples[before]) / np.diff(samples)[before])[:, None]
     known = values[samples]
-    line = known[before] + np.diff(known, axis=0)[before] * share
-    aside = np.maximum.reduceat(np.abs(values[:-1] - line), samples[:-1], axis=0)
+    away = np.diff(known, axis=0)[before]
+    away *= share  # in place: recordings with many bodies are large
+    away += known[before]
+    away -= values[:-1]
+    aside = np.maximum.reduceat(np.abs(away, out=away), samples[:-1], axis=0)
     return np.append(aside, np.zeros((1, values.shape[1])), axis=0)
