@@ -6,11 +6,8 @@ way out is downward, and no longer than the sheet is thick. Covered by `tests/co
 
 from __future__ import annotations
 
-import coal
-import numpy as np
-
-from core.geometry import Array, Mesh
-from core.simulation.gaps import reach
+from core.geometry import Array
+from core.simulation.gaps import spans
 from core.simulation.tracks import ROBOT, Track
 
 CUT_M = (0.001, 0.003)  # so much farther in than the least way out: twice the thickness, within these limits
@@ -59,15 +56,10 @@ class Side:
         apart = at.getTranslation() - others_at.getTranslation()
         depths = []
         for direction in (rotation @ self._own, others_rotation @ self._others):
-            extents = _reach(one, -(direction @ rotation)) + _reach(other, direction @ others_rotation)
-            depths.append(extents - float(apart @ direction))
+            far = _extent(one, -(direction @ rotation)) + _extent(other, direction @ others_rotation)
+            depths.append(far - float(apart @ direction))
         return min(depths)
 
 
-def _reach(track: Track, direction: Array) -> float:
-    """How far a solid extends from its frame's origin in a direction (3,) of its frame, metres."""
-    if track.shape is not None and not isinstance(track.shape, Mesh):
-        return float(reach(track.shape, direction[None, :, None])[0, 0])
-    if isinstance(track.geometry, coal.Box):  # of a link: the gripper's fingers have some
-        return float(np.abs(direction) @ track.geometry.halfSide)
-    return float((np.asarray(track.geometry.points()) @ direction).max())
+def _extent(track: Track, direction: Array) -> float:
+    return float(spans(track, direction[None, :, None])[1][0, 0])

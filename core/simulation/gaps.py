@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import coal
 import numpy as np
 import numpy.typing as npt
 
@@ -15,8 +16,10 @@ from core.geometry import Array, Box, Cylinder, Shape, Sphere
 from core.simulation.tracks import Track, angles, lengths
 
 Flags = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
 
 ROUNDING_M = 1e-9  # in comparisons of lengths
+_EYE = np.eye(3)
 
 
 def neighbours(robot: Sequence[Track], bodies: Sequence[Track], margin: float = 0.0) -> list[tuple[Track, Track]]:
@@ -57,6 +60,7 @@ def may_meet(
         for name in ("rotations", "positions", "middles", "aside")
     )
     halves, reaches = np.array([track.box for track in tracks]), np.array([track.reach for track in tracks])
+    radii = np.array([track.box[0] if isinstance(track.shape, Sphere) else np.inf for track in tracks])
     both = np.array([[number[id(track)] for track in pair] for pair in pairs])
 
     # Solids are no deeper in each other than their boxes along any axis.
@@ -79,7 +83,9 @@ def may_meet(
     ends[pair, instant] = np.arange(len(pair))
     i, j = both[pair].T
     k, m = first[i] + moves[i] * instant, first[j] + moves[j] * instant
-    seen, mine = _along_axes(rotations[k], rotations[m], middles[k] - middles[m], halves[i], halves[j])
+    seen, mine = _along_axes(
+        rotations[k], rotations[m], middles[k] - middles[m], halves[i], halves[j], radii[i], radii[j]
+    )
     begin, end = ends[met, at], ends[met, at + 1]
     turn, others_turn = angles(rotations[a], rotations[after]), angles(rotations[b], rotations[others_after])
     apart = positions[a] - positions[b]
@@ -94,18 +100,64 @@ def may_meet(
     return kept
 
 
+def may_meet_closely(one: Track, other: Track, near: Indices, least: float) -> Indices:
+    """Return those samples of ``near`` from which on two solids may get as deep as ``least`` until the next.
+
+    As `may_meet`, which compares boxes, but by their shapes.
+    """
+    round_one, round_other = (not isinstance(track.shape, Box | Sphere) for track in (one, other))
+    if not (round_one or round_other):
+        return near
+    at = np.union1d(near, near + 1)
+    (rotations, positions), (others_rotations, others_positions) = _frames(one, at), _frames(other, at)
+    apart, axes = positions - others_positions, others_rotations.swapaxes(1, 2) @ rotations
+    gaps = np.full((2, len(near)), -np.inf)
+    begin, end = np.searchsorted(at, near), np.searchsorted(at, near + 1)
+    if round_one:
+        along = _along(other, one, axes, (apart[:, None] @ others_rotations)[:, 0])
+        gaps[0] = np.minimum(along[begin], along[end]).max(axis=1)
+    if round_other:
+        along = _along(one, other, axes.swapaxes(1, 2), -(apart[:, None] @ rotations)[:, 0])
+        gaps[1] = np.minimum(along[begin], along[end]).max(axis=1)
+    turn, others_turn = one.steps[1][near], other.steps[1][near] if len(other.positions) > 1 else np.zeros(1)
+    moved = lengths(apart[end] - apart[begin])
+    far = lengths(apart[begin]) + moved
+    gaps[0] -= _curved(far, moved, turn, others_turn, one.reach)
+    gaps[1] -= _curved(far, moved, others_turn, turn, other.reach)
+    aside = one.aside[near] + (other.aside[near] if len(other.aside) > 1 else other.aside)
+    kept: Indices = near[gaps.max(axis=0) - aside <= ROUNDING_M - least]
+    return kept
+
+
+def _along(track: Track, other: Track, turned: Array, ahead: Array) -> Array:
+    """The gaps (N, 6) along the axes of ``track``, either way; rotations and positions of the other in its frame."""
+    (low, high), (others_low, others_high) = spans(track, _EYE[None]), spans(other, turned.swapaxes(1, 2))
+    return np.concatenate([ahead + others_low - high, low - ahead - others_high], axis=1)
+
+
 def _along_axes(
-    rotations: Array, others_rotations: Array, apart: Array, halves: Array, others_halves: Array
+    rotations: Array,
+    others_rotations: Array,
+    apart: Array,
+    halves: Array,
+    others_halves: Array,
+    radii: Array,
+    others_radii: Array,
 ) -> tuple[Array, Array]:
-    """The gaps (N, 6) between two boxes along the second's axes, either way, and along the first's."""
+    """The gaps (N, 6) between two boxes along the second's axes, either way, and along the first's.
+
+    None extends farther from its middle than its radius (N,): that of a ball, infinite for others.
+    """
     widths = np.abs(others_rotations.swapaxes(1, 2) @ rotations)
-    ahead, extents = (apart[:, None] @ others_rotations)[:, 0], others_halves + (widths @ halves[:, :, None])[:, :, 0]
+    ahead, extents = (apart[:, None] @ others_rotations)[:, 0], (widths @ halves[:, :, None])[:, :, 0]
+    extents = np.minimum(extents, radii[:, None]) + others_halves
     seen = np.concatenate([ahead - extents, -ahead - extents], axis=1)
-    ahead, extents = (apart[:, None] @ rotations)[:, 0], halves + (others_halves[:, None] @ widths)[:, 0]
+    ahead, extents = (apart[:, None] @ rotations)[:, 0], (others_halves[:, None] @ widths)[:, 0]
+    extents = np.minimum(extents, others_radii[:, None]) + halves
     return seen, np.concatenate([ahead - extents, -ahead - extents], axis=1)
 
 
-def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Array) -> Array:
+def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Array | float) -> Array:
     """How far points of a solid get from a straight way in the frame of another, metres, at most.
 
     It is an eighth of the acceleration, in units of the interval.
@@ -161,6 +213,19 @@ def _unit(vectors: Array) -> tuple[Array, Array]:
     """Directions (N, 3) and lengths (N,)."""
     lengths = np.sqrt((vectors * vectors).sum(axis=1))
     return vectors / np.maximum(lengths, 1e-12)[:, None], lengths
+
+
+def spans(track: Track, directions: Array) -> tuple[Array, Array]:
+    """Where a solid begins and ends along K directions (N, 3, K) of its frame, from the frame's origin: (N, K) each."""
+    if isinstance(track.shape, Box | Cylinder | Sphere):
+        far = reach(track.shape, directions)
+        return -far, far
+    if isinstance(track.geometry, coal.Box):  # of a link: the gripper's fingers have some
+        far = reach(Box(tuple(2 * track.geometry.halfSide)), directions)
+        return -far, far
+    along = np.asarray(track.geometry.points()) @ directions.swapaxes(0, 1).reshape(3, -1)  # one product is fast
+    count = directions.shape[::2]
+    return along.min(axis=0).reshape(count), along.max(axis=0).reshape(count)
 
 
 def reach(shape: Shape, directions: Array) -> Array:

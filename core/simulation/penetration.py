@@ -22,7 +22,7 @@ from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.scene import Scene
 from core.simulation.entry import Side, cut, skin, thickness
-from core.simulation.gaps import gap_bounds, may_meet, neighbours
+from core.simulation.gaps import gap_bounds, may_meet, may_meet_closely, neighbours
 from core.simulation.sampling import Indices, coarse_samples, detours, is_finite, refined_samples, subset
 from core.simulation.tracks import Track, angles, body_tracks, lengths, robot_tracks
 
@@ -38,6 +38,7 @@ EXPLODED_M_S = 100.0
 
 _FROM_AFAR_M = 0.02  # from this distance on, the first query finds the two apart: the side they came from is known
 _STILL_M = 1e-4  # a pair is looked at again when one of them has moved so far
+_COAL_M = 1e-6  # depths that differ by less are equal: the tolerance of Coal's iterations
 _REQUEST = coal.DistanceRequest()
 _GRAVITY = 9.81
 
@@ -91,9 +92,10 @@ def _closer(
 ) -> tuple[Array, list[_Meeting]]:
     """Look at meetings again, with more samples where solids move by more than they are thick; return their times."""
     wanted = np.ones(len(samples) - 1)
-    for one, other, near, travel in meetings:
-        way = np.diff(travel) + 2 * (one.aside + other.aside)[:-1]  # there and back
-        wanted[near] = np.maximum(wanted[near], way[near] / thickness(one, other))
+    for one, other, near in meetings:
+        aside = one.aside[near] + (other.aside[near] if len(other.aside) > 1 else other.aside)
+        ways = _ways(one, other, near) + 2 * aside  # there and back
+        wanted[near] = np.maximum(wanted[near], ways / thickness(one, other))
     more = refined_samples(samples, wanted)
     closer = subset(recording, more)
     if len(more) == len(samples):
@@ -115,8 +117,8 @@ def _closer(
 
 def _passages(meetings: Iterable[_Meeting], times: Array) -> list[Finding]:
     found: dict[tuple[str, str], tuple[float, str]] = {}
-    for one, other, near, travel in meetings:
-        passage = _passage(one, other, near, travel, times)
+    for one, other, near in meetings:
+        passage = _passage(one, other, near, times)
         if passage is not None:
             names = one.name, other.name
             found[names] = min(found.get(names, passage), passage)
@@ -126,14 +128,12 @@ def _passages(meetings: Iterable[_Meeting], times: Array) -> list[Finding]:
 class _Meeting(NamedTuple):
     """Two solids that may get as deep in each other as counts; at least one of them is in motion.
 
-    ``near`` are the samples, rising, from which on they may, until the next. ``travel`` (T,) is that of the first in
-    the frame of the second (see `Track.travel`); where they can't be near it is an upper bound.
+    ``near`` are the samples, rising, from which on they may, until the next.
     """
 
     one: Track
     other: Track
     near: Indices
-    travel: Array
 
 
 def _meetings(pairs: Sequence[tuple[Track, Track]], within: npt.NDArray[np.bool_]) -> list[_Meeting]:
@@ -141,40 +141,45 @@ def _meetings(pairs: Sequence[tuple[Track, Track]], within: npt.NDArray[np.bool_
         return []
     least = np.array([min(*_limits(one, other), skin(one, other)) for one, other in pairs])
     kept = may_meet(pairs, least, within)
-    return [
-        _Meeting(one, other, near, _travel(one, other, near))
-        for (one, other), near in (
-            (pairs[i], np.flatnonzero(kept[i])) for i in np.flatnonzero(kept.any(axis=1)).tolist()
-        )
-    ]
+    return [_Meeting(*pairs[i], np.flatnonzero(kept[i])) for i in np.flatnonzero(kept.any(axis=1)).tolist()]
 
 
 def _moving(pairs: Sequence[tuple[Track, Track]]) -> npt.NDArray[np.bool_]:
     """Mark the intervals (P, T - 1) in which a pair may have moved since the last marked one; the first is marked."""
-    tracks = [
-        track for track in {id(track): track for pair in pairs for track in pair}.values() if len(track.aside) > 1
-    ]
-    count = len(tracks[0].aside) - 1
-    moves = {track: np.zeros(count, dtype=bool) for pair in pairs for track in pair}
-    for track in tracks:
-        moves[track] = (np.diff(track.travel // _STILL_M) > 0) | (track.aside[:-1] > _STILL_M / 2)
-    marked = np.array([moves[one] | moves[other] for one, other in pairs])
+    tracks = list({id(track): track for pair in pairs for track in pair}.values())
+    number = {id(track): i for i, track in enumerate(tracks)}
+    moves = np.zeros((len(tracks), max(len(track.aside) for track in tracks) - 1), dtype=bool)
+    for moving, track in zip(moves, tracks, strict=True):
+        if len(track.aside) > 1:
+            moving[:] = (np.diff(track.travel // _STILL_M) > 0) | (track.aside[:-1] > _STILL_M / 2)
+    one, other = np.array([[number[id(track)] for track in pair] for pair in pairs]).T
+    marked: npt.NDArray[np.bool_] = moves[one] | moves[other]
     marked[:, 0] = True
     return marked
 
 
-def _travel(one: Track, other: Track, near: Indices) -> Array:
-    """See `_Meeting.travel`."""
+def _ways(one: Track, other: Track, near: Indices) -> Array:
+    """How far any point of the first moves in the frame of the second from samples ``near`` to the next, (N,)."""
     if len(other.positions) == 1:
-        return one.travel
-    (moved, turned), (others_moved, others_turned) = one.steps, other.steps
+        return one.travel[near + 1] - one.travel[near]
     apart = one.positions - other.positions
-    steps = moved + one.reach * turned + others_moved
-    steps += (lengths(apart[:-1]) + moved + others_moved + one.reach) * others_turned
     back, after = other.rotations[near].swapaxes(1, 2), other.rotations[near + 1].swapaxes(1, 2)
     shift = (after @ apart[near + 1][..., None] - back @ apart[near][..., None])[..., 0]
     turn = angles(back @ one.rotations[near], after @ one.rotations[near + 1])
-    steps[near] = lengths(shift) + one.reach * turn
+    return lengths(shift) + one.reach * turn
+
+
+def _travel(one: Track, other: Track, near: Indices, ways: Array) -> Array:
+    """How far the first has moved in the frame of the second (see `Track.travel`): (T,).
+
+    Where they can't be ``near`` each other it is an upper bound.
+    """
+    if len(other.positions) == 1:
+        return one.travel
+    (moved, turned), (others_moved, others_turned) = one.steps, other.steps
+    steps = moved + one.reach * turned + others_moved
+    steps += (lengths((one.positions - other.positions)[:-1]) + moved + others_moved + one.reach) * others_turned
+    steps[near] = ways
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
@@ -185,17 +190,19 @@ def _limits(one: Track, other: Track) -> tuple[float, float]:
     return min(DEEP_M, max(pressed, min(THIN_M, 0.9 * across))), THROUGH * across
 
 
-def _passage(one: Track, other: Track, near: Indices, travel: Array, times: Array) -> tuple[float, str] | None:
+def _passage(one: Track, other: Track, near: Indices, times: Array) -> tuple[float, str] | None:
     """The time when one got into the other, seconds, and a description; None if it never did."""
     deep, through = _limits(one, other)
     limit, touching = min(deep, through), skin(one, other)
     least, far_in = min(limit, touching), cut(one, other)
     step = max(min(limit / 4, far_in), min(limit, thickness(one, other)) / 2)
-    near = _deep(one, other, near, travel, least)
-    if not len(near):
+    ways = _ways(one, other, near)
+    deep_ones = _deep(one, other, near, ways, least)
+    if not len(deep_ones):
         return None
+    travel = _travel(one, other, near, ways)
     distance = coal.ComputeDistance(other.geometry, one.geometry)
-    samples, gone, instants = near.tolist(), travel.tolist(), times.tolist()  # faster one by one
+    samples, gone, instants = deep_ones.tolist(), travel.tolist(), times.tolist()  # faster one by one
     last = len(gone) - 1
     # The direction out of ``other`` when they last only touched, if ever; before that nothing counts.
     entry: Array | None = None
@@ -248,18 +255,17 @@ def _passage(one: Track, other: Track, near: Indices, travel: Array, times: Arra
         share = (ahead - gone[k]) / (gone[k + 1] - gone[k])
 
 
-def _deep(one: Track, other: Track, near: Indices, travel: Array, least: float) -> Indices:
+def _deep(one: Track, other: Track, near: Indices, ways: Array, least: float) -> Indices:
     """Those of the samples ``near`` from which on, until the next, two solids may get as deep as ``least``.
 
-    From one sample to the next, a gap can't shrink and grow again by more than the travel allows.
+    From one sample to the next, a gap can't shrink and grow again by more than the way between.
     """
-    after = np.minimum(near + 1, len(travel) - 1)
-    at = np.union1d(near, after)
+    least -= _COAL_M
+    at = np.union1d(near, near + 1)
     gaps = gap_bounds(one, other, at)
-    if gaps is None:
-        return near
-    before, behind = gaps[np.searchsorted(at, near)], gaps[np.searchsorted(at, after)]
-    return near[(before + behind - travel[after] + travel[near]) / 2 <= -least]
+    if gaps is not None:
+        near = near[(gaps[np.searchsorted(at, near)] + gaps[np.searchsorted(at, near + 1)] - ways) / 2 <= -least]
+    return may_meet_closely(one, other, near, least) if len(near) else near
 
 
 def _query(distance: Any, one: Track, other: Track, k: int, share: float) -> tuple[float, Array, Array, Array]:

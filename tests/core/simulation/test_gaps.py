@@ -3,16 +3,18 @@
 import coal
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.scene import Scene
-from core.simulation.gaps import gap_bounds, may_meet
+from core.simulation.gaps import gap_bounds, may_meet, may_meet_closely
 from core.simulation.tracks import body_tracks
 from tests.core.simulation.test_penetration import body, recording
 
+HULL = Mesh.from_trimesh(trimesh.creation.icosphere(subdivisions=1, radius=0.05).apply_scale([2.0, 1.0, 0.5]))
 SHAPES = [Box((0.1, 0.02, 0.3)), Box((0.2, 0.2, 0.001)), Sphere(0.05), Cylinder(0.05, 0.1), Cylinder(0.1, 0.01)]
 
 
@@ -60,7 +62,7 @@ def test_hulls_have_none():
     assert gap_bounds(a, b, np.arange(1)) is None
 
 
-@given(one=st.sampled_from(SHAPES), other=st.sampled_from(SHAPES), seed=st.integers(0, 2**32 - 1))
+@given(one=st.sampled_from([*SHAPES, HULL]), other=st.sampled_from([*SHAPES, HULL]), seed=st.integers(0, 2**32 - 1))
 def test_solids_do_not_meet_where_they_may_not(one, other, seed):
     """At ten instants between samples, of motions of some 5 cm and 30 degrees from one to the next."""
     random = np.random.default_rng(seed)
@@ -76,6 +78,9 @@ def test_solids_do_not_meet_where_they_may_not(one, other, seed):
         turns[name] = Rotation.concatenate(turning[1:]).as_quat(scalar_first=True)
     a, b = tracks(one, other, turns, paths)
     (may,) = may_meet([(a, b)], np.array([least]), np.ones((1, count - 1), dtype=bool))
+    closely = may_meet_closely(a, b, np.flatnonzero(may), least)
+    assert set(closely) <= set(np.flatnonzero(may))
+    may = np.isin(np.arange(count - 1), closely)
     distance = coal.ComputeDistance(a.geometry, b.geometry)
     for k in np.flatnonzero(~may).tolist():
         for share in np.linspace(0.0, 1.0, 10, endpoint=False).tolist():
@@ -96,3 +101,25 @@ def test_what_slides_along_a_surface_does_not_come_nearer():
     )
     assert not may_meet([(a, b)], np.array([0.001]), np.ones((1, 7), dtype=bool)).any()
     assert may_meet([(a, b)], np.array([0.0]), np.ones((1, 7), dtype=bool)).all()
+
+
+@pytest.mark.parametrize("shape", [Sphere(0.05), Cylinder(0.05, 0.1), HULL])
+@pytest.mark.parametrize(("above", "met"), [(0.001, False), (-0.001, True)])
+def test_the_shape_tells_what_the_box_around_it_does_not(shape, above, met):
+    """It slides along a tilted plate, a millimetre from it or in it."""
+    turn = Rotation.from_euler("xy", [0.6, 0.6])
+    plate, turns = Box((0.5, 0.5, 0.02)), {"other": np.tile(turn.as_quat(scalar_first=True), (4, 1))}
+    out, ahead = turn.apply([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+
+    def slide(height):
+        path = height * out + np.linspace(0.0, 0.01, 4)[:, None] * ahead
+        return tracks(shape, plate, turns, {"one": path, "other": np.zeros((4, 3))})
+
+    a, b = slide(1.0)
+    gap = coal.ComputeDistance(a.geometry, b.geometry)(
+        a.at(0, 0.0)[0], b.at(0, 0.0)[0], coal.DistanceRequest(), coal.DistanceResult()
+    )
+    a, b = slide(1.0 - gap + above)
+    (may,) = may_meet([(a, b)], np.zeros(1), np.ones((1, 3), dtype=bool))
+    assert may.tolist() == [met or not isinstance(shape, Sphere)] * 3
+    assert may_meet_closely(a, b, np.flatnonzero(may), 0.0).tolist() == ([0, 1, 2] if met else [])
