@@ -30,6 +30,7 @@ from core.events import INTERRUPTED, Result, Run
 from core.interfaces import Budget, Executor, RolloutSettings, Simulator
 from core.plugins import event_hub, installed
 from core.plugins.blame import describe_failure
+from core.robot.kinematics import arm_of
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
 from core.search.listeners import add_listener
@@ -57,6 +58,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     check_seed(cfg.seed)
     chosen, sim_part = task_part(cfg), part("sim", cfg.sim)
     task, simulator = chosen.create(), sim_part.create()
+    arm_of(task.robot).home_for(task.home)  # an arm that can't start is reported once, before it is drawn
     vlm = part("vlm", cfg.vlm).create()
     representation = part("tool", cfg.tool).create()
     given = representation.given(task)
