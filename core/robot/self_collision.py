@@ -145,17 +145,16 @@ def _part(name: str, joint: int, geometry: Any, pose: Pose) -> _Part:
     """Measure a solid. Its capsule's axis is the longest one of its bounding box."""
     geometry.computeLocalAABB()
     low, high = geometry.aabb_local.min_, geometry.aabb_local.max_
-    middle, half = (low + high) / 2, (high - low) / 2
+    middle, longest = (low + high) / 2, int((high - low).argmax())
     points = corners(geometry)
-    longest = int(half.argmax())
-    radius = float(np.linalg.norm(np.delete(points - middle, longest, axis=1), axis=1).max())
-    axis = np.eye(3)[longest]
-    along = np.abs((points - middle) @ axis)
-    off = np.linalg.norm(points - middle - np.outer((points - middle) @ axis, axis), axis=1)
-    inner = max(0.0, float((along - np.sqrt(np.maximum(radius**2 - off**2, 0.0))).max()))  # caps cover the rest
-    rotation = pose.rotation.as_matrix()
-    ends = np.array([pose.apply(middle - inner * axis), pose.apply(middle + inner * axis)])
-    return _Part(name, joint, geometry, rotation, pose.position, ends, radius, pose.apply(points))
+    across = points - middle
+    along, across[:, longest] = np.abs(across[:, longest]), 0.0
+    off = np.sqrt((across * across).sum(axis=1))
+    radius = float(off.max())
+    inner = max(0.0, float((along - np.sqrt(radius**2 - off**2)).max()))  # caps cover the rest
+    rotation, tip = pose.rotation.as_matrix(), inner * np.eye(3)[longest]
+    ends, points = (part @ rotation.T + pose.position for part in (np.array([middle - tip, middle + tip]), points))
+    return _Part(name, joint, geometry, rotation, pose.position, ends, radius, points)
 
 
 @lru_cache(maxsize=8)
@@ -211,14 +210,21 @@ def _levers(robot: RobotModel, part: _Part, opening_m: float) -> Array:
     levers = np.zeros(robot.model.njoints - 1)
     joint, reach = part.joint, float(np.linalg.norm(part.points, axis=1).max())
     while joint:
-        about, along = robot.axes[joint]
+        slides, apart = _joint(robot, joint, opening_m)
         lever = reach
         if joint == part.joint:  # from the axis, not from the origin
-            lever = float(np.linalg.norm(np.cross(about, part.points), axis=1).max())
-        levers[joint - 1] = 1.0 if along.any() else lever
-        reach += float(np.linalg.norm(robot.model.jointPlacements[joint].translation)) + along.any() * opening_m
+            lever = float(np.linalg.norm(np.cross(robot.axes[joint][0], part.points), axis=1).max())
+        levers[joint - 1] = 1.0 if slides else lever
+        reach += apart
         joint = robot.parents[joint]
     return levers
+
+
+@lru_cache(maxsize=64)
+def _joint(robot: RobotModel, joint: int, opening_m: float) -> tuple[bool, float]:
+    """Whether a joint slides, and how far its frame is from that of the joint before it at most, metres."""
+    slides = bool(robot.axes[joint][1].any())
+    return slides, float(np.linalg.norm(robot.model.jointPlacements[joint].translation)) + slides * opening_m
 
 
 class _Gauge:
