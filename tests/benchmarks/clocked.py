@@ -39,9 +39,10 @@ PLAYED = ("pybullet", "sapien")  # by `core.simulation.playback.play`, step by s
 
 
 class Clock:
-    """Wall-clock seconds inside functions, by name. A function inside another is counted in both."""
+    """Seconds inside functions, by name; wall-clock by default. A function inside another is counted in both."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
+        self._now = now
         self.seconds: dict[str, float] = {}
         self.calls: dict[str, int] = {}
 
@@ -49,7 +50,7 @@ class Clock:
         """Replace a function by a timed one."""
         inner: Callable[..., Any] = getattr(holder, name)
         self.seconds[label], self.calls[label] = 0.0, 0
-        seconds, calls, now = self.seconds, self.calls, time.perf_counter
+        seconds, calls, now = self.seconds, self.calls, self._now
 
         def timed(*args: Any, **named: Any) -> Any:
             began = now()
