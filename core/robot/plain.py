@@ -1,4 +1,7 @@
-"""Write a description anew with what every engine reads alike: convex hulls, whole inertias, limits of all joints."""
+"""Write a description anew with what every engine reads alike: convex hulls, whole inertias, limits of all joints.
+
+Covered by `tests/core/robot/test_reading.py`.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """Read a robot's URDF that a person or a program wrote, defensively: links and joints as data.
 
 The text may be wrong in any way: it is parsed without DTD, entities and network, and every number is checked.
+Covered by `tests/core/robot/test_reading.py`.
 """
 
 from __future__ import annotations
