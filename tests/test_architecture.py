@@ -10,13 +10,18 @@ from pathlib import Path
 import pytest
 
 from core.hooks import Configs, Events, Parts
-from core.plugins import KINDS
+from core.plugins import KINDS, installed
 from docs.diagrams import FLOORS, PARTS
 
 ROOT = Path(__file__).parents[1]
 LEVEL = {name: height for height, name in enumerate(name for names in FLOORS.values() for name in names)}
 LONGEST_FILE = 400  # lines
+ROBOTS = re.compile(  # names of arms and of their makers
+    r"panda|franka|xarm|ufactory|kinova|jaco(?!bian)|unitree|universal.robots|(?<![a-z0-9])(ur\d+e?|z1|fr3)(?![a-z0-9])",
+    re.IGNORECASE,
+)
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+NAME = PROJECT["name"]
 OFFERED = set(PROJECT["entry-points"]["vlmgineer"].values())  # modules and packages, each of which is a plugin
 
 
@@ -107,6 +112,33 @@ def test_the_core_knows_no_plugin_no_engine_and_no_model():
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 assert not node.value.startswith(("plugins.", "tasks.")), f"{file} names {node.value}"
+
+
+def test_the_core_and_the_prompts_name_no_robot():
+    for folder in ("core", "prompts"):
+        files = [file for file in (ROOT / folder).rglob("*") if file.is_file() and file.suffix != ".pyc"]
+        assert len(files) > 20, folder
+        for file in files:
+            for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+                assert not ROBOTS.search(line), f"{file}:{number} names a robot: {line}"
+            assert not ROBOTS.search(file.name), file
+
+
+@pytest.mark.parametrize(
+    "line", ["panda_link7", "a `Franka`", "UR5's", "ur10e.urdf", "xArm7", "JACO 2", "z1", "fr3_"]
+)
+def test_a_robots_name_is_found(line):
+    assert ROBOTS.search(line)
+
+
+@pytest.mark.parametrize("line", ["jacobian = J(q)", "urdf", "cur5", "z10", "expand a link"])
+def test_other_words_are_no_robots_names(line):
+    assert not ROBOTS.search(line)
+
+
+def test_every_robot_that_is_offered_has_a_name_that_is_looked_for():
+    own = [offer.name for offer in installed().offers.values() if (offer.kind, offer.distribution) == ("robot", NAME)]
+    assert [name for name in own if not ROBOTS.search(name)] == ["urdf"]  # one's own, from a file
 
 
 def test_plugins_do_not_know_each_other():

@@ -45,7 +45,7 @@ import mujoco as mj
 
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.mujoco.world import Stepped, compiled
-from tests.panda import ARM, ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS
+from tests.panda import ARM, ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS, PANDA
 
 ROOT = Path(__file__).parents[3]
 
@@ -57,7 +57,7 @@ def mujoco(**settings):
 def model(*bodies, tool=BARE, time_step=0.0025, tracking_rate=50.0, slip_rate=100.0):
     scene = Bodies(*bodies).scene(0)
     inertias = {body.name: body.inertia() for body in scene.free}
-    return compiled(scene, inertias, tool, time_step, tracking_rate, slip_rate)
+    return compiled(PANDA, scene, inertias, tool, time_step, tracking_rate, slip_rate)
 
 
 # --- settings ---------------------------------------------------------------------------------------------------
@@ -301,8 +301,8 @@ def test_sparse_factors_give_the_accelerations_of_dense_ones(name):
     candidate: Candidate = read_designs(designs, installed().create("tool", "urdf"), SpawnRules(task, 0))[0]
     _, job = prepare(task, candidate, 0, RolloutSettings())
     scene = task.scene(0)
-    made = compiled(scene, {body.name: body.inertia() for body in scene.free}, job.tool, 0.0025, 50.0, 100.0)
-    world, dt = Stepped(made, scene.state().names, job.trajectory), made.opt.timestep
+    made = compiled(PANDA, scene, {body.name: body.inertia() for body in scene.free}, job.tool, 0.0025, 50.0, 100.0)
+    world, dt = Stepped(made, scene.state().names, job.trajectory, len(PANDA.finger_joints)), made.opt.timestep
     compared = 0
     for k in range(int((job.trajectory.duration + 0.2) / dt)):
         arms, fingers = job.trajectory.sample(np.array([k * dt]))

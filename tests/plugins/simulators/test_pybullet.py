@@ -11,7 +11,7 @@ from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import Body, Geom, Scene, table
-from tests.panda import FINGER_OPEN
+from tests.panda import FINGER_OPEN, PANDA
 
 pytest.importorskip("pybullet")
 
@@ -68,7 +68,6 @@ def test_motors_keep_targets_that_do_not_change(monkeypatch):
 def test_joints_have_the_inertia_of_their_motors(monkeypatch):
     """Bullet takes a joint's inertia only as a link's, so that the joints before it carry it too."""
     from plugins.simulators.pybullet.engine import pybullet as p
-    from plugins.simulators.pybullet.world import MOTOR_INERTIA
 
     def inertia(joint):
         """What a torque of 1 Nm accelerates while the other joints are held."""
@@ -87,13 +86,14 @@ def test_joints_have_the_inertia_of_their_motors(monkeypatch):
         return world.time_step / speed
 
     heavy = np.array([inertia(joint) for joint in range(7)])
-    monkeypatch.setattr("plugins.simulators.pybullet.world.driven_links", dict)
+    monkeypatch.setattr("plugins.simulators.pybullet.world.driven_links", lambda robot: {})
     light = np.array([inertia(joint) for joint in range(7)])
     assert light[6] < 0.02
     more = heavy - light
-    beyond = np.append(np.cumsum(MOTOR_INERTIA[::-1])[::-1][1:], 0.0)
-    assert (more > 0.95 * np.array(MOTOR_INERTIA)).all()
-    assert (more < 1.05 * (MOTOR_INERTIA + beyond)).all()
+    motors = np.array(PANDA.motor_inertia)
+    beyond = np.append(np.cumsum(motors[::-1])[::-1][1:], 0.0)
+    assert (more > 0.95 * motors).all()
+    assert (more < 1.05 * (motors + beyond)).all()
 
 
 def test_frames_of_many_bodies_are_those_of_each(tmp_path):

@@ -69,6 +69,7 @@ def test_joints_close_in_on_their_targets_at_the_tracking_rate(tmp_path, time_st
     world = World(
         tmp_path,
         Weighed(Bodies().scene(0)),
+        PANDA,
         BARE,
         still(),
         time_step=time_step,
@@ -100,6 +101,7 @@ def test_orders_given_one_by_one_or_all_at_once_do_the_same(tmp_path, tool):
         World(
             tmp_path,
             Weighed(Bodies(table(), cube(at=(0.6, 0, 0.05))).scene(0)),
+            PANDA,
             tool,
             job.trajectory,
             time_step=0.005,
