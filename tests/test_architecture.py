@@ -124,9 +124,7 @@ def test_the_core_and_the_prompts_name_no_robot():
             assert not ROBOTS.search(file.name), file
 
 
-@pytest.mark.parametrize(
-    "line", ["panda_link7", "a `Franka`", "UR5's", "ur10e.urdf", "xArm7", "JACO 2", "z1", "fr3_"]
-)
+@pytest.mark.parametrize("line", ["panda_link7", "a `Franka`", "UR5's", "ur10e.urdf", "xArm7", "JACO 2", "z1", "fr3_"])
 def test_a_robots_name_is_found(line):
     assert ROBOTS.search(line)
 
