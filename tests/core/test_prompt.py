@@ -52,11 +52,11 @@ def idea(tmp_path):
 
 
 USES = {
-    "first sampling": ([], "Invent", "in place of a hand", 6),
+    "first sampling": ([], "Invent", "in place of the gripper", 6),
     "first sampling, gripper": (["task.tool_kinds=[gripper]"], "Invent", "mounted on `left_finger`", 7),
     "no tool": (["tool=none"], "nothing but its two-finger gripper", "## The robot\n", 7),
     "given tool": (["task=BringCube", "tool=rlbench"], "The tool, stick", "## The robot and the tool\n", 6),
-    "human": (["prompt=human"], "Use a long hook.", "in place of a hand", 6),
+    "human": (["prompt=human"], "Use a long hook.", "in place of the gripper", 6),
 }
 
 
