@@ -40,7 +40,6 @@ from core.simulation.robustness import engines
 from core.simulation.rollout import Evaluator, Part, evaluate_batch, prepare
 from tests.benchmarks import measuring
 from tests.benchmarks.absurd import OBJECTIVES, Start, Watched, hanging, random_start, tried
-from tests.panda import PANDA
 
 USAGE = (
     "usage: python -m tests.benchmarks.adversary search|table|judge|honest [folder=DIR] [tasks=NAME,...] "
@@ -317,7 +316,7 @@ def dense(task: Task, simulator: Simulator, candidate: Candidate, seed: int) -> 
     if recording is None:
         return None, ["no recording"]
     try:
-        found = findings(task.scene(seed), PANDA, task.robot, candidate.tool, recording)
+        found = findings(task.scene(seed), task.robot, candidate.tool, recording)
     except Explosion as error:
         return recording, [str(error)]
     return recording, [finding.text for finding in found]
