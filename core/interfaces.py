@@ -39,6 +39,7 @@ from core.observations import observation as observation
 from core.robots import Flange as Flange
 from core.robots import Gripper as Gripper
 from core.robots import Robot as Robot
+from core.robots import default_robot
 from core.scene import Camera, Goal, Scene, State
 
 Image = npt.NDArray[np.uint8]
@@ -59,17 +60,12 @@ class Task(ABC):
 
     @property
     def robot(self) -> Robot:
-        """The arm that performs the task. The program sets it; by default it is the default robot.
+        """The arm that performs the task. The program sets it; until then it is the default robot.
 
         Raises:
-            UserError: the task was made without `core.plugins`, and nothing has set its robot.
+            UserError: no robot is installed.
         """
-        if self._robot is None:
-            raise UserError(
-                f"task {type(self).__name__} has no robot; make it with installed().create('task', NAME), or set "
-                "task.robot = installed().create('robot', NAME)"
-            )
-        return self._robot
+        return self._robot if self._robot is not None else default_robot()
 
     @robot.setter
     def robot(self, robot: Robot) -> None:

@@ -6,10 +6,10 @@ Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/te
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from core.errors import UsageError
+from core.errors import UsageError, UserError
 from core.geometry import Cylinder, Pose
 
 LINK_FRICTION = 0.5  # of the arm's links, and of tools of printed plastic
@@ -128,3 +128,23 @@ class Robot:
     def joints(self, gripper: bool) -> tuple[str, ...]:
         """List the joints that are driven, with or without the gripper."""
         return (*self.arm_joints, *(self.finger_joints if gripper else ()))
+
+
+_default: Callable[[], Robot] | None = None
+
+
+def default_robot() -> Robot:
+    """Return the robot of tasks for which none was chosen.
+
+    Raises:
+        UserError: there is none: plugins were not imported (`core.plugins`), or none of them offers a robot.
+    """
+    if _default is None:
+        raise UserError("no robot is known yet: import core.plugins, or set the task's robot")
+    return _default()
+
+
+def set_default_robot(find: Callable[[], Robot]) -> None:
+    """Set what finds the default robot; `core.plugins` does it."""
+    global _default
+    _default = find

@@ -22,6 +22,7 @@ from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Robot, Si
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import check_part
 from core.plugins.settings import check_settings
+from core.robots import set_default_robot
 
 Settings = Mapping[str, Any] | None
 T_co = TypeVar("T_co", covariant=True, default=Any)
@@ -79,7 +80,7 @@ class Plugins(Discovery):
     def create(self, kind: str, name: str, settings: Settings = None, **given: Any) -> Any:
         """Make a part: check ``settings`` against its factory's signature, and call that with them and ``given``.
 
-        A task and a tool representation get the default robot, until another is set.
+        A tool representation gets the default robot, until another is set.
 
         Raises:
             UserError: no such part; a setting that is unknown, missing or of the wrong type; or the factory makes
@@ -99,7 +100,7 @@ class Plugins(Discovery):
         check_part(part, offer.kind, str(offer))
         with contextlib.suppress(TypeError):  # a part that can't be a key is described by its class
             _made[part] = offer
-        if isinstance(part, Task | ToolRepresentation):
+        if isinstance(part, ToolRepresentation):
             part.robot = self.default_robot
         return part
 
@@ -142,6 +143,9 @@ def installed() -> Plugins:
     """
     check_own_packages()
     return Plugins()
+
+
+set_default_robot(lambda: installed().default_robot)
 
 
 @dataclass(frozen=True)

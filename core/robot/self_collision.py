@@ -151,7 +151,7 @@ def _part(name: str, joint: int, geometry: Any, pose: Pose) -> _Part:
     along, across[:, longest] = np.abs(across[:, longest]), 0.0
     off = np.sqrt((across * across).sum(axis=1))
     radius = float(off.max())
-    inner = max(0.0, float((along - np.sqrt(radius**2 - off**2)).max()))  # caps cover the rest
+    inner = max(0.0, float((along - np.sqrt(np.maximum(radius**2 - off**2, 0.0))).max()))  # caps cover the rest
     rotation, tip = pose.rotation.as_matrix(), inner * np.eye(3)[longest]
     ends, points = (part @ rotation.T + pose.position for part in (np.array([middle - tip, middle + tip]), points))
     return _Part(name, joint, geometry, rotation, pose.position, ends, radius, points)
