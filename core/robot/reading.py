@@ -139,7 +139,7 @@ def _text(path: Path, arguments: Mapping[str, str]) -> bytes:
     try:
         from xacrodoc import XacroDoc
     except ImportError as error:
-        raise UserError(f"{path} is Xacro, which needs one more package: pip install 'vlmgineer[xacro]'") from error
+        raise UserError(f"{path} is Xacro, which needs one more package: pip install 'xacrodoc>=2,<3'") from error
     try:
         return bytes(
             XacroDoc.from_file(str(path), subargs=dict(arguments), resolve_packages=False).to_urdf_string(), "utf-8"

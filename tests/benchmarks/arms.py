@@ -22,19 +22,20 @@ from tests.benchmarks import measuring
 
 USAGE = (
     "usage: python -m tests.benchmarks.arms [robots=NAME,NAME,...] [tasks=NAME,...] [sims=NAME,...] [base=x,y,z,yaw] "
-    "[budget=NAME] [stop=REWARD] [seed=N] [workers=N] [folder=DIR] [page=FILE.md]"
+    "[budget=NAME] [overrides=SETTING=VALUE,...] [stop=REWARD] [seed=N] [workers=N] [folder=DIR] [page=FILE.md]"
 )
 
 
 @dataclass
 class Settings:
-    """``base``: where all the arms stand; ``stop``: the reward at which a run ends."""
+    """``base``: where all the arms stand; ``stop``: the reward at which a run ends; ``overrides``: other settings."""
 
     robots: list[str] = field(default_factory=list)
     tasks: list[str] = field(default_factory=list)
     sims: list[str] = field(default_factory=lambda: ["mujoco"])
     base: list[float] = field(default_factory=list)
     budget: str = "quick"
+    overrides: list[str] = field(default_factory=list)
     stop: float = 0.95
     seed: int = 0
     workers: int | None = None
@@ -79,6 +80,7 @@ def best(task: str, robot: str, sim: str, given: Settings) -> dict[str, Any]:
         words += [f"budget.stop_reward={given.stop}"]
         words += ["vlm=offline", "listener=[]", "film=false", f"executor.workers={measuring.workers(given.workers)}"]
         words += [f"robot.base=[{','.join(map(str, given.base))}]"] if given.base else []
+        words += given.overrides
         folder.parent.mkdir(parents=True, exist_ok=True)
         measuring.save(kept, played(words, folder))
     found: dict[str, Any] = json.loads(kept.read_text())

@@ -99,13 +99,15 @@ class Server:
 
 
 @contextmanager
-def serving(script: Callable[[Call], Act], *, any_path: bool = False) -> Iterator[Server]:
+def serving(script: Callable[[Call], Act], *, any_path: bool = False, at_once: int = 1) -> Iterator[Server]:
     """A server that answers each call as ``script`` returns; it lives as long as the context.
 
-    With ``any_path`` it takes calls of other protocols too, without reading what they say.
+    With ``any_path`` it takes calls of other protocols too, without reading what they say. It answers nothing before
+    ``at_once`` calls have waited at the same time, for at most a minute.
     """
     server = Server("")
     lock = threading.Lock()
+    together = threading.Condition(lock)
 
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
@@ -115,6 +117,8 @@ def serving(script: Callable[[Call], Act], *, any_path: bool = False) -> Iterato
                 server.waiting += 1
                 server.most_at_once = max(server.most_at_once, server.waiting)
                 act = script(call)
+                together.notify_all()
+                together.wait_for(lambda: server.most_at_once >= at_once or server.closing.is_set(), timeout=60)
             try:
                 _act(self, act, call, server.closing)
             finally:
