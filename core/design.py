@@ -6,11 +6,11 @@ import hashlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from core.geometry import Array, Box, Pose
+from core.geometry import Array, Compound, Pose, Shape
 
 RIGID_MOUNT = "tool_mount"
 GRIPPER_MOUNTS = ("left_finger", "right_finger")
@@ -27,19 +27,31 @@ class DesignError(ValueError):
 
 @dataclass(frozen=True)
 class Component:
-    """One box of a tool, its pose given in the frame of its parent: another component, or a mount link of the robot."""
+    """One solid of a tool, its pose given in the frame of its parent: another component, or a mount link of the robot.
+
+    A `Mesh` is closed and convex.
+    """
 
     name: str
     parent: str
     pose: Pose
-    shape: Box
+    shape: Shape | Compound
     mass: float = 0.005
     color: tuple[float, float, float, float] = (0.2, 0.45, 0.8, 1.0)
 
 
+class Part(NamedTuple):
+    """A convex shape of a tool, the name of its component, its mount, and its pose in the mount's frame."""
+
+    component: str
+    shape: Shape
+    mount: str
+    pose: Pose
+
+
 @dataclass(frozen=True)
 class Tool:
-    """Rigidly joined boxes: one tool on `RIGID_MOUNT`, or with ``gripper`` attachments to the fingers `GRIPPER_MOUNTS`.
+    """Rigidly joined solids: a tool on `RIGID_MOUNT`, or with ``gripper`` attachments to the fingers `GRIPPER_MOUNTS`.
 
     Without components it is the bare arm (with ``gripper``: the bare hand). Parents come before their children.
 
@@ -88,6 +100,12 @@ class Tool:
             mount, pose = placed[component.parent]
             placed[component.name] = (mount, pose @ component.pose)
         return {component.name: placed[component.name] for component in self.components}
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """The convex shapes that collide, in the order of the components."""
+        placed = self._placed
+        return tuple(Part(c.name, shape, *placed[c.name]) for c in self.components for shape in c.shape.convex_parts())
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,13 @@ z axes, in that order, as in URDF: ``R = Rz(yaw) @ Ry(pitch) @ Rx(roll)``.
 
 from __future__ import annotations
 
+import hashlib
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -131,8 +133,24 @@ def _positive(**lengths: float) -> None:
             raise ValueError(f"{name} must be a positive length in metres, got {value}")
 
 
+class _Solid:
+    """What all shapes can say of themselves; each adds ``volume`` (m^3), ``area`` (m^2), ``bounds`` and `to_trimesh`.
+
+    ``bounds`` is the middle (3,) of the bounding box along the shape's own axes, and the full side lengths (3,).
+    """
+
+    def convex_parts(self) -> tuple[Shape, ...]:
+        """Return the convex shapes that collide in its place, in its own frame."""
+        return (cast("Shape", self),)
+
+    @property
+    def drawn(self) -> Shape:
+        """The shape that is drawn; of a `Mesh` all triangles, not its hull."""
+        return cast("Shape", self)
+
+
 @dataclass(frozen=True)
-class Box:
+class Box(_Solid):
     """A box of full side lengths (x, y, z), centred on its frame."""
 
     size: tuple[float, float, float]
@@ -146,6 +164,15 @@ class Box:
     def volume(self) -> float:
         return float(np.prod(self.size))
 
+    @property
+    def area(self) -> float:
+        x, y, z = self.size
+        return 2 * (x * y + y * z + z * x)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        return np.zeros(3), np.array(self.size)
+
     def to_trimesh(self) -> trimesh.Trimesh:
         import trimesh
 
@@ -153,13 +180,25 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(_Solid):
     """A sphere centred on its frame."""
 
     radius: float
 
     def __post_init__(self) -> None:
         _positive(radius=self.radius)
+
+    @property
+    def volume(self) -> float:
+        return 4 / 3 * math.pi * self.radius**3
+
+    @property
+    def area(self) -> float:
+        return 4 * math.pi * self.radius**2
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        return np.zeros(3), np.full(3, 2 * self.radius)
 
     def to_trimesh(self) -> trimesh.Trimesh:
         import trimesh
@@ -168,7 +207,7 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(_Solid):
     """A cylinder along z, centred on its frame."""
 
     radius: float
@@ -177,14 +216,55 @@ class Cylinder:
     def __post_init__(self) -> None:
         _positive(radius=self.radius, length=self.length)
 
+    @property
+    def volume(self) -> float:
+        return math.pi * self.radius**2 * self.length
+
+    @property
+    def area(self) -> float:
+        return 2 * math.pi * self.radius * (self.radius + self.length)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        return np.zeros(3), np.array([2 * self.radius, 2 * self.radius, self.length])
+
     def to_trimesh(self) -> trimesh.Trimesh:
         import trimesh
 
         return trimesh.creation.cylinder(radius=self.radius, height=self.length, sections=48)
 
 
+@dataclass(frozen=True)
+class Capsule(_Solid):
+    """A cylinder along z, centred on its frame, with half a sphere on each end; ``length`` is without these."""
+
+    radius: float
+    length: float
+
+    def __post_init__(self) -> None:
+        _positive(radius=self.radius, length=self.length)
+
+    @property
+    def volume(self) -> float:
+        return math.pi * self.radius**2 * (self.length + 4 / 3 * self.radius)
+
+    @property
+    def area(self) -> float:
+        return 2 * math.pi * self.radius * (self.length + 2 * self.radius)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        return np.zeros(3), np.array([2 * self.radius, 2 * self.radius, self.length + 2 * self.radius])
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        import trimesh
+
+        mesh = trimesh.creation.capsule(height=self.length, radius=self.radius, count=(32, 32))
+        return mesh.apply_translation(-mesh.bounds.mean(axis=0))
+
+
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(_Solid):
     """Triangles: vertices (V, 3) in metres, faces (F, 3) of vertex numbers.
 
     As a collision shape it means its convex hull.
@@ -206,9 +286,33 @@ class Mesh:
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)
 
+    @cached_property
+    def content(self) -> str:
+        """A hash: meshes with the same one are equal."""
+        return hashlib.blake2b(self.vertices.tobytes() + self.faces.tobytes(), digest_size=16).hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Mesh) and self.content == other.content
+
+    def __hash__(self) -> int:
+        return hash(self.content)
+
     @classmethod
     def from_trimesh(cls, mesh: trimesh.Trimesh) -> Mesh:
         return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+
+    @property
+    def volume(self) -> float:
+        return _measured(self)[0]
+
+    @property
+    def area(self) -> float:
+        return float(self.to_trimesh().area)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+        return (low + high) / 2, high - low
 
     def to_trimesh(self) -> trimesh.Trimesh:
         import trimesh
@@ -216,4 +320,67 @@ class Mesh:
         return trimesh.Trimesh(self.vertices, self.faces, process=False)
 
 
-Shape = Box | Sphere | Cylinder | Mesh
+@dataclass(frozen=True)
+class Compound(_Solid):
+    """A solid that need not be convex: its closed ``surface``, and the convex ``parts`` that collide in its place."""
+
+    surface: Mesh
+    parts: tuple[Mesh, ...]
+
+    @property
+    def volume(self) -> float:
+        return self.surface.volume
+
+    @property
+    def area(self) -> float:
+        return self.surface.area
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        return self.surface.bounds
+
+    def convex_parts(self) -> tuple[Shape, ...]:
+        return self.parts
+
+    @property
+    def drawn(self) -> Shape:
+        return self.surface
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        return self.surface.to_trimesh()
+
+
+Shape = Box | Sphere | Cylinder | Capsule | Mesh  # convex ones
+
+
+def mass_properties(shape: Shape | Compound, mass: float) -> tuple[Array, Array]:
+    """Compute the centre of mass (3,) and the inertia tensor (3, 3) about it, kg m^2, of a solid of one density.
+
+    Formulas are those of a handbook; of meshes the integrals over the volume are taken.
+    """
+    match shape:
+        case Box(size):
+            x, y, z = np.square(size)
+            return np.zeros(3), mass / 12 * np.diag([y + z, x + z, x + y])
+        case Sphere(radius):
+            return np.zeros(3), 2 / 5 * mass * radius**2 * np.eye(3)
+        case Cylinder(radius, length):
+            across = mass * (3 * radius**2 + length**2) / 12
+            return np.zeros(3), np.diag([across, across, mass * radius**2 / 2])
+        case Capsule(radius, length):
+            caps = mass * 4 * radius / (4 * radius + 3 * length)
+            rod = mass - caps
+            along = rod * radius**2 / 2 + caps * 2 / 5 * radius**2
+            across = rod * (3 * radius**2 + length**2) / 12
+            across += caps * (2 / 5 * radius**2 + length**2 / 4 + 3 / 8 * radius * length)
+            return np.zeros(3), np.diag([across, across, along])
+        case _:
+            _, center, tensor = _measured(shape.surface if isinstance(shape, Compound) else shape)
+            return center, mass * tensor
+
+
+@lru_cache(maxsize=256)
+def _measured(mesh: Mesh) -> tuple[float, Array, Array]:
+    """The volume of a closed mesh, its centre (3,), and the inertia tensor (3, 3) of 1 kg."""
+    solid = mesh.to_trimesh()
+    return float(solid.volume), frozen_array(solid.center_mass), frozen_array(solid.moment_inertia / solid.volume)

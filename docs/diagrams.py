@@ -20,6 +20,7 @@ FLOORS = {
         "text",
         "secrets",
         "geometry",
+        "shapes",
         "scene",
         "design",
         "robots",

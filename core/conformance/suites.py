@@ -19,6 +19,7 @@ from core.conformance import (
     repeat,
     robot,
     robots,
+    shapes,
     task,
     tool,
     vlm,
@@ -37,7 +38,7 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 
 SUITES = {
-    "sim": _checks(repeat, robot, bodies, impacts, output),
+    "sim": _checks(repeat, robot, bodies, shapes, impacts, output),
     "task": _checks(task),
     "robot": _checks(robots),
     "vlm": _checks(vlm),

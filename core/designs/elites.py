@@ -15,7 +15,9 @@ import numpy as np
 
 from core.design import Component, Evaluation, Tool
 from core.designs.feedback import combined_figures, elite_feedback
+from core.designs.layout import describe_shape
 from core.designs.reading import dump_design
+from core.geometry import Box
 from core.interfaces import ToolRepresentation, observation
 from core.text import clean, short_numbers
 
@@ -95,7 +97,8 @@ def component_lines(tool: Tool) -> list[str]:
 
 def _line(component: Component) -> str:
     pose = component.pose
-    size, xyz, rpy = (short_numbers(values, 4) for values in (component.shape.size, pose.position, pose.rpy))
+    xyz, rpy, shape = short_numbers(pose.position, 4), short_numbers(pose.rpy, 4), component.shape
+    size = short_numbers(shape.size, 4) if isinstance(shape, Box) else describe_shape(shape.drawn)
     turn = f" rpy {rpy}" if rpy != "0 0 0" else ""
     return f"{component.name} on {component.parent}: {size} at {xyz}{turn}, {component.mass:.3g} kg"
 

@@ -8,7 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
-from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Geom
@@ -49,7 +49,7 @@ def _row(bodies: Sequence[Body]) -> tuple[str, ...]:
 
 def _description(body: Body) -> tuple[object, ...]:
     """The properties that bodies of one row share."""
-    parts = tuple((_named(part.shape), part.pose) for part in _parts(body))
+    parts = tuple((describe_shape(part.shape), part.pose) for part in _parts(body))
     return bool(body.collisions), parts, body.mass, body.friction, body.rolling_friction, body.restitution
 
 
@@ -75,7 +75,7 @@ def _shape(body: Body, *, alone: bool) -> str:
         return "a mark: nothing touches it"
     parts = body.collisions
     if len(parts) == 1 and not isinstance(parts[0].shape, Mesh):
-        return _named(parts[0].shape)
+        return describe_shape(parts[0].shape)
     counts = Counter(type(part.shape).__name__.lower().replace("mesh", "convex part") for part in parts)
     plural = {"box": "boxes"}
     words = [f"{n} {plural.get(kind, f'{kind}s')}" if n > 1 else f"1 {kind}" for kind, n in counts.items()]
@@ -143,7 +143,8 @@ def _bounds(parts: Sequence[Geom], pose: Pose) -> tuple[Array, Array]:
     return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
-def _named(shape: Shape) -> str:
+def describe_shape(shape: Shape) -> str:
+    """Name a shape with its sizes in metres."""
     match shape:
         case Box(size):
             return f"box {short_numbers(size, 3)}"
@@ -151,6 +152,8 @@ def _named(shape: Shape) -> str:
             return f"sphere, radius {short_number(radius, 3)}"
         case Cylinder(radius, length):
             return f"cylinder, radius {short_number(radius, 3)}, length {short_number(length, 3)}"
+        case Capsule(radius, length):
+            return f"capsule, radius {short_number(radius, 3)}, length {short_number(length, 3)} without its ends"
         case Mesh(vertices):
             return f"convex part of {len(vertices)} corners, {short_numbers(np.ptp(vertices, axis=0), 3)}"
 

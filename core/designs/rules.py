@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -54,9 +55,9 @@ def check_tool(tool: Tool, robot: Robot) -> None:
     if tool.gripper and robot.gripper is None:
         raise DesignError(f"{robot.title} has no gripper; design one rigid tool, with 'gripper' false")
     if not tool.components:
-        raise DesignError(f"the tool has no boxes; hang at least one from {' or '.join(tool.mounts)}")
+        raise DesignError(f"the tool has no components; hang at least one from {' or '.join(tool.mounts)}")
     if len(tool.components) > MAX_COMPONENTS:
-        raise DesignError(f"the tool has {len(tool.components)} boxes; at most {MAX_COMPONENTS} are allowed")
+        raise DesignError(f"the tool has {len(tool.components)} components; at most {MAX_COMPONENTS} are allowed")
     for component in tool.components:
         _check_component(component)
     if tool.mass > robot.payload_kg:
@@ -70,7 +71,7 @@ def check_tool(tool: Tool, robot: Robot) -> None:
 def _check_component(component: Component) -> None:
     if not _NAME.fullmatch(component.name):
         raise DesignError(f"component name {shorten(component.name)} is not 1 to 64 letters, digits, '_', '.' or '-'")
-    for axis, side in zip("xyz", component.shape.size, strict=True):
+    for axis, side in zip("xyz", component.shape.bounds[1].tolist(), strict=True):
         if not MIN_SIDE_M <= side <= MAX_SIDE_M:
             raise DesignError(
                 f"component {component.name!r} is {side:.6g} m long in {axis}; each side must be between "
@@ -108,12 +109,14 @@ def _check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
     solids = {mount: [solid for solid in fingers if solid.name == mount] for mount in tool.mounts}
     if not tool.gripper:
         solids[RIGID_MOUNT] = [Solid(RIGID_MOUNT, solid_geometry(robot.flange.disc), Pose())]
-    solids |= {c.name: [Solid(c.name, solid_geometry(c.shape), Pose())] for c in tool.components}
+    for c in tool.components:
+        solids[c.name] = [Solid(c.name, solid_geometry(shape), Pose()) for shape in c.shape.convex_parts()]
     placed, points = tool.placed(), {}
     for component in tool.components:
-        (solid,), on_mount = solids[component.name], component.parent in tool.mounts
-        at = replace(solid, pose=component.pose)
-        gap, point = min((contact(at, other) for other in solids[component.parent]), key=lambda found: found[0])
+        on_mount = component.parent in tool.mounts
+        own = [replace(solid, pose=component.pose) for solid in solids[component.name]]
+        pairs = itertools.product(own, solids[component.parent])
+        gap, point = min((contact(*pair) for pair in pairs), key=lambda found: found[0])
         if gap > (MAX_MOUNT_GAP_M if on_mount else MAX_GAP_M):
             relation = "mount" if on_mount else "parent"
             raise DesignError(
@@ -201,20 +204,16 @@ class SpawnRules:
             DesignError: names the component, what it overlaps, and the depth.
         """
         robot, frames = self._robot(tool.gripper)
-        placed = tool.placed()
-        solids = {
-            c.name: Solid(c.name, solid_geometry(c.shape), frames[placed[c.name][0]] @ placed[c.name][1])
-            for c in tool.components
-        }
-        _check_halves(solids, placed)
-        for component in tool.components:
-            mount, solid = placed[component.name][0], solids[component.name]
+        solids = [Solid(p.component, solid_geometry(p.shape), frames[p.mount] @ p.pose) for p in tool.parts]
+        mounts = [part.mount for part in tool.parts]
+        _check_halves(solids, mounts)
+        for solid, mount in zip(solids, mounts, strict=True):
             carriers = (mount,) if tool.gripper else self.robot.near_mount
             for link in robot.near(solid, _TOUCH_M):
                 depth = 0.0 if link.name in carriers else -signed_distance(solid, link)
                 if depth > MAX_ARM_OVERLAP_M:
                     raise DesignError(
-                        f"component {component.name!r} starts {depth * 1000:.1f} mm inside the arm ({link.name}); "
+                        f"component {solid.name!r} starts {depth * 1000:.1f} mm inside the arm ({link.name}); "
                         "move it away from the arm, or bend the tool around it"
                     )
             for body in self._scene.near(solid, _TOUCH_M):
@@ -222,7 +221,7 @@ class SpawnRules:
                 if depth > -_TOUCH_M:
                     contact = f"{depth * 1000:.1f} mm inside" if depth > _TOUCH_M else "touching"
                     raise DesignError(
-                        f"component {component.name!r} starts {contact} {body.name!r} of the scene; "
+                        f"component {solid.name!r} starts {contact} {body.name!r} of the scene; "
                         "shorten or turn the tool so that it starts clear of everything"
                     )
 
@@ -262,13 +261,13 @@ def given_tool(
     return tool
 
 
-def _check_halves(solids: dict[str, Solid], placed: dict[str, tuple[str, Pose]]) -> None:
+def _check_halves(solids: Sequence[Solid], mounts: Sequence[str]) -> None:
     """Refuse components on one finger that start inside components on the other."""
-    for one, other in itertools.combinations(solids, 2):
-        if placed[one][0] != placed[other][0]:
-            depth = -signed_distance(solids[one], solids[other])
+    for (one, mount), (other, others) in itertools.combinations(zip(solids, mounts, strict=True), 2):
+        if mount != others:
+            depth = -signed_distance(one, other)
             if depth > MAX_ARM_OVERLAP_M:
                 raise DesignError(
-                    f"components {one!r} and {other!r}, on different fingers, start {depth * 1000:.1f} mm inside each "
-                    "other; move them apart"
+                    f"components {one.name!r} and {other.name!r}, on different fingers, start {depth * 1000:.1f} mm "
+                    "inside each other; move them apart"
                 )

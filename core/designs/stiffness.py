@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from core.design import Tool
-from core.geometry import Array, Box, Pose
+from core.geometry import Array, Compound, Pose, Shape
 
 STEEL_PA = 200e9  # Young's modulus; hardly a material that tools are made of is stiffer
 
@@ -20,9 +20,10 @@ _CORNERS = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, 8).T
 _Beam = tuple[Array, Array, float]  # its ends, and its length over E I
 
 
-def corners(box: Box, pose: Pose) -> Array:
-    """Compute the corners (8, 3) of a box."""
-    return pose.apply(_CORNERS * box.size)
+def corners(shape: Shape | Compound, pose: Pose) -> Array:
+    """Compute the corners (8, 3) of a shape's bounding box."""
+    middle, size = shape.bounds
+    return pose.apply(_CORNERS * size + middle)
 
 
 def compliance(tool: Tool, joints: Mapping[str, Array]) -> dict[str, float]:
@@ -47,8 +48,14 @@ def compliance(tool: Tool, joints: Mapping[str, Array]) -> dict[str, float]:
     return found
 
 
-def _beam(start: Array, stop: Array, box: Box, pose: Pose) -> _Beam:
-    """The part of a box between two points, which bends about the weaker axis of the section across it."""
+def _beam(start: Array, stop: Array, shape: Shape | Compound, pose: Pose) -> _Beam:
+    """The part of a component between two points, which bends about the weaker axis of the section across it.
+
+    The section is that of the bounding box. What fills a share s of its volume has s^2 of its stiffness, which is 5 %
+    too much for a rod.
+    """
     along = int(np.argmax(np.abs((stop - start) @ pose.rotation.as_matrix())))
-    thin, wide = sorted(np.delete(box.size, along))
-    return start, stop, float(np.linalg.norm(stop - start)) / (STEEL_PA * wide * thin**3 / 12)
+    size = shape.bounds[1]
+    thin, wide = sorted(np.delete(size, along))
+    filled = shape.volume / float(np.prod(size))
+    return start, stop, float(np.linalg.norm(stop - start)) / (STEEL_PA * wide * thin**3 / 12 * filled**2)

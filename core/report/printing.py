@@ -15,8 +15,9 @@ import numpy as np
 
 from core.design import GRIPPER_MOUNTS, Component, Tool
 from core.errors import UsageError, check_positive
-from core.geometry import Array, Box
+from core.geometry import Array
 from core.report.tools import solids
+from core.shapes import resized
 
 if TYPE_CHECKING:
     import trimesh
@@ -118,10 +119,10 @@ def _grown(components: Sequence[Component], tool: Tool, by: float) -> list[trime
     placed = tool.placed()
     grown = []
     for component in components:
-        x, y, z = (1000 * side + 2 * by for side in component.shape.size)
+        grown_by = resized(component.shape, component.shape.bounds[1] + 0.002 * by).to_trimesh().apply_scale(1000.0)
         matrix = placed[component.name][1].matrix
         matrix[:3, 3] *= 1000
-        grown.append(Box((x, y, z)).to_trimesh().apply_transform(matrix))
+        grown.append(grown_by.apply_transform(matrix))
     return grown
 
 

@@ -176,7 +176,7 @@ def _winner(
 def _check_size(tool: Tool, robot: Robot) -> None:
     """Refuse what can't be drawn. It may break a rule: there were others when it was tried."""
     for component, solid in as_held(tool, robot):
-        sides, corners = np.asarray(component.shape.size), np.asarray(solid.vertices)
+        sides, corners = component.shape.bounds[1], np.asarray(solid.vertices)
         if not (np.isfinite(corners).all() and np.abs(corners).max() < _FARTHEST and sides.min() > _THINNEST):
             raise DesignError(f"component {component.name!r} has no size that can be drawn")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +10,9 @@ import numpy as np
 from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.geometry import Array, Pose
+from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere, mass_properties
 from core.robots import Robot
+from core.scratch import scratch, write_once
 
 MeshPath = Callable[[Path], str]
 BASE = "world_base"  # the root link of an arm that does not stand at the world's origin
@@ -34,14 +35,34 @@ def _inertial(link: Any, mass: float, center: Array, tensor: Array) -> None:
 
 
 def _shapes(link: Any, component: Component, pose: Pose) -> None:
-    for tag in ("visual", "collision"):
-        element = etree.SubElement(link, tag)
-        _origin(element, pose)
-        geometry = etree.SubElement(element, "geometry")
-        etree.SubElement(geometry, "box", size=_numbers(component.shape.size))
-        if tag == "visual":
-            material = etree.SubElement(element, "material", name=f"{component.name}_color")
-            etree.SubElement(material, "color", rgba=_numbers(component.color))
+    for tag, shapes in (("visual", (component.shape.drawn,)), ("collision", component.shape.convex_parts())):
+        for at, geometry in (written for shape in shapes for written in _geometry(shape)):
+            element = etree.SubElement(link, tag)
+            _origin(element, pose @ at if at else pose)
+            etree.SubElement(element, "geometry").append(geometry)
+            if tag == "visual":
+                material = etree.SubElement(element, "material", name=f"{component.name}_color")
+                etree.SubElement(material, "color", rgba=_numbers(component.color))
+
+
+def _geometry(shape: Shape) -> Iterator[tuple[Pose | None, Any]]:
+    """Yield URDF's shapes that make up one of ours, with their poses; a mesh is a file of `scratch`."""
+    match shape:
+        case Box(size):
+            yield None, etree.Element("box", size=_numbers(size))
+        case Sphere(radius):
+            yield None, etree.Element("sphere", radius=_numbers([radius]))
+        case Cylinder(radius, length):
+            yield None, etree.Element("cylinder", radius=_numbers([radius]), length=_numbers([length]))
+        case Capsule(radius, length):  # URDF has none
+            yield from _geometry(Cylinder(radius, length))
+            for end in (-length / 2, length / 2):
+                ((_, ball),) = _geometry(Sphere(radius))
+                yield Pose(np.array([0.0, 0.0, end])), ball
+        case Mesh():
+            file = scratch() / f"{shape.content}.obj"
+            write_once(file, lambda: str(shape.to_trimesh().export(file_type="obj", digits=12)))
+            yield None, etree.Element("mesh", filename=str(file))
 
 
 def read_numbers(element: Any, name: str) -> Array:
@@ -66,18 +87,12 @@ def merged(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, A
     return sum(masses), center, tensor
 
 
-def box_inertia(component: Component) -> Array:
-    """Compute a component's inertia tensor (3, 3) about its centre, in its own axes."""
-    x, y, z = np.square(component.shape.size)
-    return component.mass / 12 * np.diag([y + z, x + z, x + y])
-
-
 def tool_elements(tool: Tool) -> list[Any]:
     """Make the tool's links and joints as URDF elements, children of the robot element."""
     elements = []
     for component in tool.components:
         link = etree.Element("link", name=component.name)
-        _inertial(link, component.mass, np.zeros(3), box_inertia(component))
+        _inertial(link, component.mass, *mass_properties(component.shape, component.mass))
         _shapes(link, component, Pose())
         joint = etree.Element("joint", name=f"{component.name}_joint", type="fixed")
         etree.SubElement(joint, "parent", link=component.parent)
@@ -108,8 +123,9 @@ def _fuse(link: Any, tool: Tool, mount: str) -> None:
         diagonal = [float(own.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")]  # no finger has products
         inertias.append((own_mass, read_numbers(own.find("origin"), "xyz"), np.diag(diagonal)))
     link.remove(own)
-    turned = [pose.rotation.as_matrix() for _, pose in parts]
-    inertias += [(c.mass, at.position, r @ box_inertia(c) @ r.T) for (c, at), r in zip(parts, turned, strict=True)]
+    for component, pose in parts:
+        turn, (center, tensor) = pose.rotation.as_matrix(), mass_properties(component.shape, component.mass)
+        inertias.append((component.mass, pose.apply(center), turn @ tensor @ turn.T))
     _inertial(link, *merged(inertias))
     for component, pose in parts:
         _shapes(link, component, pose)
@@ -128,9 +144,9 @@ def assemble(
         robot: the arm.
         tool: the mounted tool; without components the bare flange, or with ``gripper`` the bare gripper. None: the bare
             gripper, or the bare flange of an arm without one.
-        fused: merge the tool's boxes into the link that bears them (for engines: fewer links, the same physics)
+        fused: merge the tool's components into the link that bears them (for engines: fewer links, the same physics)
             instead of giving each a link of its own (for people).
-        visuals: include the arm's visual meshes and the tool's visual boxes.
+        visuals: include the visual shapes of the arm and of the tool.
         mesh_path: maps a mesh's absolute path to the text that is written.
     """
     tool = tool if tool is not None else Tool(gripper=robot.gripper is not None)

@@ -58,6 +58,7 @@ _AXES = tuple(zip("xyz", np.eye(3), strict=True))
 def _boxes(robot: Robot, tool: Tool) -> dict[str, str]:
     """The box around each link of the robot, rounded to a millimetre, and each component's."""
     extents = {name: (low.round(3), high.round(3)) for name, (low, high) in link_extents(robot, tool.gripper).items()}
-    halves = {component.name: np.array(component.shape.size) / 2 for component in tool.components}
-    extents |= {name: (-half, half) for name, half in halves.items()}
+    for component in tool.components:
+        middle, size = component.shape.bounds
+        extents[component.name] = middle - size / 2, middle + size / 2
     return {name: f"{short_numbers(low, 4)} to {short_numbers(high, 4)}" for name, (low, high) in extents.items()}

@@ -16,7 +16,7 @@ import trimesh
 from lxml import etree
 
 from core.design import Tool
-from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.robot.description import assemble, read_numbers, read_origin
 from core.robots import Robot
 from core.scene import Body
@@ -60,6 +60,8 @@ def solid_geometry(shape: Shape) -> Any:
             return coal.Sphere(radius)
         case Cylinder(radius, length):
             return coal.Cylinder(radius, length)
+        case Capsule(radius, length):
+            return coal.Capsule(radius, length)
         case Mesh():
             return hull(shape.to_trimesh())
 

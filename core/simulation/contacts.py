@@ -82,7 +82,7 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
     """Find the contacts of a rollout of ``tool`` in ``scene``, at samples about `SAMPLE_HZ` apart."""
     taken = subset(recording, coarse_samples(recording))
     own, bodies = robot_tracks(robot, tool, taken), body_tracks(scene, taken)
-    links, mounts = len(own) - len(tool.components), tool.mounts
+    links, mounts = len(own) - len(tool.parts), tool.mounts
     kinds = {id(track): "tool" if i >= links or track.name in mounts else "arm" for i, track in enumerate(own)}
     struck = _struck(taken)
     touching: dict[Key, Flags] = {}

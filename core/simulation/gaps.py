@@ -12,7 +12,7 @@ import coal
 import numpy as np
 import numpy.typing as npt
 
-from core.geometry import Array, Box, Cylinder, Shape, Sphere
+from core.geometry import Array, Box, Capsule, Cylinder, Shape, Sphere
 from core.simulation.tracks import Track, angles, lengths
 
 Flags = npt.NDArray[np.bool_]
@@ -20,6 +20,7 @@ Indices = npt.NDArray[np.intp]
 
 ROUNDING_M = 1e-9  # in comparisons of lengths
 _EYE = np.eye(3)
+_SMOOTH = Box | Capsule | Cylinder | Sphere  # whose extents are formulas
 
 
 def neighbours(robot: Sequence[Track], bodies: Sequence[Track], margin: float = 0.0) -> list[tuple[Track, Track]]:
@@ -172,7 +173,7 @@ def gap_bounds(one: Track, other: Track, samples: npt.NDArray[np.intp]) -> Array
 
     They are exact where the gap is along an axis of either frame, or along the radius of a ball or a cylinder.
     """
-    if not isinstance(one.shape, Box | Cylinder | Sphere) or not isinstance(other.shape, Box | Cylinder | Sphere):
+    if not isinstance(one.shape, _SMOOTH) or not isinstance(other.shape, _SMOOTH):
         return None
     (rotation, position), (others_rotation, others_position) = _frames(one, samples), _frames(other, samples)
     back = others_rotation.swapaxes(1, 2)
@@ -198,10 +199,11 @@ def _seen(shape: Shape, other: Shape, turned: Array, ahead: Array) -> Array:
         case Sphere(radius):
             out, far = _unit(ahead)
             largest = far - radius - reach(other, (turned.swapaxes(1, 2) @ out[:, :, None]))[:, 0]
-        case Cylinder(radius, length):
+        case Cylinder(radius, length) | Capsule(radius, length):
             out, far = _unit(ahead * (1.0, 1.0, 0.0))
             radial = far - radius - reach(other, (turned.swapaxes(1, 2) @ out[:, :, None]))[:, 0]
-            largest = np.maximum(gaps[:, 2] - length / 2, radial)
+            end = length / 2 + (radius if isinstance(shape, Capsule) else 0.0)
+            largest = np.maximum(gaps[:, 2] - end, radial)
     if isinstance(shape, Box) and isinstance(other, Sphere):  # near an edge or a corner of the box
         beyond = np.maximum(np.abs(ahead) - np.asarray(shape.size) / 2, 0.0)
         far = np.sqrt((beyond * beyond).sum(axis=1))
@@ -217,7 +219,7 @@ def _unit(vectors: Array) -> tuple[Array, Array]:
 
 def spans(track: Track, directions: Array) -> tuple[Array, Array]:
     """Where a solid begins and ends along K directions (N, 3, K) of its frame, from the frame's origin: (N, K) each."""
-    if isinstance(track.shape, Box | Cylinder | Sphere):
+    if isinstance(track.shape, _SMOOTH):
         far = reach(track.shape, directions)
         return -far, far
     if isinstance(track.geometry, coal.Box):  # of a link: the gripper's fingers have some
@@ -236,6 +238,8 @@ def reach(shape: Shape, directions: Array) -> Array:
         case Cylinder(radius, length):
             across = np.sqrt(directions[:, 0] ** 2 + directions[:, 1] ** 2)
             extents = radius * across + length / 2 * np.abs(directions[:, 2])
+        case Capsule(radius, length):
+            extents = radius + length / 2 * np.abs(directions[:, 2])
         case Sphere(radius):
             extents = np.full((len(directions), directions.shape[2]), radius)
         case _:

@@ -31,7 +31,7 @@ def sample_hz(robot: Robot, tool: Tool, trajectory: JointTrajectory, thin: float
 
     ``thin`` is that of the scene, metres. The rate is `SAMPLE_HZ` times a power of two, so that there are few.
     """
-    thin = min([thin, *(smallest_extent(component.shape) for component in tool.components)])
+    thin = min([thin, *(smallest_extent(part.shape) for part in tool.parts)])
     return min(MAX_HZ, SAMPLE_HZ * _power(tool_speed(robot, tool, trajectory) / thin / SAMPLE_HZ))
 
 

@@ -289,11 +289,11 @@ def _link_solids(robot: Robot, gripper: bool) -> tuple[_Solid, ...]:
 
 @lru_cache(maxsize=8)
 def _robot_solids(robot: Robot, tool: Tool) -> _Solids:
-    """The links' solids, and behind them the tool's components."""
+    """The links' solids, and behind them the tool's parts."""
     links, solids = robot_model(robot, tool.gripper).links, list(_link_solids(robot, tool.gripper))
-    for part, (mount, pose) in zip(tool.components, tool.placed().values(), strict=True):
+    for name, shape, mount, pose in tool.parts:
         joint, at = links[mount]
-        solids.append((part.name, ROBOT, part.shape, _geometry(part.shape), joint, at @ pose))
+        solids.append((name, ROBOT, shape, _geometry(shape), joint, at @ pose))
     return _Solids.of(solids)
 
 
@@ -301,10 +301,10 @@ def _robot_solids(robot: Robot, tool: Tool) -> _Solids:
 def _reaches(robot: Robot, tool: Tool) -> dict[str, float]:
     """How far the tool extends from each of its mounts, metres."""
     solids, reaches = _robot_solids(robot, tool), dict[str, float]()
-    own = slice(len(solids.far) - len(tool.components), None)
+    own = slice(len(solids.far) - len(tool.parts), None)
     corners = (solids.far - np.linalg.norm(solids.positions, axis=1))[own]
-    for (mount, pose), corner in zip(tool.placed().values(), corners, strict=True):
-        reaches[mount] = max(float(np.linalg.norm(pose.position) + corner), reaches.get(mount, 0.0))
+    for part, corner in zip(tool.parts, corners, strict=True):
+        reaches[part.mount] = max(float(np.linalg.norm(part.pose.position) + corner), reaches.get(part.mount, 0.0))
     return reaches
 
 

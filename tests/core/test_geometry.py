@@ -5,7 +5,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from core.geometry import Box, Cylinder, Mesh, Pose, Sphere, frozen_array
+from core.conformance.shapes import bowl, prism
+from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere, frozen_array, mass_properties
 
 lengths = st.floats(-10, 10)
 vectors = st.tuples(lengths, lengths, lengths)
@@ -158,6 +159,33 @@ def test_cylinders_stand_along_z(radius, length):
     np.testing.assert_allclose(mesh.bounds[:, 2], [-length / 2, length / 2])
     np.testing.assert_allclose(mesh.bounds[:, :2], [[-radius] * 2, [radius] * 2], rtol=1e-9)
     assert mesh.volume == pytest.approx(math.pi * radius**2 * length, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [Box((0.1, 0.2, 0.3)), Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3), prism(5, 0.1, 0.2), bowl(0.1, 0.01)],
+    ids=lambda shape: type(shape).__name__,
+)
+def test_measures_are_those_of_the_triangles(shape):
+    """Within what a sphere of triangles lacks."""
+    mesh = shape.to_trimesh()
+    assert mesh.is_volume
+    assert shape.volume == pytest.approx(mesh.volume, rel=0.01)
+    assert shape.area == pytest.approx(mesh.area, rel=0.01)
+    middle, size = shape.bounds
+    np.testing.assert_allclose([middle - size / 2, middle + size / 2], mesh.bounds, atol=1e-9)
+    center, tensor = mass_properties(shape, 2.0)
+    np.testing.assert_allclose(center, mesh.center_mass, atol=1e-9)
+    np.testing.assert_allclose(tensor, 2.0 * mesh.moment_inertia / mesh.volume, rtol=0.01, atol=1e-6)
+
+
+def test_only_a_compound_has_several_convex_parts():
+    bowls = bowl(0.1, 0.01)
+    assert bowls.convex_parts() == bowls.parts
+    assert bowls.drawn is bowls.surface
+    for shape in (Box((1, 2, 3)), Sphere(1), Cylinder(1, 2), Capsule(1, 2), prism(5, 0.1, 0.2)):
+        assert shape.convex_parts() == (shape,)
+        assert shape.drawn is shape
 
 
 def test_meshes_keep_their_triangles():

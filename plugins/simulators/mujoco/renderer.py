@@ -61,7 +61,7 @@ class MuJoCoRenderer(Renderer):
         _dress_arm(spec, robot, shown.gripper)
         for name, (mount, pose) in shown.placed().items():
             (component,) = (c for c in shown.components if c.name == name)
-            _show(spec, spec.body(mount), component.shape, pose, component.color)
+            _show(spec, spec.body(mount), component.shape.drawn, pose, component.color)
         for body in task.scene(seed).bodies:
             element = spec.worldbody.add_body(name=f"scene/{body.name}", mocap=True, pos=body.pose.position)
             element.quat = body.pose.quaternion

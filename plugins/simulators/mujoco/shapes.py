@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.scene import Body, Inertia
 from plugins.simulators.mujoco.engine import mujoco
 
@@ -23,6 +23,8 @@ def add_geom(spec: Element, bearer: Element, shape: Shape, pose: Pose) -> Elemen
             kind, size = mujoco.mjtGeom.mjGEOM_SPHERE, [shape.radius, 0.0, 0.0]
         case Cylinder():
             kind, size = mujoco.mjtGeom.mjGEOM_CYLINDER, [shape.radius, shape.length / 2, 0.0]
+        case Capsule():
+            kind, size = mujoco.mjtGeom.mjGEOM_CAPSULE, [shape.radius, shape.length / 2, 0.0]
         case Mesh():
             kind, mesh = mujoco.mjtGeom.mjGEOM_MESH, f"mesh_{len(spec.meshes)}"
             spec.add_mesh(name=mesh, uservert=np.ravel(shape.vertices))

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from lxml import etree
 
-from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.scene import Body, Inertia
 from core.scratch import write_once
 from plugins.simulators.pybullet.engine import pybullet as p
@@ -103,6 +103,8 @@ def _geometry(shape: Shape, folder: Path) -> Any:
             return etree.Element("sphere", radius=f"{radius:.12g}")
         case Cylinder(radius=radius, length=length):
             return etree.Element("cylinder", radius=f"{radius:.12g}", length=f"{length:.12g}")
+        case Capsule(radius=radius, length=length):
+            return etree.Element("capsule", radius=f"{radius:.12g}", length=f"{length:.12g}")
         case Mesh():
             file = text_file(folder, str(shape.to_trimesh().export(file_type="obj")), "obj")
             return etree.Element("mesh", filename=str(file))

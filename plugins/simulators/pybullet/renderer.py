@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.design import Tool
-from core.geometry import Array, Box, Cylinder, Mesh, Pose, Sphere
+from core.geometry import Array, Box, Pose
 from core.interfaces import Image, Task
 from core.scene import Camera, Geom, State
 from core.simulation.rendering import Renderer
@@ -51,7 +51,7 @@ class PyBulletRenderer(Renderer):
         match part.shape:
             case Box(size=size):
                 shape = p.createVisualShape(p.GEOM_BOX, halfExtents=[side / 2 for side in size], **look)
-            case Sphere() | Cylinder() | Mesh():  # PyBullet's own spheres have corners, and its cylinders no edges
+            case _:  # PyBullet's own spheres have corners, and its cylinders no edges
                 file = str(facets_file(part.shape, self._folder))
                 shape = p.createVisualShape(p.GEOM_MESH, fileName=file, **look)
         return int(p.createMultiBody(0, -1, shape, physicsClientId=self._client))

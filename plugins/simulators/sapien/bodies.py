@@ -14,7 +14,7 @@ import numpy.typing as npt
 from core.geometry import Array
 from core.scene import Inertia, Scene, State
 from plugins.simulators.sapien.engine import physx, sapien
-from plugins.simulators.sapien.shapes import collision, to_sapien
+from plugins.simulators.sapien.shapes import collision, place, to_sapien
 from plugins.simulators.sapien.surfaces import Surface, Surfaces
 
 GRAVITY = 9.81
@@ -84,7 +84,7 @@ class Bodies:
             for part in body.collisions:
                 make = partial(collision, part.shape, folder=folder)
                 for shape in surfaces.copies(Surface.of(body), make, fixed=body.fixed):
-                    shape.local_pose = to_sapien(part.pose)
+                    place(shape, part.shape, part.pose)
                     component.attach(shape)
             entity.pose = to_sapien(body.pose)
             if not body.fixed and body.rolling_friction > 0:

@@ -16,7 +16,7 @@ from core.robots import Robot as Arm
 from plugins.simulators.sapien.bodies import weigh
 from plugins.simulators.sapien.description import Joint, Shape, robot_links
 from plugins.simulators.sapien.engine import physx, sapien
-from plugins.simulators.sapien.shapes import collision, hull, to_sapien
+from plugins.simulators.sapien.shapes import collision, hull, place, to_sapien
 from plugins.simulators.sapien.surfaces import Surface, Surfaces
 
 # A drive is a spring and a damper. The spring reaches the joint's full force at this distance from the target, in
@@ -141,7 +141,7 @@ def _attach(component: Any, part: Shape, arm: Arm, tool: Tool, surfaces: Surface
     def make(material: Any) -> Any:
         shape = part.shape
         collider = hull(shape, material) if isinstance(shape, Path) else collision(shape, material, folder)
-        collider.local_pose = to_sapien(part.pose)
+        place(collider, shape, part.pose)
         return collider
 
     for shape in surfaces.copies(surface_of(arm, part.part, tool), make, apart=_apart(part.part, arm, tool)):

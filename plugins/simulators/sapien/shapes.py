@@ -10,15 +10,21 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.scratch import write_once
 from plugins.simulators.sapien.engine import physx, sapien
 
 _SIDES = 64
+_UPRIGHT = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
 
 
 def to_sapien(pose: Pose) -> Any:
     return sapien.Pose(pose.position, pose.quaternion)
+
+
+def place(collider: Any, shape: Shape | Path, pose: Pose) -> None:
+    """Place a collision shape in its link or body; PhysX has capsules along x."""
+    collider.local_pose = to_sapien(pose @ _UPRIGHT if isinstance(shape, Capsule) else pose)
 
 
 def collision(shape: Shape, material: Any, folder: Path) -> Any:
@@ -31,6 +37,8 @@ def collision(shape: Shape, material: Any, folder: Path) -> Any:
             return physx.PhysxCollisionShapeSphere(radius, material)
         case Cylinder(radius=radius, length=length):
             return hull(_file(folder, "cylinder", _prism), material, (radius, radius, length))
+        case Capsule(radius=radius, length=length):
+            return physx.PhysxCollisionShapeCapsule(radius, length / 2, material)
         case Mesh(vertices=vertices, faces=faces):
             content = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()[:16]
             return hull(_file(folder, content, shape.to_trimesh), material)

@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, Tool
-from core.geometry import Box, Pose
+from core.geometry import Array, Box, Pose
+from core.shapes import resized
 from plugins.vlms.offline.boxes import Boxes, separations
 
 _COLOR = (0.56, 0.35, 0.68, 1.0)  # of added components
@@ -46,16 +47,17 @@ def _resized(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, 
     number, axis = int(rng.integers(len(tool.components))), int(rng.integers(3))
     factor = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6) * max(scale, 0.2)))
     old = tool.components[number]
-    sides = list(old.shape.size)
+    own = old.shape.bounds[1]
+    sides = own.tolist()
     sides[axis] = float(np.clip(sides[axis] * factor, _THINNEST_M, 1.5))
     stretch = np.ones(3)
-    stretch[axis] = sides[axis] / old.shape.size[axis]
+    stretch[axis] = sides[axis] / own[axis]
     components = [
         replace(c, pose=Pose(c.pose.position * stretch, c.pose.quaternion)) if c.parent == old.name else c
         for c in tool.components
     ]
     # The end that meets the parent stays where it is.
-    shift = old.pose.rotation.as_matrix()[:, axis] * (sides[axis] - old.shape.size[axis]) / 2
+    shift = old.pose.rotation.as_matrix()[:, axis] * (sides[axis] - own[axis]) / 2
     toward = np.sign(float(old.pose.position @ old.pose.rotation.as_matrix()[:, axis])) or 1.0
     pose = Pose(old.pose.position + toward * shift, old.pose.quaternion)
     components[number] = replace(old, shape=Box((sides[0], sides[1], sides[2])), pose=pose)
@@ -85,13 +87,14 @@ def _added(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, st
     """Add a plate on a face of a component."""
     parent = tool.components[int(rng.integers(len(tool.components) // 2, len(tool.components)))]
     axis, side = int(rng.integers(3)), float(rng.choice([-1.0, 1.0]))
-    sides = np.array(parent.shape.size) * rng.uniform(0.3, 1.0, 3)
+    size = parent.shape.bounds[1]
+    sides = size * rng.uniform(0.3, 1.0, 3)
     sides[axis] = rng.uniform(0.01, 0.08)
     sides = np.clip(sides, 0.004, 0.3)
     place = np.zeros(3)
-    place[axis] = side * ((parent.shape.size[axis] + sides[axis]) / 2 - 0.0005)
+    place[axis] = side * ((size[axis] + sides[axis]) / 2 - 0.0005)
     along = (axis + int(rng.integers(1, 3))) % 3
-    place[along] = rng.choice([-1.0, 0.0, 1.0]) * (parent.shape.size[along] - sides[along]) / 2
+    place[along] = rng.choice([-1.0, 0.0, 1.0]) * (size[along] - sides[along]) / 2
     name = free_name("fin", {c.name for c in tool.components})
     fin = Component(name, parent.name, Pose(place), Box((sides[0], sides[1], sides[2])), color=_COLOR)
     return replace(tool, components=(*tool.components, fin)), f"{name} added on {parent.name}"
@@ -111,7 +114,7 @@ def _replaced(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool,
     """Replace a leaf by a box of other proportions in the same place."""
     number = int(rng.choice(_leaves(tool)))
     old = tool.components[number]
-    sides = np.clip(np.array(old.shape.size) * np.exp(rng.normal(0.0, 0.5, 3)), _THINNEST_M, 0.6)
+    sides = np.clip(old.shape.bounds[1] * np.exp(rng.normal(0.0, 0.5, 3)), _THINNEST_M, 0.6)
     name = free_name("part", {c.name for c in tool.components})
     new = Component(name, old.parent, old.pose, Box((sides[0], sides[1], sides[2])), color=_COLOR)
     text = f"{old.name} replaced by a box of {sides[0]:.3f} x {sides[1]:.3f} x {sides[2]:.3f} m"
@@ -121,10 +124,10 @@ def _replaced(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool,
 def slimmed(tool: Tool) -> tuple[Tool, str]:
     """Make the last component's thinnest side a little thinner, which hardly ever breaks a rule."""
     last = tool.components[-1]
-    sides = list(last.shape.size)
+    sides = last.shape.bounds[1].tolist()
     axis = int(np.argmin(sides))
     sides[axis] = max(0.0006, sides[axis] * 0.97)
-    slim = _with(tool, len(tool.components) - 1, replace(last, shape=Box((sides[0], sides[1], sides[2]))))
+    slim = _with(tool, len(tool.components) - 1, replace(last, shape=resized(last.shape, sides)))
     return joined(slim), f"{last.name} made thinner, {sides[axis] * 1000:.1f} mm"
 
 
@@ -140,8 +143,8 @@ def cross(first: Tool, second: Tool, rng: np.random.Generator) -> tuple[Tool, st
     names = [c.name for c in first.components if mine[c.name][0] == mount]
     if not names:
         return mutate(first, 0.5, rng)
-    graft = Boxes.of([(pose, np.array(donor.shape.size))] * len(names))
-    sizes = {c.name: np.array(c.shape.size) for c in first.components}
+    graft = Boxes.of([(pose, donor.shape.bounds[1])] * len(names))
+    sizes = {c.name: c.shape.bounds[1] for c in first.components}
     gaps, _ = separations(graft, Boxes.of((mine[name][1], sizes[name]) for name in names))
     parent = names[int(np.argmin(gaps))]
     name = free_name(donor.name, {c.name for c in first.components})
@@ -152,29 +155,29 @@ def cross(first: Tool, second: Tool, rng: np.random.Generator) -> tuple[Tool, st
 def _blended(first: Tool, second: Tool, share: float) -> tuple[Tool, str]:
     components = []
     for a, b in zip(first.components, second.components, strict=True):
-        sides = (1 - share) * np.array(a.shape.size) + share * np.array(b.shape.size)
+        sides = (1 - share) * a.shape.bounds[1] + share * b.shape.bounds[1]
         middle = (1 - share) * a.pose.position + share * b.pose.position
         turn = (a.pose.rotation.inv() * b.pose.rotation).as_rotvec()
         pose = Pose.from_rotation(middle, a.pose.rotation * Rotation.from_rotvec(share * turn))
-        components.append(replace(a, shape=Box((sides[0], sides[1], sides[2])), pose=pose))
+        components.append(replace(a, shape=resized(a.shape, sides), pose=pose))
     return joined(replace(first, components=tuple(components))), f"all measures {share:.0%} of the way to the second's"
 
 
 def joined(tool: Tool) -> Tool:
     """The tool with every component, and its descendants, moved until it touches its parent."""
     components: list[Component] = []
-    sizes: dict[str, tuple[float, float, float]] = {}
+    sizes: dict[str, Array] = {}
     for component in tool.components:
         if component.parent in sizes:
-            size = np.array(component.shape.size)
+            size = component.shape.bounds[1]
             for _ in range(4):
-                parent = Boxes.of([(Pose(), np.array(sizes[component.parent]))])
+                parent = Boxes.of([(Pose(), sizes[component.parent])])
                 gap, axis = separations(parent, Boxes.of([(component.pose, size)]))
                 if gap[0] <= 0.0:
                     break
                 position = component.pose.position - (gap[0] + _OVERLAP_M) * axis[0]
                 component = replace(component, pose=Pose(position, component.pose.quaternion))
-        sizes[component.name] = component.shape.size
+        sizes[component.name] = component.shape.bounds[1]
         components.append(component)
     return replace(tool, components=tuple(components))
 

@@ -114,7 +114,7 @@ class Assembly:
 def tool_boxes(tool: Tool) -> Boxes:
     """The components in the frame of the tool mount, with the fingers open."""
     placed = tool.placed()
-    return Boxes.of((MOUNTS[placed[c.name][0]] @ placed[c.name][1], np.array(c.shape.size)) for c in tool.components)
+    return Boxes.of((MOUNTS[placed[c.name][0]] @ placed[c.name][1], c.shape.bounds[1]) for c in tool.components)
 
 
 def build(

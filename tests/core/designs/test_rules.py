@@ -63,7 +63,7 @@ def test_a_sound_tool_passes():
 def test_number_of_components(number):
     tool = rigid(*(box(f"c{i}") for i in range(number)))
     if number > 100:
-        with pytest.raises(DesignError, match="has 101 boxes; at most 100"):
+        with pytest.raises(DesignError, match="has 101 components; at most 100"):
             check_tool(tool, PANDA)
     else:
         check_tool(tool, PANDA)

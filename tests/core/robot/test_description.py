@@ -3,11 +3,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from lxml import etree
 
+from core.conformance.shapes import bowl, prism
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.geometry import Box, Pose
-from core.robot.description import assemble, box_inertia, tool_urdf
+from core.geometry import Box, Capsule, Cylinder, Pose, Sphere, mass_properties
+from core.robot.description import assemble, tool_urdf
 from plugins.robots.descriptions import robots_folder
 from tests.panda import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS, PANDA
 
@@ -32,7 +34,21 @@ GRIPPER = Tool(
     ),
     gripper=True,
 )
-TOOLS = {"rigid": RIGID, "gripper": GRIPPER, "bare arm": Tool(), "bare hand": Tool(gripper=True), "none": None}
+SHAPES = Box((0.1, 0.2, 0.3)), Sphere(0.1), Cylinder(0.05, 0.3), Capsule(0.05, 0.3), prism(5, 0.1, 0.2), bowl(0.1, 0.01)
+ROUND = Tool(
+    tuple(
+        Component(f"c{i}", RIGID_MOUNT, Pose.xyz_rpy((0.1 * i, 0.0, -0.2), (0.3 * i, 0.2, 0.1)), shape, 0.1 + i / 10)
+        for i, shape in enumerate(SHAPES)
+    )
+)
+TOOLS = {
+    "rigid": RIGID,
+    "gripper": GRIPPER,
+    "round": ROUND,
+    "bare arm": Tool(),
+    "bare hand": Tool(gripper=True),
+    "none": None,
+}
 every_tool = pytest.mark.parametrize("tool", TOOLS.values(), ids=TOOLS)
 
 
@@ -146,8 +162,38 @@ def test_components_stand_where_the_tool_places_them(tool):
 
 def test_the_inertia_of_a_box_component():
     component = box("a", RIGID_MOUNT, (0, 0, 0), (0.1, 0.2, 0.3), mass=1.2)
-    np.testing.assert_allclose(np.diag(box_inertia(component)), [0.013, 0.010, 0.005])
-    assert np.count_nonzero(box_inertia(component)) == 3
+    _, inertia = mass_properties(component.shape, component.mass)
+    np.testing.assert_allclose(np.diag(inertia), [0.013, 0.010, 0.005])
+    assert np.count_nonzero(inertia) == 3
+
+
+def test_the_inertia_of_every_shape_is_that_of_its_triangles():
+    link = etree.fromstring(assemble(PANDA, ROUND, fused=True)).find(f"link[@name='{RIGID_MOUNT}']/inertial")
+    meshes = []
+    for component in ROUND.components:
+        mesh = component.shape.to_trimesh().apply_transform(ROUND.placed()[component.name][1].matrix)
+        mesh.density = component.mass / mesh.volume
+        meshes.append(mesh)
+    center = sum(mesh.mass * mesh.center_mass for mesh in meshes) / ROUND.mass
+    tensor = np.zeros((3, 3))
+    for mesh in meshes:
+        arm = mesh.center_mass - center
+        tensor += mesh.moment_inertia + mesh.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    assert float(link.find("mass").get("value")) == pytest.approx(ROUND.mass)
+    np.testing.assert_allclose([float(x) for x in link.find("origin").get("xyz").split()], center, atol=1e-6)
+    names = [["ixx", "ixy", "ixz"], ["ixy", "iyy", "iyz"], ["ixz", "iyz", "izz"]]
+    found = [[float(link.find("inertia").get(name)) for name in row] for row in names]
+    np.testing.assert_allclose(found, tensor, rtol=0.01, atol=2e-5)
+
+
+def test_convex_parts_collide_and_the_surface_is_drawn():
+    link = links(assemble(PANDA, ROUND, fused=True))[RIGID_MOUNT]
+    kinds = {tag: [shape.find("geometry")[0].tag for shape in link.findall(tag)] for tag in ("visual", "collision")}
+    capsule = ["cylinder", "sphere", "sphere"]
+    assert kinds["visual"] == ["box", "sphere", "cylinder", *capsule, "mesh", "mesh"]
+    assert kinds["collision"] == ["box", "sphere", "cylinder", *capsule, "mesh", *["mesh"] * 48]
+    last = link.findall("visual")[-1].find("geometry/mesh").get("filename")
+    assert trimesh.load_mesh(last).volume == pytest.approx(ROUND.components[-1].shape.volume)
 
 
 def whole_inertia(model):
