@@ -117,7 +117,8 @@ class Simulator(ABC):
         """Draw the layout of ``seed`` and the robot, as a picture (height, width, 3) of red, green and blue.
 
         None stands for the start: the bare arm at the task's home, ``arm`` (J,) in radians, ``fingers`` (F,) open, in
-        metres, the bodies as the scene has them, and the task's camera. The robot is `Task.robot`.
+        metres, or these with the tool's joints (F + K,), the bodies as the scene has them, and the task's camera. The
+        robot is `Task.robot`.
 
         Raises:
             NoPicture: nothing on this machine can draw (see `core.errors`).

@@ -93,7 +93,10 @@ class RolloutSettings:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A rollout over time: instants (T,) in seconds, arm joints (T, 7), fingers (T, 2), and states stacked over T."""
+    """A rollout over time: instants (T,) in seconds, arm joints (T, J), and states stacked over T.
+
+    ``fingers`` (T, F + K) are the joints of the robot's F fingers, and then those of the tool (`Tool.bearers`).
+    """
 
     times: Array
     arm: Array
@@ -123,10 +126,10 @@ class World(Protocol):
     time_step: float
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
-        """Drive the joints to targets (7,) and a finger opening at these speeds, and advance by one time step."""
+        """Drive the joints to targets (J,) and a finger opening at these speeds, and advance by one time step."""
 
     def joints(self) -> tuple[Array, Array]:
-        """Return the arm's joints (7,) and the fingers (2,), which are 0 on a robot without fingers."""
+        """Return the arm's joints (J,), and the fingers' with the tool's (F + K,); see `Recording`."""
 
     def state(self) -> State:
         """Return the state of the free bodies."""

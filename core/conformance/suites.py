@@ -14,6 +14,7 @@ from core.conformance import (
     executor,
     fitness,
     impacts,
+    joints,
     listener,
     output,
     repeat,
@@ -38,7 +39,7 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 
 SUITES = {
-    "sim": _checks(repeat, robot, bodies, shapes, impacts, output),
+    "sim": _checks(repeat, robot, bodies, shapes, joints, impacts, output),
     "task": _checks(task),
     "robot": _checks(robots),
     "vlm": _checks(vlm),

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
+from core.designs.loose import check_joints
 from core.designs.stiffness import compliance, corners
 from core.errors import UserError
 from core.geometry import Array, Pose
@@ -65,6 +66,7 @@ def check_tool(tool: Tool, robot: Robot) -> None:
     if tool.mass < MIN_TOOL_KG:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed")
     _check_extent(tool)
+    check_joints(tool)
     _check_stiffness(tool, _check_contacts(tool, robot))
 
 
@@ -204,8 +206,12 @@ class SpawnRules:
             DesignError: names the component, what it overlaps, and the depth.
         """
         robot, frames = self._robot(tool.gripper)
-        solids = [Solid(p.component, solid_geometry(p.shape), frames[p.mount] @ p.pose) for p in tool.parts]
-        mounts = [part.mount for part in tool.parts]
+        placed, solids, mounts = tool.placed(), list[Solid](), list[str]()
+        for component in tool.components:
+            mount, pose = placed[component.name]
+            own = [solid_geometry(shape) for shape in component.shape.convex_parts()]
+            solids += [Solid(component.name, geometry, frames[mount] @ pose) for geometry in own]
+            mounts += [mount] * len(own)
         _check_halves(solids, mounts)
         for solid, mount in zip(solids, mounts, strict=True):
             carriers = (mount,) if tool.gripper else self.robot.near_mount

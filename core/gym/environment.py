@@ -41,9 +41,9 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     arm's limits. With ``"end_effector"`` (6,) they are speeds of the end-effector's target pose along and about the
     world's axes, as shares of 0.5 m/s and 2 rad/s. A tool for the gripper adds one: the fingers, -1 open to 1 closed.
 
-    Observations (J + F + 13 B,): J joints (rad), F fingers (m from the middle; none if the arm has no gripper), and for
-    each of B free bodies the position (m), quaternion (w, x, y, z), linear (m/s) and angular (rad/s) velocity, in the
-    world frame.
+    Observations (J + F + K + 13 B,): J joints (rad), F fingers (m from the middle; none if the arm has no gripper), K
+    joints of the tool (rad or m), and for each of B free bodies the position (m), quaternion (w, x, y, z), linear (m/s)
+    and angular (rad/s) velocity, in the world frame.
 
     The reward of a step is the growth of the task's reward in it, so their sum over an episode is the task's reward at
     its end. ``info["reward"]`` is the task's reward now. An episode terminates at success.
@@ -104,7 +104,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._arm, self._opening = arm_of(self.task.robot), self.task.robot.opening_m
         joints = len(self.task.robot.arm_joints)
         moves = (joints if control_mode == "joints" else 6) + self.tool.gripper
-        observed = joints + len(self.task.robot.finger_joints) + 13 * len(self.task.scene(0).free)
+        others = len(self.task.robot.finger_joints) + len(self.tool.bearers)
+        observed = joints + others + 13 * len(self.task.scene(0).free)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float64)
         self._world: World | None = None
@@ -180,7 +181,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             return None
         arm, fingers = self._world.joints()
         if not self.tool.gripper:
-            fingers = np.full(len(fingers), self._opening)
+            fingers[: len(self.task.robot.finger_joints)] = self._opening
         return self._draw(seed=self._layout, arm=arm, fingers=fingers, state=self._world.state())
 
     def close(self) -> None:

@@ -188,9 +188,12 @@ def _text(design: dict[str, Any], name: str, longest: int) -> str:
 # --- solids -----------------------------------------------------------------------------------------------------
 
 
-def solids(tool: Tool) -> dict[str, list[tuple[Component, trimesh.Trimesh]]]:
-    """The components by mount, each with its solid in the mount's frame, in metres."""
-    placed = tool.placed()
+def solids(tool: Tool, *, loose: bool = False) -> dict[str, list[tuple[Component, trimesh.Trimesh]]]:
+    """The components by mount, each with its solid in the mount's frame, in metres.
+
+    If ``loose``, by what bears them: a mount or, for those that a joint moves, the component with the joint.
+    """
+    placed = tool.borne if loose else tool.placed()
     found: dict[str, list[tuple[Component, trimesh.Trimesh]]] = {}
     for component in tool.components:
         mount, pose = placed[component.name]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool, ToolJoint
 from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere, mass_properties
 from core.robots import Robot
 from core.scratch import scratch, write_once
@@ -19,7 +19,11 @@ BASE = "world_base"  # the root link of an arm that does not stand at the world'
 
 
 def _numbers(values: Iterable[float]) -> str:
-    return " ".join(f"{round(float(value), 12) + 0.0:.15g}" for value in values)
+    return " ".join(map(_number, values))
+
+
+def _number(value: float) -> str:
+    return f"{round(float(value), 12) + 0.0:.15g}"
 
 
 def _origin(parent: Any, pose: Pose) -> None:
@@ -89,17 +93,38 @@ def merged(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, A
 
 def tool_elements(tool: Tool) -> list[Any]:
     """Make the tool's links and joints as URDF elements, children of the robot element."""
-    elements = []
+    elements, links = [], {component.name: component.link for component in tool.components}
     for component in tool.components:
-        link = etree.Element("link", name=component.name)
-        _inertial(link, component.mass, *mass_properties(component.shape, component.mass))
-        _shapes(link, component, Pose())
-        joint = etree.Element("joint", name=f"{component.name}_joint", type="fixed")
-        etree.SubElement(joint, "parent", link=component.parent)
-        etree.SubElement(joint, "child", link=component.name)
-        _origin(joint, component.pose)
-        elements += [link, joint]
+        link, own = etree.Element("link", name=component.name), component.link.inverse()
+        center, tensor = mass_properties(component.shape, component.mass)
+        _inertial(link, component.mass, own.apply(center), tensor)
+        _shapes(link, component, own)
+        pose = component.pose @ component.link if component.joint else component.pose
+        pose = links[component.parent].inverse() @ pose if component.parent in links else pose
+        elements += [link, _joint(component.name, component.parent, pose, component.joint)]
     return elements
+
+
+def _joint(name: str, parent: str, pose: Pose, moving: ToolJoint | None) -> Any:
+    """Make the joint that bears a link of a tool. URDF has no springs; other readers skip our ``<spring>``."""
+    kind = {"hinge": "revolute", "slider": "prismatic"}[moving.kind] if moving else "fixed"
+    joint = etree.Element("joint", name=joint_name(name), type=kind)
+    etree.SubElement(joint, "parent", link=parent)
+    etree.SubElement(joint, "child", link=name)
+    _origin(joint, pose)
+    if moving:
+        etree.SubElement(joint, "axis", xyz=_numbers(moving.axis))
+        lower, upper, damping, friction = map(_number, (moving.lower, moving.upper, moving.damping, moving.friction))
+        etree.SubElement(joint, "limit", lower=lower, upper=upper, effort="0", velocity="1000")
+        etree.SubElement(joint, "dynamics", damping=damping, friction=friction)
+        if moving.stiffness:
+            etree.SubElement(joint, "spring", stiffness=_number(moving.stiffness), rest=_number(moving.rest))
+    return joint
+
+
+def joint_name(component: str) -> str:
+    """Name the joint that bears a component."""
+    return f"{component}_joint"
 
 
 def to_text(element: Any) -> str:
@@ -112,14 +137,15 @@ def tool_urdf(tool: Tool) -> str:
     return "".join(to_text(element) for element in tool_elements(tool))
 
 
-def _fuse(link: Any, tool: Tool, mount: str) -> None:
-    """Merge the components on ``mount`` into its link: many shapes, one inertia."""
-    placed = tool.placed()
-    parts = [(c, placed[c.name][1]) for c in tool.components if placed[c.name][0] == mount]
+def _fuse(link: Any, tool: Tool, bearer: str) -> None:
+    """Merge the components on ``bearer`` into its link: many shapes, one inertia."""
+    parts = [(c, tool.borne[c.name][1]) for c in tool.components if tool.borne[c.name][0] == bearer]
     if not parts:
         return
     own, inertias = link.find("inertial"), []
-    if (own_mass := float(own.find("mass").get("value"))) > 0:
+    if own is None:
+        own = etree.SubElement(link, "inertial")
+    elif (own_mass := float(own.find("mass").get("value"))) > 0:
         diagonal = [float(own.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")]  # no finger has products
         inertias.append((own_mass, read_numbers(own.find("origin"), "xyz"), np.diag(diagonal)))
     link.remove(own)
@@ -162,7 +188,10 @@ def assemble(
         bearer, mount = robot.gripper.link, robot.gripper.mount
     _add_frame(root, RIGID_MOUNT, bearer, mount)
     if fused:
-        for name in tool.mounts:
+        for name, parent, pose, joint in tool.bearers:
+            etree.SubElement(root, "link", name=name)
+            root.append(_joint(name, parent, pose, joint))
+        for name in tool.borne_on:
             _fuse(root.find(f"link[@name='{name}']"), tool, name)
     else:
         root.extend(tool_elements(tool))

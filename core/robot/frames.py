@@ -5,6 +5,7 @@ numpy needs a tenth of the time that Pinocchio takes for one instant after the o
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -111,6 +112,30 @@ def link_frames(robot: Robot, gripper: bool, arm: Array, fingers: Array) -> dict
         name: place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
         for name, (joint, pose) in model.links.items()
     }
+
+
+def bearer_frames(
+    tool: Tool, values: Array, mounts: Mapping[str, tuple[Array, Array]]
+) -> dict[str, tuple[Array, Array]]:
+    """Compute the rotations (T, 3, 3) and positions (T, 3) of a tool's `Tool.bearers` in the world.
+
+    ``values`` (T, K) are those of its joints; ``mounts`` holds the mounts' frames.
+    """
+    frames = dict(mounts)
+    for bearer, value in zip(tool.bearers, values.T, strict=True):
+        rotations, positions = frames[bearer.parent]
+        rotations, positions = place(rotations, positions, bearer.pose.rotation.as_matrix(), bearer.pose.position)
+        if bearer.joint.kind == "hinge":
+            rotations = rotations @ Rotation.from_rotvec(np.outer(value, bearer.joint.axis)).as_matrix()
+        else:
+            positions = positions + value[:, None] * (rotations @ bearer.joint.axis)
+        frames[bearer.name] = rotations, positions
+    return {bearer.name: frames[bearer.name] for bearer in tool.bearers}
+
+
+def tool_values(robot: Robot, tool: Tool, fingers: Array) -> Array:
+    """Return the tool's joints (T, K) from what comes with the fingers in a recording (T, F + K)."""
+    return fingers[:, len(robot.finger_joints) : len(robot.finger_joints) + len(tool.bearers)]
 
 
 @lru_cache(maxsize=8)

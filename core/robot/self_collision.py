@@ -161,9 +161,10 @@ def _part(name: str, joint: int, geometry: Any, pose: Pose) -> _Part:
 def _pairs(robot: Robot, tool: Tool) -> _Pairs:
     model, own = robot_model(robot, tool.gripper), _link_parts(robot, tool.gripper)
     mounted = []
-    for name, shape, mount, pose in tool.parts:
-        joint, at = model.links[mount]
-        mounted.append(_part(name, joint, solid_geometry(shape), at @ pose))
+    for name, shape, bearer, pose in tool.parts:
+        if bearer in model.links:  # where the others will be, only the engine knows
+            joint, at = model.links[bearer]
+            mounted.append(_part(name, joint, solid_geometry(shape), at @ pose))
     count = len(mounted)
     limits = {(one + count, other + count): deep for (one, other), deep in _link_limits(robot, tool.gripper).items()}
     for (one, part), (other, link) in product(enumerate(mounted), enumerate(own, start=count)):

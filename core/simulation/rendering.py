@@ -12,8 +12,9 @@ from PIL import Image as Pillow
 from core.design import Tool
 from core.errors import NoPicture, UserError
 from core.geometry import Array
-from core.interfaces import Image, Simulator, Task
+from core.interfaces import Image, Robot, Simulator, Task
 from core.plugins import installed
+from core.robot.description import joint_name
 from core.robot.kinematics import arm_of
 from core.scene import Camera, State
 
@@ -34,6 +35,13 @@ class View(TypedDict, total=False):
     height: int
 
 
+def joint_positions(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, float]:
+    """Name the positions of the arm's joints (J,), and of the fingers' and the tool's (F + K,), that the robot has."""
+    fingers = fingers.tolist() if tool.gripper else fingers[len(robot.finger_joints) :].tolist()
+    loose = [joint_name(bearer.name) for bearer in tool.bearers]
+    return dict(zip([*robot.joints(tool.gripper), *loose], [*arm.tolist(), *fingers], strict=False))
+
+
 class Renderer(ABC):
     """Draw one scene after another; a loaded scene is kept until another one is needed."""
 
@@ -45,7 +53,7 @@ class Renderer(ABC):
 
     @abstractmethod
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        """Set the robot's joints, arm (J,) and fingers (F,), and the poses of the free bodies."""
+        """Set the robot's joints, arm (J,) and fingers with the tool's (F + K,), and the poses of the free bodies."""
 
     @abstractmethod
     def shoot(self, camera: Camera, width: int, height: int) -> Image:

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Array, Mesh, Pose, Shape, Sphere
 from core.interfaces import JointTrajectory, Recording
-from core.robot.frames import joint_frames, joint_values, place, robot_model, rotate
+from core.robot.frames import bearer_frames, joint_frames, joint_values, place, robot_model, rotate, tool_values
 from core.robot.solids import hull, robot_solids, solid_geometry
 from core.robots import Robot
 from core.scene import Scene
@@ -123,7 +123,22 @@ def robot_tracks(
     """Follow the links that move, and the tool's components; ``only`` those with these numbers among them."""
     solids, model = _robot_solids(robot, tool), robot_model(robot, tool.gripper)
     frames = joint_frames(model, joint_values(robot, tool.gripper, recording.arm, recording.fingers))
+    if tool.bearers:
+        frames = _with_bearers(robot, tool, recording, *frames)
     return solids.tracks(*frames, detour and Detour(detour.moved[None], detour.turned[None]), model.reach, only)
+
+
+def _with_bearers(
+    robot: Robot, tool: Tool, recording: Recording, rotations: Array, positions: Array
+) -> tuple[Array, Array]:
+    """Append the frames of the tool's bearers to those of the joints, (J, T, 3, 3) and (J, T, 3)."""
+    links, mounts = robot_model(robot, tool.gripper).links, {}
+    for mount in tool.mounts:
+        joint, at = links[mount]
+        mounts[mount] = place(rotations[joint], positions[joint], at.rotation.as_matrix(), at.position)
+    found = bearer_frames(tool, tool_values(robot, tool, recording.fingers), mounts).values()
+    turned, moved = zip(*found, strict=True)
+    return np.concatenate([rotations, turned]), np.concatenate([positions, moved])
 
 
 def tool_speed(robot: Robot, tool: Tool, trajectory: JointTrajectory) -> float:
@@ -291,20 +306,29 @@ def _link_solids(robot: Robot, gripper: bool) -> tuple[_Solid, ...]:
 def _robot_solids(robot: Robot, tool: Tool) -> _Solids:
     """The links' solids, and behind them the tool's parts."""
     links, solids = robot_model(robot, tool.gripper).links, list(_link_solids(robot, tool.gripper))
-    for name, shape, mount, pose in tool.parts:
-        joint, at = links[mount]
+    frames = {mount: links[mount] for mount in tool.mounts}
+    joints = len(robot_model(robot, tool.gripper).parents)
+    frames |= {bearer.name: (joints + number, Pose()) for number, bearer in enumerate(tool.bearers)}
+    for name, shape, bearer, pose in tool.parts:
+        joint, at = frames[bearer]
         solids.append((name, ROBOT, shape, _geometry(shape), joint, at @ pose))
     return _Solids.of(solids)
 
 
 @lru_cache(maxsize=8)
 def _reaches(robot: Robot, tool: Tool) -> dict[str, float]:
-    """How far the tool extends from each of its mounts, metres."""
+    """How far the tool extends from each of its mounts, metres, at most."""
     solids, reaches = _robot_solids(robot, tool), dict[str, float]()
     own = slice(len(solids.far) - len(tool.parts), None)
     corners = (solids.far - np.linalg.norm(solids.positions, axis=1))[own]
+    away = {mount: (mount, 0.0) for mount in tool.mounts}
+    for name, parent, pose, joint in tool.bearers:
+        mount, before = away[parent]
+        range_m = max(-joint.lower, joint.upper) if joint.kind == "slider" else 0.0
+        away[name] = mount, before + float(np.linalg.norm(pose.position)) + range_m
     for part, corner in zip(tool.parts, corners, strict=True):
-        reaches[part.mount] = max(float(np.linalg.norm(part.pose.position) + corner), reaches.get(part.mount, 0.0))
+        mount, before = away[part.bearer]
+        reaches[mount] = max(before + float(np.linalg.norm(part.pose.position) + corner), reaches.get(mount, 0.0))
     return reaches
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Robot
-from core.robot.frames import link_frames
+from core.robot.frames import bearer_frames, link_frames, tool_values
 from core.robot.visuals import link_visuals
 
 
@@ -24,11 +25,14 @@ def links(robot: Robot, gripper: bool) -> dict[str, trimesh.Trimesh]:
     return found
 
 
-def tracks(robot: Robot, gripper: bool, arm: Array, fingers: Array) -> dict[str, Array]:
-    """The motion of each link in the world, at arm joints (T, J) and fingers (T, F): (T, 7), x, y, z in metres, then a
-    quaternion (x, y, z, w), as Rerun has them.
+def tracks(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, Array]:
+    """The motion of each link in the world, at arm joints (T, J) and fingers with the tool's joints (T, F + K).
+
+    Each is (T, 7): x, y, z in metres, then a quaternion (x, y, z, w), as Rerun has them.
     """
+    frames = link_frames(robot, tool.gripper, arm, fingers)
+    frames |= bearer_frames(tool, tool_values(robot, tool, fingers), frames)
     return {
         name: np.hstack([positions, Rotation.from_matrix(rotations).as_quat()])
-        for name, (rotations, positions) in link_frames(robot, gripper, arm, fingers).items()
+        for name, (rotations, positions) in frames.items()
     }

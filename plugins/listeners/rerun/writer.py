@@ -51,6 +51,7 @@ class Writer:
         self._generations: list[Generation] = []
         self._replies: list[list[Reply]] = []  # by generation
         self._lineage = Lineage()
+        self._loose: set[str] = set()  # the tools' components with a joint
         self._visible: set[Path] = set()  # of the meshes that come and go
         self._row = 0.0
         self._arranged: Contents | None = None
@@ -115,7 +116,7 @@ class Writer:
         self._write("design", f"generation {generation}, rank {rank}\n{text}")
 
         times = recording.times - recording.times[0] + self._clock
-        for name, poses in tracks(self._robot, candidate.tool.gripper, recording.arm, recording.fingers).items():
+        for name, poses in tracks(self._robot, candidate.tool, recording.arm, recording.fingers).items():
             self._move(("world", "robot", name), times, generation, poses[:, :3], poses[:, 3:])
         states = recording.states
         for k, name in enumerate(states.names):
@@ -141,8 +142,9 @@ class Writer:
     def _mount(self, tool: Tool) -> None:
         for name, mesh in self._hand.items():
             self._show(("world", "robot", name), mesh if tool.gripper else None, once=True)
-        placed = solids(tool)
-        for mount in _MOUNTS:
+        placed = solids(tool, loose=True)
+        self._loose |= placed.keys() - set(_MOUNTS)
+        for mount in (*_MOUNTS, *sorted(self._loose)):
             self._show(("world", "robot", mount, "tool"), joined(placed[mount]) if mount in placed else None)
 
     def _side_by_side(self, tools: Sequence[Evaluation]) -> None:

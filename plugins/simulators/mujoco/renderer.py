@@ -20,7 +20,7 @@ from core.robot.description import assemble
 from core.robot.visuals import link_visuals
 from core.robots import Robot
 from core.scene import Camera, Color, State
-from core.simulation.rendering import Renderer
+from core.simulation.rendering import Renderer, joint_positions
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom
 
@@ -59,9 +59,9 @@ class MuJoCoRenderer(Renderer):
         for geom in list(spec.geoms):
             spec.delete(geom)
         _dress_arm(spec, robot, shown.gripper)
-        for name, (mount, pose) in shown.placed().items():
-            (component,) = (c for c in shown.components if c.name == name)
-            _show(spec, spec.body(mount), component.shape.drawn, pose, component.color)
+        for component in shown.components:
+            bearer, pose = shown.borne[component.name]
+            _show(spec, spec.body(bearer), component.shape.drawn, pose, component.color)
         for body in task.scene(seed).bodies:
             element = spec.worldbody.add_body(name=f"scene/{body.name}", mocap=True, pos=body.pose.position)
             element.quat = body.pose.quaternion
@@ -75,10 +75,10 @@ class MuJoCoRenderer(Renderer):
                 self._context.free()
             self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
         self._scene = mujoco.MjvScene(self._model, maxgeom=self._model.ngeom + 10)
-        self._joints = robot.joints(shown.gripper)
+        self._robot, self._tool = robot, shown
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        for name, value in zip(self._joints, [*arm, *fingers], strict=False):
+        for name, value in joint_positions(self._robot, self._tool, arm, fingers).items():
             self._data.joint(name).qpos[0] = value
         for name in state.names:
             number = self._model.body_mocapid[self._model.body(f"scene/{name}").id]

@@ -9,13 +9,14 @@ import numpy as np
 
 from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array
-from core.robot.description import assemble
+from core.robot.description import assemble, joint_name
 from core.robots import LINK_FRICTION, Robot
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
 FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
+_HOLDS = [0.9999, 0.9999, 0.001, 0.5, 2.0]  # the impedance of dry friction in a tool's joint: it hardly creeps
 _AHEAD = 3.0  # how many times faster a joint's speed converges than its position
 
 
@@ -45,25 +46,35 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
     spec.fuse_static()
     colliders = []
     for geom, link in links:
-        role = Role.TOOL if link in tool.mounts else Role.BEARER if link in bearers else Role.ARM
-        friction = LINK_FRICTION if link in tool.mounts else robot.friction
+        role = Role.TOOL if link in tool.borne_on else Role.BEARER if link in bearers else Role.ARM
+        friction = LINK_FRICTION if link in tool.borne_on else robot.friction
         if robot.gripper is not None and link in GRIPPER_MOUNTS:
             friction = robot.gripper.friction
         colliders.append(Collider(geom, geom.parent.name, role, Surface(friction)))
+    for bearer in tool.bearers:
+        body = spec.body(bearer.name)
+        spec.add_exclude(bodyname1=body.name, bodyname2=body.parent.name)
+        joint = spec.joint(joint_name(bearer.name))
+        joint.stiffness[0], joint.springref = bearer.joint.stiffness, bearer.joint.rest
+        joint.damping[0], joint.frictionloss = bearer.joint.damping, bearer.joint.friction
     return spec, colliders
 
 
-def add_servos(spec: Element, robot: Robot) -> None:
+def add_servos(spec: Element, robot: Robot, tool: Tool) -> None:
     """Add position control with velocity feed-forward; `set_gains` sets the gains later.
 
     Gravity of the arm and its tool is compensated: those torques are known, and count towards a joint's limit. The
     fingers' coupling in the description becomes a constraint.
     """
+    loose = {bearer.name for bearer in tool.bearers}
     for body in spec.bodies:
-        body.gravcomp = float(body.name != "world")
+        body.gravcomp = float(body.name not in {"world", *loose})
     for joint in spec.joints:
-        joint.actgravcomp = True
         joint.solref_limit = [2 * spec.option.timestep, 1.0]
+        if joint.parent.name in loose:
+            joint.solref_friction, joint.solimp_friction = joint.solref_limit, _HOLDS
+            continue
+        joint.actgravcomp = True
         if robot.gripper is not None and joint.name in robot.gripper.joints:
             force = robot.gripper.force_n
             joint.actfrcrange, joint.armature = [-force, force], FINGER_INERTIA
@@ -100,6 +111,6 @@ def set_gains(model: Element, robot: Robot, tracking_rate: float) -> None:
     else:
         a = 1 / product - 1
         b = (1 + product - total) / product
-    masses: Array = np.diag(inertia)[:count]
+    masses: Array = np.diag(inertia)[model.jnt_dofadr[model.actuator_trnid[:count, 0]]]
     model.actuator_biasprm[:, 1] = -b * masses / h**2
     model.actuator_biasprm[:, 2] = -a * masses / h

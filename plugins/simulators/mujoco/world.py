@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout, Task
+from core.robot.description import joint_name
 from core.scene import Inertia, Scene, State
 from core.simulation.playback import LAG_EVERY, record_every, schedule, targets
 from plugins.simulators.mujoco import contacts
@@ -64,7 +65,7 @@ def described(
     spec, colliders = load(robot, tool, slots)
     surfaces = [Surface(body.friction, body.rolling_friction, body.restitution) for body in scene.bodies]
     contacts.options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
-    add_servos(spec, robot)
+    add_servos(spec, robot, tool)
     for number, (body, surface) in enumerate(zip(scene.bodies, surfaces, strict=True)):
         if body.fixed:
             bearer, frame = spec.worldbody, body.pose
@@ -75,6 +76,41 @@ def described(
             colliders.append(Collider(geom, bearer.name, Role.SCENE, surface, not body.fixed))
     contacts.set_contacts(spec, colliders, slip_rate)
     return spec
+
+
+@dataclass(frozen=True, eq=False)
+class Joints:
+    """Where the robot's joints are among a model's positions.
+
+    Attributes:
+        count: of all of them; the free bodies' positions follow.
+        driven: those with a motor: the arm's, and the fingers' of a gripper tool.
+        loose: the tool's.
+        arm: how many are the arm's.
+        grip: how many are fingers'.
+        fingers: how many the robot has.
+    """
+
+    count: int
+    driven: list[int]
+    loose: list[int]
+    arm: int
+    grip: int
+    fingers: int
+
+    @classmethod
+    def of(cls, robot: Robot, tool: Tool, model: Element) -> Joints:
+        names = robot.joints(tool.gripper), [joint_name(bearer.name) for bearer in tool.bearers]
+        driven, loose = ([int(model.joint(name).qposadr[0]) for name in joints] for joints in names)
+        arm = len(robot.arm_joints)
+        return cls(len(driven) + len(loose), driven, loose, arm, len(driven) - arm, len(robot.finger_joints))
+
+    def read(self, qpos: Array) -> tuple[Array, Array]:
+        """Take the arm's joints (T, J), and the fingers' with the tool's (T, F + K), from positions (T, Q)."""
+        others = np.zeros((len(qpos), self.fingers + len(self.loose)))
+        others[:, : self.grip] = qpos[:, self.driven[self.arm :]]
+        others[:, self.fingers :] = qpos[:, self.loose]
+        return qpos[:, self.driven[: self.arm]], others
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +128,7 @@ class World:
     def __init__(self, robot: Robot, scene: Scene, tool: Tool, model: Element) -> None:
         self._names = tuple(body.name for body in scene.free)
         self._model = model
-        self._arm, self._fingers = len(robot.arm_joints), len(robot.finger_joints)
-        self._joints = len(robot.joints(tool.gripper))
+        self._joints = Joints.of(robot, tool, model)
         self._data = mujoco.MjData(model)
         self._settled: _Settled | None = None
 
@@ -108,14 +143,12 @@ class World:
         except (mujoco.FatalError, FloatingPointError) as error:
             return Outcome(None, None, error=f"MuJoCo: {error}")
         looks = np.arange(-(-settle // LAG_EVERY) * LAG_EVERY, len(times), LAG_EVERY)
-        lag = np.abs(qpos[looks + 1, : self._arm] - trajectory.sample(times[looks] + dt)[0]).max(initial=0.0)
+        lag = np.abs(self._joints.read(qpos[looks + 1])[0] - trajectory.sample(times[looks] + dt)[0]).max(initial=0.0)
         recording = None
         if every := record_every(job, dt):
             at = np.append(np.arange(0, len(times), every), len(times))
             instants = np.append(times, times[-1] + dt)[at]
-            fingers = np.zeros((len(at), self._fingers))
-            fingers[:, : self._joints - self._arm] = qpos[at, self._arm : self._joints]
-            recording = Recording(instants, qpos[at, : self._arm], fingers, self._state(qpos[at], qvel[at]))
+            recording = Recording(instants, *self._joints.read(qpos[at]), self._state(qpos[at], qvel[at]))
         start, end = (self._state(qpos[step], qvel[step]) for step in (settle, -1))
         return Outcome(start, end, float(lag), recording=recording)
 
@@ -129,7 +162,7 @@ class World:
             FloatingPointError: the world diverged.
         """
         controls = self._controls(trajectory, times)
-        joints = np.append(trajectory.arm[0], [trajectory.fingers[0]] * (self._joints - self._arm))
+        joints = np.append(trajectory.arm[0], [trajectory.fingers[0]] * self._joints.grip)
         settled = self._settle(joints, controls[:settle])
         mujoco.mj_copyData(self._data, self._model, settled.data)  # which bodies sleep is not part of a state
         states = self._steps(self._data, settled.states, controls[settle:])
@@ -141,7 +174,7 @@ class World:
         known = self._settled
         if known is None or len(known.states) != 1 + len(controls) or not np.array_equal(known.joints, joints):
             data = mujoco.MjData(self._model)
-            data.qpos[: len(joints)] = joints
+            data.qpos[self._joints.driven] = joints
             start = np.empty((1, mujoco.mj_stateSize(self._model, _STATE)))
             mujoco.mj_getState(self._model, data, start[0], _STATE)
             known = self._settled = _Settled(joints, self._steps(data, start, controls), data)
@@ -172,44 +205,45 @@ class World:
         arm, fingers, speeds, finger_speeds = targets(trajectory, times, self._model.opt.timestep)
         if self._model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
             arm, fingers = trajectory.sample(times)  # servos compare them with where joints are when the step begins
-        controls = np.empty((len(times), self._joints, 2))
-        controls[:, : self._arm, 0], controls[:, : self._arm, 1] = arm, speeds
-        controls[:, self._arm :, 0], controls[:, self._arm :, 1] = fingers[:, None], finger_speeds[:, None]
+        count = self._joints.arm
+        controls = np.empty((len(times), len(self._joints.driven), 2))
+        controls[:, :count, 0], controls[:, :count, 1] = arm, speeds
+        controls[:, count:, 0], controls[:, count:, 1] = fingers[:, None], finger_speeds[:, None]
         return controls.reshape(len(times), -1)
 
     def _state(self, qpos: Array, qvel: Array) -> State:
-        return state(self._names, qpos[..., self._joints :], qvel[..., self._joints :])
+        return state(self._names, qpos[..., self._joints.count :], qvel[..., self._joints.count :])
 
     def stepped(self, start: JointTrajectory) -> Stepped:
         """Make the same world for stepping from outside, with the robot at the trajectory's first targets."""
-        return Stepped(self._model, self._names, start, self._fingers)
+        return Stepped(self._model, self._names, start, self._joints)
 
 
 class Stepped:
     """A `core.interfaces.World`."""
 
-    def __init__(self, model: Element, names: tuple[str, ...], start: JointTrajectory, fingers: int) -> None:
+    def __init__(self, model: Element, names: tuple[str, ...], start: JointTrajectory, joints: Joints) -> None:
         self.time_step = float(model.opt.timestep)
         self._model, self._names, self._data = model, names, mujoco.MjData(model)
-        self._joints, self._arm, self._fingers = model.nq - 7 * len(names), start.arm.shape[1], fingers
-        self._data.qpos[: self._arm], self._data.qpos[self._arm : self._joints] = start.arm[0], start.fingers[0]
+        self._joints = joints
+        self._data.qpos[joints.driven] = [*start.arm[0], *([start.fingers[0]] * joints.grip)]
         self._ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         back = 0.0 if self._ahead else self.time_step  # see `World._controls`
         controls = self._data.ctrl.reshape(-1, 2)
-        controls[: self._arm, 0], controls[: self._arm, 1] = arm - back * speeds, speeds
-        controls[self._arm :] = fingers - back * finger_speed, finger_speed
+        count = self._joints.arm
+        controls[:count, 0], controls[:count, 1] = arm - back * speeds, speeds
+        controls[count:] = fingers - back * finger_speed, finger_speed
         with warnings_caught():  # a world that diverges shows it in its state too
             mujoco.mj_step(self._model, self._data)
 
     def joints(self) -> tuple[Array, Array]:
-        fingers = np.zeros(self._fingers)
-        fingers[: self._joints - self._arm] = self._data.qpos[self._arm : self._joints]
-        return self._data.qpos[: self._arm].copy(), fingers
+        arm, others = self._joints.read(self._data.qpos[None])
+        return arm[0], others[0]
 
     def state(self) -> State:
-        return state(self._names, self._data.qpos[self._joints :], self._data.qvel[self._joints :])
+        return state(self._names, self._data.qpos[self._joints.count :], self._data.qvel[self._joints.count :])
 
 
 def state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:

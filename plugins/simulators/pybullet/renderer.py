@@ -12,7 +12,7 @@ from core.design import Tool
 from core.geometry import Array, Box, Pose
 from core.interfaces import Image, Task
 from core.scene import Camera, Geom, State
-from core.simulation.rendering import Renderer
+from core.simulation.rendering import Renderer, joint_positions
 from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.world import joint_numbers, load_robot, robot_file
@@ -35,7 +35,7 @@ class PyBulletRenderer(Renderer):
         shown = tool if tool is not None else Tool(gripper=robot.gripper is not None)
         self._robot = load_robot(client, robot_file(self._folder, robot, shown, visuals=True))
         numbers, _ = joint_numbers(client, self._robot)
-        self._joints = [numbers[name] for name in robot.joints(shown.gripper)]
+        self._arm, self._tool, self._numbers = robot, shown, numbers
         self._parts: list[tuple[str, Pose, int]] = []
         self._clear: dict[int, float] = {}  # opacity of transparent parts
         for body in task.scene(seed).bodies:
@@ -61,8 +61,8 @@ class PyBulletRenderer(Renderer):
         p.resetBasePositionAndOrientation(number, pose.position.tolist(), [x, y, z, w], physicsClientId=self._client)
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        for joint, value in zip(self._joints, [*arm, *fingers], strict=False):
-            p.resetJointState(self._robot, joint, float(value), physicsClientId=self._client)
+        for name, value in joint_positions(self._arm, self._tool, arm, fingers).items():
+            p.resetJointState(self._robot, self._numbers[name], value, physicsClientId=self._client)
         for name, offset, number in self._parts:
             if name in state.names:
                 self._place(number, state.pose(name) @ offset)

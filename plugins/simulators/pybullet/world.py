@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
-from core.robot.description import assemble, read_numbers, read_origin, to_text
+from core.robot.description import assemble, joint_name, read_numbers, read_origin, to_text
 from core.robots import LINK_FRICTION, Robot
 from core.scene import Inertia, Scene, State
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
@@ -119,22 +119,37 @@ class World:
             p.resetJointState(self.robot, joint, angle, physicsClientId=client)
         self._filter_contacts(robot, tool, links)
         for name, link in links.items():
-            friction = LINK_FRICTION if name in tool.mounts else robot.friction
+            friction = LINK_FRICTION if name in tool.borne_on else robot.friction
             if grip is not None and name in GRIPPER_MOUNTS:
                 friction = grip.friction
             p.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction), physicsClientId=client)
         for name, inertia in driven_links(robot).items():
             moments = inertia.moments.tolist()
             p.changeDynamics(self.robot, links[name], localInertiaDiagonal=moments, physicsClientId=client)
+        if tool.bearers:  # Bullet brakes everything that moves, by 4 % in a second
+            p.changeDynamics(self.robot, -1, linearDamping=0, angularDamping=0, physicsClientId=client)
+        self._loose = [numbers[joint_name(bearer.name)] for bearer in tool.bearers]
+        self._springs = [
+            (number, bearer.joint.stiffness, bearer.joint.rest)
+            for number, bearer in zip(self._loose, tool.bearers, strict=True)
+            if bearer.joint.stiffness > 0
+        ]
+        for number, bearer in zip(self._loose, tool.bearers, strict=True):  # a motor at rest is dry friction
+            most = bearer.joint.friction
+            p.setJointMotorControl2(
+                self.robot, number, p.VELOCITY_CONTROL, targetVelocity=0, force=most, physicsClientId=client
+            )
 
     def _filter_contacts(self, robot: Robot, tool: Tool, links: dict[str, int]) -> None:
         """Let a tool touch all links but its bearer. The arm's own links overlap by construction, and never touch."""
-        mounts = set(tool.mounts)
+        own, joined = {*tool.borne_on}, [{bearer.name, bearer.parent} for bearer in tool.bearers]
         bearers = set(robot.gripper.near_mount if tool.gripper and robot.gripper else robot.near_mount)
         base = p.getBodyInfo(self.robot, physicsClientId=self.client)[0].decode()
         everything = {base: -1, **links}
         for one, other in combinations(everything, 2):
-            touch = bool({one, other} & mounts) and not {one, other} & bearers
+            pair = {one, other}
+            at_flange = pair & bearers and pair & {*tool.mounts}
+            touch = bool(pair & own) and not at_flange and pair not in joined
             p.setCollisionFilterPair(
                 self.robot, self.robot, everything[one], everything[other], int(touch), physicsClientId=self.client
             )
@@ -157,12 +172,18 @@ class World:
                 velocityGains=self._velocity_gains,
                 physicsClientId=self.client,
             )
+        for number, stiffness, rest in self._springs:
+            value = p.getJointState(self.robot, number, physicsClientId=self.client)[0]
+            torque = stiffness * (rest - value)
+            p.setJointMotorControl2(self.robot, number, p.TORQUE_CONTROL, force=torque, physicsClientId=self.client)
         p.stepSimulation(physicsClientId=self.client)
 
     def joints(self) -> tuple[Array, Array]:
-        """Read the joint positions: arm (J,) and fingers (F,)."""
-        angles = np.array([s[0] for s in p.getJointStates(self.robot, self._joints, physicsClientId=self.client)])
-        return angles[: self._arm], angles[self._arm :] if self._fingers else self._idle
+        """Read the joint positions: arm (J,) and fingers with the tool's joints (F + K,)."""
+        states = p.getJointStates(self.robot, [*self._joints, *self._loose], physicsClientId=self.client)
+        angles, count = np.array([s[0] for s in states]), len(self._joints)
+        fingers = angles[self._arm : count] if self._fingers else self._idle
+        return angles[: self._arm], np.append(fingers, angles[count:]) if self._loose else fingers
 
     def state(self) -> State:
         """Read the state of the free bodies."""

@@ -16,7 +16,7 @@ from core.geometry import Array, Box, Pose, Sphere
 from core.geometry import Shape as Geometry
 from core.interfaces import Image, Task
 from core.scene import Camera, Color, Geom, State
-from core.simulation.rendering import Renderer
+from core.simulation.rendering import Renderer, joint_positions
 from plugins.simulators.sapien.description import Shape, place, robot_links
 from plugins.simulators.sapien.engine import sapien
 from plugins.simulators.sapien.shapes import to_sapien
@@ -45,8 +45,8 @@ class SapienRenderer(Renderer):
         self._scene.add_directional_light([-1.0, 1.0, -2.0], [1.8] * 3, shadow=True, shadow_scale=2.0)
         self._cameras: dict[tuple[int, int, bool], Any] = {}
         robot = task.robot
-        self._joints = robot.joints(gripper=True)
-        self._links = robot_links(robot, tool if tool is not None else Tool(gripper=robot.gripper is not None))
+        self._robot, self._tool = robot, tool if tool is not None else Tool(gripper=robot.gripper is not None)
+        self._links = robot_links(robot, self._tool)
         self._entities = [self._add(link.visuals, Pose()) for link in self._links]
         self._bodies = {body.name: self._add(body.visuals, body.pose) for body in task.scene(seed).bodies}
 
@@ -63,7 +63,7 @@ class SapienRenderer(Renderer):
         return entity
 
     def pose(self, arm: Array, fingers: Array, state: State) -> None:
-        joints = dict(zip(self._joints, [*arm, *fingers], strict=True))
+        joints = joint_positions(self._robot, self._tool, arm, fingers)
         for entity, pose in zip(self._entities, place(self._links, joints), strict=True):
             entity.pose = to_sapien(pose)
         for name in state.names:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from core.design import GRIPPER_MOUNTS, Tool
+from core.design import GRIPPER_MOUNTS, Tool, ToolJoint
 from core.geometry import Array
 from core.interfaces import JointTrajectory
+from core.robot.description import joint_name
 from core.robots import LINK_FRICTION
 from core.robots import Robot as Arm
 from plugins.simulators.sapien.bodies import weigh
@@ -31,12 +32,13 @@ _COUPLING = {"stiffness": 1e6, "damping": 1e3}
 # A light body squeezed between two heavier fingers at full force needs so many times the solver's iterations; with
 # fewer, they sink into it and it shoots out.
 _GRIP = 4
+_STICKS = 1e3  # N m s/rad or N s/m, of dry friction up to its limit
 
 
 def surface_of(arm: Arm, part: str, tool: Tool) -> Surface:
     if arm.gripper is not None and part in GRIPPER_MOUNTS:
         return Surface(arm.gripper.friction)
-    return Surface(LINK_FRICTION if part in tool.mounts else arm.friction)
+    return Surface(LINK_FRICTION if part in tool.borne_on else arm.friction)
 
 
 def surfaces_of(arm: Arm, tool: Tool) -> set[Surface]:
@@ -60,6 +62,7 @@ class Robot:
         links, joints = robot_links(arm, tool), arm.joints(tool.gripper)
         self._arm, self._fingers = len(arm.arm_joints), len(arm.finger_joints)
         self._gripper = tool.gripper
+        loose = {bearer.name: bearer.joint for bearer in tool.bearers}
         components: list[Any] = []
         for link in links:
             component = physx.PhysxArticulationLinkComponent(None if link.parent is None else components[link.parent])
@@ -69,6 +72,8 @@ class Robot:
                 _attach(component, shape, arm, tool, surfaces, folder)
             if link.joint is None:
                 component.joint.type = "fixed"
+            elif link.name in loose:
+                _hang(component.joint, link.joint, loose[link.name])
             else:
                 _drive(component.joint, link.joint, arm, tracking_rate)
         if tool.gripper:
@@ -92,10 +97,15 @@ class Robot:
         self._articulation = components[0].articulation
         active = {joint.name: number for number, joint in enumerate(self._articulation.active_joints)}
         self._numbers = [active[name] for name in joints]
+        self._loose = [active[joint_name(name)] for name in loose]
         driven = [self._articulation.active_joints[number] for number in self._numbers]
         self._setters = [joint.set_drive_target for joint in driven]
         self._orders = [math.nan] * len(joints)
-        start = np.empty(len(self._numbers))
+        self._pull = [
+            (number, joint) for number, joint in zip(self._loose, loose.values(), strict=True) if joint.friction > 0
+        ]
+        self._forces = np.zeros(len(active), dtype=np.float32)
+        start = np.zeros(len(active))
         start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * (len(joints) - self._arm))]
         self._articulation.qpos = start
 
@@ -114,6 +124,11 @@ class Robot:
         return orders
 
     def drive(self, orders: list[float]) -> None:
+        if self._pull:
+            values, speeds = self._articulation.qpos, self._articulation.qvel
+            for i, joint in self._pull:
+                self._forces[i] = joint.stiffness * (joint.rest - values[i]) - joint.damping * speeds[i]
+            self._articulation.qf = self._forces
         if orders == self._orders:
             self._setters[0](orders[0])  # keeps the arm awake
             return
@@ -132,9 +147,10 @@ class Robot:
 
     def read(self, notes: Any) -> tuple[Array, Array]:
         """Decode snapshots (..., J): arm (..., J) and fingers (..., F)."""
-        values = np.asarray(notes, dtype=np.float64)[..., self._numbers]
+        everything = np.asarray(notes, dtype=np.float64)
+        values, loose = everything[..., self._numbers], everything[..., self._loose]
         fingers = values[..., self._arm :] if self._gripper else np.zeros((*values.shape[:-1], self._fingers))
-        return values[..., : self._arm], fingers
+        return values[..., : self._arm], np.concatenate([fingers, loose], axis=-1)
 
 
 def _attach(component: Any, part: Shape, arm: Arm, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
@@ -153,20 +169,41 @@ def _apart(part: str, arm: Arm, tool: Tool) -> int:
 
     The arm's links overlap by construction, and a tool overlaps the link that bears it.
     """
-    bits = 0 if part in tool.mounts else 1
+    bits = 0 if part in tool.borne_on else 1
     bearers = arm.gripper.near_mount if tool.gripper and arm.gripper else arm.near_mount
     for number, mount in enumerate(tool.mounts, start=1):
         if part == mount or part in bearers:
             bits |= 1 << number
+    for number, bearer in enumerate(tool.bearers, start=len(tool.mounts) + 1):
+        if part in (bearer.name, bearer.parent):
+            bits |= 1 << number
     return bits
 
 
-def _drive(joint: Any, about: Joint, arm: Arm, tracking_rate: float) -> None:
+def _hang(joint: Any, about: Joint, moving: ToolJoint) -> None:
+    """Set a joint of the tool: its drive is the spring and damper.
+
+    With dry friction it is that: a damper that gives up at a torque. Then the spring is applied in each step.
+    """
+    _place(joint, about)
+    joint.friction = 0.0  # PhysX's own is a share of the joint's load
+    if moving.friction > 0:
+        joint.set_drive_properties(0.0, _STICKS, moving.friction, "force")
+    else:
+        joint.set_drive_properties(moving.stiffness, moving.damping, math.inf, "force")
+        joint.set_drive_target(moving.rest)
+
+
+def _place(joint: Any, about: Joint) -> None:
     joint.name = about.name
     joint.type = about.kind
     joint.pose_in_parent = to_sapien(about.in_parent)
     joint.pose_in_child = to_sapien(about.in_child)
     joint.limit = [[about.lower, about.upper]]
+
+
+def _drive(joint: Any, about: Joint, arm: Arm, tracking_rate: float) -> None:
+    _place(joint, about)
     joint.friction = 0.0
     force = about.effort
     if arm.gripper is not None and about.name in arm.gripper.joints:

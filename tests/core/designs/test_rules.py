@@ -70,7 +70,7 @@ def test_number_of_components(number):
 
 
 def test_a_tool_has_components():
-    with pytest.raises(DesignError, match="no boxes; hang at least one from tool_mount"):
+    with pytest.raises(DesignError, match="no components; hang at least one from tool_mount"):
         check_tool(Tool(), PANDA)
     with pytest.raises(DesignError, match="from left_finger or right_finger"):
         check_tool(Tool(gripper=True), PANDA)

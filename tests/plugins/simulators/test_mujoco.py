@@ -44,7 +44,7 @@ pytest.importorskip("mujoco")
 import mujoco as mj
 
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
-from plugins.simulators.mujoco.world import Stepped, compiled
+from plugins.simulators.mujoco.world import Joints, Stepped, compiled
 from tests.panda import ARM, ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS, PANDA
 
 ROOT = Path(__file__).parents[3]
@@ -302,7 +302,8 @@ def test_sparse_factors_give_the_accelerations_of_dense_ones(name):
     _, job = prepare(task, candidate, 0, RolloutSettings())
     scene = task.scene(0)
     made = compiled(PANDA, scene, {body.name: body.inertia() for body in scene.free}, job.tool, 0.0025, 50.0, 100.0)
-    world, dt = Stepped(made, scene.state().names, job.trajectory, len(PANDA.finger_joints)), made.opt.timestep
+    joints = Joints.of(PANDA, job.tool, made)
+    world, dt = Stepped(made, scene.state().names, job.trajectory, joints), made.opt.timestep
     compared = 0
     for k in range(int((job.trajectory.duration + 0.2) / dt)):
         arms, fingers = job.trajectory.sample(np.array([k * dt]))

@@ -73,6 +73,9 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             if not (np.isfinite(job.trajectory.arm).all() and np.isfinite(job.trajectory.fingers).all()):
                 outcomes[i] = Outcome(None, None, error="the trajectory's targets are not finite")
                 continue
+            if job.tool.bearers:
+                outcomes[i] = Outcome(None, None, error="MuJoCo Warp plays no tools with joints; use sim=mujoco")
+                continue
             mine[i] = self._of(task, job)
             groups.setdefault(mine[i].shared, []).append(i)
         for members in groups.values():
