@@ -14,7 +14,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Recording, Robot
 from core.scene import Scene, State
-from core.simulation.tracks import SAMPLE_HZ, Detour, smallest_extent, tool_speed
+from core.simulation.tracks import SAMPLE_HZ, Detour, thickness, tool_speed
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
 
@@ -23,7 +23,7 @@ Indices = npt.NDArray[np.intp]
 
 def thinnest(scene: Scene) -> float:
     """Find the smallest extent of all collision shapes of a scene, metres."""
-    return min((smallest_extent(part.shape) for body in scene.bodies for part in body.collisions), default=math.inf)
+    return min((thickness(part.shape) for body in scene.bodies for part in body.collisions), default=math.inf)
 
 
 def sample_hz(robot: Robot, tool: Tool, trajectory: JointTrajectory, thin: float) -> float:
@@ -31,7 +31,7 @@ def sample_hz(robot: Robot, tool: Tool, trajectory: JointTrajectory, thin: float
 
     ``thin`` is that of the scene, metres. The rate is `SAMPLE_HZ` times a power of two, so that there are few.
     """
-    thin = min([thin, *(smallest_extent(part.shape) for part in tool.parts)])
+    thin = min([thin, *(thickness(part.shape) for part in tool.parts)])
     return min(MAX_HZ, SAMPLE_HZ * _power(tool_speed(robot, tool, trajectory) / thin / SAMPLE_HZ))
 
 

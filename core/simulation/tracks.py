@@ -49,7 +49,7 @@ class Track:
         low: (T, 3), with ``high`` the bounding box at a sample and on the way to the next.
         lowest: (3,), with ``highest`` the bounding box of the whole way.
         reach: how far from the frame's origin rotation moves a point, metres.
-        half_width: half of the smallest extent, metres.
+        half_width: half of the thickness, metres (`thickness`).
         box: half of its extents along its own axes, (3,), metres.
         aside: (T,) how far it gets from the straight way to the next sample, metres, at most.
     """
@@ -195,6 +195,7 @@ class _Solids:
     positions: Array
     middles: Array
     halves: Array
+    widths: Array
     reaches: Array
     far: Array
 
@@ -217,6 +218,10 @@ class _Solids:
             positions,
             middles,
             halves,
+            np.array(
+                [thickness(s) if isinstance(s, Mesh) else 2 * h.min() for s, h in zip(shapes, halves, strict=True)]
+            )
+            / 2,
             np.where(balls, 0.0, corners),
             np.linalg.norm(positions, axis=1) + corners,
         )
@@ -261,7 +266,7 @@ class _Solids:
                 lowest[i],
                 highest[i],
                 float(self.reaches[number]),
-                float(halves[i].min()),
+                float(self.widths[number]),
                 halves[i],
                 aside[i],
             )
@@ -269,9 +274,20 @@ class _Solids:
         ]
 
 
-def smallest_extent(shape: Shape) -> float:
-    """Measure a shape's smallest extent along its own axes, metres."""
-    return 2 * float(_bounding_box(_geometry(shape))[1].min())
+def thickness(shape: Shape) -> float:
+    """Measure how thick a shape is, metres: along its own axes, or square to a face of a mesh's hull."""
+    straight = 2 * float(_bounding_box(_geometry(shape))[1].min())
+    return min(straight, _across_faces(shape)) if isinstance(shape, Mesh) else straight
+
+
+def _half_width(shape: Shape | None, half: Array) -> float:
+    return thickness(shape) / 2 if isinstance(shape, Mesh) else float(half.min())
+
+
+@lru_cache(maxsize=512)
+def _across_faces(mesh: Mesh) -> float:
+    hull = mesh.to_trimesh().convex_hull
+    return float(np.ptp(hull.vertices @ hull.face_normals.T, axis=0).min())
 
 
 def _geometry(shape: Shape) -> Any:

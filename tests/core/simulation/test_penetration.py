@@ -1,6 +1,7 @@
 """Penetration made on purpose, as recordings and in a real engine."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from core.conformance.joints import hinge, hinged
+from core.conformance.shapes import bowl, prism
 from core.design import Candidate, Component, Tool
 from core.errors import UsageError
-from core.geometry import Box, Cylinder, Pose, Sphere
+from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import installed
 from core.scene import Body, Goal, Scene, State, table
@@ -167,6 +170,34 @@ def test_each_of_a_pair_of_fingertips(side):
 
 
 # --- what is no penetration -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("swing", "through"), [(1.0, True), (0.0, False), (-1.0, False)])
+def test_a_component_with_a_joint_is_followed(swing, through):
+    """The arm stays at home; the rod swings to the side where a wall is, or away from it."""
+    wall = body("wall", Box((0.5, 0.005, 0.2)), (0.5, 0.06, 0.3), mass=0.0)
+    arms = np.tile(ARM.home_for(Pose(np.array([0.5, 0.0, 0.5]))), (26, 1))
+    taken = recording(Scene((wall,)), {}, arms=arms)
+    turned = np.column_stack([taken.fingers, straight(0.0, swing, 26)])
+    taken = replace(taken, fingers=turned)
+    assert bool(penetrations(Scene((wall,)), taken, hinged(0.0, hinge()))) is through
+
+
+HEADS = [Capsule(0.01, 0.1), Cylinder(0.01, 0.1), Sphere(0.02), prism(5, 0.02, 0.1), bowl(0.03, 0.003)]
+
+
+@pytest.mark.parametrize("shape", HEADS, ids=lambda shape: type(shape).__name__)
+@pytest.mark.parametrize(("x", "through"), [(0.6, True), (0.43, False)])
+def test_tools_of_every_shape_are_followed(shape, x, through):
+    head = Tool((Component("head", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), shape),))
+    wall = body("wall", Box((0.01, 0.5, 0.6)), (0.5, 0.0, 0.3), mass=0.0)
+    ways = [Pose(np.array([at, 0.0, 0.4])) for at in straight(0.4, x, 26)]
+    arms = [ARM.home_for(ways[0])]
+    for pose in ways[1:]:
+        arms.append(ARM.inverse(pose, arms[-1]).joints)
+    taken = recording(Scene((wall,)), {}, arms=np.array(arms))
+    found = [text for text in penetrations(Scene((wall,)), taken, head) if "head" in text]
+    assert bool(found) is through
 
 
 @pytest.mark.parametrize("speed", [0.5, 3.0, 10.0])
