@@ -9,18 +9,21 @@ from __future__ import annotations
 import itertools
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from core.cli import arguments, command
+from core.designs.rules import SpawnRules
+from core.plugins import installed
 from core.simulation.robustness import engines
 from tests.benchmarks import measuring
+from tests.benchmarks.loosening import loosened
 from tests.benchmarks.measuring import kept_share, mean, number, share
 
 USAGE = (
     "usage: python -m tests.benchmarks.agreement [sims=NAME,NAME,...] [tasks=NAME,...] [designs=N] [by=NAME] [seed=N] "
-    "[workers=N] [folder=DIR] [page=FILE.md] [estimate=true]"
+    "[workers=N] [folder=DIR] [page=FILE.md] [estimate=true] [loose=true]"
 )
 
 CORRELATIONS = ("rank_correlation", "of_first_sampling", "of_offspring")
@@ -29,7 +32,8 @@ CORRELATIONS = ("rank_correlation", "of_first_sampling", "of_offspring")
 @dataclass
 class Settings:
     """``by``: the engine that the designs are evolved in, by default the first of ``sims``. ``estimate``: only print
-    how long it will take.
+    how long it will take. ``loose``: their tools are made round, and the heads hang on joints (`loosening`); the table
+    goes to a place of its own.
     """
 
     sims: list[Any] = field(default_factory=lambda: ["pybullet", "sapien"])
@@ -41,6 +45,7 @@ class Settings:
     folder: str = "measured"
     page: str | None = None
     estimate: bool = False
+    loose: bool = False
 
 
 def main() -> None:
@@ -55,7 +60,10 @@ def main() -> None:
     with measuring.executor(workers) as executor:
         for name in names:
             designs = measuring.designs(name, given.designs, designer.name, given.seed, workers, folder)
-            records = {shown: measuring.rewards(designs, sim, shown, executor, folder) for shown, sim in sims.items()}
+            kept = folder
+            if given.loose:
+                designs, kept = loose(designs), folder / "loose"
+            records = {shown: measuring.rewards(designs, sim, shown, executor, kept) for shown, sim in sims.items()}
             for one, other in itertools.combinations(sims, 2):
                 row = measuring.compare(records[one]["rewards"], records[other]["rewards"], designs.first)
                 rows.append({"task": name, "engines": [one, other], **row})
@@ -66,7 +74,15 @@ def main() -> None:
     measuring.save(folder / "agreement.json", rows)
     sys.stdout.write(table)
     if given.page is not None:
-        measuring.write_page(Path(given.page), "agreement", table)
+        measuring.write_page(Path(given.page), "loose" if given.loose else "agreement", table)
+
+
+def loose(designs: measuring.Designs) -> measuring.Designs:
+    """Return the designs that can be made loose, so made."""
+    first = dict(zip((candidate.key for candidate in designs.candidates), designs.first, strict=True))
+    spawn = SpawnRules(installed().create("task", designs.task), designs.seed)
+    made = loosened(designs.candidates, spawn, designs.seed)
+    return replace(designs, candidates=made, first=tuple(first[candidate.key] for candidate in made))
 
 
 def markdown(one: str, other: str, rows: Sequence[dict[str, Any]]) -> str:
