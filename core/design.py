@@ -14,6 +14,7 @@ from core.geometry import Array, Compound, Pose, Shape
 
 RIGID_MOUNT = "tool_mount"
 GRIPPER_MOUNTS = ("left_finger", "right_finger")
+TOOL_FRICTION = 0.5  # of printed plastic
 
 TIE = 0.005  # the default of ``evolution.tie``, see `ranked`
 
@@ -113,6 +114,7 @@ class Tool:
     """Joined solids: a tool on `RIGID_MOUNT`, or with ``gripper`` attachments to the fingers `GRIPPER_MOUNTS`.
 
     Without components it is the bare arm (with ``gripper``: the bare hand). Parents come before their children.
+    ``friction`` is that of a rigid tool; attachments to the fingers have that of the fingers.
 
     Raises:
         DesignError: a name is used twice, or a parent is neither a component before it nor a mount.
@@ -122,6 +124,7 @@ class Tool:
     gripper: bool = False
     name: str = ""
     description: str = ""
+    friction: float = TOOL_FRICTION
 
     def __post_init__(self) -> None:
         known = set(self.mounts)

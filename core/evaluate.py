@@ -13,7 +13,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.cli import arguments, command, print_table, say, write_bytes
-from core.config.compose import check_seed, load, node, part, task_part
+from core.config.compose import check_seed, load, node, part, task_part, tool_part
 from core.design import Candidate, Evaluation
 from core.designs.feedback import describe
 from core.designs.reading import load_designs, read_designs
@@ -38,7 +38,7 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     document = load_designs(Path(cfg.designs))
     part("sim", cfg.sim).create()  # a wrong setting is reported here, once, rather than by each worker
     spawn = SpawnRules(task_part(cfg).create(), cfg.seed)
-    evaluations = try_all(cfg, read_designs(document, part("tool", cfg.tool).create(), spawn))
+    evaluations = try_all(cfg, read_designs(document, tool_part(cfg).create(), spawn))
     return sorted(evaluations, key=lambda e: e.candidate.key)
 
 

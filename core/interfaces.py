@@ -28,6 +28,8 @@ from core.jobs import Recording as Recording
 from core.jobs import Rollout as Rollout
 from core.jobs import RolloutSettings as RolloutSettings
 from core.jobs import World as World
+from core.materials import PAPER as PAPER
+from core.materials import Material as Material
 from core.messages import Estimate as Estimate
 from core.messages import Message as Message
 from core.messages import Picture as Picture
@@ -202,6 +204,7 @@ class ToolRepresentation(ABC):
     """How a model writes a tool: the fields of a design that describe the tool, and how they are read."""
 
     robot: Robot | None = None  # the arm that tools are for; the program sets it before `parse`
+    material: Material = PAPER  # the program sets it, and weighs by it what `parse` and `given` return
 
     @abstractmethod
     def instructions(self, brief: Brief) -> str:

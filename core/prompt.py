@@ -14,7 +14,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from core.cli import arguments, command, say, write_bytes
-from core.config.compose import check_seed, load, node, part, task_part
+from core.config.compose import check_seed, load, node, part, task_part, tool_part
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
 from core.design import TIE, Evaluation, best_first
@@ -67,7 +67,7 @@ def compose(cfg: DictConfig) -> Request:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
     cfg.rollout.observe |= cfg.prompt.feedback != "paper"
     task: Task = task_part(cfg).create()
-    representation: ToolRepresentation = part("tool", cfg.tool).create()
+    representation: ToolRepresentation = tool_part(cfg).create()
     settings = node(cfg.rollout, RolloutSettings)
     evaluator = Evaluator(task_part(cfg), part("sim", cfg.sim), cfg.seed, settings)
     fitness: Fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)

@@ -10,7 +10,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from core.cli import arguments, command, say, write_bytes
-from core.config.compose import check_seed, load, part, task_part
+from core.config.compose import check_seed, load, part, task_part, tool_part
 from core.design import Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
@@ -44,7 +44,7 @@ def render(cfg: DictConfig) -> tuple[Image, str]:
 
 def _tool(cfg: DictConfig, task: Task) -> Tool:
     file = Path(cfg.designs)
-    candidates = read_designs(load_designs(file), part("tool", cfg.tool).create(), SpawnRules(task, cfg.seed))
+    candidates = read_designs(load_designs(file), tool_part(cfg).create(), SpawnRules(task, cfg.seed))
     chosen = [c for c in candidates if c.strategy == cfg.strategy]
     if not chosen:
         raise UserError(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from core.errors import UsageError, UserError
 from core.geometry import Cylinder, Pose
 
-LINK_FRICTION = 0.5  # of the arm's links, and of tools of printed plastic
+LINK_FRICTION = 0.5  # of an arm's links
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.progress import track
 
 from core.cli import arguments, command, print_table, say, write_bytes
-from core.config.compose import check_seed, first_line, load, node, part, robot_part, task_part
+from core.config.compose import check_seed, first_line, load, node, part, robot_part, task_part, tool_part
 from core.config.settings import PerturbationRange
 from core.design import TIE, Candidate, Evaluation, best_first
 from core.designs.reading import load_designs, read_designs
@@ -136,7 +136,7 @@ def on_each(cfg: DictConfig, tasks: Mapping[str, TaskPart]) -> dict[str, list[Ca
     Raises:
         UserError: no robot can start it, or the designs can't be read; one line.
     """
-    representation = part("tool", cfg.tool).create()
+    representation = tool_part(cfg).create()
     aliases = task_part(cfg).create().robot.aliases
     found: dict[str, list[Candidate]] = {}
     problems: dict[str, str] = {}
@@ -169,8 +169,8 @@ def designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRul
 
 
 def as_the_run(words: Sequence[str]) -> DictConfig:
-    """The configuration of the command line. Where designs are a run's, its task, robot, tool, layout and rollout
-    settings count too, unless the command line sets them.
+    """The configuration of the command line. Where designs are a run's, its task, robot, tool, material, layout and
+    rollout settings count too, unless the command line sets them.
     """
     cfg = load("transfer", words)
     if OmegaConf.is_missing(cfg, "designs"):
@@ -180,8 +180,9 @@ def as_the_run(words: Sequence[str]) -> DictConfig:
     run = stored_config(Path(cfg.designs))
     named = {word.lstrip("+~").partition("=")[0] for word in words}
     try:
-        for key in ("seed", *(f"rollout.{name}" for name in run.get("rollout", {}))):
-            if key not in named:
+        below = [f"{group}.{name}" for group in ("rollout", "material") for name in run.get(group, {})]
+        for key in ("seed", *below):
+            if not {key, key.partition(".")[0]} & named:
                 OmegaConf.update(cfg, key, OmegaConf.select(OmegaConf.create(run), key))
         kinds = {"task", "tool", *(["robot"] if run.get("robot") else [])}  # runs of earlier versions had no robot
         for kind in kinds - {key.partition(".")[0] for key in named}:

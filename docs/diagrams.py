@@ -23,6 +23,7 @@ FLOORS = {
         "shapes",
         "scene",
         "design",
+        "materials",
         "robots",
         "messages",
         "jobs",

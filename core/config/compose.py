@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields
-from typing import Any, Literal, TypeVar, overload
+from typing import Any, Literal, TypeVar, cast, overload
 
 from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
@@ -22,7 +22,8 @@ from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Robot, Simulator, Task, ToolRepresentation
-from core.plugins import KINDS, NOT_SETTINGS, Part, RobotPart, TaskPart
+from core.materials import Material
+from core.plugins import KINDS, NOT_SETTINGS, Part, RobotPart, TaskPart, ToolPart
 
 T = TypeVar("T")
 
@@ -249,3 +250,18 @@ def task_part(config: DictConfig) -> TaskPart:
     """
     found, robot = part("task", config.task), config.get("robot")
     return TaskPart(found.kind, found.name, found.settings, robot_part(robot) if robot else None)
+
+
+def tool_part(config: DictConfig) -> ToolPart:
+    """Return the tool representation of a configuration, with the material that it names; without one, ``paper``.
+
+    Raises:
+        UserError: see `part`; or the material can't be used.
+    """
+    found = part("tool", config.tool)
+    try:
+        merged = OmegaConf.merge(OmegaConf.structured(Material), config.get("material") or {})
+        material = node(cast(DictConfig, merged), Material)
+    except OmegaConfBaseException as error:
+        raise UserError(f"material: {first_line(error)}") from error
+    return ToolPart(found.kind, found.name, found.settings, material)

@@ -9,6 +9,7 @@ from omegaconf import MISSING
 
 from core.config.settings import PerturbationRange, PromptSettings, Sampling
 from core.interfaces import RolloutSettings
+from core.materials import Material
 from core.plugins import KINDS
 
 
@@ -35,11 +36,15 @@ class PromptConfig(PromptSettings):
 
 @dataclass
 class SceneConfig:
-    """The task, the robot, the engine, the layout's seed. A part's settings are checked by its factory's signature."""
+    """The task, the robot, the engine, the tools' material, the layout's seed.
+
+    A part's settings are checked by its factory's signature.
+    """
 
     task: dict[str, Any] = MISSING
     robot: dict[str, Any] = field(default_factory=dict)  # empty: the default robot, as in runs of earlier versions
     sim: dict[str, Any] = MISSING
+    material: Material = field(default_factory=Material)
     seed: int = 0
 
 
@@ -83,6 +88,7 @@ class TransferConfig:
     task: dict[str, Any] = MISSING
     robot: dict[str, Any] = field(default_factory=dict)
     tool: dict[str, Any] = MISSING
+    material: Material = field(default_factory=Material)
     executor: dict[str, Any] = MISSING
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
     robots: list[Any] = field(default_factory=list)

@@ -29,7 +29,6 @@ from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, observation
 from core.robot.outline import outline
 from core.robot.trajectory import plan_motion
-from core.robots import LINK_FRICTION
 from core.scene import Body
 from core.text import short_numbers
 
@@ -169,7 +168,7 @@ class PromptComposer:
             "robot": robot,
             "friction": {
                 "arm": robot.friction,
-                "tool": LINK_FRICTION,
+                "tool": representation.material.made(mounted).friction,
                 "fingers": robot.gripper.friction if robot.gripper else None,
             },
             "tool_rules": representation.instructions(brief).strip(),

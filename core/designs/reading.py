@@ -161,7 +161,7 @@ def _read_tool(
         name = _read_text(strategy, "tool_name", MAX_NAME)
         description = _read_text(strategy, "tool_description", MAX_DESCRIPTION)
         tool = replace(_parsed(representation, strategy, spawn.robot, gripper), name=name, description=description)
-        check_tool(tool, spawn.robot)
+        check_tool(tool, spawn.robot, representation.material)
         spawn.check(tool)
     except DesignError as error:
         return tool, str(error)
@@ -188,7 +188,7 @@ def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], robot:
     if not isinstance(tool, Tool) or tool.gripper != gripper:
         wanted = "a Tool for the fingers" if gripper else "a rigid Tool"
         raise DesignError(f"{describe_part(representation)}: parse gave {shorten(repr(tool))}; expected {wanted}")
-    return tool
+    return representation.material.made(tool)
 
 
 def _read_action_sets(strategy: dict[Any, Any]) -> list[Any]:

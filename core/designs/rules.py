@@ -13,10 +13,12 @@ from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.loose import check_joints
-from core.designs.stiffness import compliance, corners
+from core.designs.stiffness import bending, corners
+from core.designs.weight import check_weight
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Robot, Task, ToolRepresentation
+from core.materials import PAPER, Material
 from core.plugins import describe_part
 from core.robot.frames import link_frames
 from core.robot.kinematics import arm_of
@@ -32,7 +34,8 @@ MAX_COMPONENT_KG = 1.0
 MIN_TOOL_KG = 0.001
 MIN_DENSITY = 1.0  # kg/m^3, about that of air; the paper's 5 g must do for a box of a few litres
 MAX_DENSITY = 20_000.0  # kg/m^3; gold and tungsten have 19,300
-MAX_BEND_M_N = 0.01  # of the farthest end, per newton, if the tool were of steel
+MAX_BEND_M_N = 0.01  # of the farthest end, per newton
+MAX_LOAD_N = 10.0  # at any end, that a real material must bear
 MAX_GAP_M = 0.001
 MAX_MOUNT_GAP_M = 0.002
 MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
@@ -47,8 +50,11 @@ _NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")  # prompts, messages and robot descr
 _TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
 
 
-def check_tool(tool: Tool, robot: Robot) -> None:
-    """Check that an arm can bear a tool: number, sizes, masses and extent of its components, contacts, and stiffness.
+def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
+    """Check that an arm can bear a tool of ``material``, with the masses that it has.
+
+    Checked are number, sizes, masses and extent of its components, contacts, stiffness, and of a real material the
+    moment about the mount and strength.
 
     Raises:
         DesignError: the first rule that is broken.
@@ -61,13 +67,17 @@ def check_tool(tool: Tool, robot: Robot) -> None:
         raise DesignError(f"the tool has {len(tool.components)} components; at most {MAX_COMPONENTS} are allowed")
     for component in tool.components:
         _check_component(component)
-    if tool.mass > robot.payload_kg:
+        if material.density_kg_m3 is None:
+            _check_mass(component)
+    if material.density_kg_m3 is not None:
+        check_weight(tool, robot)
+    elif tool.mass > robot.payload_kg:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; the arm carries at most {robot.payload_kg:g} kg")
     if tool.mass < MIN_TOOL_KG:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed")
     _check_extent(tool)
     check_joints(tool)
-    _check_stiffness(tool, _check_contacts(tool, robot))
+    _check_stiffness(tool, _check_contacts(tool, robot), material)
 
 
 def _check_component(component: Component) -> None:
@@ -79,6 +89,9 @@ def _check_component(component: Component) -> None:
                 f"component {component.name!r} is {side:.6g} m long in {axis}; each side must be between "
                 f"{MIN_SIDE_M:g} and {MAX_SIDE_M:g} m"
             )
+
+
+def _check_mass(component: Component) -> None:
     if not MIN_COMPONENT_KG <= component.mass <= MAX_COMPONENT_KG:
         raise DesignError(
             f"component {component.name!r} weighs {component.mass:.6g} kg; it must be between {MIN_COMPONENT_KG:g} "
@@ -129,12 +142,20 @@ def _check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
     return points
 
 
-def _check_stiffness(tool: Tool, joints: dict[str, Array]) -> None:
-    for name, bend in compliance(tool, joints).items():
+def _check_stiffness(tool: Tool, joints: dict[str, Array], material: Material) -> None:
+    of = "even of steel" if material.density_kg_m3 is None else f"of {material.name}"
+    most = material.strength_pa
+    for name, (bend, stress) in bending(tool, joints, material).items():
         if bend > MAX_BEND_M_N:
             raise DesignError(
-                f"component {name!r} is not rigid: even of steel, 1 N would bend it by {1000 * bend:.3g} mm, from the "
+                f"component {name!r} is not rigid: {of}, 1 N would bend it by {1000 * bend:.3g} mm, from the "
                 f"mount to its end; at most {1000 * MAX_BEND_M_N:g} mm are allowed: shorten or thicken what carries it"
+            )
+        if most is not None and MAX_LOAD_N * stress > most:
+            raise DesignError(
+                f"component {name!r} would break: {of}, {MAX_LOAD_N:g} N at its end mean a stress of "
+                f"{MAX_LOAD_N * stress / 1e6:.3g} MPa in it or in what carries it; at most {most / 1e6:g} MPa are "
+                "allowed: shorten or thicken both"
             )
 
 
@@ -255,8 +276,9 @@ def given_tool(
     try:
         tool = representation.given(task)
         if isinstance(tool, Tool):
+            tool = representation.material.made(tool)
             if tool.components:
-                check_tool(tool, task.robot)
+                check_tool(tool, task.robot, representation.material)
             (spawn or SpawnRules(task, seed)).check(tool)
     except DesignError as error:
         what = f"the tool that it gives for {task.name} breaks a rule"

@@ -1,7 +1,9 @@
 """Estimate how far a tool bends, from its components taken as beams, one after the other from the mount to a tip.
 
 A force F across a beam moves its tip by F times the integral of r^2 / (E I), r being the distance from the tip (beam
-theory of Euler and Bernoulli). Torsion is left out, and so is that parallel chains of components bear a load together.
+theory of Euler and Bernoulli), and stresses the outside of a section of thickness t with F r t / 2 I. Torsion is left
+out, and so is that parallel chains of components bear a load together. What is printed with walls and infill has the
+second moment of area I of its walls, and of its inside times the infill.
 Covered by `tests/core/designs/test_rules.py`.
 """
 
@@ -13,11 +15,11 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Array, Compound, Pose, Shape
-
-STEEL_PA = 200e9  # Young's modulus; hardly a material that tools are made of is stiffer
+from core.materials import Material
 
 _CORNERS = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, 8).T
-_Beam = tuple[Array, Array, float]  # its ends, and its length over E I
+_POINT_M = 1e-6  # what is shorter is no beam, and has no section
+_Beam = tuple[Array, Array, float, float]  # its ends, its length over E I, and half its thickness over I
 
 
 def corners(shape: Shape | Compound, pose: Pose) -> Array:
@@ -26,9 +28,10 @@ def corners(shape: Shape | Compound, pose: Pose) -> Array:
     return pose.apply(_CORNERS * size + middle)
 
 
-def compliance(tool: Tool, joints: Mapping[str, Array]) -> dict[str, float]:
-    """Estimate for each component by how much its far end moves if the tool is of steel, metres per newton.
+def bending(tool: Tool, joints: Mapping[str, Array], material: Material) -> dict[str, tuple[float, float]]:
+    """Estimate for each component what a newton at its far end does: by how much that moves, and the largest stress.
 
+    The stress, in pascals, is that of the component or of what carries it.
     ``joints`` holds for each component the point (3,) where it touches its parent, in its mount's frame.
     """
     poses = {name: pose for name, (_, pose) in tool.placed().items()}
@@ -39,16 +42,18 @@ def compliance(tool: Tool, joints: Mapping[str, Array]) -> dict[str, float]:
         name, parent, joint = component.name, component.parent, joints[component.name]
         chains[name] = chains[parent]
         if parent in shapes:
-            chains[name] = [*chains[parent], _beam(joints[parent], joint, shapes[parent], poses[parent])]
+            chains[name] = [*chains[parent], _beam(joints[parent], joint, shapes[parent], poses[parent], material)]
         ends = corners(component.shape, poses[name])
         tip = ends[np.argmax(np.linalg.norm(ends - joint, axis=1))]
-        starts, stops, soft = zip(*chains[name], _beam(joint, tip, component.shape, poses[name]), strict=True)
-        a, b = np.array(starts) - tip, np.array(stops) - tip
-        found[name] = float(np.array(soft) @ (a * a + a * b + b * b).sum(axis=1)) / 3
+        own = _beam(joint, tip, component.shape, poses[name], material)
+        starts, stops, soft, weak = map(np.array, zip(*chains[name], own, strict=True))
+        a, b = starts - tip, stops - tip
+        far = np.linalg.norm([a, b], axis=2).max(axis=0)
+        found[name] = float(soft @ (a * a + a * b + b * b).sum(axis=1)) / 3, float((weak * far).max())
     return found
 
 
-def _beam(start: Array, stop: Array, shape: Shape | Compound, pose: Pose) -> _Beam:
+def _beam(start: Array, stop: Array, shape: Shape | Compound, pose: Pose, material: Material) -> _Beam:
     """The part of a component between two points, which bends about the weaker axis of the section across it.
 
     The section is that of the bounding box. What fills a share s of its volume has s^2 of its stiffness, which is 5 %
@@ -58,4 +63,8 @@ def _beam(start: Array, stop: Array, shape: Shape | Compound, pose: Pose) -> _Be
     size = shape.bounds[1]
     thin, wide = sorted(np.delete(size, along))
     filled = shape.volume / float(np.prod(size))
-    return start, stop, float(np.linalg.norm(stop - start)) / (STEEL_PA * wide * thin**3 / 12 * filled**2)
+    inner_thin, inner_wide = (max(0.0, side - material.wall_mm / 500) for side in (thin, wide))
+    share = filled**2 * (1 - (1 - material.infill) * inner_wide * inner_thin**3 / (wide * thin**3))
+    length = float(np.linalg.norm(stop - start))
+    weak = 6 / (wide * thin**2 * share) if length > _POINT_M else 0.0
+    return start, stop, length / (material.young_pa * wide * thin**3 / 12 * share), weak

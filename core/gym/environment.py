@@ -13,7 +13,7 @@ import numpy.typing as npt
 from omegaconf import OmegaConf
 from scipy.spatial.transform import Rotation
 
-from core.config.compose import robot_part
+from core.config.compose import load, robot_part, tool_part
 from core.design import DesignError, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules, check_tool
@@ -59,6 +59,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         robot: the arm's name; None: the default robot.
         robot_settings: its settings, and ``base``, [x, y, z, yaw].
         tool: the representation in which the file describes tools.
+        material: the name of what they are made of.
+        material_settings: its settings; those left out have their defaults.
         control_mode: what actions mean.
         render_mode: None or ``rgb_array``.
         width: of pictures, pixels.
@@ -82,6 +84,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         robot: str | None = None,
         robot_settings: Mapping[str, Any] | None = None,
         tool: str = "urdf",
+        material: str = "paper",
+        material_settings: Mapping[str, Any] | None = None,
         control_mode: ControlMode = "joints",
         render_mode: str | None = None,
         width: int = 640,
@@ -97,7 +101,11 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if gripper and self.task.robot.gripper is None:
             raise UserError(f"{self.task.robot.title} has no gripper; leave out gripper=True")
         self.simulator: Simulator = installed().create("sim", sim, sim_settings)
-        self.tool = Tool(gripper=gripper) if designs is None else _tool(Path(designs), strategy, tool, self.task)
+        made_of = {**load("render", [f"material={material}"]).material, **(material_settings or {})}
+        representation = tool_part(OmegaConf.create({"tool": {"name": tool}, "material": made_of})).create()
+        self.tool = Tool(gripper=gripper)
+        if designs is not None:
+            self.tool = _tool(Path(designs), strategy, representation, self.task)
         self.control_mode = control_mode
         self.render_mode = render_mode
         self._draw = partial(self.simulator.render, self.task, tool=self.tool, width=width, height=height)
@@ -188,8 +196,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._world = None
 
 
-def _tool(designs: Path, strategy: int, name: str, task: Task) -> Tool:
-    representation: ToolRepresentation = installed().create("tool", name)
+def _tool(designs: Path, strategy: int, representation: ToolRepresentation, task: Task) -> Tool:
     rules = SpawnRules(task, 0)
     candidates = read_designs(load_designs(designs), representation, rules)
     chosen = [candidate for candidate in candidates if candidate.strategy == strategy]
@@ -200,7 +207,7 @@ def _tool(designs: Path, strategy: int, name: str, task: Task) -> Tool:
     try:
         if tool is not None:
             if tool.components:
-                check_tool(tool, task.robot)
+                check_tool(tool, task.robot, representation.material)
             rules.check(tool)
             return tool
     except DesignError as error:

@@ -19,6 +19,7 @@ from core.errors import UsageError, UserError, choices
 from core.geometry import Pose
 from core.hooks import PROJECT
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Robot, Simulator, Task, ToolRepresentation
+from core.materials import PAPER, Material
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import check_part
 from core.plugins.settings import check_settings
@@ -200,3 +201,15 @@ class TaskPart(Part[Task]):
         if self.robot is not None:
             task.robot = _robot(self.robot)
         return task
+
+
+@dataclass(frozen=True)
+class ToolPart(Part[ToolRepresentation]):
+    """A tool representation by name and settings, and the material of its tools."""
+
+    material: Material = PAPER
+
+    def create(self, **given: Any) -> ToolRepresentation:
+        representation = super().create(**given)
+        representation.material = self.material
+        return representation

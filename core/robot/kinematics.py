@@ -42,9 +42,10 @@ class Solution:
 class Arm:
     """The kinematics of a robot's arm of J joints.
 
-    Limits are ``lower``, ``upper`` (J,) in radians, ``velocity_limits`` (J,) in rad/s and ``acceleration_limits`` (J,)
-    in rad/s^2. ``jump_rad`` is the most that a joint may turn between two knots of a path, so that an arm without a
-    spare joint keeps its elbow and wrist as they are: infinity with a spare one, which leads around singularities.
+    Limits are ``lower``, ``upper`` (J,) in radians, ``velocity_limits`` (J,) in rad/s, ``effort_limits`` (J,) in N m
+    and ``acceleration_limits`` (J,) in rad/s^2. ``jump_rad`` is the most that a joint may turn between two knots of a
+    path, so that an arm without a spare joint keeps its elbow and wrist as they are: infinity with a spare one, which
+    leads around singularities.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -57,6 +58,7 @@ class Arm:
         self.lower: Array = self._model.lowerPositionLimit.copy()
         self.upper: Array = self._model.upperPositionLimit.copy()
         self.velocity_limits: Array = self._model.velocityLimit.copy()
+        self.effort_limits: Array = self._model.effortLimit.copy()
         self.acceleration_limits: Array = np.array(robot.acceleration_limits)
         self.home: Array = np.array(robot.home)
         self.jump_rad = _JUMP_RAD if len(self.home) <= len(_EYE) else math.inf

@@ -18,7 +18,7 @@ from typing import Any, cast
 from omegaconf import DictConfig, OmegaConf
 
 from core.cli import say
-from core.config.compose import check_seed, node, part, task_part
+from core.config.compose import check_seed, node, part, task_part, tool_part
 from core.config.resume import changed, hydra_config
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
@@ -60,7 +60,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     task, simulator = chosen.create(), sim_part.create()
     arm_of(task.robot).home_for(task.home)  # an arm that can't start is reported once, before it is drawn
     vlm = part("vlm", cfg.vlm).create()
-    representation = part("tool", cfg.tool).create()
+    representation = tool_part(cfg).create()
     given = representation.given(task)
     if given is not None:
         budget = replace(budget, n_tool=1)
@@ -96,7 +96,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
     events.register(store, "store")
     parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "fitness", "executor")}
-    parts["robot"] = task.robot.name
+    parts |= {"robot": task.robot.name, "material": representation.material.name}
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     try:
         with writing(folder):

@@ -104,8 +104,8 @@ def _check_name(name: str | None, what: str, taken: Mapping[str, object] | set[s
     return name
 
 
-def build_tool(root: Element, gripper: bool, robot: Robot | None = None) -> Tool:
-    """The tool whose links and joints are the children of ``root``, for ``robot``.
+def build_tool(root: Element, gripper: bool, robot: Robot | None = None, *, masses: bool = True) -> Tool:
+    """The tool whose links and joints are the children of ``root``, for ``robot``; ``masses``: read those too.
 
     Raises:
         DesignError: they are not boxes on fixed joints that lead to a mount.
@@ -120,7 +120,7 @@ def build_tool(root: Element, gripper: bool, robot: Robot | None = None) -> Tool
     for element in root:
         if element.tag == "link":
             name = _check_name(element.get("name"), "link", links, own)
-            links[name] = _read_link(element, name, materials)
+            links[name] = _read_link(element, name, materials, masses)
         elif element.tag == "joint":
             joint_names.add(_check_name(element.get("name"), "joint", joint_names, own))
             joint = _read_joint(element, f"joint {element.get('name')!r}", aliases)
@@ -165,12 +165,12 @@ def _read_color(element: Element, where: str) -> Color:
     return float(red), float(green), float(blue), float(opacity)
 
 
-def _read_link(element: Element, name: str, materials: Mapping[str, Color]) -> _Link:
+def _read_link(element: Element, name: str, materials: Mapping[str, Color], masses: bool) -> _Link:
     where = f"link {name!r}"
     visuals = [_read_box(shape, f"{where}: visual", materials) for shape in element.findall("visual")]
     collisions = [_read_box(shape, f"{where}: collision", materials) for shape in element.findall("collision")]
     boxes = _match(visuals, collisions, where) if visuals and collisions else collisions or visuals
-    inertial = only_child(element, "inertial", where)
+    inertial = only_child(element, "inertial", where) if masses else None
     volume = math.fsum(placed.box.volume for placed in boxes)
     mass = min(max(_LINK_KG, MIN_DENSITY * volume), MAX_DENSITY * volume) if boxes else _LINK_KG
     if inertial is not None:

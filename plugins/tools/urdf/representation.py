@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,12 +17,14 @@ from core.designs.rules import (
     MAX_DENSITY,
     MAX_EXTENT_M,
     MAX_GAP_M,
+    MAX_LOAD_N,
     MAX_SIDE_M,
     MIN_COMPONENT_KG,
     MIN_DENSITY,
     MIN_SIDE_M,
     MIN_TOOL_KG,
 )
+from core.designs.weight import describe_weight
 from core.geometry import Array
 from core.interfaces import Brief, Robot, Task, ToolRepresentation
 from core.robot.description import tool_urdf
@@ -46,7 +49,7 @@ class UrdfTools(ToolRepresentation):
         text = data["tool_urdf"]
         if not isinstance(text, str):
             raise DesignError(f"tool_urdf must be a text of <link> and <joint> elements, not {kind(text)}")
-        return build_tool(parse_xml(text), gripper, self.robot)
+        return build_tool(parse_xml(text), gripper, self.robot, masses=self.material.density_kg_m3 is None)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
         return {"tool_urdf": tool_urdf(tool)}
@@ -57,8 +60,15 @@ class UrdfTools(ToolRepresentation):
     def instructions(self, brief: Brief) -> str:
         robot, elites = brief.task.robot, _ELITES if brief.elites else ""
         mount = _gripper_mount(robot) if brief.gripper else _rigid_mount(brief.task)
-        payload = f"{robot.payload_kg:g}"
-        return _RULES.format(mount=mount, elites=elites, payload=payload, example=_example(robot, brief.gripper))
+        example = _example(robot, brief.gripper)
+        if self.material.density_kg_m3 is None:
+            parts, weight = _INERTIAL, _MASSES.format(payload=f"{robot.payload_kg:g}")
+            bend = "even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length"
+        else:
+            parts, weight = "a collision element", describe_weight(self.material, robot)
+            example = _LIGHT.sub("", example)
+            bend = f"or {MAX_LOAD_N:g} N would break it"
+        return _RULES.format(mount=mount, elites=elites, parts=parts, weight=weight, bend=bend, example=example)
 
 
 _RULES = f"""\
@@ -69,13 +79,11 @@ before its closing tag, so it has no root element and none of the robot's own li
 
 - Boxes only: <box size="x y z"/>, full side lengths in metres, each {MIN_SIDE_M:g} to {MAX_SIDE_M:g}. No meshes,
   cylinders or spheres.
-- One link per box, with a collision and an inertial element; the visual is made from the collision. At most
+- One link per box, with {{parts}}; the visual is made from the collision. At most
   {MAX_COMPONENTS} boxes.
-- The inertial needs <mass value="..."/> in kilograms; moments of inertia are computed from the box. A few grams per
-  box help the arm to move well; the limits are {MIN_COMPONENT_KG:g} to {MAX_COMPONENT_KG:g} kg for a box,
-  {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its density, and {MIN_TOOL_KG:g} to {{payload}} kg for the tool.
+{{weight}}
 - The tool ends within {MAX_EXTENT_M:g} m of its mount. It is rigid: it is an error if 1 N at any end would bend it by
-  more than {MAX_BEND_M_N * 1000:g} mm even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length.
+  more than {MAX_BEND_M_N * 1000:g} mm {{bend}}.
 - Every link is the child of exactly one joint of type "fixed", and following parents leads to the mount. The joint's
   origin is the link's frame in its parent's frame; a box is centred on its own origin, so use half lengths to make
   parts meet.
@@ -87,6 +95,13 @@ before its closing tag, so it has no root element and none of the robot's own li
 
 Example of one link and its joint:
 {{example}}"""
+
+_INERTIAL = "a collision and an inertial element"
+_MASSES = f"""\
+- The inertial needs <mass value="..."/> in kilograms; moments of inertia are computed from the box. A few grams per
+  box help the arm to move well; the limits are {MIN_COMPONENT_KG:g} to {MAX_COMPONENT_KG:g} kg for a box,
+  {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its density, and {MIN_TOOL_KG:g} to {{payload}} kg for the tool."""
+_LIGHT = re.compile(r"  <inertial>.*</inertial>\n")  # of the example
 
 _ELITES = """
 The elites show `components` in its place, a line for each box: the name of its link, its parent link, its size, `at`

@@ -1,0 +1,57 @@
+"""Check that an arm can carry a tool of a real material, and say in a prompt what tools weigh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.design import DesignError, Tool
+from core.interfaces import Robot
+from core.materials import Material
+from core.robot.frames import open_mounts
+from core.robot.kinematics import arm_of
+
+GRAVITY = 9.81  # m/s^2
+
+
+def moment_limit(robot: Robot) -> float:
+    """Return the largest moment about the mount that the wrist bears in any posture, N m.
+
+    It is the smallest effort limit of the last three joints, of which one is level in some posture.
+    """
+    return float(arm_of(robot).effort_limits[-3:].min())
+
+
+def flange_moment(tool: Tool, robot: Robot) -> float:
+    """Compute the largest moment of a tool's weight about the mount, N m: with its centre of mass level with it."""
+    mounts, placed = open_mounts(robot, tool.gripper), tool.placed()
+    held = [(c.mass, (mounts[placed[c.name][0]] @ placed[c.name][1]).position) for c in tool.components]
+    return GRAVITY * float(np.linalg.norm(sum(mass * at for mass, at in held)))
+
+
+def check_weight(tool: Tool, robot: Robot) -> None:
+    """Refuse a tool that is too heavy for an arm, or too far out for its weight.
+
+    Raises:
+        DesignError: with the figures, and the component that weighs most.
+    """
+    heaviest = max(tool.components, key=lambda component: component.mass)
+    mend = f"component {heaviest.name!r} weighs most, {heaviest.mass:.3g} kg: make parts thinner, shorter or fewer"
+    if tool.mass > robot.payload_kg:
+        most_kg = f"the arm carries at most {robot.payload_kg:g} kg"
+        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; {most_kg}; {mend}")
+    moment, most = flange_moment(tool, robot), moment_limit(robot)
+    if moment > most:
+        raise DesignError(
+            f"the tool, of {tool.mass:.3g} kg, turns the wrist with {moment:.3g} N m, its centre of mass being "
+            f"{moment / GRAVITY / tool.mass:.3g} m from the mount; at most {most:g} N m are allowed; {mend}, or bring "
+            "heavy parts closer to the mount"
+        )
+
+
+def describe_weight(material: Material, robot: Robot) -> str:
+    """Write the part of a prompt that says what tools of a real material weigh, and what they may; a list item."""
+    payload, moment = f"{robot.payload_kg:g} kg", f"{moment_limit(robot):g} N m"
+    return f"""\
+- Tools are made of {material.name}, {material.density_kg_m3:g} kg/m^3, {material.filling}. What a component
+  weighs follows from its volume; a mass that you write is ignored. The tool may weigh {payload}, and turn the wrist
+  with {moment}: its mass in kg times {GRAVITY:g} times the distance in metres of its centre of mass from the mount."""
