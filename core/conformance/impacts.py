@@ -17,10 +17,9 @@ import numpy as np
 
 from core.conformance.checking import expect
 from core.conformance.worlds import GRAVITY, GREY, arm, end, film, opened, run, slope, stick, wait
-from core.design import RIGID_MOUNT, Component, Tool
+from core.design import RIGID_MOUNT, TOOL_FRICTION, Component, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
 from core.interfaces import JointTrajectory, Rollout, Simulator
-from core.robots import LINK_FRICTION
 from core.scene import Body
 
 # MuJoCo's convex contacts push a sliding body off a surface: a box by 0.18 of its speed at a friction of 0.5 and an
@@ -98,11 +97,12 @@ def check_oblique_blow_of_a_blade(simulator: Simulator) -> None:
         turn = math.radians(degrees)
         away, along = np.array([[-math.sin(turn), math.cos(turn)], [math.cos(turn), math.sin(turn)]])
         x, y = [0.55, 0.0] + away * (0.01 + radius)
-        own = friction**2 / LINK_FRICTION  # so that the contact has ``friction``
+        of_tool = TOOL_FRICTION if isinstance(shape, Cylinder) else 0.3
+        own = friction**2 / of_tool  # so that the contact has ``friction``
         puck = Body.of("puck", shape, (x, y, height), mass=0.2, color=GREY, friction=own)
         pose = Pose.xyz_rpy((0.0, 0.0, -0.24), (0.0, 0.0, turn))
         blade = Component("blade", RIGID_MOUNT, pose, Box((0.3, 0.02, 0.08)))
-        job = Rollout(Tool((*stick(0.2).components, blade)), _sweep(speed), 0, 0.1, 0.0)
+        job = Rollout(Tool((*stick(0.2).components, blade), friction=of_tool), _sweep(speed), 0, 0.1, 0.0)
         left = end(run(simulator, (_ice(), puck), job)).linear_velocity("puck")[:2] / speed
         due = math.cos(turn) * away + _braked(shape, friction, turn) * along
         faster = float(np.linalg.norm(left) / np.linalg.norm(due))

@@ -10,7 +10,7 @@ import numpy as np
 from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array
 from core.robot.description import assemble, joint_name
-from core.robots import LINK_FRICTION, Robot
+from core.robots import Robot
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
@@ -47,7 +47,7 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
     colliders = []
     for geom, link in links:
         role = Role.TOOL if link in tool.borne_on else Role.BEARER if link in bearers else Role.ARM
-        friction = LINK_FRICTION if link in tool.borne_on else robot.friction
+        friction = tool.friction if link in tool.borne_on else robot.friction
         if robot.gripper is not None and link in GRIPPER_MOUNTS:
             friction = robot.gripper.friction
         colliders.append(Collider(geom, geom.parent.name, role, Surface(friction)))

@@ -15,7 +15,7 @@ from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
 from core.robot.description import assemble, joint_name, read_numbers, read_origin, to_text
-from core.robots import LINK_FRICTION, Robot
+from core.robots import Robot
 from core.scene import Inertia, Scene, State
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
@@ -119,7 +119,7 @@ class World:
             p.resetJointState(self.robot, joint, angle, physicsClientId=client)
         self._filter_contacts(robot, tool, links)
         for name, link in links.items():
-            friction = LINK_FRICTION if name in tool.borne_on else robot.friction
+            friction = tool.friction if name in tool.borne_on else robot.friction
             if grip is not None and name in GRIPPER_MOUNTS:
                 friction = grip.friction
             p.changeDynamics(self.robot, link, lateralFriction=np.sqrt(friction), physicsClientId=client)

@@ -12,7 +12,6 @@ from core.design import GRIPPER_MOUNTS, Tool, ToolJoint
 from core.geometry import Array
 from core.interfaces import JointTrajectory
 from core.robot.description import joint_name
-from core.robots import LINK_FRICTION
 from core.robots import Robot as Arm
 from plugins.simulators.sapien.bodies import weigh
 from plugins.simulators.sapien.description import Joint, Shape, robot_links
@@ -38,7 +37,7 @@ _STICKS = 1e3  # N m s/rad or N s/m, of dry friction up to its limit
 def surface_of(arm: Arm, part: str, tool: Tool) -> Surface:
     if arm.gripper is not None and part in GRIPPER_MOUNTS:
         return Surface(arm.gripper.friction)
-    return Surface(LINK_FRICTION if part in tool.borne_on else arm.friction)
+    return Surface(tool.friction if part in tool.borne_on else arm.friction)
 
 
 def surfaces_of(arm: Arm, tool: Tool) -> set[Surface]:
