@@ -154,6 +154,7 @@ def _record(entry: Entry) -> dict[str, Any]:
         "run": str(winner.run.folder),
         "folder": entry.folder.as_posix(),
         "simulated_g": 1000 * winner.tool.mass,
+        "material": winner.material.name,
         "solid_pla_g": grams(entry.pieces),
         "ready": entry.ready,
         "pieces": [

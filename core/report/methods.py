@@ -6,13 +6,14 @@ import itertools
 import json
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
+from core.interfaces import PAPER
 from core.plugins import WORDS, installed
 from core.report.runs import FinishedRun, LeftOutRun, short
 
-CHOICES = ("tool", "evolution", "vlm", "robot", "prompt", "sim", "budget")
+CHOICES = ("tool", "evolution", "vlm", "robot", "material", "prompt", "sim", "budget")
 """The choices that describe a method best, in this order; others follow."""
 
 _NO_METHOD = ("seed", "film", "listener", "executor", "task.name", "task.paper")
@@ -60,7 +61,8 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     with the same choices differ in it, so that a setting that follows from a choice or from the task makes no method
     of its own. The seed, the executor and the listeners never do.
     """
-    settings = [flatten({**config, "robot": robot_of(config)}) for _, config in configs]
+    before = {"material": asdict(PAPER)}  # of runs of earlier versions
+    settings = [flatten({**before, **config, "robot": robot_of(config)}) for _, config in configs]
     named = {key for of in settings for key in of if key.endswith(".name") and key.count(".") == 1}
     first = [f"{choice}.name" for choice in CHOICES]
     choices = [*first, *sorted(named - set(first))]

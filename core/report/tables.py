@@ -259,12 +259,13 @@ def _repeats(results: Results) -> str:
 def tools(results: Results, shown: Tools) -> Table:
     """The best tools, with the model's descriptions."""
     head = columns(
-        "task|method|tool|reward:3|distance (m):2|size|mass (g):0|components:0|description|how it is used|candidate|run"
+        "task|method|tool|reward:3|distance (m):2|size|mass (g):0|material|components:0|description|how it is used|"
+        "candidate|run"
     )
     rows = [
         (
             *(task, method, winner.name, winner.reward, winner.distance_m, size(winner.tool, winner.robot)),
-            *(1000 * winner.tool.mass, len(winner.tool.components)),
+            *(1000 * winner.tool.mass, winner.material.name, len(winner.tool.components)),
             *(winner.tool.description, winner.strategy_description or winner.strategy_name, winner.candidate),
             Link(winner.run.folder.name, winner.run.folder),
         )

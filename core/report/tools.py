@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from omegaconf import OmegaConf
 
-from core.config.compose import part, robot_part
+from core.config.compose import part, robot_part, tool_part
 from core.design import Component, DesignError, Tool, ranked
 from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
 from core.geometry import Array
-from core.interfaces import Robot, ToolRepresentation
+from core.interfaces import Material, Robot, ToolRepresentation
 from core.plugins import installed
 from core.report.formats import number
 from core.report.runs import STORE, FinishedRun
@@ -50,6 +50,7 @@ class Winner:
     reward: float
     distance_m: float | None
     design: dict[str, Any]
+    material: Material
     strategy_name: str = ""
     strategy_description: str = ""
 
@@ -65,15 +66,18 @@ class Winner:
 
 
 def _part(run: FinishedRun, kind: str) -> Any:
-    return _created(kind, json.dumps(run.config.get(kind, {}), sort_keys=True))
+    chosen = {name: run.config.get(name, {}) for name in (kind, *(["material"] if kind == "tool" else []))}
+    return _created(kind, json.dumps(chosen, sort_keys=True))
 
 
 @lru_cache(maxsize=256)
 def _created(kind: str, settings: str) -> Any:
     config = OmegaConf.create(json.loads(settings))
+    if kind == "tool":
+        return tool_part(config).create()
     if kind == "robot":
-        return robot_part(config).create() if config else installed().default_robot
-    return part(kind, config).create()
+        return robot_part(config.robot).create() if config.robot else installed().default_robot
+    return part(kind, config[kind]).create()
 
 
 def given_tool(run: FinishedRun) -> Tool | None:
@@ -84,8 +88,9 @@ def given_tool(run: FinishedRun) -> Tool | None:
     """
     task = _part(run, "task")
     task.robot = _part(run, "robot")
-    given: Tool | None = _part(run, "tool").given(task)
-    return given
+    representation = _part(run, "tool")
+    given: Tool | None = representation.given(task)
+    return given and representation.material.made(given)
 
 
 def winners(
@@ -154,6 +159,7 @@ def _winner(
         tool = given or representation.parse(design, gripper=bool(design["gripper"]))
         if given is None:
             _check_size(tool, robot)
+            tool = representation.material.made(tool)
     except DesignError as error:
         raise UserError(f"the design of {row['candidate']} can't be read again: {error}") from error
     if given is None:
@@ -168,6 +174,7 @@ def _winner(
         row["reward"],
         row["distance_m"],
         design | {"action_sets": [json.loads(row["waypoints"])]},
+        representation.material,
         _text(design, "strategy_name", MAX_NAME),
         _text(design, "strategy_description", MAX_DESCRIPTION),
     )

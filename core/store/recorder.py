@@ -251,6 +251,7 @@ def report(run: Run, result: Result) -> dict[str, Any]:
     """Return the content of ``result.json``."""
     return {
         **{kind: run.parts[kind] for kind in ("task", "robot", "sim", "vlm", "tool", "evolution")},
+        "material": run.representation.material.name,
         "budget": run.config["budget"]["name"],
         "seed": run.seed,
         "best": best_figures(result),

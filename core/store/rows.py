@@ -130,6 +130,7 @@ class Figures:
     sim: str = ""
     vlm: str = ""
     tool: str = ""
+    material: str = "paper"
     evolution: str = ""
     budget: str = ""
     best: Best | None = None
@@ -165,6 +166,7 @@ class _Config(_Schema):
     sim: Chosen = {}
     vlm: Chosen = {}
     tool: Chosen = {}
+    material: dict[str, str | float | None] = {}
     evolution: Evolution = {}
     fitness: Chosen = {}
     executor: Chosen = {}

@@ -8,13 +8,17 @@ import shlex
 import statistics
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.cli import print_table, say
 from core.config.sources import defaults
 from core.design import best_tools
+from core.errors import UserError
 from core.hooks import hookimpl
+from core.materials import PAPER
 from core.plugins import installed
 from core.report.formats import number
 from core.text import clean
@@ -116,8 +120,8 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
         return
     yield f"python -m core.report {folder}"
     yield f"python -m core.gallery {folder}"
-    words = [*(f"{kind}={run.parts[kind]}" for kind in ("task", "sim", "tool")), *_robot_words(run)]
-    parts = shlex.join(words)
+    words = [f"{kind}={run.parts[kind]}" for kind in ("task", "sim", "tool")]
+    parts = shlex.join([*words, *_robot_words(run), *_material_words(run)])
     design = _short(run.folder / "best" / "design.json").replace("\\", "\\\\").replace('"', '\\"')
     if not re.fullmatch(r"[\w./-]+", design):
         design = f'"{design}"'  # as Hydra wants it, beside what the shell wants
@@ -134,6 +138,19 @@ def _robot_words(run: Run) -> Iterable[str]:
         yield f"robot={name}"
     usual = defaults("robot", name)
     yield from (f"robot.{key}={hydra_word(value)}" for key, value in chosen.items() if usual.get(key) != value)
+
+
+def _material_words(run: Run) -> Iterable[str]:
+    """Overrides that choose the run's material, as far as it is not the default one as it is."""
+    from core.config.compose import load
+    from core.experiment import hydra_word
+
+    chosen, usual = {**run.config.get("material", {})}, asdict(PAPER)
+    if chosen.get("name", PAPER.name) != PAPER.name:
+        yield (word := f"material={chosen['name']}")
+        with suppress(UserError):  # a material of one's own, from elsewhere
+            usual = load("prompt", [word]).material
+    yield from (f"material.{key}={hydra_word(value)}" for key, value in chosen.items() if usual[key] != value)
 
 
 def _short(path: Path) -> str:
