@@ -44,7 +44,7 @@ def answer(brief: Brief) -> dict[str, Any]:
     """
     sight = Sight.of(brief)
     spawn = SpawnRules(brief.task, brief.scene_seed)
-    workshop = Workshop(sight, spawn, brief.gripper, np.random.default_rng(brief.seed))
+    workshop = Workshop(sight, spawn, brief.gripper, np.random.default_rng(brief.seed), brief.representation.material)
     given = brief.representation.given(brief.task)
     elites = elites_with(brief.elites, brief.gripper)
     strategies = []

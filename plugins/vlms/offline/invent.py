@@ -11,6 +11,7 @@ import numpy as np
 from core.design import DesignError, Tool
 from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Array, Pose
+from core.interfaces import PAPER, Material
 from core.robot.kinematics import arm_of
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.clamps import build_clamp, sample_clamp
@@ -50,11 +51,17 @@ class Workshop:
     spawn: SpawnRules
     gripper: bool
     rng: np.random.Generator
+    material: Material = PAPER
+
+    @property
+    def stout(self) -> float:
+        """How many times as thick as of the stiff default material parts are, so that they bend little enough."""
+        return max(1.0, (PAPER.young_pa / self.material.young_pa) ** 0.125)
 
     def accepts(self, tool: Tool) -> bool:
         """Report whether the tool keeps the rules."""
         try:
-            check_tool(tool, self.spawn.robot)
+            check_tool(self.material.made(tool), self.spawn.robot, self.material)
             self.spawn.check(tool)
         except DesignError:
             return False
@@ -85,17 +92,17 @@ class Workshop:
         holder = errand.holder
         grips = handles(holder, errand.space) if holder is not None and not self.gripper else None
         if grips is not None and self.rng.random() < 0.8:
-            return sample_fork(grips, self.rng)
+            return sample_fork(grips, self.rng, self.stout)
         lifts = errand.deep and errand.shift[2] > 0.03
         if lifts and self.spawn.robot.gripper is None and self.rng.random() < 0.8:
             return sample_pinch(errand, self.rng)
         clamps = self.gripper and self.rng.random() < (0.9 if lifts else 0.5)
-        return (sample_clamp if clamps else sample_head)(errand, self.rng)
+        return sample_clamp(errand, self.rng) if clamps else sample_head(errand, self.rng, self.stout)
 
     def _build(self, head: Head, at: Pose, path: Path, errand: Errand) -> Tool:
         if head.use == "pour":
             return build_fork(head)
-        thickness = float(self.rng.uniform(0.012, 0.024))
+        thickness = self.stout * float(self.rng.uniform(0.012, 0.024))
         style = STYLES[int(self.rng.choice(len(STYLES), p=[0.6, 0.2, 0.2, 0.0]))]
         if head.use == "clamp":
             return build_clamp(head, at, min(thickness, 0.012) if errand.deep else thickness)

@@ -85,27 +85,28 @@ def _handles(thing: Thing, heading: float) -> Handles | None:
     )
 
 
-def sample_fork(grips: Handles, rng: np.random.Generator) -> Head:
-    """Two channels, open toward each other, that slide over the handles."""
+def sample_fork(grips: Handles, rng: np.random.Generator, stout: float = 1.0) -> Head:
+    """Two channels, open toward each other, that slide over the handles; ``stout`` times as thick as usual."""
+    lip = stout * _LIP_M
     drop = rng.uniform(0.07, 0.12)
     room = rng.uniform(0.002, 0.005)
     gap = rng.uniform(0.003, 0.012)  # between the crossbar and the thing
     thick = grips.high - grips.low
     inner, outer = grips.base + 0.3 * (grips.outer - grips.base), grips.outer + room
     length = grips.reach - grips.rear + gap + rng.uniform(-0.03, 0.015)
-    width = 2 * (outer + _LIP_M)
+    width = 2 * (outer + lip)
     pieces = [
         Piece("plate", Pose(np.array([0.005, 0.0, -drop / 2])), (0.01, 0.06, drop + 0.07)),
         Piece("crossbar", Pose(np.array([_BACK_M - 0.005, 0.0, -drop])), (0.01, width, 0.03)),
     ]
     along = _BACK_M - 0.002 + length / 2
     for name, sign in (("left", 1.0), ("right", -1.0)):
-        y = sign * (outer + _LIP_M / 2)
-        height = thick + 2 * room + 2 * _LIP_M
-        pieces.append(Piece(f"{name}_web", Pose(np.array([along, y, -drop])), (length + 0.002, _LIP_M, height), 1))
-        for lip, up in (("lower", -1.0), ("upper", 1.0)):
-            at = np.array([along, sign * (inner + outer) / 2, -drop + up * (thick / 2 + room + _LIP_M / 2)])
-            pieces.append(Piece(f"{name}_{lip}", Pose(at), (length + 0.002, outer - inner + 0.002, _LIP_M), 1))
+        y = sign * (outer + lip / 2)
+        height = thick + 2 * room + 2 * lip
+        pieces.append(Piece(f"{name}_web", Pose(np.array([along, y, -drop])), (length + 0.002, lip, height), 1))
+        for edge, up in (("lower", -1.0), ("upper", 1.0)):
+            at = np.array([along, sign * (inner + outer) / 2, -drop + up * (thick / 2 + room + lip / 2)])
+            pieces.append(Piece(f"{name}_{edge}", Pose(at), (length + 0.002, outer - inner + 0.002, lip), 1))
     hold = np.array([0.0, 0.0, gap])
     return Head("fork", "pour", tuple(pieces), hold, length, width, level=drop)
 

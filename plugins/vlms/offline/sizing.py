@@ -26,8 +26,8 @@ class _Measures:
         return self.across + 2 * min(self.rooms) - 0.002
 
 
-def sample_head(errand: Errand, rng: np.random.Generator) -> Head:
-    """A head of a suitable family at random, sized by the bodies."""
+def sample_head(errand: Errand, rng: np.random.Generator, stout: float = 1.0) -> Head:
+    """A head of a suitable family at random, sized by the bodies; walls are ``stout`` times as thick as usual."""
     rear, front = errand.span(errand.heading)
     right, left = errand.span(errand.heading + np.pi / 2)
     tall = float(errand.upper[2] - errand.lower[2])
@@ -36,15 +36,15 @@ def sample_head(errand: Errand, rng: np.random.Generator) -> Head:
     # A body that falls is pushed horizontally and goes down by itself.
     barred = errand.length > 0.03 and errand.blocked(errand.shift * np.array([1.0, 1.0, float(not falls)]))
     if rises or (barred and rng.random() < 0.8) or (falls and rng.random() < 0.3):
-        return _lifter(errand, measures, rng)
+        return _lifter(errand, measures, rng, stout)
     if rng.random() < (0.8 if errand.covered else 0.08):
-        return _hook(errand, measures, rng)
-    return _pusher(errand, measures, rng)
+        return _hook(errand, measures, rng, stout)
+    return _pusher(errand, measures, rng, stout)
 
 
-def _pusher(errand: Errand, m: _Measures, rng: np.random.Generator) -> Head:
+def _pusher(errand: Errand, m: _Measures, rng: np.random.Generator, stout: float) -> Head:
     """A head that moves bodies horizontally, by its face or by enclosing them."""
-    thick = rng.uniform(0.004, 0.012)
+    thick = stout * rng.uniform(0.004, 0.012)
     height = float(np.clip(m.tall * rng.uniform(0.5, 1.3), 0.02, 0.15))
     kinds = {"blade": 2.0, "peg": 0.7}
     spare = rng.uniform(0.004, 0.04)
@@ -73,7 +73,7 @@ def _pusher(errand: Errand, m: _Measures, rng: np.random.Generator) -> Head:
             return rake(min(m.widest, m.across * rng.uniform(1.0, 1.6)), height, thick, 0.6 * smallest)
 
 
-def _lifter(errand: Errand, m: _Measures, rng: np.random.Generator) -> Head:
+def _lifter(errand: Errand, m: _Measures, rng: np.random.Generator, stout: float) -> Head:
     """A head that goes under the bodies, or under their overhang if they have one."""
     height = float(np.clip(m.tall * rng.uniform(0.7, 1.3), 0.02, 0.2))
     depth = m.along * rng.uniform(0.75, 1.15)
@@ -81,15 +81,15 @@ def _lifter(errand: Errand, m: _Measures, rng: np.random.Generator) -> Head:
     if overhang is not None and rng.random() < 0.8:
         under, base = overhang
         tine = max(0.004, (m.across / 2 - base) * rng.uniform(0.5, 1.2))
-        thin = float(np.clip(under * rng.uniform(0.3, 0.7), 0.002, 0.01))
+        thin = float(np.clip(under * rng.uniform(0.3, 0.7), 0.002, stout * 0.01))
         level = max(0.0, under - thin - rng.uniform(0.003, 0.02))
         return fork(2 * base + rng.uniform(0.004, 0.016), depth, height, tine, thin, level=level)
     if rng.random() < 0.2:
         tine = m.across * rng.uniform(0.08, 0.2)
-        return fork(m.across * rng.uniform(0.4, 0.7), depth, height, tine, 0.002, int(rng.integers(2, 5)))
+        return fork(m.across * rng.uniform(0.4, 0.7), depth, height, tine, stout * 0.002, int(rng.integers(2, 5)))
     rail = 0.0 if rng.random() < 0.3 else m.tall * rng.uniform(0.1, 0.6)
     width = min(m.across + rng.uniform(0.005, 0.04), max(m.widest, 0.6 * m.across))
-    return scoop(width, depth, height, rail, rng.uniform(0.001, 0.003))
+    return scoop(width, depth, height, rail, stout * rng.uniform(0.001, 0.003))
 
 
 def _overhang(errand: Errand) -> tuple[float, float] | None:
@@ -107,13 +107,13 @@ def _overhang(errand: Errand) -> tuple[float, float] | None:
     return under, float(across[below].max())
 
 
-def _hook(errand: Errand, m: _Measures, rng: np.random.Generator) -> Head:
+def _hook(errand: Errand, m: _Measures, rng: np.random.Generator, stout: float) -> Head:
     """A head that passes beside or over the bodies, and pulls them from behind."""
     sides = [(m.rooms[0], np.array([0.0, -1.0, 0.0])), (m.rooms[1], np.array([0.0, 1.0, 0.0])), (errand.headroom, UP)]
     weights = np.array([min(room, 0.1) + 1e-3 for room, _ in sides])
     room, outward = sides[int(rng.choice(3, p=weights / weights.sum()))]
     over = outward[2] > 0.5
-    thick = float(np.clip(room * rng.uniform(0.1, 0.25), 0.003, 0.014))
+    thick = float(np.clip(room * stout * rng.uniform(0.1, 0.25), 0.003, stout * 0.014))
     gap = min(0.004, 0.1 * room)
     longest = m.tall if over else m.across
     toe = float(np.clip((room - thick - gap) * rng.uniform(0.5, 0.9), 0.004, longest * rng.uniform(0.5, 1.0)))
