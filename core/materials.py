@@ -8,7 +8,7 @@ from typing import Any
 
 from core.design import Tool
 from core.errors import UsageError
-from core.geometry import Box, Shape
+from core.geometry import Box, Compound, Shape
 
 STEEL_PA = 200e9  # Young's modulus; hardly a material that tools are made of is stiffer
 
@@ -57,7 +57,7 @@ class Material:
             return "solid"
         return f"walls of {self.wall_mm:g} mm, filled to {self.infill:.0%} inside"
 
-    def volume_of(self, shape: Shape) -> float:
+    def volume_of(self, shape: Shape | Compound) -> float:
         """Compute the volume of the material in a component of this shape, m^3."""
         wall = self.wall_mm / 1000
         if isinstance(shape, Box):

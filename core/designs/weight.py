@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.design import DesignError, Tool
+from core.geometry import mass_properties
 from core.interfaces import Robot
 from core.materials import Material
 from core.robot.frames import open_mounts
@@ -24,8 +25,11 @@ def moment_limit(robot: Robot) -> float:
 def flange_moment(tool: Tool, robot: Robot) -> float:
     """Compute the largest moment of a tool's weight about the mount, N m: with its centre of mass level with it."""
     mounts, placed = open_mounts(robot, tool.gripper), tool.placed()
-    held = [(c.mass, (mounts[placed[c.name][0]] @ placed[c.name][1]).position) for c in tool.components]
-    return GRAVITY * float(np.linalg.norm(sum(mass * at for mass, at in held)))
+    weights = np.zeros(3)
+    for c in tool.components:
+        mount, pose = placed[c.name]
+        weights += c.mass * (mounts[mount] @ pose).apply(mass_properties(c.shape, c.mass)[0])
+    return GRAVITY * float(np.linalg.norm(weights))
 
 
 def check_weight(tool: Tool, robot: Robot) -> None:

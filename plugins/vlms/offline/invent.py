@@ -56,7 +56,7 @@ class Workshop:
     @property
     def stout(self) -> float:
         """How many times as thick as of the stiff default material parts are, so that they bend little enough."""
-        return max(1.0, (PAPER.young_pa / self.material.young_pa) ** 0.125)
+        return float(max(1.0, (PAPER.young_pa / self.material.young_pa) ** 0.125))
 
     def accepts(self, tool: Tool) -> bool:
         """Report whether the tool keeps the rules."""
