@@ -262,6 +262,6 @@ def tool_part(config: DictConfig) -> ToolPart:
     try:
         merged = OmegaConf.merge(OmegaConf.structured(Material), config.get("material") or {})
         material = node(cast(DictConfig, merged), Material)
-    except OmegaConfBaseException as error:
+    except (OmegaConfBaseException, ValueError) as error:  # the latter: it has no keys
         raise UserError(f"material: {first_line(error)}") from error
     return ToolPart(found.kind, found.name, found.settings, material)

@@ -150,7 +150,9 @@ def _material_words(run: Run) -> Iterable[str]:
         yield (word := f"material={chosen['name']}")
         with suppress(UserError):  # a material of one's own, from elsewhere
             usual = load("prompt", [word]).material
-    yield from (f"material.{key}={hydra_word(value)}" for key, value in chosen.items() if usual[key] != value)
+    yield from (
+        f"material.{key}={hydra_word(value)}" for key, value in chosen.items() if key != "name" and usual[key] != value
+    )
 
 
 def _short(path: Path) -> str:
