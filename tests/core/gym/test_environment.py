@@ -136,3 +136,18 @@ def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
 def test_wrong_arguments_are_refused(settings, reason):
     with pytest.raises(UserError, match=reason):
         gymnasium.make("RoboToolBench/BringCube-v0", **settings)
+
+
+def test_a_tool_weighs_by_its_material():
+    made = gymnasium.make(
+        "RoboToolBench/BringCube-v0",
+        designs=DESIGNS / "BringCube.json",
+        material="pla",
+        material_settings={"infill": 1.0, "friction": 0.3},
+    ).unwrapped.tool
+    assert made.mass == pytest.approx(1240 * sum(component.shape.volume for component in made.components))
+    assert made.friction == 0.3
+    with pytest.raises(UserError, match="no material 'wood'"):
+        gymnasium.make("RoboToolBench/BringCube-v0", material="wood")
+    with pytest.raises(UserError, match=r"the arm carries at most 3 kg"):
+        gymnasium.make("RoboToolBench/BringCube-v0", designs=DESIGNS / "BringCube.json", material="steel")

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 
+from core.config.compose import load
 from core.design import Candidate, Evaluation
 from core.events import Generation, Result, Run
 from core.interfaces import Reply
@@ -40,7 +42,7 @@ def call(folder, *words):
     )
 
 
-def summary(capsys, *rewards, replies=(), name="hook", robot=None, **settings):
+def summary(capsys, *rewards, replies=(), name="hook", robot=None, material=None, **settings):
     """What is printed of a run with these rewards by generation."""
     events = event_hub()
     events.register(installed().create("listener", "summary", settings))
@@ -55,7 +57,7 @@ def summary(capsys, *rewards, replies=(), name="hook", robot=None, **settings):
             evaluations.append(good if reward is not None else Evaluation(candidate, "rejected", reason="heavy"))
         generations.append(Generation(index, tuple(evaluations)))
     parts = {"task": "BringCube", "sim": "pybullet", "tool": "urdf"}
-    config = {"listener": {"rerun": {}}, "robot": robot or {}}
+    config = {"listener": {"rerun": {}}, "robot": robot or {}, "material": material or {}}
     task = installed().create("task", "BringCube")
     run = Run(Path("runs/it's here/x=1"), config, parts, "m", task, None, None, 3, None, None)
     events.hook.run_finished(run=run, result=Result(tuple(generations), 1.0))
@@ -134,6 +136,22 @@ def test_commands_are_quoted(capsys):
 def test_the_command_names_another_robot_or_place(capsys, robot, words):
     line = summary(capsys, [0.5], robot=robot).splitlines()[-1]
     assert [word for word in shlex.split(line) if word.startswith("robot")] == words
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        ([], []),
+        (["material=pla"], ["material=pla"]),
+        (["material=pla", "material.infill=0.5"], ["material=pla", "material.infill=0.5"]),
+        (["material.friction=0.2"], ["material.friction=0.2"]),
+        (["material=pla", "material.name=mine"], ["material=mine", "material.density_kg_m3=1240.0"]),
+    ],
+)
+def test_the_command_names_another_material(capsys, words, shown):
+    chosen = OmegaConf.to_container(load("config", words).material)
+    line = summary(capsys, [0.5], material=chosen).splitlines()[-1]
+    assert [word for word in shlex.split(line) if word.startswith("material")][:2] == shown
 
 
 @pytest.fixture(scope="module")

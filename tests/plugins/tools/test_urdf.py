@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from core.design import Component, DesignError, Tool
 from core.designs.rules import check_tool
 from core.geometry import Box, Pose
+from core.interfaces import Brief, Material
 from core.plugins import Plugins
 from core.robot import description as robot
 from plugins.tools import urdf
@@ -391,3 +392,25 @@ MARKUP = [
 def test_any_text_is_a_tool_or_a_design_error(text, gripper):
     with contextlib.suppress(DesignError):
         assert parse(text, gripper=gripper).gripper == gripper
+
+
+def test_of_a_real_material_a_mass_is_neither_asked_for_nor_read():
+    made_of_pla = UrdfTools()
+    made_of_pla.robot, made_of_pla.material = PANDA, Material("pla", 1240)
+    text = " ".join(made_of_pla.instructions(Brief(on_panda(OneBook()), 0, made_of_pla, False, 1, 1, 0, 0, 0)).split())
+    assert "Tools are made of pla, 1240 kg/m^3, solid." in text
+    assert "bend it by more than 10 mm or 10 N would break it." in text
+    assert "mass value" not in text
+    assert "A few grams per box" not in text
+    heavy = link("a", f'<collision>{BOX}</collision><inertial><mass value="as much as you like"/></inertial>')
+    data = {"tool_urdf": heavy + joint("tool_mount", "a")}
+    assert len(made_of_pla.parse(data, gripper=False).components) == 1
+    with pytest.raises(DesignError, match="mass must be 1 plain number"):
+        URDF.parse(data, gripper=False)
+
+
+def test_of_paper_the_instructions_are_as_ever():
+    text = URDF.instructions(Brief(on_panda(OneBook()), 0, URDF, False, 1, 1, 0, 0, 0))
+    assert '- The inertial needs <mass value="..."/> in kilograms' in text
+    assert "more than 10 mm even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length." in text
+    assert '<inertial><mass value="0.005"/></inertial>' in text

@@ -13,7 +13,7 @@ from core.designs.composer import answer_schema
 from core.designs.reading import parse_reply, read_designs
 from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Box, Cylinder, Pose, Sphere
-from core.interfaces import Brief, Request, Task
+from core.interfaces import Brief, Material, Request, Task
 from core.plugins import installed
 from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import plan_motion
@@ -25,6 +25,8 @@ from plugins.vlms.offline.pour import handles
 from plugins.vlms.offline.sight import Sight
 from plugins.vlms.offline.tools import STYLES, build
 from plugins.vlms.offline.workspace import workspace_of
+from tasks.high_object import HighObject
+from tasks.score_goal import ScoreGoal
 from tests.panda import ARM, PANDA, on_panda
 
 RED = (0.8, 0.2, 0.2, 1.0)
@@ -412,3 +414,16 @@ def test_a_fresh_population_makes_real_progress(gripper):
 def test_high_deep_and_contained_bodies_are_moved(task, gripper):
     pytest.importorskip("pybullet")
     assert max(rewards(task(), candidates(brief(task(), gripper=gripper, n_tool=4, n_action=1)))) > 0.9
+
+
+@pytest.mark.parametrize("task", [HighObject(), ScoreGoal()], ids=lambda task: task.name)
+def test_tools_of_a_soft_material_are_stout_enough(task):
+    """In PLA, most of what it designs for the stiff default material would bend too far or break."""
+    soft = installed().create("tool", "urdf")
+    soft.material = Material("pla", 1240, 0.2, 1.2, 0.5, 2.5e9, 26e6)
+    read = {}
+    for representation in (soft, URDF):
+        document = json.loads(reply(brief(task, n_tool=4, n_action=1, representation=representation)).text)
+        read[representation] = read_designs(document, soft, SpawnRules(task, 0))
+    assert [candidate.problem for candidate in read[soft]] == [None] * 4
+    assert any("of pla, 1 N" in str(candidate.problem) for candidate in read[URDF])

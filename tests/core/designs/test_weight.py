@@ -1,0 +1,127 @@
+"""The rules for tools of a real material: weight, moment, stiffness and strength, with figures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.design import Component, DesignError, Tool
+from core.designs.rules import check_tool
+from core.designs.stiffness import bending
+from core.designs.weight import check_weight, describe_weight, flange_moment, moment_limit
+from core.geometry import Box, Pose
+from core.materials import PAPER, STEEL_PA, Material
+from core.plugins import installed
+from core.robot.kinematics import arm_of
+from tests.core.designs.test_rules import box, rigid
+from tests.panda import PANDA
+
+SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)
+
+
+def bar(length, thickness=0.005, mass=0.005):
+    return rigid(box(at=(0, 0, -length / 2), size=(thickness, thickness, length), mass=mass))
+
+
+def test_the_wrist_of_every_arm_has_a_limit():
+    assert moment_limit(PANDA) == 12.0
+    for name in installed().names("robot"):
+        if name != "urdf":
+            robot = installed().create("robot", name)
+            assert 0 < moment_limit(robot) == arm_of(robot).effort_limits[-3:].min()
+
+
+def test_the_moment_is_that_of_the_centre_of_mass_in_the_worst_orientation():
+    tool = rigid(box(at=(0, 0, -0.1), mass=1.0), box("b", (0.6, 0, 0), mass=1.0, parent="a"))
+    assert flange_moment(tool, PANDA) == pytest.approx(2 * 9.81 * np.hypot(0.3, 0.1))
+    assert flange_moment(rigid(box(at=(-0.3, 0, 0)), box("b", (0.6, 0, 0), parent="a")), PANDA) == pytest.approx(0)
+
+
+def test_attachments_to_the_fingers_are_weighed_where_the_open_fingers_are():
+    shape = Box((0.02, 0.02, 0.02))
+    pads = (Component(f"{side}_pad", f"{side}_finger", Pose(), shape, 0.5) for side in ("left", "right"))
+    moment = flange_moment(Tool(tuple(pads), gripper=True), PANDA)
+    assert moment == pytest.approx(9.81 * 0.0584, rel=1e-3)  # the fingers' frames lie 58.4 mm below the mount
+
+
+def test_what_is_too_heavy_is_refused_with_the_figures():
+    check_weight(rigid(box(mass=1.0), box("b", mass=1.9, parent="a")), PANDA)
+    with pytest.raises(DesignError) as error:
+        check_weight(rigid(box(mass=1.0), box("b", mass=2.1, parent="a")), PANDA)
+    assert str(error.value) == (
+        "the tool weighs 3.1 kg; the arm carries at most 3 kg; component 'b' weighs most, 2.1 kg: make parts thinner, "
+        "shorter or fewer"
+    )
+
+
+def test_what_turns_the_wrist_is_refused_with_the_figures():
+    check_weight(rigid(box(at=(0.61, 0, 0), mass=2.0)), PANDA)
+    with pytest.raises(DesignError) as error:
+        check_weight(rigid(box(at=(0.7, 0, 0), mass=2.0)), PANDA)
+    assert str(error.value) == (
+        "the tool, of 2 kg, turns the wrist with 13.7 N m, its centre of mass being 0.7 m from the mount; at most "
+        "12 N m are allowed; component 'a' weighs most, 2 kg: make parts thinner, shorter or fewer, or bring heavy "
+        "parts closer to the mount"
+    )
+
+
+def test_paper_knows_no_moment_and_a_material_no_limits_of_mass_and_density():
+    arm = box(at=(0.5, 0, -0.005), size=(1.0, 0.02, 0.02))
+    load = box("b", (0.5, 0, 0), (0.1, 0.1, 0.1), mass=0.9, parent="a")
+    far = rigid(arm, load, replace(load, name="c"), replace(load, name="d"))
+    check_tool(far, PANDA)
+    with pytest.raises(DesignError, match=r"turns the wrist with 26.5 N m"):
+        check_tool(far, PANDA, SOLID)
+    heavy = rigid(box(at=(0, 0, -0.05), size=(0.1, 0.1, 0.1), mass=1.24))
+    check_tool(heavy, PANDA, SOLID)
+    with pytest.raises(DesignError, match=r"weighs 1.24 kg; it must be between"):
+        check_tool(heavy, PANDA)
+
+
+@pytest.mark.parametrize(("young_pa", "longest"), [(70e9, 0.47), (2.5e9, 0.157)])
+def test_a_bar_bends_by_the_stiffness_of_its_material(young_pa, longest):
+    """4 L^3 / (E t^4) per newton for a square bar."""
+    made_of = replace(SOLID, young_pa=young_pa, strength_pa=None)
+    check_tool(bar(longest), PANDA, made_of)
+    with pytest.raises(DesignError, match=r"component 'a' is not rigid: of solid, 1 N would bend it by 1\d"):
+        check_tool(bar(1.06 * longest), PANDA, made_of)
+
+
+def test_a_bar_breaks_by_the_strength_of_its_material():
+    """6 F L / t^3 for a square bar: 54 mm."""
+    check_tool(bar(0.053), PANDA, SOLID)
+    with pytest.raises(DesignError) as error:
+        check_tool(bar(0.06), PANDA, SOLID)
+    assert str(error.value).startswith("component 'a' would break: of solid, 10 N at its end mean a stress of 27.7 MPa")
+    assert "at most 26 MPa are allowed" in str(error.value)
+    check_tool(bar(0.06), PANDA)
+
+
+def test_what_is_hollow_bends_and_breaks_as_its_walls_do():
+    """A section of 20 mm with walls of 2 mm, filled to a fifth."""
+    joints = {"a": np.zeros(3)}
+    materials = SOLID, replace(SOLID, infill=0.2, wall_mm=2.0)
+    solid, hollow = (bending(bar(0.2, 0.02), joints, made_of)["a"] for made_of in materials)
+    share = 1 - 0.8 * (16 / 20) ** 4
+    assert hollow == pytest.approx(np.array(solid) / share)
+    assert solid == pytest.approx((4 * 0.2**3 / (2.5e9 * 0.02**4), 6 * 0.2 / 0.02**3), rel=0.02)
+
+
+def test_a_joint_in_one_point_with_the_parents_is_no_beam():
+    """The plate carries the bar, but nothing bends it."""
+    plate = box("plate", (0, 0, 0), (0.05, 0.05, 0.001))
+    rod = box("rod", (0, 0, -0.05), (0.02, 0.02, 0.1), parent="plate")
+    joints = {"plate": np.zeros(3), "rod": np.zeros(3)}
+    alone = bending(rigid(replace(rod, parent="tool_mount")), {"rod": np.zeros(3)}, SOLID)["rod"]
+    assert bending(rigid(plate, rod), joints, SOLID)["rod"] == pytest.approx(alone)
+
+
+def test_paper_bends_as_steel():
+    assert PAPER.young_pa == STEEL_PA == 200e9
+    assert PAPER.strength_pa is None
+
+
+def test_the_prompt_says_what_tools_weigh_and_may():
+    text = " ".join(describe_weight(replace(SOLID, infill=0.2, wall_mm=1.2), PANDA).split())
+    assert "solid, 1240 kg/m^3, walls of 1.2 mm, filled to 20% inside" in text
+    assert "The tool may weigh 3 kg, and turn the wrist with 12 N m" in text
