@@ -204,6 +204,7 @@ class ToolRepresentation(ABC):
     """How a model writes a tool: the fields of a design that describe the tool, and how they are read."""
 
     robot: Robot | None = None  # the arm that tools are for; the program sets it before `parse`
+    shapes: tuple[str, ...] = ("box",)  # what a component may be: box, cylinder, capsule, sphere
     material: Material = PAPER  # the program sets it, and weighs by it what `parse` and `given` return
 
     @abstractmethod

@@ -11,13 +11,11 @@ from core.design import Candidate, Component, Tool, ToolJoint
 from core.designs.loose import moved
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UserError
-from core.geometry import Box, Cylinder, Pose
+from core.geometry import Cylinder
+from plugins.vlms.offline.tools import rods
 
 _HEAVY_KG = 0.02  # each component: what a joint moves needs some weight
-_SQUARE = 0.05  # relative difference of two sides of a bar
-_LONG = 2.0  # a bar is so many times as long as thick
 _HZ = 4.0  # of a sprung head, on its own
-_TURN = {0: (0.0, np.pi / 2, 0.0), 1: (np.pi / 2, 0.0, 0.0), 2: (0.0, 0.0, 0.0)}  # z to each axis
 
 
 def loosened(candidates: tuple[Candidate, ...], spawn: SpawnRules, seed: int) -> tuple[Candidate, ...]:
@@ -33,7 +31,7 @@ def loosened(candidates: tuple[Candidate, ...], spawn: SpawnRules, seed: int) ->
         if tool is None or tool.gripper:
             continue
         if tool.content not in changed:
-            changed[tool.content] = _allowed(_hung(_rounded(tool), int(rng.integers(3))), spawn)
+            changed[tool.content] = _allowed(_hung(_heavy(rods(tool)), int(rng.integers(3))), spawn)
         if (other := changed[tool.content]) is not None:
             found.append(replace(candidate, tool=other))
     if not found:
@@ -51,20 +49,8 @@ def _allowed(tool: Tool | None, spawn: SpawnRules) -> Tool | None:
     return tool
 
 
-def _rounded(tool: Tool) -> Tool:
-    """Replace bars by rods that fill them."""
-    components, turns = [], {mount: Pose() for mount in tool.mounts}
-    for component in tool.components:
-        pose, shape, turn = turns[component.parent].inverse() @ component.pose, component.shape, Pose()
-        if isinstance(shape, Box):
-            axis = int(np.argmax(shape.size))
-            one, other = np.delete(shape.size, axis)
-            if abs(one - other) <= _SQUARE * one and shape.size[axis] > _LONG * one:
-                turn = Pose.xyz_rpy((0.0, 0.0, 0.0), _TURN[axis])
-                shape = Cylinder(float(one) / 2, float(shape.size[axis]))
-        turns[component.name] = turn
-        components.append(replace(component, pose=pose @ turn, shape=shape, mass=_HEAVY_KG))
-    return replace(tool, components=tuple(components))
+def _heavy(tool: Tool) -> Tool:
+    return replace(tool, components=tuple(replace(c, mass=_HEAVY_KG) for c in tool.components))
 
 
 def _hung(tool: Tool, kind: int) -> Tool | None:

@@ -15,6 +15,7 @@ from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_pla
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.recognize import recognize
 from plugins.vlms.offline.sight import NothingToMove, Sight
+from plugins.vlms.offline.tools import rods
 
 _DIGITS = 5  # hundredths of a millimetre
 
@@ -52,7 +53,8 @@ def answer(brief: Brief) -> dict[str, Any]:
         if given is not None:
             strategies.append(_given(brief, given, elites, workshop))
         elif elites:
-            strategies.append(_strategy(brief, *breed(elites, brief.n_action, workshop)))
+            name, description, tool, uses, parents = breed(elites, brief.n_action, workshop)
+            strategies.append(_strategy(brief, name, description, _in_its_shapes(tool, brief, workshop), uses, parents))
         else:
             strategies.append(_fresh(brief, workshop))
     moving = sum(len(goal.bodies) for goal in sight.goals)
@@ -66,7 +68,16 @@ def _fresh(brief: Brief, workshop: Workshop) -> dict[str, Any]:
     description, parents = f"The {head.kind} {use.text}.", [elite.candidate.id for elite in brief.elites[:1]]
     if parents:
         description += " A fresh design: no elite has this kind of tool."
+    tool = _in_its_shapes(tool, brief, workshop)
     return _strategy(brief, f"{head.use} with {tool.name}", description, tool, uses, parents)
+
+
+def _in_its_shapes(tool: Tool, brief: Brief, workshop: Workshop) -> Tool:
+    """Make bars round where the representation has rods."""
+    if "cylinder" not in brief.representation.shapes:
+        return tool
+    changed = rods(tool)
+    return changed if workshop.accepts(changed) else tool
 
 
 def _given(brief: Brief, tool: Tool, elites: Sequence[Elite], workshop: Workshop) -> dict[str, Any]:

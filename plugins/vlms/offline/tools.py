@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.geometry import Array, Box, Pose
+from core.geometry import Array, Box, Cylinder, Pose
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.heads import Head
 
@@ -109,6 +110,25 @@ class Assembly:
 
     def tool(self, name: str, description: str) -> Tool:
         return Tool(tuple(self._components), self.gripper, name, description)
+
+
+def rods(tool: Tool) -> Tool:
+    """Replace the square bars of a tool by round ones that fill them."""
+    components, turns = [], {mount: Pose() for mount in tool.mounts}
+    for component in tool.components:
+        pose, shape, turn = turns[component.parent].inverse() @ component.pose, component.shape, Pose()
+        if isinstance(shape, Box):
+            axis = int(np.argmax(shape.size))
+            one, other = np.delete(shape.size, axis)
+            if abs(one - other) <= 1e-6 and shape.size[axis] > 2 * one:
+                turn = Pose.xyz_rpy((0.0, 0.0, 0.0), _ALONG[axis])
+                shape = Cylinder(float(one) / 2, float(shape.size[axis]))
+        turns[component.name] = turn
+        components.append(replace(component, pose=pose @ turn, shape=shape))
+    return replace(tool, components=tuple(components))
+
+
+_ALONG = ((0.0, np.pi / 2, 0.0), (np.pi / 2, 0.0, 0.0), (0.0, 0.0, 0.0))  # turns z to the x, y or z axis
 
 
 def tool_boxes(tool: Tool) -> Boxes:
