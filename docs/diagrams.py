@@ -54,7 +54,7 @@ PARTS = {
     "robot": "panda, ur5, ...",
     "sim": "pybullet, sapien, mujoco",
     "vlm": "gemini, openai, ... or offline",
-    "tool": "urdf; none, rlbench",
+    "tool": "urdf, boxes, solids; none",
     "evolution": "vlmgineer, sampling",
     "fitness": "nominal, robust",
     "executor": "local, ray",

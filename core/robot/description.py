@@ -38,9 +38,9 @@ def _inertial(link: Any, mass: float, center: Array, tensor: Array) -> None:
     etree.SubElement(element, "inertia", {name: f"{tensor[at]:.15g}" for name, at in names.items()})
 
 
-def _shapes(link: Any, component: Component, pose: Pose) -> None:
+def _shapes(link: Any, component: Component, pose: Pose, capsules: bool = False) -> None:
     for tag, shapes in (("visual", (component.shape.drawn,)), ("collision", component.shape.convex_parts())):
-        for at, geometry in (written for shape in shapes for written in _geometry(shape)):
+        for at, geometry in (written for shape in shapes for written in _geometry(shape, capsules)):
             element = etree.SubElement(link, tag)
             _origin(element, pose @ at if at else pose)
             etree.SubElement(element, "geometry").append(geometry)
@@ -49,7 +49,7 @@ def _shapes(link: Any, component: Component, pose: Pose) -> None:
                 etree.SubElement(material, "color", rgba=_numbers(component.color))
 
 
-def _geometry(shape: Shape) -> Iterator[tuple[Pose | None, Any]]:
+def _geometry(shape: Shape, capsules: bool = False) -> Iterator[tuple[Pose | None, Any]]:
     """Yield URDF's shapes that make up one of ours, with their poses; a mesh is a file of `scratch`."""
     match shape:
         case Box(size):
@@ -58,6 +58,8 @@ def _geometry(shape: Shape) -> Iterator[tuple[Pose | None, Any]]:
             yield None, etree.Element("sphere", radius=_numbers([radius]))
         case Cylinder(radius, length):
             yield None, etree.Element("cylinder", radius=_numbers([radius]), length=_numbers([length]))
+        case Capsule(radius, length) if capsules:
+            yield None, etree.Element("capsule", radius=_numbers([radius]), length=_numbers([length]))
         case Capsule(radius, length):  # URDF has none
             yield from _geometry(Cylinder(radius, length))
             for end in (-length / 2, length / 2):
@@ -91,14 +93,14 @@ def merged(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, A
     return sum(masses), center, tensor
 
 
-def tool_elements(tool: Tool) -> list[Any]:
+def tool_elements(tool: Tool, *, capsules: bool = False) -> list[Any]:
     """Make the tool's links and joints as URDF elements, children of the robot element."""
     elements, links = [], {component.name: component.link for component in tool.components}
     for component in tool.components:
         link, own = etree.Element("link", name=component.name), component.link.inverse()
         center, tensor = mass_properties(component.shape, component.mass)
         _inertial(link, component.mass, own.apply(center), tensor)
-        _shapes(link, component, own)
+        _shapes(link, component, own, capsules)
         pose = component.pose @ component.link if component.joint else component.pose
         pose = links[component.parent].inverse() @ pose if component.parent in links else pose
         elements += [link, _joint(component.name, component.parent, pose, component.joint)]
@@ -132,9 +134,12 @@ def to_text(element: Any) -> str:
     return str(etree.tostring(element, encoding="unicode")) + "\n"
 
 
-def tool_urdf(tool: Tool) -> str:
-    """Write the tool's links and joints as text, without a root element."""
-    return "".join(to_text(element) for element in tool_elements(tool))
+def tool_urdf(tool: Tool, *, capsules: bool = False) -> str:
+    """Write the tool's links and joints as text, without a root element.
+
+    With ``capsules`` a capsule is an element of that name, which URDF lacks; else a cylinder and two spheres.
+    """
+    return "".join(to_text(element) for element in tool_elements(tool, capsules=capsules))
 
 
 def _fuse(link: Any, tool: Tool, bearer: str) -> None:

@@ -110,8 +110,8 @@ class Solids:
         return [self._solids[i] for i in np.flatnonzero(close)]
 
 
-def box_gap(a: Box, pose_a: Pose, b: Box, pose_b: Pose) -> float:
-    """Measure the gap between two boxes, metres, both poses in one frame; 0 if they touch or overlap."""
+def gap(a: Shape, pose_a: Pose, b: Shape, pose_b: Pose) -> float:
+    """Measure the gap between two shapes, metres, both poses in one frame; 0 if they touch or overlap."""
     return max(0.0, signed_distance(Solid("", solid_geometry(a), pose_a), Solid("", solid_geometry(b), pose_b)))
 
 

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from lxml import etree
 
 from core.design import Component, DesignError, Tool
+from core.designs.components import robot_names
 from core.designs.rules import MAX_COMPONENTS, MAX_DENSITY, MIN_DENSITY
-from core.geometry import Box, Pose
+from core.geometry import Box, Capsule, Cylinder, Pose, Shape, Sphere
 from core.interfaces import Robot
-from core.robot.description import assemble
-from core.robot.solids import box_gap
+from core.robot.solids import gap as gap_between
 from core.scene import Color
 from core.text import shorten
 from plugins.tools.urdf.parsing import attribute, only_child, read_numbers, read_origin
@@ -25,6 +23,14 @@ from plugins.tools.urdf.parsing import attribute, only_child, read_numbers, read
 MAX_LINKS = 2 * MAX_COMPONENTS  # some are only frames
 MAX_NAME = {"link": 64, "joint": 70}  # `core.robot` names a joint after its link, with "_joint" added
 DEFAULT_COLOR: Color = (0.2, 0.45, 0.8, 1.0)
+
+# How each shape is written, and how many numbers each of its attributes has.
+SHAPES = {
+    "box": ('box size="x y z"', {"size": 3}),
+    "cylinder": ('cylinder radius="r" length="l"', {"radius": 1, "length": 1}),
+    "sphere": ('sphere radius="r"', {"radius": 1}),
+    "capsule": ('capsule radius="r" length="l"', {"radius": 1, "length": 1}),
+}
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 _MIN_OPACITY = 0.2  # what collides must be visible
@@ -34,10 +40,10 @@ _SAME_RAD = 0.01
 
 
 @dataclass(frozen=True)
-class _PlacedBox:
-    """A box in the frame of its link."""
+class _PlacedShape:
+    """A shape in the frame of its link."""
 
-    box: Box
+    shape: Shape
     pose: Pose
     color: Color
 
@@ -45,7 +51,7 @@ class _PlacedBox:
 @dataclass(frozen=True)
 class _Link:
     name: str
-    boxes: tuple[_PlacedBox, ...]
+    shapes: tuple[_PlacedShape, ...]
     mass: float
 
 
@@ -56,40 +62,28 @@ class _Joint:
     pose: Pose
 
 
-# What a link's children can hang from, components or a mount: for each its name, its box (None: a mount), and the pose
-# of the link's frame in its own frame.
-_Parents = list[tuple[str, Box | None, Pose]]
-# The same, and the pose of a link without boxes in the frame of the last link with boxes; None: it has its own.
+# What a link's children can hang from, components or a mount: for each its name, its shape (None: a mount), and the
+# pose of the link's frame in its own frame.
+_Parents = list[tuple[str, Shape | None, Pose]]
+# The same, and the pose of a link without shapes in the frame of the last link with shapes; None: it has its own.
 _Holders = tuple[_Parents, Pose | None]
 
 
-def _nearest(parents: _Parents, box: Box, pose: Pose) -> tuple[str, Pose]:
-    """The component closest to ``box``, the first of equal ones, and the box's pose in that component's frame.
+def _nearest(parents: _Parents, shape: Shape, pose: Pose) -> tuple[str, Pose]:
+    """The component closest to ``shape``, the first of equal ones, and the shape's pose in that component's frame.
 
-    ``pose`` is the pose of the box in the link's frame.
+    ``pose`` is the pose of the shape in the link's frame.
     """
     closest, least = parents[0], math.inf
     for parent in parents if len(parents) > 1 else ():
         _, own, frame = parent
-        gap = box_gap(box, frame @ pose, own, Pose()) if own else 0.0
+        gap = gap_between(shape, frame @ pose, own, Pose()) if own else 0.0
         if gap < least:
             closest, least = parent, gap
         if gap == 0:
             break
     name, _, frame = closest
     return name, frame @ pose
-
-
-@lru_cache(maxsize=8)
-def _robot_names(robot: Robot | None) -> frozenset[str]:
-    """The names of the robot's links and joints, with and without its gripper, and of its mounts."""
-    names = {*Tool().mounts, *Tool(gripper=True).mounts}
-    if robot is not None:
-        names.update(name for name, _ in robot.aliases)
-        for gripper in {False, robot.gripper is not None}:
-            root = etree.fromstring(assemble(robot, Tool(gripper=gripper), visuals=False))
-            names.update(str(element.get("name")) for tag in ("link", "joint") for element in root.findall(tag))
-    return frozenset(names)
 
 
 def _check_name(name: str | None, what: str, taken: Mapping[str, object] | set[str], own: frozenset[str]) -> str:
@@ -104,15 +98,22 @@ def _check_name(name: str | None, what: str, taken: Mapping[str, object] | set[s
     return name
 
 
-def build_tool(root: Element, gripper: bool, robot: Robot | None = None, *, masses: bool = True) -> Tool:
+def build_tool(
+    root: Element,
+    gripper: bool,
+    robot: Robot | None = None,
+    shapes: tuple[str, ...] = ("box",),
+    *,
+    masses: bool = True,
+) -> Tool:
     """The tool whose links and joints are the children of ``root``, for ``robot``; ``masses``: read those too.
 
     Raises:
-        DesignError: they are not boxes on fixed joints that lead to a mount.
+        DesignError: they are not ``shapes`` on fixed joints that lead to a mount.
     """
     _check_counts(root)
     mounts = Tool(gripper=gripper).mounts
-    own, aliases = _robot_names(robot), dict(robot.aliases) if robot is not None else {}
+    own, aliases = robot_names(robot), dict(robot.aliases) if robot is not None else {}
     materials = _read_materials(root)
     links: dict[str, _Link] = {}
     joints: dict[str, _Joint] = {}  # by child
@@ -120,7 +121,7 @@ def build_tool(root: Element, gripper: bool, robot: Robot | None = None, *, mass
     for element in root:
         if element.tag == "link":
             name = _check_name(element.get("name"), "link", links, own)
-            links[name] = _read_link(element, name, materials, masses)
+            links[name] = _read_link(element, name, materials, shapes, masses)
         elif element.tag == "joint":
             joint_names.add(_check_name(element.get("name"), "joint", joint_names, own))
             joint = _read_joint(element, f"joint {element.get('name')!r}", aliases)
@@ -165,13 +166,17 @@ def _read_color(element: Element, where: str) -> Color:
     return float(red), float(green), float(blue), float(opacity)
 
 
-def _read_link(element: Element, name: str, materials: Mapping[str, Color], masses: bool) -> _Link:
+def _read_link(
+    element: Element, name: str, materials: Mapping[str, Color], allowed: tuple[str, ...], masses: bool
+) -> _Link:
     where = f"link {name!r}"
-    visuals = [_read_box(shape, f"{where}: visual", materials) for shape in element.findall("visual")]
-    collisions = [_read_box(shape, f"{where}: collision", materials) for shape in element.findall("collision")]
+    visuals = [_read_shape(shape, f"{where}: visual", materials, allowed) for shape in element.findall("visual")]
+    collisions = [
+        _read_shape(shape, f"{where}: collision", materials, allowed) for shape in element.findall("collision")
+    ]
     boxes = _match(visuals, collisions, where) if visuals and collisions else collisions or visuals
     inertial = only_child(element, "inertial", where) if masses else None
-    volume = math.fsum(placed.box.volume for placed in boxes)
+    volume = math.fsum(placed.shape.volume for placed in boxes)
     mass = min(max(_LINK_KG, MIN_DENSITY * volume), MAX_DENSITY * volume) if boxes else _LINK_KG
     if inertial is not None:
         value = attribute(only_child(inertial, "mass", where), "mass", "value", f"{where}: inertial")
@@ -179,38 +184,46 @@ def _read_link(element: Element, name: str, materials: Mapping[str, Color], mass
     return _Link(name, tuple(boxes), mass)
 
 
-def _read_box(element: Element, where: str, materials: Mapping[str, Color]) -> _PlacedBox:
+def _read_shape(element: Element, where: str, materials: Mapping[str, Color], allowed: tuple[str, ...]) -> _PlacedShape:
     geometry = only_child(element, "geometry", where)
     shapes = [] if geometry is None else list(geometry)
-    if len(shapes) != 1 or shapes[0].tag != "box":
+    if len(shapes) != 1 or shapes[0].tag not in allowed:
         found = ", ".join(f"<{shorten(shape.tag)[1:-1]}>" for shape in shapes[:3]) or "nothing"
-        raise DesignError(f'{where}: boxes only; expected one <geometry><box size="x y z"/>, found {found}')
-    text = attribute(shapes[0], "box", "size", where)
-    x, y, z = read_numbers(text, 3, f"{where}: box size")
-    if min(x, y, z) <= 0:
-        raise DesignError(f"{where}: box size is {shorten(text)}; sides must be positive, in metres")
+        wanted = " or ".join(f"<{SHAPES[name][0]}/>" for name in allowed)
+        only = "boxes only; " if allowed == ("box",) else ""
+        raise DesignError(f"{where}: {only}expected one <geometry>{wanted}, found {found}")
+    name, sizes = shapes[0].tag, list[float]()
+    for key, count in SHAPES[name][1].items():
+        text = attribute(shapes[0], name, key, where)
+        sizes += read_numbers(text, count, f"{where}: {name} {key}")
+        if min(sizes) <= 0:
+            what = "sides" if name == "box" else "sizes"
+            raise DesignError(f"{where}: {name} {key} is {shorten(text)}; {what} must be positive, in metres")
+    kinds: dict[str, Callable[..., Shape]] = {"cylinder": Cylinder, "sphere": Sphere, "capsule": Capsule}
+    shape: Shape = Box((sizes[0], sizes[1], sizes[2])) if name == "box" else kinds[name](*sizes)
     color, material = DEFAULT_COLOR, only_child(element, "material", where)
     if material is not None:
         inline, named = only_child(material, "color", where), materials.get(material.get("name", ""), DEFAULT_COLOR)
         color = named if inline is None else _read_color(inline, where)
-    return _PlacedBox(Box((x, y, z)), read_origin(element, where), color)
+    return _PlacedShape(shape, read_origin(element, where), color)
 
 
-def _match(visuals: list[_PlacedBox], collisions: list[_PlacedBox], where: str) -> list[_PlacedBox]:
+def _match(visuals: list[_PlacedShape], collisions: list[_PlacedShape], where: str) -> list[_PlacedShape]:
     """The collision boxes, each in the colour of the visual box at the same place."""
-    sizes, positions = np.array([v.box.size for v in visuals]), np.array([v.pose.position for v in visuals])
+    sizes, positions = np.array([v.shape.bounds[1] for v in visuals]), np.array([v.pose.position for v in visuals])
     quaternions = np.array([v.pose.quaternion for v in visuals])
     free = np.ones(len(visuals), dtype=bool)
     matched = []
     for collision in collisions:
         chords = [np.linalg.norm(quaternions - sign * collision.pose.quaternion, axis=1) for sign in (1, -1)]
-        same = free & (np.abs(sizes - collision.box.size).max(axis=1) <= _SAME_M)
+        same = free & (np.abs(sizes - collision.shape.bounds[1]).max(axis=1) <= _SAME_M)
+        same &= np.array([type(visual.shape) is type(collision.shape) for visual in visuals])
         same &= np.linalg.norm(positions - collision.pose.position, axis=1) <= _SAME_M
         same &= 4 * np.arcsin(np.minimum(*chords) / 2) <= _SAME_RAD
         if same.any():
             twin = int(np.argmax(same))
             free[twin] = False
-            matched.append(_PlacedBox(collision.box, collision.pose, visuals[twin].color))
+            matched.append(_PlacedShape(collision.shape, collision.pose, visuals[twin].color))
     if free.any() or len(matched) < len(collisions):
         raise DesignError(f"{where}: its visual and collision boxes differ; give both the same origins and sizes")
     return matched
@@ -263,17 +276,17 @@ def _hang(link: _Link, holders: _Holders, pose: Pose, taken: set[str]) -> tuple[
     """
     parents, frame = holders
     pose = pose if frame is None else frame @ pose
-    if not link.boxes:
+    if not link.shapes:
         return [], (parents, pose)
-    volume = math.fsum(placed.box.volume for placed in link.boxes)
+    volume = math.fsum(placed.shape.volume for placed in link.shapes)
     components: list[Component] = []
     own: _Parents = []
-    for placed in link.boxes:
+    for placed in link.shapes:
         name = _free_name(link.name, taken) if own else link.name
-        parent, at = _nearest(own or parents, placed.box, placed.pose if own else pose @ placed.pose)
-        share = placed.box.volume / volume if volume > 0 else 1 / len(link.boxes)
-        components.append(Component(name, parent, at, placed.box, link.mass * share, placed.color))
-        own.append((name, placed.box, placed.pose.inverse()))
+        parent, at = _nearest(own or parents, placed.shape, placed.pose if own else pose @ placed.pose)
+        share = placed.shape.volume / volume if volume > 0 else 1 / len(link.shapes)
+        components.append(Component(name, parent, at, placed.shape, link.mass * share, placed.color))
+        own.append((name, placed.shape, placed.pose.inverse()))
     return components, (own, None)
 
 

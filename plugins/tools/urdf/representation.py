@@ -6,10 +6,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from core.design import DesignError, Tool
 from core.designs.elites import component_lines
+from core.designs.mounting import describe_mount, first_box
 from core.designs.rules import (
     MAX_BEND_M_N,
     MAX_COMPONENT_KG,
@@ -25,19 +24,30 @@ from core.designs.rules import (
     MIN_TOOL_KG,
 )
 from core.designs.weight import describe_weight
-from core.geometry import Array
-from core.interfaces import Brief, Robot, Task, ToolRepresentation
+from core.errors import UsageError, choices
+from core.interfaces import Brief, ToolRepresentation
 from core.robot.description import tool_urdf
-from core.robot.extents import Finger, finger_gap, fingers_of
-from core.text import kind, short_number, short_numbers
-from plugins.tools.urdf.building import build_tool
+from core.text import kind, short_numbers
+from plugins.tools.urdf.building import SHAPES, build_tool
 from plugins.tools.urdf.parsing import parse_xml
-
-_MEET_M = 0.0005  # fingers nearer than this meet
 
 
 class UrdfTools(ToolRepresentation):
-    """A tool is one field, ``tool_urdf``: URDF links and joints of boxes that hang from the mount."""
+    """A tool is one field, ``tool_urdf``: URDF links and joints of boxes that hang from the mount.
+
+    ``shapes`` may add cylinder, sphere and capsule, which URDF lacks, to the box.
+
+    Raises:
+        UserError: ``shapes`` is empty, or names something else.
+    """
+
+    def __init__(self, shapes: list[str] = ["box"]) -> None:  # noqa: B006 - read as a configuration's default
+        if not shapes:
+            raise UsageError(f"tool.shapes is empty; give some of {', '.join(SHAPES)}")
+        for shape in shapes:
+            if shape not in SHAPES:
+                raise choices("shape", str(shape), SHAPES, "tool.shapes")
+        self.shapes = tuple(dict.fromkeys(shapes))
 
     def schema(self) -> dict[str, Any]:
         description = "URDF <link> and <joint> elements of the tool, without a root element"
@@ -49,18 +59,21 @@ class UrdfTools(ToolRepresentation):
         text = data["tool_urdf"]
         if not isinstance(text, str):
             raise DesignError(f"tool_urdf must be a text of <link> and <joint> elements, not {kind(text)}")
-        return build_tool(parse_xml(text), gripper, self.robot, masses=self.material.density_kg_m3 is None)
+        masses = self.material.density_kg_m3 is None
+        return build_tool(parse_xml(text), gripper, self.robot, self.shapes, masses=masses)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
-        return {"tool_urdf": tool_urdf(tool)}
+        return {"tool_urdf": tool_urdf(tool, capsules=True)}
 
     def abridge(self, tool: Tool) -> dict[str, Any]:
         return {"components": component_lines(tool)}
 
     def instructions(self, brief: Brief) -> str:
         robot, elites = brief.task.robot, _ELITES if brief.elites else ""
-        mount = _gripper_mount(robot) if brief.gripper else _rigid_mount(brief.task)
-        example = _example(robot, brief.gripper)
+        mount, example = describe_mount(brief), _example(brief)
+        shapes = _BOXES_ONLY
+        if self.shapes != ("box",):
+            shapes = _SEVERAL.format(shapes=", ".join(map(_tag, self.shapes)))
         if self.material.density_kg_m3 is None:
             parts, weight = _INERTIAL, _MASSES.format(payload=f"{robot.payload_kg:g}")
             bend = "even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length"
@@ -68,7 +81,9 @@ class UrdfTools(ToolRepresentation):
             parts, weight = "a collision element", describe_weight(self.material, robot)
             example = _LIGHT.sub("", example)
             bend = f"or {MAX_LOAD_N:g} N would break it"
-        return _RULES.format(mount=mount, elites=elites, parts=parts, weight=weight, bend=bend, example=example)
+        return _RULES.format(
+            mount=mount, elites=elites, shapes=shapes, parts=parts, weight=weight, bend=bend, example=example
+        )
 
 
 _RULES = f"""\
@@ -77,8 +92,7 @@ before its closing tag, so it has no root element and none of the robot's own li
 
 {{mount}}
 
-- Boxes only: <box size="x y z"/>, full side lengths in metres, each {MIN_SIDE_M:g} to {MAX_SIDE_M:g}. No meshes,
-  cylinders or spheres.
+{{shapes}}
 - One link per box, with {{parts}}; the visual is made from the collision. At most
   {MAX_COMPONENTS} boxes.
 {{weight}}
@@ -103,69 +117,26 @@ _MASSES = f"""\
   {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its density, and {MIN_TOOL_KG:g} to {{payload}} kg for the tool."""
 _LIGHT = re.compile(r"  <inertial>.*</inertial>\n")  # of the example
 
+_BOXES_ONLY = f"""\
+- Boxes only: <box size="x y z"/>, full side lengths in metres, each {MIN_SIDE_M:g} to {MAX_SIDE_M:g}. No meshes,
+  cylinders or spheres."""
+
+_SEVERAL = f"""\
+- Shapes: {{shapes}}; metres, every side or diameter
+  {MIN_SIDE_M:g} to {MAX_SIDE_M:g}. A box has full side lengths; a cylinder or capsule lies along its z,
+  and the length of a capsule leaves out its round ends. No meshes. Below, "box" stands for each of these shapes."""
+
 _ELITES = """
 The elites show `components` in its place, a line for each box: the name of its link, its parent link, its size, `at`
 the xyz and rpy (none: 0 0 0) of its joint's origin, its mass. A box is centred on its link's frame. Yours are URDF."""
 
-_RIGID_MOUNT = """\
-The tool is rigid{place}. It hangs from the link `tool_mount` on the arm's flange, whose
-axes are the world's when its roll, pitch and yaw are 0{home}: x forward, y left, z up. The arm is above
-it, so the tool extends toward -z. What hangs from `tool_mount` must touch the flange, a disc of
-{diameter:g} mm diameter and {thickness:g} mm thickness centred at its origin and square to z."""
 
-_GRIPPER_MOUNT = """\
-The tool is a pair of attachments to the gripper's fingers, which open and close them: the left part hangs from the link
-`left_finger`, the right part from `right_finger`; each must touch its finger. The frames part says how their axes lie.
-{fingers}
-The inner faces are {gap} m apart when the gripper is open, and {closed}."""
+def _tag(shape: str) -> str:
+    return f"<{SHAPES[shape][0]}/>"
 
 
-def _rigid_mount(task: Task) -> str:
-    robot, disc = task.robot, task.robot.flange.disc
-    return _RIGID_MOUNT.format(
-        place=" and takes the place of the gripper" if robot.gripper else "",
-        home=", as they are at home" if np.allclose(task.home.rpy, 0.0, atol=1e-3) else "",
-        diameter=2000 * disc.radius,
-        thickness=1000 * disc.length,
-    )
-
-
-def _gripper_mount(robot: Robot) -> str:
-    gap = finger_gap(robot)
-    closed = max(0.0, gap - 2 * robot.opening_m)
-    return _GRIPPER_MOUNT.format(
-        fingers="\n".join(map(_finger, fingers_of(robot))),
-        gap=short_number(gap, 3),
-        closed="meet when it is closed" if closed < _MEET_M else f"{short_number(closed, 3)} m when it is closed",
-    )
-
-
-def _finger(finger: Finger) -> str:
-    ends = zip("xyz", *finger.extent, strict=True)
-    space = ", ".join(f"{axis} {short_number(low, 4)} to {short_number(high, 4)}" for axis, low, high in ends)
-    tip, inner = (f"{_axis(way)[1]} = {short_number(finger.face(way), 4)}" for way in (finger.tip, -finger.opens))
-    faces = f"tip at {tip}, inner face at {inner}"
-    return f"- In its frame `{finger.name}` takes up {space}; {faces}, opens toward {_axis(finger.opens)}."
-
-
-def _axis(way: Array) -> str:
-    """Name an axis (3,), perhaps reversed, such as +y."""
-    at = int(np.abs(way).argmax())
-    return f"{'-' if way[at] < 0 else '+'}{'xyz'[at]}"
-
-
-def _example(robot: Robot, gripper: bool) -> str:
-    """Write a shaft that hangs from the flange, or a pad on the inside of the left finger's tip."""
-    if gripper:
-        finger = fingers_of(robot)[0]
-        out, down = np.abs(finger.opens), np.abs(finger.tip)
-        mount, name, size = finger.name, "left_pad", 0.02 * (1 - out - down) + 0.015 * out + 0.04 * down
-        at = np.mean(finger.extent, axis=0) * (1 - out - down)
-        at += out * finger.face(-finger.opens) + 0.0075 * finger.opens + down * finger.face(finger.tip)
-        at += 0.0155 * finger.tip  # it overlaps the finger by 4.5 mm
-    else:
-        mount, name, size = "tool_mount", "shaft", np.array([0.02, 0.02, 0.1])
-        at = np.array([0.0, 0.0, -(robot.flange.disc.length + size[2]) / 2])
+def _example(brief: Brief) -> str:
+    mount, name, size, at = first_box(brief)
     return _EXAMPLE.format(mount=mount, name=name, size=short_numbers(size, 4), at=short_numbers(at, 4))
 
 

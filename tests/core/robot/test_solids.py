@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
-from core.robot.solids import Solids, body_solids, box_gap, robot_solids, signed_distance
+from core.robot.solids import Solids, body_solids, gap, robot_solids, signed_distance
 from core.scene import Body
 from tests.panda import PANDA
 
@@ -17,8 +17,8 @@ def solid(shape, *at):
 
 
 def test_the_gap_between_boxes():
-    assert box_gap(CUBE, Pose(), CUBE, Pose.xyz_rpy((0, 0, 1.25))) == pytest.approx(0.25, abs=1e-6)
-    assert box_gap(CUBE, Pose(), CUBE, Pose.xyz_rpy((0, 0, 0.5))) == 0
+    assert gap(CUBE, Pose(), CUBE, Pose.xyz_rpy((0, 0, 1.25))) == pytest.approx(0.25, abs=1e-6)
+    assert gap(CUBE, Pose(), CUBE, Pose.xyz_rpy((0, 0, 0.5))) == 0
 
 
 @pytest.mark.parametrize(

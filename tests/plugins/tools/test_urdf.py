@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from core.design import Component, DesignError, Tool
 from core.designs.rules import check_tool
-from core.geometry import Box, Pose
+from core.errors import UserError
+from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Brief, Material
 from core.plugins import Plugins
 from core.robot import description as robot
@@ -414,3 +415,35 @@ def test_of_paper_the_instructions_are_as_ever():
     assert '- The inertial needs <mass value="..."/> in kilograms' in text
     assert "more than 10 mm even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length." in text
     assert '<inertial><mass value="0.005"/></inertial>' in text
+
+
+ROUND = {
+    "cylinder": ('<cylinder radius="0.01" length="0.1"/>', Cylinder(0.01, 0.1)),
+    "sphere": ('<sphere radius="0.01"/>', Sphere(0.01)),
+    "capsule": ('<capsule radius="0.01" length="0.1"/>', Capsule(0.01, 0.1)),
+}
+
+
+@pytest.mark.parametrize("name", ROUND)
+def test_round_shapes_are_read_where_they_are_allowed(name):
+    written, wanted = ROUND[name]
+    text = link("a", shape("collision", f"<geometry>{written}</geometry>")) + joint("tool_mount", "a")
+    allowed = UrdfTools(["box", name])
+    tool = allowed.parse({"tool_urdf": text}, gripper=False)
+    assert tool.components[0].shape == wanted
+    back = allowed.parse(allowed.dump(tool), gripper=False)
+    assert [c.shape for c in back.components] == [wanted]
+    assert allowed.dump(back) == allowed.dump(tool)
+    assert f"<{name} " in allowed.instructions(_Brief(False))
+    with pytest.raises(DesignError, match="boxes only; expected one"):
+        parse(text)
+    with pytest.raises(DesignError, match='collision: expected one <geometry><box size="x y z"/> or '):
+        allowed.parse({"tool_urdf": text.replace(name, "mesh")}, gripper=False)
+    with pytest.raises(DesignError, match="sizes must be positive"):
+        allowed.parse({"tool_urdf": text.replace("0.01", "0")}, gripper=False)
+
+
+@pytest.mark.parametrize(("shapes", "reason"), [([], "tool.shapes is empty"), (["box", "mesh"], "shape 'mesh'|mesh")])
+def test_shapes_that_do_not_exist_are_refused(shapes, reason):
+    with pytest.raises(UserError, match=reason):
+        UrdfTools(shapes)

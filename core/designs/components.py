@@ -1,0 +1,276 @@
+"""Read and write tools as a JSON list of components, each placed in its mount's frame.
+
+Representations differ in how a component's shape is written; the rest is here. Poses in the mount's frame leave no
+chains of half lengths to a model.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+from lxml import etree
+
+from core.design import Component, DesignError, Tool
+from core.designs.rules import (
+    MAX_BEND_M_N,
+    MAX_COMPONENT_KG,
+    MAX_COMPONENTS,
+    MAX_DENSITY,
+    MAX_EXTENT_M,
+    MAX_GAP_M,
+    MAX_LOAD_N,
+    MIN_COMPONENT_KG,
+    MIN_DENSITY,
+    MIN_TOOL_KG,
+)
+from core.designs.weight import describe_weight
+from core.geometry import Compound, Pose, Shape
+from core.interfaces import Robot
+from core.materials import Material
+from core.robot.description import assemble
+from core.text import kind, shorten
+
+MAX_NUMBER = 1000.0  # far above every length, angle and mass of a tool; keeps products finite
+DIGITS = 5  # hundredths of a millimetre
+
+_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+_COLOR = re.compile(r"#[0-9a-fA-F]{6}")
+_KEYS = frozenset({"name", "parent", "position", "rpy", "mass", "color"})
+_DEFAULT_KG = Component.mass
+_NO_TURN = [0, 0, 0]
+
+ReadShape = Callable[[Mapping[str, Any], str], tuple[Shape | Compound, Pose]]
+
+_RULES = f"""\
+- `name`: letters, digits, '_', '.', '-'; each component has its own.
+- `parent`: the component that it is fixed to, or {{mounts}}. Every component touches or overlaps its
+  parent; a gap of more than {MAX_GAP_M * 1000:g} mm between their surfaces is an error.
+- `position` [x, y, z] and `rpy` [roll, pitch, yaw]: where the component's own frame is in the frame of its mount,
+  {{mount_frame}}, whatever its parent is; metres and radians. All components are placed in that one frame.
+{{weight}}
+- `color`: red, green and blue in hexadecimal, such as "#3373cc".
+- In elites, `color` and an `rpy` of zeros are left out.
+- The tool ends within {MAX_EXTENT_M:g} m of its mount. It is rigid: it is an error if 1 N at any end would bend it by
+  more than {MAX_BEND_M_N * 1000:g} mm {{bend}}."""
+
+_MASSES = f"""\
+- `mass` in kilograms. A few grams per component help the arm to move well; the limits are
+  {MIN_COMPONENT_KG:g} to {MAX_COMPONENT_KG:g} kg for a component, {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its
+  density, and {MIN_TOOL_KG:g} to {{payload}} kg for the tool."""
+
+
+def component_rules(robot: Robot, gripper: bool, material: Material) -> str:
+    """Write the rules for all of a component but its shape."""
+    mounts = Tool(gripper=gripper).mounts
+    frame = " or ".join(f"`{mount}`" for mount in mounts)
+    if material.density_kg_m3 is None:
+        weight = _MASSES.format(payload=f"{robot.payload_kg:g}")
+        bend = "even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length"
+    else:
+        weight = f"{describe_weight(material, robot)}\n- `mass`: 0"
+        bend = f"or {MAX_LOAD_N:g} N would break it"
+    return _RULES.format(mounts=f"the mount {frame}", mount_frame=frame, weight=weight, bend=bend)
+
+
+def component_schema(shape: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the JSON schema of a component whose shape has these properties."""
+    triple = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+    text, number = {"type": "string"}, {"type": "number"}
+    properties = {
+        "name": text,
+        "parent": text,
+        **shape,
+        "position": triple,
+        "rpy": triple,
+        "mass": number,
+        "color": text,
+    }
+    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
+
+
+@lru_cache(maxsize=8)
+def robot_names(robot: Robot | None) -> frozenset[str]:
+    """Collect the names of the robot's links and joints, with and without its gripper, and of its mounts."""
+    names = {*Tool().mounts, *Tool(gripper=True).mounts}
+    if robot is not None:
+        names.update(name for name, _ in robot.aliases)
+        for gripper in {False, robot.gripper is not None}:
+            root = etree.fromstring(assemble(robot, Tool(gripper=gripper), visuals=False))
+            names.update(str(element.get("name")) for tag in ("link", "joint") for element in root.findall(tag))
+    return frozenset(names)
+
+
+def read_components(
+    data: Mapping[str, Any], field: str, keys: Iterable[str], read_shape: ReadShape, robot: Robot | None, gripper: bool
+) -> Tool:
+    """Read a tool from the list in ``field``; components may come in any order.
+
+    Args:
+        data: the fields of a design, which may hold anything.
+        field: the name of the list.
+        keys: the keys of a component that ``read_shape`` reads.
+        read_shape: gets a component and words for its place; returns its shape, and the shape's pose in the frame that
+            the component's position and rpy give.
+        robot: the arm, whose links' names are taken.
+        gripper: the tool is for the fingers.
+
+    Raises:
+        DesignError: says what is wrong, where, and how to mend it.
+    """
+    if field not in data:
+        raise DesignError(f"{field} is missing; give a list of the tool's components")
+    items = data[field]
+    if not isinstance(items, list):
+        raise DesignError(f"{field} must be a list of components, not {kind(items)}")
+    if len(items) > MAX_COMPONENTS:
+        raise DesignError(f"{field} has {len(items)} components; at most {MAX_COMPONENTS} are allowed")
+    mounts = Tool(gripper=gripper).mounts
+    aliases = dict(robot.aliases) if robot is not None else {}
+    found: dict[str, tuple[str, Pose, Component]] = {}
+    for number, item in enumerate(items, start=1):
+        name = _read_name(item, f"{field}: component {number}", found, robot_names(robot))
+        where = f"component {name!r}"
+        check_keys(item, _KEYS.union(keys), where)
+        parent = item.get("parent", mounts[0] if not gripper else None)
+        if not isinstance(parent, str):
+            raise DesignError(f"{where}: parent must be the name of a component or of {' or '.join(mounts)}")
+        parent = aliases.get(parent, parent)
+        position = read_numbers(item.get("position"), 3, f"{where}: position")
+        pose = Pose.xyz_rpy(position, read_numbers(item.get("rpy", _NO_TURN), 3, f"{where}: rpy"))
+        shape, at = read_shape(item, where)
+        component = Component(name, parent, Pose(), shape, _read_mass(item, shape, where), _read_color(item, where))
+        found[name] = parent, pose @ at, component
+    return Tool(tuple(_in_order(found, mounts)), gripper)
+
+
+def write_components(
+    tool: Tool, write_shape: Callable[[Shape | Compound, str], dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Write a tool as the list that `read_components` reads."""
+    placed = tool.placed()
+    return [
+        {
+            "name": component.name,
+            "parent": component.parent,
+            **write_shape(component.shape, f"component {component.name!r}"),
+            "position": rounded(placed[component.name][1].position),
+            "rpy": rounded_rpy(placed[component.name][1]),
+            "mass": float(f"{component.mass:.6g}"),
+            "color": "#" + "".join(f"{round(255 * share):02x}" for share in component.color[:3]),
+        }
+        for component in tool.components
+    ]
+
+
+def short_components(items: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Shorten what `write_components` wrote for an elite: without what `read_components` adds, to 0.1 mm."""
+    return [
+        {
+            key: [round(number, 4) for number in value] if isinstance(value, list) else value
+            for key, value in kept.items()
+        }
+        for kept in ({k: v for k, v in item.items() if k != "color" and v not in (_NO_TURN, "box")} for item in items)
+    ]
+
+
+def check_keys(item: Mapping[str, Any], keys: Iterable[str], where: str) -> None:
+    """Refuse what no one would read, such as a misspelt key."""
+    known = set(keys)
+    for key in item:
+        if key not in known:
+            raise DesignError(
+                f"{where} has {shorten(str(key))}, which it can't have; possible: {', '.join(sorted(known))}"
+            )
+
+
+def read_number(value: object, where: str) -> float:
+    """Read a number of at most `MAX_NUMBER` in size."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DesignError(f"{where} must be a number, not {'missing' if value is None else kind(value)}")
+    if not abs(value) <= MAX_NUMBER:  # also refuses nan, and integers that are too large for a float
+        raise DesignError(f"{where} is beyond {MAX_NUMBER:g}; metres, radians and kilograms of a tool are far below")
+    return float(value)
+
+
+def read_numbers(value: object, count: int, where: str) -> list[float]:
+    """Read a list of ``count`` numbers."""
+    if not isinstance(value, list) or len(value) != count:
+        found = "missing" if value is None else f"a list of {len(value)}" if isinstance(value, list) else kind(value)
+        raise DesignError(f"{where} must be a list of {count} numbers, not {found}")
+    return [read_number(number, where) for number in value]
+
+
+def rounded(values: Iterable[float]) -> list[float]:
+    """Round numbers to `DIGITS`, and write whole ones without a point."""
+    return [int(value) if value.is_integer() else value for value in (round(float(v), DIGITS) + 0.0 for v in values)]
+
+
+def rounded_rpy(pose: Pose) -> list[float]:
+    """Round a pose's roll, pitch and yaw so that they are found again when they are read.
+
+    Where the pitch is a right angle to the last digit, only roll less yaw (or plus yaw) counts, and yaw becomes 0.
+    """
+    roll, pitch, yaw = (float(angle) for angle in pose.rpy)
+    if round(abs(pitch), DIGITS) >= 1.57079:
+        way = math.copysign(1.0, pitch)
+        roll, pitch, yaw = math.remainder(roll - way * yaw, math.tau), way * math.pi / 2, 0.0
+    return rounded((roll, pitch, yaw))
+
+
+def _read_name(item: object, where: str, taken: Mapping[str, object], own: frozenset[str]) -> str:
+    if not isinstance(item, Mapping):
+        raise DesignError(f"{where} must be an object, not {kind(item)}")
+    name = item.get("name")
+    if not isinstance(name, str):
+        raise DesignError(f"{where} has no name; give it one of letters, digits, '_', '.' or '-'")
+    if not _NAME.fullmatch(name):
+        raise DesignError(f"{where}: its name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'")
+    if name in own:
+        raise DesignError(f"{where}: its name {name!r} is the robot's own; choose another")
+    if name in taken:
+        raise DesignError(f"two components are named {name!r}; each needs its own name")
+    return name
+
+
+def _read_mass(item: Mapping[str, Any], shape: Shape | Compound, where: str) -> float:
+    if item.get("mass") is None:
+        return min(max(_DEFAULT_KG, MIN_DENSITY * shape.volume), MAX_DENSITY * shape.volume)
+    return read_number(item["mass"], f"{where}: mass")
+
+
+def _read_color(item: Mapping[str, Any], where: str) -> tuple[float, float, float, float]:
+    text = item.get("color")
+    if text is None:
+        return Component.color
+    if not isinstance(text, str) or not _COLOR.fullmatch(text):
+        found = kind(text)
+        raise DesignError(f'{where}: color must be red, green and blue in hexadecimal, such as "#3373cc", not {found}')
+    red, green, blue = (int(text[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    return red, green, blue, 1.0
+
+
+def _in_order(found: Mapping[str, tuple[str, Pose, Component]], mounts: tuple[str, ...]) -> Iterable[Component]:
+    """Yield components after their parents, each with its pose in its parent's frame."""
+    placed: dict[str, tuple[str, Pose]] = {mount: (mount, Pose()) for mount in mounts}
+    for start in found:
+        chain: list[str] = []
+        name = start
+        while name not in placed:
+            if name in chain:
+                raise DesignError(f"parents lead from {name!r} in a circle; hang it from {' or '.join(mounts)}")
+            if name not in found:
+                raise DesignError(
+                    f"component {chain[-1]!r} hangs from {shorten(name)}, which is neither a component of the tool nor "
+                    f"its mount ({' or '.join(mounts)})"
+                )
+            chain.append(name)
+            name = found[name][0]
+        for name in reversed(chain):
+            parent, pose, component = found[name]
+            placed[name] = placed[parent][0], pose
+            yield replace(component, pose=placed[parent][1].inverse() @ pose)

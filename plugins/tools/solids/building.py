@@ -1,0 +1,178 @@
+"""Build the surface and the convex parts of a solid from its tree. Lengths are millimetres."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+from manifold3d import CrossSection, Manifold, OpType
+
+from core.geometry import Pose
+from plugins.tools.solids.convex import (
+    MAX_PIECES,
+    SLIVER,
+    Tolerance,
+    TooManyPieces,
+    cut,
+    few_planes,
+    is_convex,
+    outline_pieces,
+)
+from plugins.tools.solids.reading import Node
+
+CHORD = 0.1  # from an arc to the chord that stands for it
+MAX_SEGMENTS = 48
+MAX_TRIANGLES = 8_000
+_FEW = 6  # cutters, of which each leaves out what the others have taken
+_ALIKE = 1e-3  # mm^2
+
+
+class TooFine(Exception):
+    """A solid has more triangles than `MAX_TRIANGLES`."""
+
+
+def segments(radius: float) -> int:
+    """Choose a multiple of 4."""
+    return min(MAX_SEGMENTS, 4 * math.ceil(math.pi / math.acos(max(0.0, 1 - CHORD / radius)) / 4))
+
+
+def _placed(node: Node, solid: Manifold) -> Manifold:
+    if not any(node.at):
+        return solid
+    matrix = Pose.xyz_rpy(1000 * np.array(node.at[:3]), node.at[3:]).matrix
+    return solid.transform(matrix[:3])
+
+
+def _leaf(node: Node) -> Manifold:
+    """Build a convex primitive."""
+    sizes = [1000 * size for size in node.sizes]
+    match node.kind:
+        case "box":
+            return Manifold.cube(sizes, True)
+        case "sphere":
+            return Manifold.sphere(sizes[0], segments(sizes[0]))
+        case "cylinder":
+            radius, length = sizes
+            return Manifold.cylinder(length, radius, radius, segments(radius), True)
+        case "capsule":
+            radius, length = sizes
+            ball = Manifold.sphere(radius, segments(radius))
+            return Manifold.batch_hull([ball.translate([0, 0, way * length / 2]) for way in (-1, 1)])
+        case _:
+            low, high, length = sizes
+            return Manifold.cylinder(length, low, high, segments(max(low, high)), True)
+
+
+def _hull(node: Node) -> Manifold:
+    return Manifold.hull_points(1000 * np.array(node.points))
+
+
+def _outline(node: Node) -> CrossSection:
+    points = 1000 * np.array(node.points)
+    x, y = points.T
+    clockwise = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0
+    return CrossSection([points[::-1] if clockwise else points])
+
+
+def surface(node: Node) -> Manifold:
+    """Build a solid.
+
+    Raises:
+        TooFine: there are too many triangles.
+    """
+    match node.kind:
+        case "union" | "difference" | "intersection":
+            operation = {"union": OpType.Add, "difference": OpType.Subtract, "intersection": OpType.Intersect}
+            solid = surface(node.children[0])
+            for child in node.children[1:]:
+                solid = Manifold.batch_boolean([solid, surface(child)], operation[node.kind])
+                if solid.num_tri() > MAX_TRIANGLES:
+                    raise TooFine
+        case "hull":
+            solid = _hull(node)
+        case "extrude":
+            height = 1000 * node.sizes[0]
+            solid = _outline(node).extrude(height).translate([0, 0, -height / 2])
+        case "revolve":
+            outline = _outline(node)
+            solid = outline.revolve(segments(outline.bounds()[2]), math.degrees(node.sizes[0]))
+        case _:
+            solid = _leaf(node)
+    if solid.num_tri() > MAX_TRIANGLES:
+        raise TooFine
+    return _placed(node, solid)
+
+
+def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
+    """Build convex solids that together are the solid, within about ``tolerance``.
+
+    Raises:
+        TooManyPieces: while it was cut.
+    """
+    match node.kind:
+        case "union":
+            parts = [part for child in node.children for part in convex_parts(child, tolerance)]
+        case "intersection":
+            parts = convex_parts(node.children[0], tolerance)
+            for child in node.children[1:]:
+                pairs = itertools.product(parts, convex_parts(child, tolerance))
+                parts = [both for a, b in pairs if (both := a ^ b).volume() >= SLIVER]
+        case "difference":
+            first, *others = node.children
+            parts = convex_parts(first, tolerance)
+            cutters = [part for child in others for part in convex_parts(child, tolerance)]
+            gone = Manifold()
+            for cutter in sorted(cutters, key=lambda solid: solid.num_tri()):  # fewer pieces than the other way round
+                rest = cutter - gone if len(cutters) <= _FEW else cutter
+                if rest.volume() < SLIVER:
+                    continue
+                parts = cut(parts, few_planes(rest if is_convex(rest) else cutter, tolerance))
+                gone += cutter if len(cutters) <= _FEW else Manifold()
+        case "extrude":
+            height = 1000 * node.sizes[0]
+            pieces = outline_pieces(_outline(node), tolerance)
+            parts = [piece.extrude(height).translate([0, 0, -height / 2]) for piece in pieces]
+        case "revolve":
+            parts = _revolved(_outline(node), math.degrees(node.sizes[0]), tolerance)
+        case "hull":
+            parts = [_hull(node)]
+        case _:
+            parts = [_leaf(node)]
+    if len(parts) > MAX_PIECES:
+        raise TooManyPieces
+    return [_placed(node, part) for part in parts if part.volume() >= SLIVER]  # a flat hull has none
+
+
+def _round_hull(outline: CrossSection) -> CrossSection:
+    """Return the outline whose full turn is the convex hull of the given outline's."""
+    _, low, right, high = outline.bounds()
+    half = CrossSection.square([right, high - low]).translate([0, low])
+    return (outline + outline.mirror([1, 0])).hull() ^ half
+
+
+def _convex_when_turned(outline: CrossSection) -> bool:
+    return bool(_round_hull(outline).area() - outline.area() < _ALIKE)
+
+
+def _revolved(outline: CrossSection, degrees: float, tolerance: Tolerance) -> list[Manifold]:
+    hull, fine = _round_hull(outline), segments(outline.bounds()[2])
+    pockets = [pocket for pocket in (hull - outline).decompose() if pocket.area() >= _ALIKE]
+    if all(map(_convex_when_turned, pockets)):
+        parts = _sectors(hull, degrees, tolerance)
+        for pocket in pockets:
+            parts = cut(parts, few_planes(pocket.revolve(fine), tolerance))
+        return parts
+    pieces = outline_pieces(outline, tolerance)
+    return [sector for piece in pieces for sector in _sectors(piece, degrees, tolerance)]
+
+
+def _sectors(outline: CrossSection, degrees: float, tolerance: Tolerance) -> list[Manifold]:
+    """Revolve a convex outline in as few convex sectors as the tolerance allows, none where the whole is convex."""
+    radius = outline.bounds()[2]
+    if _convex_when_turned(outline):
+        count = 1 if degrees >= 360 else math.ceil(degrees / 180 - 1e-6)
+    else:
+        count = math.ceil(degrees / math.degrees(2 * math.acos(max(0.5, 1 - tolerance.short / radius))))
+    each = outline.revolve(segments(radius), degrees / count)
+    return [each.hull().rotate([0, 0, k * degrees / count]) for k in range(count)]

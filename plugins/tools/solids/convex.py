@@ -1,0 +1,197 @@
+"""Cut solids into convex parts: what a hull has too much is cut away along planes. Lengths are millimetres.
+
+Every shape but a revolved ring is a convex solid less convex cutters. A part that a cutter enters falls into one piece
+for each plane of the cutter. So the number of pieces is that of the cutter's planes; a round cutter is first replaced
+by a polyhedron of few planes, within a tolerance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from manifold3d import CrossSection, Manifold
+from scipy.spatial import cKDTree
+
+from core.geometry import Array
+
+MAX_PIECES = 80  # while cutting; slivers are left out at the end
+SLIVER = 0.01  # mm^3
+_AREA = 1e-3  # mm^2 and of an outline
+_MAX_NESTED = 6
+_CURVED = 0.35  # radians between facets of a curved surface, at most
+_ROUNDS = 10
+_ON = 0.01
+_FACETS = 2500
+Planes = tuple[Array, Array]  # normals (N, 3), and offsets (N,) along them
+
+
+class Tolerance(NamedTuple):
+    """Limits in mm where a cutter's curved face becomes a few planes: ``short`` of the face, and ``beyond`` it."""
+
+    short: float
+    beyond: float
+
+
+class TooManyPieces(Exception):
+    """A solid falls into more pieces than `MAX_PIECES`."""
+
+
+def vertices_of(solid: Manifold) -> Array:
+    return np.asarray(solid.to_mesh64().vert_properties, dtype=np.float64)[:, :3]
+
+
+def is_convex(solid: Manifold) -> bool:
+    return float(solid.volume()) >= (1 - 1e-6) * float(solid.hull().volume())
+
+
+@dataclass(frozen=True)
+class Faces:
+    """The faces of a convex solid: normals (F, 3), offsets (F,) along them, centres (F, 3), areas (F,)."""
+
+    normals: Array
+    offsets: Array
+    centers: Array
+    areas: Array
+    curved: npt.NDArray[np.bool_]  # (F,): it is a facet of a curved surface
+    corners: Array  # (V, 3)
+
+    @classmethod
+    def of(cls, solid: Manifold) -> Faces:
+        corners = vertices_of(solid)
+        triangles = corners[np.asarray(solid.to_mesh64().tri_verts)]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        twice = np.linalg.norm(normals, axis=1)
+        large = twice > _AREA
+        triangles, normals, twice = triangles[large], normals[large] / twice[large, None], twice[large]
+        _, first, group = np.unique(np.round(normals, 4), axis=0, return_index=True, return_inverse=True)
+        sums = np.zeros((len(first), 3))
+        np.add.at(sums, group.ravel(), triangles.mean(axis=1) * twice[:, None])
+        areas = np.bincount(group.ravel(), twice).astype(np.float64)
+        normals = normals[first]
+        chords = np.asarray(cKDTree(normals).query(normals, k=2)[0])  # to itself and to the next one
+        curved = chords[:, 1] < _CURVED
+        # Of very many facets of a curved surface, some stand for the others.
+        kept = ~curved | (np.cumsum(curved) % (1 + curved.sum() // _FACETS) == 0)
+        normals, areas, centers = normals[kept], areas[kept], sums[kept] / areas[kept, None]
+        return cls(normals, np.max(normals @ corners.T, axis=1), centers, areas, curved[kept], corners)
+
+    def excess(self, polyhedron: Manifold) -> tuple[Array, Array]:
+        """Return the corners (C, 3) of a polyhedron, and how far each exceeds each face (C, F)."""
+        corners = vertices_of(polyhedron)
+        return corners, corners @ self.normals.T - self.offsets
+
+    def enclosed(self, planes: Planes) -> Manifold:
+        """Build the polyhedron of planes, in a box that is far larger than the solid."""
+        polyhedron = Manifold.cube([8 * np.abs(self.corners).max()] * 3, True)
+        for normal, offset in zip(*planes, strict=True):
+            polyhedron = polyhedron.trim_by_plane(-normal, -offset)
+        return polyhedron
+
+
+def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
+    """Choose few planes of a convex solid, so that the polyhedron of these differs by ``tolerance`` at most.
+
+    They are added where the polyhedron exceeds the solid most. Those of curved faces are then spread evenly, so that
+    fewer will do, and move inward by a share of what their corners exceed the solid.
+
+    Raises:
+        TooManyPieces: more than `MAX_PIECES` planes are needed.
+    """
+    middle = vertices_of(solid).mean(axis=0)
+    faces = Faces.of(solid.translate(-middle))
+    chosen: list[int] = []
+    polyhedron = faces.enclosed((np.empty((0, 3)), np.empty(0)))
+    while True:
+        _, excess = faces.excess(polyhedron)
+        excess[:, chosen] = 0.0
+        if excess.max() <= sum(tolerance):
+            break
+        if len(chosen) == MAX_PIECES:
+            raise TooManyPieces
+        chosen.append(int(excess.max(axis=0).argmax()))
+        polyhedron = polyhedron.trim_by_plane(-faces.normals[chosen[-1]], -faces.offsets[chosen[-1]])
+    curved = faces.curved
+    flat, bent = ([k for k in chosen if curved[k] == wanted] for wanted in (False, True))
+    best = _spread(faces, flat, bent)
+    too_few, enough = 0, len(bent)
+    while enough - too_few > 1:
+        count = (too_few + enough) // 2
+        planes = _spread(faces, flat, bent[:count])
+        if faces.excess(faces.enclosed(planes))[1].max() <= sum(tolerance):
+            best, enough = planes, count
+        else:
+            too_few = count
+    normals, offsets = best
+    corners, excess = faces.excess(faces.enclosed(best))
+    moved = offsets.copy()
+    for k in range(len(flat), len(offsets)):
+        on = np.abs(corners @ normals[k] - offsets[k]) < _ON
+        moved[k] -= excess[on].max(initial=0.0) * tolerance.short / sum(tolerance)
+    return normals, moved + normals @ middle
+
+
+def _spread(faces: Faces, flat: list[int], bent: list[int]) -> Planes:
+    """Return the flat faces' planes, and as many as ``bent`` that share the curved surface evenly."""
+    normals, centers = faces.normals[bent], faces.centers[bent]
+    own_normals, own_centers, areas = (part[faces.curved] for part in (faces.normals, faces.centers, faces.areas))
+    for _ in range(_ROUNDS if bent else 0):
+        # How far the edge between two tangent planes exceeds the surface grows with (c - c') (n - n').
+        across = own_centers @ normals.T + own_normals @ centers.T
+        far = (own_centers * own_normals).sum(axis=1)[:, None] + (centers * normals).sum(axis=1) - across
+        shares = np.where(np.arange(len(bent)) == np.abs(far).argmin(axis=1)[:, None], areas[:, None], 0.0)
+        served = shares.sum(axis=0) > 0
+        shares = shares[:, served] / shares[:, served].sum(axis=0)
+        normals[served], centers[served] = shares.T @ own_normals, shares.T @ own_centers
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+    normals = np.vstack([faces.normals[flat], normals])
+    return normals, np.max(normals @ faces.corners.T, axis=1)
+
+
+def cut(parts: Iterable[Manifold], planes: Planes) -> list[Manifold]:
+    """Cut a convex cutter, given by its planes, away from convex parts.
+
+    Raises:
+        TooManyPieces: there are more pieces than `MAX_PIECES`.
+    """
+    normals, offsets = planes
+    pieces: list[Manifold] = []
+    for part in parts:
+        left = part
+        corners = vertices_of(part)
+        crossing = np.flatnonzero((corners @ normals.T > offsets + 1e-6).any(axis=0))
+        inside = part
+        for plane in crossing:
+            inside = inside.trim_by_plane(-normals[plane], -offsets[plane])
+        if inside.volume() < SLIVER:
+            pieces.append(part)
+            continue
+        for plane in crossing:
+            outside = left.trim_by_plane(normals[plane], offsets[plane])
+            if outside.volume() >= SLIVER:
+                pieces.append(outside)
+            left = left.trim_by_plane(-normals[plane], -offsets[plane])
+        if len(pieces) > MAX_PIECES:
+            raise TooManyPieces
+    return pieces
+
+
+def outline_pieces(outline: CrossSection, tolerance: Tolerance, nested: int = 0) -> list[CrossSection]:
+    """Cut an outline into convex outlines: its hull, less the hulls of its pockets, and what lies within these."""
+    hull = outline.hull()
+    solids, within = [hull.extrude(100.0)], []
+    for pocket in (hull - outline).decompose():
+        if pocket.area() < _AREA:
+            continue
+        around = pocket.hull()
+        solids = cut(solids, few_planes(around.extrude(100.0), tolerance))
+        if around.area() - pocket.area() >= _AREA:
+            if nested == _MAX_NESTED:
+                raise TooManyPieces
+            for inner in (outline ^ around).decompose():
+                if inner.area() >= _AREA:
+                    within += outline_pieces(inner, tolerance, nested + 1)
+    return [solid.slice(50.0) for solid in solids] + within

@@ -1,0 +1,185 @@
+"""Make shapes of solids: primitives, convex meshes, and compounds whose convex parts keep near the solid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import coal
+import numpy as np
+from manifold3d import Manifold, OpType
+
+from core.design import DesignError
+from core.geometry import Array, Box, Capsule, Compound, Cylinder, Mesh, Pose, Shape, Sphere
+from plugins.tools.solids.building import MAX_TRIANGLES, TooFine, convex_parts, surface
+from plugins.tools.solids.convex import SLIVER, Tolerance, TooManyPieces, is_convex, vertices_of
+from plugins.tools.solids.reading import Node
+
+WITHIN_M = 0.001  # between a solid and its convex parts, both ways
+MAX_PARTS = 64  # of a component
+MAX_TOOL_PARTS = 96
+MANY_VERTICES = 64  # of a convex part, from which on some are left out
+
+_MIN_VOLUME = 0.1  # mm^3
+_MAX_PIECES = 16
+_TOUCH = 0.01  # mm
+# How far, in mm, a part may come out of the solid where this is hollow, and a hollow's corners may go into it. With the
+# first the parts are fewest; at thin rims the others keep closer.
+_TOLERANCES = (Tolerance(0.95, 0.95), Tolerance(0.85, 0.4), Tolerance(0.45, 0.2))
+_SLIM = (0.02, 0.05, 0.1, 0.2, 0.4)
+_SAMPLES = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenMesh(Mesh):
+    """A convex mesh that remembers the tree that it was made from."""
+
+    tree: Node | None = None
+
+
+@dataclass(frozen=True)
+class WrittenCompound(Compound):
+    """A compound that remembers the tree that it was made from."""
+
+    tree: Node
+
+
+@lru_cache(maxsize=512)
+def make_shape(tree: Node) -> tuple[Shape | Compound, Pose]:
+    """Make the shape of a solid, and its pose in the component's frame.
+
+    Raises:
+        DesignError: nothing is left of it, it falls apart, or it needs too many triangles or parts; a message to follow
+            the words "its solid".
+    """
+    pose = Pose.xyz_rpy(tree.at[:3], tree.at[3:])
+    match tree.kind:
+        case "box":
+            x, y, z = tree.sizes
+            return Box((x, y, z)), pose
+        case "sphere":
+            return Sphere(*tree.sizes), pose
+        case "cylinder":
+            return Cylinder(*tree.sizes), pose
+        case "capsule":
+            return Capsule(*tree.sizes), pose
+    try:
+        solid = surface(tree)
+        if solid.volume() < _MIN_VOLUME:
+            raise DesignError(f"has a volume of {solid.volume():.3g} mm^3: check what is taken away, and where")
+        _check_whole(solid)
+        if is_convex(solid):
+            return WrittenMesh(*_triangles(_slim(solid.hull())), tree), Pose()
+        return WrittenCompound(Mesh(*_triangles(solid)), _parts(tree, solid), tree), Pose()
+    except TooFine as error:
+        raise DesignError(f"has more than {MAX_TRIANGLES} triangles; use fewer curved shapes and holes") from error
+
+
+def node_of(shape: Shape | Compound) -> Node:
+    """Return the tree that a shape was made from, or one that makes an equal shape; of a compound, of its parts."""
+    match shape:
+        case WrittenMesh(tree=Node() as tree) | WrittenCompound(tree=tree):
+            return tree
+        case Box(size):
+            return Node("box", size)
+        case Sphere(radius):
+            return Node("sphere", (radius,))
+        case Cylinder(radius, length):
+            return Node("cylinder", (radius, length))
+        case Capsule(radius, length):
+            return Node("capsule", (radius, length))
+        case Mesh(vertices):
+            return Node("hull", points=tuple(map(tuple, vertices.tolist())))
+        case _:
+            return Node("union", children=tuple(map(node_of, shape.parts)))
+
+
+def _parts(tree: Node, solid: Manifold) -> tuple[Mesh, ...]:
+    """Make the convex parts, with the first tolerance that keeps them near the solid."""
+    problem = ""
+    for tolerance in _TOLERANCES:
+        try:
+            parts = [part for part in convex_parts(tree, tolerance) if part.volume() >= SLIVER]
+        except TooManyPieces:
+            parts = []
+        if not 0 < len(parts) <= MAX_PARTS:
+            needed = f"{len(parts)} convex parts" if parts else f"more than {MAX_PARTS} convex parts"
+            raise DesignError(
+                f"needs {needed} to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} are allowed: make "
+                "round hollows smaller or flat-walled, or leave some out"
+            )
+        parts = [_slim(part) for part in parts]
+        outside, missing = deviation(parts, solid)
+        if max(outside, missing) <= 1000 * WITHIN_M:
+            return tuple(Mesh(*_triangles(part)) for part in parts)
+        problem = f" (with fewer, {max(outside, missing):.2f} mm)"
+    raise DesignError(
+        f"can't be made of convex parts within {1000 * WITHIN_M:g} mm: they come out {outside:.2f} mm, and miss "
+        f"{missing:.2f} mm of it; make thin curved walls thicker, and avoid sharp rims"
+    )
+
+
+def deviation(parts: list[Manifold], solid: Manifold) -> tuple[float, float]:
+    """Measure how far parts come out of a solid, and how far points of it are from the parts, in millimetres.
+
+    Distances are exact, at corners and at many points between these.
+    """
+    whole = Manifold.batch_boolean(parts, OpType.Add)
+    return _farthest(whole - solid, solid), _farthest(solid - whole, whole)
+
+
+def _farthest(pieces: Manifold, solid: Manifold) -> float:
+    if pieces.volume() < SLIVER:
+        return 0.0
+    mesh = pieces.to_mesh64()
+    corners, rng = vertices_of(pieces), np.random.default_rng(0)
+    triangles = corners[np.asarray(mesh.tri_verts)]
+    areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    chosen = triangles[rng.choice(len(triangles), _SAMPLES, p=areas / areas.sum())]
+    points = np.einsum("pkx,pk->px", chosen, rng.dirichlet((1, 1, 1), _SAMPLES))
+    points = np.vstack([points, corners[rng.permutation(len(corners))[:_SAMPLES]]])
+    model, dot, request = _bvh(solid), coal.Sphere(1e-9), coal.DistanceRequest()
+    origin = coal.Transform3s()
+    distances = (
+        coal.distance(dot, coal.Transform3s(np.eye(3), point), model, origin, request, coal.DistanceResult())
+        for point in points
+    )
+    return float(max(distances))
+
+
+def _bvh(solid: Manifold) -> coal.BVHModelOBBRSS:
+    corners, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    corners.extend(vertices_of(solid))
+    faces.extend(coal.Triangle(*face) for face in np.asarray(solid.to_mesh64().tri_verts).tolist())
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(len(faces), len(corners))
+    model.addSubModel(corners, faces)
+    model.endModel()
+    return model
+
+
+def _check_whole(solid: Manifold) -> None:
+    """Refuse what falls apart; pieces that touch hang together."""
+    pieces = solid.decompose()
+    if len(pieces) > _MAX_PIECES:
+        raise DesignError(f"falls into {len(pieces)} pieces; a component is of one piece")
+    joined, apart = pieces[:1], pieces[1:]
+    while apart:
+        near = [piece for piece in apart if any(piece.min_gap(other, 1.0) < _TOUCH for other in joined)]
+        if not near:
+            raise DesignError(f"falls into {len(pieces)} pieces; join them, or write them as components that touch")
+        joined, apart = joined + near, [piece for piece in apart if piece not in near]
+
+
+def _slim(part: Manifold) -> Manifold:
+    """Leave out corners of a convex part until it has few enough."""
+    slim = part
+    for tolerance in _SLIM:
+        if slim.num_vert() <= MANY_VERTICES:
+            break
+        slim = part.simplify(tolerance).hull()
+    return slim
+
+
+def _triangles(solid: Manifold) -> tuple[Array, np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
+    return vertices_of(solid) / 1000, np.asarray(solid.to_mesh64().tri_verts, dtype=np.int64)

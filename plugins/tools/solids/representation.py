@@ -1,0 +1,112 @@
+"""Tools as components of any form, each a tree of shapes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from core.design import DesignError, Tool
+from core.designs.components import (
+    component_rules,
+    component_schema,
+    read_components,
+    rounded,
+    short_components,
+    write_components,
+)
+from core.designs.mounting import describe_mount, first_box
+from core.designs.rules import MAX_COMPONENTS, MIN_SIDE_M
+from core.geometry import Compound, Pose, Shape
+from core.interfaces import Brief, ToolRepresentation
+from plugins.tools.solids.making import MAX_PARTS, MAX_TOOL_PARTS, WITHIN_M, make_shape, node_of
+from plugins.tools.solids.reading import MAX_NODES, MAX_POINTS, MAX_SIZE_M, TreeReader, dump_node
+
+FIELD = "tool_solids"
+
+
+class SolidTools(ToolRepresentation):
+    """A tool is one field, ``tool_solids``: components, each with a tree of shapes as JSON text.
+
+    The tree is a text because no schema of a tree is accepted everywhere. A tree needs a schema that refers to itself:
+    OpenAI's strict mode takes one, Anthropic's refuses it, and Gemini unrolls it a few levels. Nested without
+    references, a tree of ten kinds of nodes and depth 4 has ten thousand. A text is accepted by all; values in its
+    place, as a model without a strict schema may write them, are read as well.
+    """
+
+    def schema(self) -> dict[str, Any]:
+        solid = {"solid": {"type": "string", "description": "the tree of shapes, as JSON"}}
+        return {FIELD: {"type": "array", "items": component_schema(solid)}}
+
+    def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
+        return read_components(data, FIELD, ("solid",), _Reader().read, self.robot, gripper)
+
+    def dump(self, tool: Tool) -> dict[str, Any]:
+        return {FIELD: write_components(tool, _write_solid)}
+
+    def abridge(self, tool: Tool) -> dict[str, Any]:
+        return {FIELD: short_components(self.dump(tool)[FIELD])}
+
+    def instructions(self, brief: Brief) -> str:
+        mount, name, size, at = first_box(brief)
+        hole = {"cylinder": [0.003, 0.1], "at": [0, 0, 0.005, 1.5708, 0, 0]}
+        solid = {"difference": [{"box": rounded(size)}, hole]}
+        example: dict[str, Any] = {"name": name, "parent": mount, "solid": json.dumps(solid), "position": rounded(at)}
+        example |= {"rpy": [0, 0, 0], "mass": 0.005, "color": "#3373cc"}
+        return _RULES.format(
+            mount=describe_mount(brief),
+            rules=component_rules(brief.task.robot, brief.gripper, self.material),
+            example=json.dumps([example]),
+        )
+
+
+_RULES = f"""\
+Write each tool as a list of components in `{FIELD}`, at most {MAX_COMPONENTS}.
+
+{{mount}}
+
+Each component is an object with these keys:
+- `solid`: its shape, a tree written as JSON text. A node is an object with one of these keys; lengths in metres from
+  {MIN_SIDE_M:g} to {MAX_SIZE_M:g}, angles in radians:
+  "box": [x, y, z], full side lengths; "sphere": radius; "cylinder": [radius, length], along z; "capsule": the same with
+  half a sphere added at each end; "cone": [bottom radius, top radius, length], along z. All are centred.
+  "extrude": [[x, y], ...], an outline's corners in order, with "height": along z, centred on z = 0.
+  "revolve": [[r, z], ...], an outline turned about the z axis, r from 0, with "angle": from the x axis, a full turn
+  if left out.
+  "hull": [[x, y, z], ...], the convex hull of points.
+  "union", "difference" (the first less all others), "intersection": a list of nodes.
+  "at": [x, y, z] or [x, y, z, roll, pitch, yaw] moves and turns any node in the frame of the node above it; for the
+  topmost node that is the component's own frame.
+  A tool has at most {MAX_NODES} nodes, an outline at most {MAX_POINTS} corners, and a component is of one piece.
+{{rules}}
+- What is not convex collides as convex parts that keep within {WITHIN_M * 1000:g} mm of the solid, at most {MAX_PARTS}
+  for a component and {MAX_TOOL_PARTS} for a tool. Flat walls need few parts, deep round bowls many: one of 3 mm wall
+  fits up to about 50 mm of radius.
+
+Example of a list with one component, a bar with a hole across:
+{{example}}"""
+
+
+class _Reader:
+    """Reads the solids of one tool, and counts their parts."""
+
+    def __init__(self) -> None:
+        self._trees, self._parts = TreeReader(), 0
+
+    def read(self, item: Mapping[str, Any], where: str) -> tuple[Shape | Compound, Pose]:
+        node = self._trees.read(item.get("solid"), f"{where}: solid")
+        try:
+            shape, pose = make_shape(node)
+        except DesignError as error:
+            raise DesignError(f"{where}: its solid {error}") from error
+        self._parts += len(shape.convex_parts())
+        if self._parts > MAX_TOOL_PARTS:
+            raise DesignError(
+                f"{where}: with it the tool's solids need {self._parts} convex parts; at most {MAX_TOOL_PARTS} are "
+                "allowed: use fewer or smaller bowls and rings, or flat walls"
+            )
+        return shape, pose
+
+
+def _write_solid(shape: Shape | Compound, where: str) -> dict[str, Any]:
+    return {"solid": json.dumps(dump_node(node_of(shape)), separators=(",", ":"))}

@@ -1,0 +1,282 @@
+import json
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from core.design import RIGID_MOUNT, Component, DesignError, Tool
+from core.designs.rules import check_tool
+from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Sphere
+from core.plugins import Plugins
+from core.shapes import resized
+from plugins.tools import solids
+from plugins.tools.solids.making import MAX_PARTS
+from plugins.tools.solids.reading import MAX_NODES
+from plugins.tools.solids.representation import SolidTools
+from tests.panda import PANDA
+
+TOOLS = SolidTools()
+TOOLS.robot = PANDA
+
+BALL = {"sphere": 0.03}
+BOWL = {"difference": [{"sphere": 0.03}, {"sphere": 0.027}, {"box": [0.1, 0.1, 0.1], "at": [0, 0, 0.05]}]}
+TUBE = {"difference": [{"cylinder": [0.03, 0.08]}, {"cylinder": [0.027, 0.1]}]}
+L_PROFILE = {"extrude": [[0, 0], [0.08, 0], [0.08, 0.01], [0.01, 0.01], [0.01, 0.08], [0, 0.08]], "height": 0.05}
+SLOTS = [{"box": [0.008, 0.08, 0.02], "at": [x, 0.02, 0]} for x in (-0.018, 0, 0.018)]
+FORK = {"difference": [{"box": [0.06, 0.1, 0.01]}, *SLOTS]}
+RING = [[0.03 + 0.005 * math.cos(t), 0.005 * math.sin(t)] for t in np.linspace(0, math.tau, 13)[:-1]]
+HOOK = {"revolve": RING, "angle": 4.7}
+LADLE = {"union": [BOWL, {"cylinder": [0.005, 0.2], "at": [0.029, 0, 0.097]}]}
+SPOOL = {"revolve": [[0, 0], [0.03, 0], [0.03, 0.005], [0.01, 0.01], [0.01, 0.03], [0.03, 0.035], [0, 0.04]]}
+MEET = {"intersection": [TUBE, {"box": [0.1, 0.02, 0.1]}, {"box": [0.1, 0.1, 0.1], "at": [0.05, 0, 0]}]}
+SHAPES = {"bowl": BOWL, "tube": TUBE, "L": L_PROFILE, "fork": FORK, "hook": HOOK, "ladle": LADLE, "spool": SPOOL}
+EXACT = {"L": 2, "fork": 7}  # and how many parts they need
+
+
+def item(solid, name="a", **changes):
+    return {"name": name, "solid": json.dumps(solid), "position": [0, 0, -0.05]} | changes
+
+
+def parse(*items):
+    return TOOLS.parse({"tool_solids": list(items)}, gripper=False)
+
+
+def shape(solid):
+    (component,) = parse(item(solid)).components
+    return component.shape
+
+
+def within(mesh, points):
+    """Tell which points (P,) are inside a closed mesh, from the solid angles of its triangles."""
+    a, b, c = (mesh.triangles[None, :, k] - points[:, None] for k in range(3))
+    la, lb, lc = (np.linalg.norm(x, axis=2) for x in (a, b, c))
+    high = np.einsum("ptx,ptx->pt", a, np.cross(b, c))
+    low = la * lb * lc + (a * b).sum(2) * lc + (b * c).sum(2) * la + (c * a).sum(2) * lb
+    return np.arctan2(high, low).sum(axis=1) > math.pi
+
+
+def inside(meshes, points):
+    """Tell which points are in one of convex meshes."""
+    found = np.zeros(len(points), dtype=bool)
+    for mesh in meshes:
+        offsets = np.einsum("fx,fx->f", mesh.face_normals, mesh.triangles[:, 0])
+        found |= (points @ mesh.face_normals.T <= offsets + 1e-9).all(axis=1)
+    return found
+
+
+def test_is_found_by_name():
+    plugins = Plugins()
+    plugins.register(solids, "solids", "test")
+    assert isinstance(plugins.create("tool", "solids"), SolidTools)
+
+
+@pytest.mark.parametrize(
+    ("solid", "wanted"),
+    [
+        ({"box": [0.02, 0.03, 0.04]}, Box((0.02, 0.03, 0.04))),
+        ({"sphere": 0.03}, Sphere(0.03)),
+        ({"sphere": [0.03]}, Sphere(0.03)),
+        ({"cylinder": [0.01, 0.2]}, Cylinder(0.01, 0.2)),
+        ({"capsule": [0.01, 0.2]}, Capsule(0.01, 0.2)),
+    ],
+)
+def test_a_primitive_stays_one_and_its_pose_moves_the_component(solid, wanted):
+    (component,) = parse(item(solid | {"at": [0.1, 0, 0, 0, 0, 1.5]}, rpy=[0.2, 0, 0])).components
+    assert component.shape == wanted
+    frame = Pose.xyz_rpy((0, 0, -0.05), (0.2, 0, 0)) @ Pose.xyz_rpy((0.1, 0, 0), (0, 0, 1.5))
+    np.testing.assert_allclose(component.pose.matrix, frame.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("solid", "mm3"),
+    [
+        ({"cone": [0.01, 0, 0.03]}, math.pi * 1000),
+        ({"cone": [0.01, 0.005, 0.03]}, math.pi * 1750),
+        ({"extrude": [[0, 0], [0, 0.02], [0.01, 0]], "height": 0.03}, 3000),  # clockwise
+        ({"revolve": [[0, 0], [0.02, 0], [0.02, 0.01], [0, 0.01]]}, math.pi * 4000),
+        ({"revolve": [[0, 0], [0.02, 0], [0.02, 0.01], [0, 0.01]], "angle": math.pi / 2}, math.pi * 1000),
+        ({"hull": [[0, 0, 0], [0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.03]]}, 500),
+        ({"intersection": [{"box": [0.02, 0.02, 0.02]}, {"box": [0.02, 0.02, 0.02], "at": [0.01, 0, 0]}]}, 4000),
+        ({"union": [{"box": [0.02, 0.02, 0.02]}, {"box": [0.02, 0.02, 0.02], "at": [0.02, 0, 0]}]}, 16000),
+    ],
+)
+def test_what_is_convex_is_a_mesh(solid, mm3):
+    made = shape(solid)
+    assert isinstance(made, Mesh)
+    assert made.volume * 1e9 == pytest.approx(mm3, rel=0.03)
+    assert made.to_trimesh().is_watertight
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_what_is_not_convex_has_convex_parts_within_1_mm(name):
+    made = shape(SHAPES[name])
+    assert isinstance(made, Compound)
+    assert 2 <= len(made.parts) <= MAX_PARTS
+    surface, parts = made.surface.to_trimesh(), [part.to_trimesh() for part in made.parts]
+    assert surface.is_watertight
+    assert all(part.is_watertight and part.volume == pytest.approx(part.convex_hull.volume) for part in parts)
+    near_solid = cKDTree(surface.sample(200_000, seed=0))  # its points are a tenth of a millimetre or two apart
+    out = np.vstack([part.sample(60, seed=1) for part in parts])
+    out = out[~within(surface, out)]
+    assert near_solid.query(out)[0].max(initial=0.0) < 0.0012
+    near_parts = cKDTree(np.vstack([part.sample(20_000, seed=3) for part in parts]))
+    missed = surface.sample(4000, seed=2)
+    missed = missed[~inside(parts, missed)]
+    assert near_parts.query(missed)[0].max(initial=0.0) < 0.0012
+    if name in EXACT:
+        assert len(parts) == EXACT[name]
+        assert sum(part.volume for part in parts) == pytest.approx(surface.volume, rel=1e-6)
+
+
+def test_a_bowl_is_open_and_a_tube_has_a_hole():
+    for solid, free in ((BOWL, [0, 0, -0.02]), (TUBE, [0, 0, 0.03]), (HOOK, [0.0, 0.0, 0.0])):
+        parts = [part.to_trimesh() for part in shape(solid).parts]
+        assert not inside(parts, np.array([free])).any()
+
+
+def test_equal_trees_make_equal_shapes_and_pickle():
+    made = shape(TUBE)
+    assert pickle.loads(pickle.dumps(made)) == made == shape(json.loads(json.dumps(TUBE)))
+    tool = parse(item(TUBE))
+    assert pickle.loads(pickle.dumps(tool)).content == tool.content
+
+
+def test_the_rules_hold_and_a_values_tree_is_read_like_its_text():
+    tool = parse(item(LADLE, position=[0, 0, -0.2], mass=0.02), {"name": "b", "solid": BALL, "position": [0, 0, -0.02]})
+    assert [type(c.shape) for c in tool.components] == [type(shape(LADLE)), Sphere]
+    check_tool(parse({"name": "b", "solid": {"cylinder": [0.02, 0.1]}, "position": [0, 0, -0.05]}), PANDA)
+
+
+sizes = st.floats(0.005, 0.08)
+steps = st.floats(-0.02, 0.02)
+ats = st.tuples(steps, steps, steps, *[st.floats(-3.2, 3.2)] * 3).map(list)
+leaves = st.one_of(
+    st.builds(lambda x, y, z, at: {"box": [x, y, z], "at": at}, sizes, sizes, sizes, ats),
+    st.builds(lambda r, at: {"sphere": r, "at": at}, sizes, ats),
+    st.builds(lambda r, h, at: {"cylinder": [r, h], "at": at}, sizes, sizes, ats),
+    st.builds(lambda r, h, at: {"cone": [r, 0, h], "at": at}, sizes, sizes, ats),
+    st.builds(lambda a, at: {**HOOK, "angle": a, "at": at}, st.floats(0.1, 6), ats),
+    st.builds(lambda h, at: {**L_PROFILE, "height": h, "at": at}, sizes, ats),
+)
+trees = st.recursive(
+    leaves,
+    lambda inner: st.builds(
+        lambda name, children: {name: children},
+        st.sampled_from(["union", "difference", "intersection"]),
+        st.lists(inner, min_size=2, max_size=3),
+    ),
+    max_leaves=4,
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(trees, st.floats(0.001, 0.5))
+def test_what_is_written_is_read_as_the_same_tool(tree, mass):
+    try:
+        tool = parse(item(tree, mass=mass))
+    except DesignError:
+        return
+    written = TOOLS.dump(tool)
+    back = TOOLS.parse(written, gripper=False)
+    assert TOOLS.dump(back) == written
+    (a,), (b,) = tool.components, back.components
+    assert type(a.shape) is type(b.shape)
+    np.testing.assert_allclose(a.shape.bounds[1], b.shape.bounds[1], atol=5e-5)
+    assert len(a.shape.convex_parts()) <= MAX_PARTS
+
+
+def test_shapes_that_were_not_made_here_are_written_by_their_parts():
+    stretched = resized(shape(FORK), (0.05, 0.1, 0.02))
+    mesh = Mesh.from_trimesh(Box((0.1, 0.1, 0.1)).to_trimesh())
+    tool = Tool((Component("f", RIGID_MOUNT, Pose(), stretched), Component("m", "f", Pose(), mesh)))
+    written = TOOLS.dump(tool)
+    back = TOOLS.parse(written, gripper=False)
+    assert [len(c.shape.convex_parts()) for c in back.components] == [7, 1]
+    assert [c.shape.volume for c in back.components] == pytest.approx(
+        [c.shape.volume for c in tool.components], rel=1e-3
+    )
+    assert TOOLS.dump(back) == written
+
+
+def deep(levels):
+    tree = BALL
+    for _ in range(levels):
+        tree = {"union": [tree, BALL]}
+    return tree
+
+
+@pytest.mark.parametrize(
+    ("solid", "reason"),
+    [
+        (None, "solid must be an object such as"),
+        (7, "solid must be an object such as"),
+        ([], "solid must be an object such as"),
+        ({}, "must have exactly one of box, .*; it has nothing"),
+        ({"blob": 1}, "it has 'blob'"),
+        ({"box": [1, 1, 1], "sphere": 1}, "it has box and sphere"),
+        ({"box": [0.1, 0.1, 0.1], "rpy": [0, 0, 0]}, "has 'rpy', which it can't have; possible: at, box"),
+        ({"box": 1}, r"box \[x, y, z\] must be a list of 3 numbers, not a number"),
+        ({"box": [0.1, 0.1, 0]}, "box: z is 0 m; it must be between 0.0005 and 1 m"),
+        ({"box": [0.1, 0.1, -1]}, "box: z is -1 m"),
+        ({"box": [0.1, 0.1, True]}, "must be a number, not a boolean"),
+        ({"sphere": 1e300}, "is beyond 1000"),
+        ({"sphere": 10**400}, "is beyond 1000"),
+        ({"sphere": math.nan}, "is beyond 1000"),
+        ({"sphere": {}}, "must be a number, not an object"),
+        ({"sphere": 0.1, "at": [0, 0]}, "must be a list of 3 numbers, not a list of 2"),
+        ({"sphere": 0.1, "at": [0, 0, 0, 0]}, "must be a list of 6 numbers, not a list of 4"),
+        ({"sphere": 0.1, "at": [0, 0, 5]}, "more than 1 m away"),
+        ({"extrude": [[0, 0], [1, 0]], "height": 0.1}, "must be a list of 3 to 48 points, not a list of 2"),
+        ({"extrude": [[0, 0], [0.1, 0], [0, 0.1]]}, "height must be a number, not missing"),
+        ({"extrude": [[0, 0], [0.1, 0.2], [0.1, 0], [0, 0.1]], "height": 0.1}, "crosses or touches"),
+        ({"extrude": [[0, 0], [0.1, 0], [0.1, 0.1], [0.05, 0], [0, 0.1]], "height": 0.1}, "crosses or touches"),
+        ({"extrude": [[0, 0], [0.1, 0], [0.2, 0]], "height": 0.1}, "area of 0 mm"),
+        ({"extrude": [[0, 0], [0.1, 0], [0, 0.1], [0, 0]], "height": 0.1}, "point 4 and the next are the same"),
+        ({"extrude": [[0, 0]] * 5000, "height": 0.1}, "not a list of 5000"),
+        ({"revolve": [[-0.01, 0], [0.1, 0], [0, 0.1]]}, "r from 0"),
+        ({"revolve": [[0, 0], [0.1, 0], [0, 0.1]], "angle": 7}, "angle must be between"),
+        ({"union": [BALL]}, "must be a list of two or more shapes"),
+        ({"union": BALL}, "must be a list of two or more shapes"),
+        ({"union": [BALL] * 5000}, "has 5000 shapes; a tool may have 40 in all"),
+        ({"difference": [BALL, BALL]}, "has a volume of 0 mm"),
+        ({"intersection": [BALL, {**BALL, "at": [0.5, 0, 0]}]}, "has a volume of 0 mm"),
+        ({"union": [BALL, {**BALL, "at": [0.5, 0, 0]}]}, "falls into 2 pieces"),
+        ({"hull": [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0]]}, "has a volume of 0 mm"),
+        ({"difference": [{"sphere": 0.2}, {"sphere": 0.19}]}, "convex parts to keep within 1 mm"),
+        (deep(20), "nests more than 8 deep"),
+    ],
+)
+def test_wrong_solids_are_refused_with_a_reason(solid, reason):
+    text = json.dumps(solid)
+    for value in (solid, text) if len(text) < 20_000 else (solid,):
+        with pytest.raises(DesignError, match=f"component 'a':? .*{reason}"):
+            parse({"name": "a", "solid": value, "position": [0, 0, 0]})
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "malformed JSON at column 1"),
+        ("{'box': 1}", "malformed JSON at column 2"),
+        ("\ud800", "malformed JSON"),
+        ("[" * 15_000, "nests too deep"),
+        ('{"sphere": ' + "1" * 9000 + "}", "too many digits"),
+        ("x" * 3_000_000, "is 3000000 characters long; at most 20000"),
+    ],
+)
+def test_wrong_text_is_refused_with_a_reason(text, reason):
+    with pytest.raises(DesignError, match=reason):
+        parse({"name": "a", "solid": text, "position": [0, 0, 0]})
+
+
+def test_nodes_and_parts_are_counted_over_all_components():
+    union = {"union": [BALL] * (MAX_NODES // 2)}
+    with pytest.raises(DesignError, match=r"'b': solid.*: a tool may have 40|'b'.* has 20 shapes; a tool may have 40"):
+        parse(item(union), item(union, "b"))
+    bowls = [item(BOWL, name) for name in "abcd"]
+    with pytest.raises(DesignError, match=r"'d': with it the tool's solids need [0-9]+ convex parts; at most 96"):
+        parse(*bowls)
