@@ -15,7 +15,8 @@ from typing import Any
 
 from lxml import etree
 
-from core.design import Component, DesignError, Tool
+from core.design import Component, DesignError, Tool, ToolJoint
+from core.designs.loose import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
 from core.designs.rules import (
     MAX_BEND_M_N,
     MAX_COMPONENT_KG,
@@ -43,6 +44,7 @@ _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 _KEYS = frozenset({"name", "parent", "position", "rpy", "mass", "color"})
 _DEFAULT_KG = Component.mass
 _NO_TURN = [0, 0, 0]
+_JOINT_NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
 
 ReadShape = Callable[[Mapping[str, Any], str], tuple[Shape | Compound, Pose]]
 
@@ -64,7 +66,17 @@ _MASSES = f"""\
   density, and {MIN_TOOL_KG:g} to {{payload}} kg for the tool."""
 
 
-def component_rules(robot: Robot, gripper: bool, material: Material) -> str:
+_JOINTS = f"""
+- `joint`: null, or how the component moves against its parent, without a motor. An object with `kind`, "hinge" or
+  "slider"; `axis` [x, y, z], and for a hinge `at` [x, y, z], a point of its axis, both in the same frame as `position`;
+  `lower` and `upper`, its range in radians or metres, 0 being the pose that is given; `damping` in N m s/rad or N s/m;
+  `friction`, the largest torque or force of dry friction, in N m or N; `stiffness` of a spring in N m/rad or N/m, and
+  `rest`, where it is relaxed; 0 where there is none. At most {MAX_JOINTS} joints; what a spring moves may swing at
+  {MAX_HZ:g} Hz at most, and must weigh {1000 * MIN_MOVED_KG:g} g at least. A component with a joint passes through its
+  parent, and touches everything else."""
+
+
+def component_rules(robot: Robot, gripper: bool, material: Material, joints: bool = False) -> str:
     """Write the rules for all of a component but its shape."""
     mounts = Tool(gripper=gripper).mounts
     frame = " or ".join(f"`{mount}`" for mount in mounts)
@@ -74,11 +86,12 @@ def component_rules(robot: Robot, gripper: bool, material: Material) -> str:
     else:
         weight = f"{describe_weight(material, robot)}\n- `mass`: 0"
         bend = f"or {MAX_LOAD_N:g} N would break it"
-    return _RULES.format(mounts=f"the mount {frame}", mount_frame=frame, weight=weight, bend=bend)
+    rules = _RULES.format(mounts=f"the mount {frame}", mount_frame=frame, weight=weight, bend=bend)
+    return rules + _JOINTS if joints else rules
 
 
-def component_schema(shape: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the JSON schema of a component whose shape has these properties."""
+def component_schema(shape: Mapping[str, Any], joints: bool = False) -> dict[str, Any]:
+    """Return the JSON schema of a component whose shape has these properties; with ``joints`` it may have one."""
     triple = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
     text, number = {"type": "string"}, {"type": "number"}
     properties = {
@@ -90,6 +103,14 @@ def component_schema(shape: Mapping[str, Any]) -> dict[str, Any]:
         "mass": number,
         "color": text,
     }
+    if joints:
+        kind = {"type": "string", "enum": ["hinge", "slider"]}
+        own = {"kind": kind, "axis": triple, "at": triple, **dict.fromkeys(_JOINT_NUMBERS, number)}
+        properties["joint"] = {"anyOf": [{"type": "null"}, _object(own)]}
+    return _object(properties)
+
+
+def _object(properties: dict[str, Any]) -> dict[str, Any]:
     return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
 
 
@@ -106,7 +127,13 @@ def robot_names(robot: Robot | None) -> frozenset[str]:
 
 
 def read_components(
-    data: Mapping[str, Any], field: str, keys: Iterable[str], read_shape: ReadShape, robot: Robot | None, gripper: bool
+    data: Mapping[str, Any],
+    field: str,
+    keys: Iterable[str],
+    read_shape: ReadShape,
+    robot: Robot | None,
+    gripper: bool,
+    joints: bool = False,
 ) -> Tool:
     """Read a tool from the list in ``field``; components may come in any order.
 
@@ -118,6 +145,7 @@ def read_components(
             the component's position and rpy give.
         robot: the arm, whose links' names are taken.
         gripper: the tool is for the fingers.
+        joints: components may have joints.
 
     Raises:
         DesignError: says what is wrong, where, and how to mend it.
@@ -135,7 +163,7 @@ def read_components(
     for number, item in enumerate(items, start=1):
         name = _read_name(item, f"{field}: component {number}", found, robot_names(robot))
         where = f"component {name!r}"
-        check_keys(item, _KEYS.union(keys), where)
+        check_keys(item, _KEYS.union(keys, ("joint",) if joints else ()), where)
         parent = item.get("parent", mounts[0] if not gripper else None)
         if not isinstance(parent, str):
             raise DesignError(f"{where}: parent must be the name of a component or of {' or '.join(mounts)}")
@@ -144,12 +172,13 @@ def read_components(
         pose = Pose.xyz_rpy(position, read_numbers(item.get("rpy", _NO_TURN), 3, f"{where}: rpy"))
         shape, at = read_shape(item, where)
         component = Component(name, parent, Pose(), shape, _read_mass(item, shape, where), _read_color(item, where))
-        found[name] = parent, pose @ at, component
+        joint = _read_joint(item.get("joint"), f"{where}: its joint", pose @ at)
+        found[name] = parent, pose @ at, replace(component, joint=joint)
     return Tool(tuple(_in_order(found, mounts)), gripper)
 
 
 def write_components(
-    tool: Tool, write_shape: Callable[[Shape | Compound, str], dict[str, Any]]
+    tool: Tool, write_shape: Callable[[Shape | Compound, str], dict[str, Any]], joints: bool = False
 ) -> list[dict[str, Any]]:
     """Write a tool as the list that `read_components` reads."""
     placed = tool.placed()
@@ -162,6 +191,7 @@ def write_components(
             "rpy": rounded_rpy(placed[component.name][1]),
             "mass": float(f"{component.mass:.6g}"),
             "color": "#" + "".join(f"{round(255 * share):02x}" for share in component.color[:3]),
+            **({"joint": _write_joint(component.joint, placed[component.name][1])} if joints else {}),
         }
         for component in tool.components
     ]
@@ -176,6 +206,34 @@ def short_components(items: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]
         }
         for kept in ({k: v for k, v in item.items() if k != "color" and v not in (_NO_TURN, "box")} for item in items)
     ]
+
+
+def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
+    """Read the joint of a component at this pose in the frame of its mount."""
+    if item is None:
+        return None
+    if not isinstance(item, Mapping):
+        raise DesignError(f"{where} must be an object or null, not {kind(item)}")
+    check_keys(item, ("kind", "axis", "at", *_JOINT_NUMBERS), where)
+    moves = item.get("kind")
+    if moves not in ("hinge", "slider"):
+        raise DesignError(f'{where}: kind must be "hinge" or "slider", not {shorten(str(moves))}')
+    axis = pose.rotation.inv().apply(read_numbers(item.get("axis"), 3, f"{where}: axis"))
+    at = read_numbers(item["at"], 3, f"{where}: at") if item.get("at") is not None else pose.position
+    x, y, z = pose.inverse().apply(at).tolist() if moves == "hinge" else (0.0, 0.0, 0.0)
+    numbers = {name: read_number(item.get(name, 0.0), f"{where}: {name}") for name in _JOINT_NUMBERS}
+    try:
+        return ToolJoint(moves, (axis[0], axis[1], axis[2]), origin=(x, y, z), **numbers)
+    except DesignError as error:
+        raise DesignError(f"{where}: {error}") from error
+
+
+def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
+    if joint is None:
+        return None
+    axis, at = rounded(pose.rotation.apply(joint.axis)), rounded(pose.apply(joint.origin))
+    numbers = {name: float(f"{getattr(joint, name):.6g}") for name in _JOINT_NUMBERS}
+    return {"kind": joint.kind, "axis": axis, "at": at, **numbers}
 
 
 def check_keys(item: Mapping[str, Any], keys: Iterable[str], where: str) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from core.design import Component, Evaluation, Tool
+from core.design import Component, Evaluation, Tool, ToolJoint
 from core.designs.feedback import combined_figures, elite_feedback
 from core.designs.layout import describe_shape
 from core.designs.reading import dump_design
@@ -100,7 +100,16 @@ def _line(component: Component) -> str:
     xyz, rpy, shape = short_numbers(pose.position, 4), short_numbers(pose.rpy, 4), component.shape
     size = short_numbers(shape.size, 4) if isinstance(shape, Box) else describe_shape(shape.drawn)
     turn = f" rpy {rpy}" if rpy != "0 0 0" else ""
-    return f"{component.name} on {component.parent}: {size} at {xyz}{turn}, {component.mass:.3g} kg"
+    moves = f", {_moves(component.joint)}" if component.joint else ""
+    return f"{component.name} on {component.parent}: {size} at {xyz}{turn}, {component.mass:.3g} kg{moves}"
+
+
+def _moves(joint: ToolJoint) -> str:
+    """Write a joint in the component's frame."""
+    at = f" at {short_numbers(joint.origin, 4)}" if joint.kind == "hinge" else ""
+    spring = f", spring {joint.stiffness:.3g} relaxed at {joint.rest:g}" if joint.stiffness else ""
+    resists = f", damping {joint.damping:.3g}, friction {joint.friction:.3g}"
+    return f"{joint.kind} along {short_numbers(joint.axis, 4)}{at}, {joint.lower:g} to {joint.upper:g}{resists}{spring}"
 
 
 def _cut(key: str, value: Any) -> Any:

@@ -37,7 +37,15 @@ def tool_representations() -> Mapping[str, Callable[..., ToolRepresentation]]:
 
 
 class BoxTools(ToolRepresentation):
-    """A tool is one field, ``tool_components``: boxes and round shapes with their poses in the mount's frame."""
+    """A tool is one field, ``tool_components``: boxes and round shapes with their poses in the mount's frame.
+
+    With ``joints`` components may move against their parents.
+    """
+
+    shapes = tuple(_SIZES)
+
+    def __init__(self, joints: bool = False) -> None:
+        self.joints = joints
 
     def schema(self) -> dict[str, Any]:
         number = {"type": "number"}
@@ -47,13 +55,15 @@ class BoxTools(ToolRepresentation):
             {"shape": {"type": "string", "enum": ["cylinder", "capsule"]}, "radius": number, "length": number},
             {"shape": {"type": "string", "enum": ["sphere"]}, "radius": number},
         ]
-        return {FIELD: {"type": "array", "items": {"anyOf": [component_schema(shape) for shape in shapes]}}}
+        return {
+            FIELD: {"type": "array", "items": {"anyOf": [component_schema(shape, self.joints) for shape in shapes]}}
+        }
 
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
-        return read_components(data, FIELD, _KEYS, _read_shape, self.robot, gripper)
+        return read_components(data, FIELD, _KEYS, _read_shape, self.robot, gripper, self.joints)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
-        return {FIELD: write_components(tool, _write_shape)}
+        return {FIELD: write_components(tool, _write_shape, self.joints)}
 
     def abridge(self, tool: Tool) -> dict[str, Any]:
         return {FIELD: short_components(self.dump(tool)[FIELD])}
@@ -70,7 +80,7 @@ class BoxTools(ToolRepresentation):
         example |= {"rpy": [0, 0, 0], "mass": 0.005, "color": "#3373cc"}
         return _RULES.format(
             mount=describe_mount(brief),
-            rules=component_rules(brief.task.robot, brief.gripper, self.material),
+            rules=component_rules(brief.task.robot, brief.gripper, self.material, self.joints),
             example=json.dumps([example]),
         )
 

@@ -31,18 +31,24 @@ class SolidTools(ToolRepresentation):
     The tree is a text because no schema of a tree is accepted everywhere. A tree needs a schema that refers to itself:
     OpenAI's strict mode takes one, Anthropic's refuses it, and Gemini unrolls it a few levels. Nested without
     references, a tree of ten kinds of nodes and depth 4 has ten thousand. A text is accepted by all; values in its
-    place, as a model without a strict schema may write them, are read as well.
+    place, as a model without a strict schema may write them, are read as well. With ``joints`` components may move
+    against their parents.
     """
+
+    shapes = ("box", "cylinder", "capsule", "sphere")
+
+    def __init__(self, joints: bool = False) -> None:
+        self.joints = joints
 
     def schema(self) -> dict[str, Any]:
         solid = {"solid": {"type": "string", "description": "the tree of shapes, as JSON"}}
-        return {FIELD: {"type": "array", "items": component_schema(solid)}}
+        return {FIELD: {"type": "array", "items": component_schema(solid, self.joints)}}
 
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
-        return read_components(data, FIELD, ("solid",), _Reader().read, self.robot, gripper)
+        return read_components(data, FIELD, ("solid",), _Reader().read, self.robot, gripper, self.joints)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
-        return {FIELD: write_components(tool, _write_solid)}
+        return {FIELD: write_components(tool, _write_solid, self.joints)}
 
     def abridge(self, tool: Tool) -> dict[str, Any]:
         return {FIELD: short_components(self.dump(tool)[FIELD])}
@@ -55,7 +61,7 @@ class SolidTools(ToolRepresentation):
         example |= {"rpy": [0, 0, 0], "mass": 0.005, "color": "#3373cc"}
         return _RULES.format(
             mount=describe_mount(brief),
-            rules=component_rules(brief.task.robot, brief.gripper, self.material),
+            rules=component_rules(brief.task.robot, brief.gripper, self.material, self.joints),
             example=json.dumps([example]),
         )
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from core.design import Component, DesignError, Tool
+from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.components import robot_names
 from core.designs.rules import MAX_COMPONENTS, MAX_DENSITY, MIN_DENSITY
 from core.geometry import Box, Capsule, Cylinder, Pose, Shape, Sphere
@@ -32,6 +33,7 @@ SHAPES = {
     "capsule": ('capsule radius="r" length="l"', {"radius": 1, "length": 1}),
 }
 
+_MOVES: dict[str, Literal["hinge", "slider"]] = {"revolute": "hinge", "prismatic": "slider"}
 _NAME = re.compile(r"[A-Za-z0-9_.-]+")
 _MIN_OPACITY = 0.2  # what collides must be visible
 _LINK_KG = 0.005
@@ -60,6 +62,7 @@ class _Joint:
     parent: str
     child: str
     pose: Pose
+    moving: ToolJoint | None = None  # its axis in the link's frame
 
 
 # What a link's children can hang from, components or a mount: for each its name, its shape (None: a mount), and the
@@ -105,11 +108,13 @@ def build_tool(
     shapes: tuple[str, ...] = ("box",),
     *,
     masses: bool = True,
+    loose: bool = False,
 ) -> Tool:
     """The tool whose links and joints are the children of ``root``, for ``robot``; ``masses``: read those too.
 
     Raises:
-        DesignError: they are not ``shapes`` on fixed joints that lead to a mount.
+        DesignError: they are not ``shapes`` on joints that lead to a mount, fixed ones or, if ``loose``, hinges and
+            sliders.
     """
     _check_counts(root)
     mounts = Tool(gripper=gripper).mounts
@@ -124,7 +129,7 @@ def build_tool(
             links[name] = _read_link(element, name, materials, shapes, masses)
         elif element.tag == "joint":
             joint_names.add(_check_name(element.get("name"), "joint", joint_names, own))
-            joint = _read_joint(element, f"joint {element.get('name')!r}", aliases)
+            joint = _read_joint(element, f"joint {element.get('name')!r}", aliases, loose)
             if joint.child in joints:
                 raise DesignError(f"link {joint.child!r} is the child of two joints; a link has one parent")
             joints[joint.child] = joint
@@ -134,9 +139,9 @@ def build_tool(
     components: list[Component] = []
     holders: dict[str, _Holders] = {mount: ([(mount, None, Pose())], None) for mount in mounts}
     taken = {*links, *own}
-    for name, parent, pose in _from_mounts(links, joints, mounts):
-        boxes, holders[name] = _hang(links[name], holders[parent], pose, taken)
-        components += boxes
+    for name, joint in _from_mounts(links, joints, mounts):
+        boxes, holders[name] = _hang(links[name], holders[joint.parent], joint.pose, taken)
+        components += boxes if joint.moving is None else [_moving(name, boxes, joint.moving, links), *boxes[1:]]
     return Tool(tuple(components), gripper)
 
 
@@ -229,12 +234,40 @@ def _match(visuals: list[_PlacedShape], collisions: list[_PlacedShape], where: s
     return matched
 
 
-def _read_joint(element: Element, where: str, aliases: Mapping[str, str]) -> _Joint:
-    if element.get("type") != "fixed":
-        raise DesignError(f'{where} is of type {shorten(element.get("type", ""))}; tools are rigid: use type "fixed"')
+def _read_joint(element: Element, where: str, aliases: Mapping[str, str], loose: bool) -> _Joint:
+    moves = element.get("type", "")
+    if moves != "fixed" and not (loose and moves in _MOVES):
+        wanted = 'use type "fixed", "revolute" or "prismatic"' if loose else 'tools are rigid: use type "fixed"'
+        raise DesignError(f"{where} is of type {shorten(moves)}; {wanted}")
     parent = attribute(only_child(element, "parent", where), "parent", "link", where)
     child = attribute(only_child(element, "child", where), "child", "link", where)
-    return _Joint(aliases.get(parent, parent), child, read_origin(element, where))
+    moving = _read_moving(element, where) if moves != "fixed" else None
+    return _Joint(aliases.get(parent, parent), child, read_origin(element, where), moving)
+
+
+def _read_moving(element: Element, where: str) -> ToolJoint:
+    """Read how a joint moves; its axis is in its own frame."""
+    axis, limit = only_child(element, "axis", where), only_child(element, "limit", where)
+    way = "1 0 0" if axis is None else attribute(axis, "axis", "xyz", where)
+    x, y, z = read_numbers(way, 3, f"{where}: axis")
+    texts = {name: attribute(limit, "limit", name, where) for name in ("lower", "upper")}
+    for tag, names in (("dynamics", ("damping", "friction")), ("spring", ("stiffness", "rest"))):
+        found = only_child(element, tag, where)
+        texts |= {name: "0" if found is None else found.get(name, "0") for name in names}
+    numbers = {name: read_numbers(text, 1, f"{where}: {name}")[0] for name, text in texts.items()}
+    try:
+        return ToolJoint(_MOVES[element.get("type", "")], (x, y, z), origin=(0.0, 0.0, 0.0), **numbers)
+    except DesignError as error:
+        raise DesignError(f"{where}: {error}") from error
+
+
+def _moving(name: str, boxes: Sequence[Component], joint: ToolJoint, links: Mapping[str, _Link]) -> Component:
+    """The first box of a link, with the link's joint in the box's own frame."""
+    if not boxes:
+        raise DesignError(f"link {name!r} hangs on a joint that moves, and has no box; give it one")
+    own = links[name].shapes[0].pose.inverse()
+    (x, y, z), (ax, ay, az) = own.position.tolist(), own.rotation.apply(joint.axis).tolist()
+    return replace(boxes[0], joint=replace(joint, axis=(ax, ay, az), origin=(x, y, z)))
 
 
 def _check_joints(joints: Mapping[str, _Joint], links: Mapping[str, _Link], mounts: tuple[str, ...]) -> None:
@@ -250,8 +283,8 @@ def _check_joints(joints: Mapping[str, _Joint], links: Mapping[str, _Link], moun
 
 def _from_mounts(
     links: Mapping[str, _Link], joints: Mapping[str, _Joint], mounts: tuple[str, ...]
-) -> Iterator[tuple[str, str, Pose]]:
-    """Yield links with their parent and their pose in it, parents first, otherwise in the order of the text."""
+) -> Iterator[tuple[str, _Joint]]:
+    """Yield links with the joint that bears them, parents first, otherwise in the order of the text."""
     done = set(mounts)
     for start in links:
         chain: dict[str, _Joint] = {}
@@ -265,7 +298,7 @@ def _from_mounts(
             name = joints[name].parent
         for name, joint in reversed(chain.items()):
             done.add(name)
-            yield name, joint.parent, joint.pose
+            yield name, joint
 
 
 def _hang(link: _Link, holders: _Holders, pose: Pose, taken: set[str]) -> tuple[list[Component], _Holders]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from core.design import DesignError, Tool
 from core.designs.elites import component_lines
+from core.designs.loose import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
 from core.designs.mounting import describe_mount, first_box
 from core.designs.rules import (
     MAX_BEND_M_N,
@@ -35,19 +36,21 @@ from plugins.tools.urdf.parsing import parse_xml
 class UrdfTools(ToolRepresentation):
     """A tool is one field, ``tool_urdf``: URDF links and joints of boxes that hang from the mount.
 
-    ``shapes`` may add cylinder, sphere and capsule, which URDF lacks, to the box.
+    ``shapes`` may add cylinder, sphere and capsule, which URDF lacks, to the box. With ``joints`` links may hang on
+    revolute and prismatic joints, with a spring in an element of our own.
 
     Raises:
         UserError: ``shapes`` is empty, or names something else.
     """
 
-    def __init__(self, shapes: list[str] = ["box"]) -> None:  # noqa: B006 - read as a configuration's default
+    def __init__(self, shapes: list[str] = ["box"], joints: bool = False) -> None:  # noqa: B006 - a setting's default
         if not shapes:
             raise UsageError(f"tool.shapes is empty; give some of {', '.join(SHAPES)}")
         for shape in shapes:
             if shape not in SHAPES:
                 raise choices("shape", str(shape), SHAPES, "tool.shapes")
         self.shapes = tuple(dict.fromkeys(shapes))
+        self.joints = joints
 
     def schema(self) -> dict[str, Any]:
         description = "URDF <link> and <joint> elements of the tool, without a root element"
@@ -60,7 +63,7 @@ class UrdfTools(ToolRepresentation):
         if not isinstance(text, str):
             raise DesignError(f"tool_urdf must be a text of <link> and <joint> elements, not {kind(text)}")
         masses = self.material.density_kg_m3 is None
-        return build_tool(parse_xml(text), gripper, self.robot, self.shapes, masses=masses)
+        return build_tool(parse_xml(text), gripper, self.robot, self.shapes, masses=masses, loose=self.joints)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
         return {"tool_urdf": tool_urdf(tool, capsules=True)}
@@ -81,10 +84,20 @@ class UrdfTools(ToolRepresentation):
             parts, weight = "a collision element", describe_weight(self.material, robot)
             example = _LIGHT.sub("", example)
             bend = f"or {MAX_LOAD_N:g} N would break it"
-        return _RULES.format(
+        rules = _RULES if self.joints else _RULES.replace(_LOOSE, "")
+        return rules.format(
             mount=mount, elites=elites, shapes=shapes, parts=parts, weight=weight, bend=bend, example=example
         )
 
+
+_LOOSE = f"""\
+- A link may also hang on a joint of type "revolute" or "prismatic", which has no motor and moves the first box of the
+  link with all that hangs from it: <axis xyz="x y z"/> in the joint's frame; <limit lower="..." upper="..."/> in
+  radians or metres around 0, the pose that the origin gives; <dynamics damping="..." friction="..."/> with dry
+  friction in N m or N; <spring stiffness="..." rest="..."/> in N m/rad or N/m. At most {MAX_JOINTS}. What a spring
+  moves may swing at {MAX_HZ:g} Hz at most, and must weigh {1000 * MIN_MOVED_KG:g} g at least. It passes through its
+  parent, and touches everything else.
+"""
 
 _RULES = f"""\
 Write each tool as a block of URDF <link> and <joint> elements in `tool_urdf`. The block is merged into the robot's URDF
@@ -101,6 +114,7 @@ before its closing tag, so it has no root element and none of the robot's own li
 - Every link is the child of exactly one joint of type "fixed", and following parents leads to the mount. The joint's
   origin is the link's frame in its parent's frame; a box is centred on its own origin, so use half lengths to make
   parts meet.
+{_LOOSE}\
 - Every box touches or overlaps its parent; a gap of more than {MAX_GAP_M * 1000:g} mm is an error. Gaps are measured
   between the surfaces of the boxes as they are turned, not between boxes around them.
 - Names: letters, digits, '_', '.', '-'; each link and each joint has its own.
