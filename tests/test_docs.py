@@ -22,7 +22,7 @@ from core.config.compose import load
 from core.errors import UsageError
 from core.geometry import Cylinder, Mesh, Sphere
 from core.new.packages import write as write_package
-from core.plugins import Plugins
+from core.plugins import Plugins, installed
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State
 from docs import build, prompt_page
 from docs.diagrams import DRAWINGS
@@ -252,9 +252,18 @@ def test_what_is_to_be_cited_is_the_same_everywhere():
     assert paper["identifiers"][0]["value"] in method
 
 
-def test_example_design_is_json():
-    (text,) = blocks(ROOT / "docs/designs.md", "json")
-    assert json.loads(text)["strategies"][0]["action_sets"]
+def test_example_designs_are_read():
+    design, boxes, joint, solid = map(json.loads, blocks(ROOT / "docs/designs.md", "json"))
+    assert design["strategies"][0]["action_sets"]
+    robot, parts = installed().default_robot, installed()
+    boxes["tool_components"][1] |= joint
+    component = {"name": "shell", "solid": solid, "position": [0, 0, -0.2]}
+    for name, data in (("boxes", boxes), ("solids", {"tool_solids": [component]})):
+        representation = parts.create("tool", name, {"joints": True})
+        representation.robot = robot
+        tool = representation.parse(data, gripper=False)
+        assert len(tool.bearers) == (name == "boxes")
+    assert len(tool.components[0].shape.convex_parts()) > 1
 
 
 # --- writing a scene --------------------------------------------------------------------------------------------

@@ -125,6 +125,7 @@ def test_result_and_generations(opened):
         "vlm": "canned",
         "tool": "urdf",
         "evolution": "vlmgineer",
+        "material": "paper",
         "budget": "quick",
         "seed": 7,
         "best": {"reward": 0.5, "distance_m": 2.0, "generation": 0, "candidate": "g0-a0-s0-p0"},

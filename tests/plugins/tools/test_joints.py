@@ -88,7 +88,7 @@ def test_a_model_is_told_of_joints_only_where_they_are_allowed(name):
 @pytest.mark.parametrize(
     ("joint", "fault"),
     [
-        ("hinge", "must be an object or null, not a text"),
+        ("hinge", "must be an object or null, not the text"),
         ({}, "kind must be"),
         ({"kind": "ball", "axis": [0, 0, 1]}, 'kind must be "hinge" or "slider", not \'ball\''),
         ({"kind": "hinge"}, "axis must be a list of 3 numbers, not missing"),
