@@ -40,11 +40,13 @@ def sector(low: float, high: float, first: float, last: float, inner: float, out
 
 def bowl(radius: float, wall: float, rings: int = 3, sides: int = 16) -> Compound:
     """Half of a spherical shell, open at the top; its frame is at the sphere's centre."""
-    rows = itertools.pairwise(np.linspace(0.0, math.pi / 2, rings + 1))
+    polar = np.linspace(0.0, math.pi / 2, rings + 1)
     columns = list(itertools.pairwise(np.linspace(0.0, 2 * math.pi, sides + 1)))
+    rows = itertools.pairwise(polar)
     parts = tuple(sector(*row, *column, radius, radius + wall) for row in rows for column in columns)
-    whole = trimesh.boolean.union([part.to_trimesh() for part in parts], engine="manifold")
-    return Compound(Mesh.from_trimesh(whole), parts)
+    arc = np.column_stack([np.sin(polar), -np.cos(polar)])
+    outline = np.concatenate([arc * (radius + wall), arc[::-1] * radius])
+    return Compound(Mesh.from_trimesh(trimesh.creation.revolve(outline, sections=sides)), parts)
 
 
 def _on_shaft(shape: Shape | Compound, rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Tool:

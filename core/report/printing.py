@@ -1,6 +1,6 @@
-"""Tools as solids that a printer can make: one closed body per mount, laid on the plate, with what speaks against it.
+"""Tools as solids that a printer can make: one closed body for each mount and each joint, laid on the plate.
 
-Lengths are millimetres, as slicers expect.
+What speaks against printing it is said. Lengths are millimetres, as slicers expect.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from core.design import GRIPPER_MOUNTS, Component, Tool
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.errors import UsageError, check_positive
 from core.geometry import Array
 from core.report.tools import solids
@@ -22,7 +22,10 @@ from core.shapes import resized
 if TYPE_CHECKING:
     import trimesh
 
-NAMES = {GRIPPER_MOUNTS[0]: "left", GRIPPER_MOUNTS[1]: "right"}  # of the pieces; a rigid tool is one, "tool"
+NAMES = {
+    GRIPPER_MOUNTS[0]: "left",
+    GRIPPER_MOUNTS[1]: "right",
+}  # of the pieces; others are "tool", and joints'
 PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
 
 # By how much each side of a component is moved out, so that components that touch, or nearly do, become one body: the
@@ -81,9 +84,9 @@ class Piece:
 
 
 def pieces(tool: Tool, printer: Printer) -> list[Piece]:
-    """The bodies of a tool, one per mount; none for the bare hand."""
+    """The bodies of a tool, one for each mount and for what each joint moves; none for the bare hand."""
     found = []
-    for mount, placed in solids(tool).items():
+    for bearer, placed in solids(tool, loose=True).items():
         components = [component for component, _ in placed]
         mesh, weld = fused(components, tool)
         joined, joint = _joined(components, tool, weld, printer)
@@ -97,7 +100,8 @@ def pieces(tool: Tool, printer: Printer) -> list[Piece]:
             Check("walls", wall >= printer.min_wall_mm, f"thinnest {wall:.2f} mm, at least {printer.min_wall_mm:g} mm"),
             Check("fits the plate", fits, f"{size} mm as it lies, the plate is {plate} mm"),
         )
-        found.append(Piece(NAMES.get(mount, "tool"), lying, checks))
+        name = "tool" if bearer == RIGID_MOUNT else NAMES.get(bearer, bearer)
+        found.append(Piece(name, lying, checks))
     return found
 
 

@@ -134,12 +134,16 @@ def to_text(element: Any) -> str:
     return str(etree.tostring(element, encoding="unicode")) + "\n"
 
 
-def tool_urdf(tool: Tool, *, capsules: bool = False) -> str:
+def tool_urdf(tool: Tool, *, capsules: bool = False, mesh_path: MeshPath = str) -> str:
     """Write the tool's links and joints as text, without a root element.
 
     With ``capsules`` a capsule is an element of that name, which URDF lacks; else a cylinder and two spheres.
+    ``mesh_path`` maps a mesh's absolute path to the text that is written.
     """
-    return "".join(to_text(element) for element in tool_elements(tool, capsules=capsules))
+    elements = tool_elements(tool, capsules=capsules)
+    for mesh in (mesh for element in elements for mesh in element.iter("mesh")):
+        mesh.set("filename", mesh_path(Path(str(mesh.get("filename")))))
+    return "".join(map(to_text, elements))
 
 
 def _fuse(link: Any, tool: Tool, bearer: str) -> None:

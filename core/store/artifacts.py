@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,9 +34,10 @@ def save_design(candidate: Candidate, representation: ToolRepresentation, robot:
         names = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"]
         writer.writerow(names[: candidate.plan.shape[1]])
         writer.writerows(candidate.plan.tolist())
-    urdf = f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool)}</robot>\n'
+    copied = partial(_copied, folder=folder)
+    urdf = f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool, mesh_path=copied)}</robot>\n'
     (folder / "tool.urdf").write_text(urdf, encoding="utf-8")
-    whole = assemble(robot, tool, mesh_path=lambda mesh: _copied(mesh, folder))
+    whole = assemble(robot, tool, mesh_path=copied)
     (folder / "robot.urdf").write_text(whole, encoding="utf-8")
     tool_mesh(tool, robot.opening_m).export(folder / "tool.stl")
 
@@ -65,7 +67,7 @@ def _copied(mesh: Path, folder: Path) -> str:
 
 
 def tool_mesh(tool: Tool, opening_m: float) -> trimesh.Trimesh:
-    """Join the boxes to one mesh in millimetres, as slicers expect, in the frame of their mount.
+    """Join the components to one mesh in millimetres, as slicers expect, in the frame of their mount.
 
     With two mounts, the attachments lie apart as on a gripper with each finger open by ``opening_m`` metres.
     """

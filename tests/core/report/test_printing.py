@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from core.conformance.joints import tongs
+from core.conformance.shapes import bowl, prism
 from core.design import Component, Tool
 from core.errors import UsageError
-from core.geometry import Box, Pose
+from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.report.printing import Printer, fused, grams, lay, pieces, thinnest, to_3mf
 from tests.core.run_folders import hook
 
@@ -162,6 +164,24 @@ def test_attachments_of_a_gripper_are_two_pieces():
     assert len(back.geometry) == 2
     assert back.volume == pytest.approx(2 * 20 * 15 * 40, rel=0.01)
     assert back.extents[0] == pytest.approx(sum(piece.mesh.extents[0] for piece in made) + 10)
+
+
+def test_what_a_joint_moves_is_a_piece_of_its_own():
+    made = pieces(tongs(), Printer())
+    assert [piece.name for piece in made] == ["tool", "left", "right"]
+    assert all(piece.mesh.is_volume and piece.mesh.body_count == 1 for piece in made)
+    back = trimesh.load_scene(io.BytesIO(to_3mf(made)), file_type="3mf")
+    assert sorted(back.geometry) == ["left", "right", "tool"]
+    assert all(mesh.is_volume for mesh in back.geometry.values())
+
+
+def test_solids_of_every_form_are_closed():
+    shapes = Cylinder(0.01, 0.1), Capsule(0.01, 0.1), Sphere(0.02), prism(5, 0.02, 0.1), bowl(0.03, 0.003)
+    for shape in shapes:
+        component = Component("head", "tool_mount", Pose(np.array([0.0, 0.0, -0.05])), shape)
+        (piece,) = pieces(tool(component), WIDE)
+        assert piece.mesh.is_volume
+        assert piece.volume_cm3 == pytest.approx(1e6 * shape.volume, rel=0.02)
 
 
 def test_the_bare_hand_is_nothing_to_print():

@@ -1,10 +1,17 @@
 import numpy as np
+import pinocchio as pin
 import pytest
+import trimesh
+from lxml import etree
 
-from core.design import Component, Tool
+from core.conformance.shapes import bowl
+from core.design import Candidate, Component, Tool, ToolJoint
 from core.geometry import Box, Pose
-from core.store.artifacts import tool_mesh
-from tests.panda import FINGER_OPEN
+from core.plugins import installed
+from core.store.artifacts import save_design, tool_mesh
+from tests.panda import FINGER_OPEN, PANDA
+
+FLAP = ToolJoint("hinge", (1, 0, 0), -1, 1)
 
 
 def box(name, parent, at, size, rpy=(0, 0, 0)):
@@ -21,6 +28,22 @@ def test_a_tool_is_printed_in_millimetres():
     mesh = tool_mesh(tool, FINGER_OPEN)
     np.testing.assert_allclose(mesh.bounds, [[-10, -10, -100], [70, 10, 0]], atol=1e-6)
     assert mesh.volume == pytest.approx(1e9 * (0.02 * 0.02 * 0.1 + 0.1 * 0.02 * 0.02))
+
+
+def test_a_tool_of_any_form_takes_its_meshes_along(tmp_path):
+    representation = installed().create("tool", "solids", {"joints": True})
+    head = Component("head", "tool_mount", Pose(np.array([0.0, 0.0, -0.08])), bowl(0.07, 0.01))
+    flap = Component("flap", "head", Pose(np.array([0.0, 0.0, -0.085])), Box((0.02, 0.02, 0.02)), joint=FLAP)
+    tool = Tool((head, flap))
+    save_design(Candidate(tool, np.zeros((1, 6))), representation, PANDA, tmp_path)
+    for name in ("tool.urdf", "robot.urdf"):
+        robot = etree.parse(tmp_path / name)
+        files = {mesh.get("filename") for mesh in robot.iter("mesh")}
+        assert files
+        assert all((tmp_path / file).is_file() for file in files), name
+        assert robot.find("joint[@name='flap_joint']").get("type") == "revolute"
+    assert trimesh.load_mesh(tmp_path / "tool.stl").is_watertight
+    assert pin.buildModelFromUrdf(str(tmp_path / "robot.urdf")).nq == 8
 
 
 def test_a_pair_of_attachments_is_printed_side_by_side():
