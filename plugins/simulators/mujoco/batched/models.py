@@ -20,7 +20,7 @@ from core.scene import Inertia, Scene, State
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import set_gains
 from plugins.simulators.mujoco.shapes import Element
-from plugins.simulators.mujoco.world import described, state
+from plugins.simulators.mujoco.world import Joints, described, state
 
 PER_WORLD = (  # fields that depend on the tool
     *("geom_size", "geom_pos", "geom_quat", "geom_rbound", "geom_aabb"),
@@ -40,7 +40,7 @@ class Figures:
 
     ``shared`` is a digest of the others: worlds with the same digest can be in a batch. ``fields`` are those of
     `PER_WORLD`; ``geom_xpos`` (G, 3) and ``geom_xmat`` (G, 3, 3) the poses of fixed geoms; ``stiffness`` and
-    ``damping`` (J,) the servos'; ``names`` the free bodies'.
+    ``damping`` (J,) the servos'; ``names`` the free bodies'; ``joints`` are the robot's among the positions (Q,).
     """
 
     shared: str
@@ -50,10 +50,11 @@ class Figures:
     geom_xmat: Array
     stiffness: Array
     damping: Array
+    joints: Joints
 
     def state(self, numbers: Array) -> State:
         """Convert positions and speeds (..., Q + V) to the state of the free bodies."""
-        joints, bodies = len(self.stiffness), len(self.names)
+        joints, bodies = self.joints.count, len(self.names)
         positions = numbers[..., joints : joints + 7 * bodies]
         return state(self.names, positions, numbers[..., 2 * joints + 7 * bodies :])
 
@@ -115,7 +116,7 @@ def model(
     return compiled
 
 
-def figures(compiled: Element, scene: Scene) -> Figures:
+def figures(compiled: Element, scene: Scene, joints: Joints) -> Figures:
     """Extract a world's own figures from a `model` of that scene."""
     data = mujoco.MjData(compiled)
     mujoco.mj_kinematics(compiled, data)
@@ -127,6 +128,7 @@ def figures(compiled: Element, scene: Scene) -> Figures:
         data.geom_xmat.reshape(-1, 3, 3).copy(),
         -compiled.actuator_biasprm[:, 1],
         -compiled.actuator_biasprm[:, 2],
+        joints,
     )
 
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from core.errors import UsageError
-from core.interfaces import Outcome, Recording, Robot, Rollout, Task
+from core.interfaces import Outcome, Recording, Rollout, Task
 from core.simulation.playback import record_every, schedule
 from core.simulation.rendering import DrawingSimulator
 from plugins.simulators.mujoco.batched.models import Figures, Played, Size, figures, model
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
-from plugins.simulators.mujoco.world import weighed
+from plugins.simulators.mujoco.world import Joints, weighed
 
 if TYPE_CHECKING:
     from plugins.simulators.mujoco.batched.worlds import Worlds
@@ -73,15 +73,12 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             if not (np.isfinite(job.trajectory.arm).all() and np.isfinite(job.trajectory.fingers).all()):
                 outcomes[i] = Outcome(None, None, error="the trajectory's targets are not finite")
                 continue
-            if job.tool.bearers:
-                outcomes[i] = Outcome(None, None, error="MuJoCo Warp plays no tools with joints; use sim=mujoco")
-                continue
             mine[i] = self._of(task, job)
             groups.setdefault(mine[i].shared, []).append(i)
         for members in groups.values():
             members.sort(key=lambda i: self._steps(jobs[i]))  # so that neighbours end together
             for i, played in self._played(task, members, mine, jobs):
-                outcomes[i] = self._outcome(task.robot, jobs[i], mine[i], played)
+                outcomes[i] = self._outcome(jobs[i], mine[i], played)
         return [outcomes[i] for i in range(len(jobs))]
 
     def _steps(self, job: Rollout) -> int:
@@ -90,7 +87,9 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     def _of(self, task: Task, job: Rollout) -> Figures:
         key = (task, job.seed, job.tool.content)
         if key not in self._figures:
-            self._figures[key] = figures(self._model(task, job), weighed(task, job.seed)[0])
+            made = self._model(task, job)
+            joints = Joints.of(task.robot, job.tool, made)
+            self._figures[key] = figures(made, weighed(task, job.seed)[0], joints)
             if len(self._figures) > _KEPT_FIGURES:
                 self._figures.popitem(last=False)
         self._figures.move_to_end(key)
@@ -152,21 +151,18 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         """Count the bytes that a batch may take."""
         return _SHARE * self._device.free_memory if self._device.is_cuda else _ON_THE_PROCESSOR
 
-    def _outcome(self, robot: Robot, job: Rollout, of: Figures, played: Played) -> Outcome:
+    def _outcome(self, job: Rollout, of: Figures, played: Played) -> Outcome:
         if played.crowded:
             return Outcome(None, None, error=f"MuJoCo Warp: more than {_MOST_CONTACTS // 2} contacts at once")
         if played.broken:
             return Outcome(None, None, error="MuJoCo Warp: the simulation blew up: a state is not finite, or huge")
         recording = None
-        joints, dt = len(of.stiffness), self._rates[0]
+        dt = self._rates[0]
         if every := record_every(job, dt):
             times = schedule(job, dt)[1]
             numbers = np.concatenate([played.film, played.end[None]]).astype(np.float64)
-            arm, fingers = len(robot.arm_joints), np.zeros((len(numbers), len(robot.finger_joints)))
-            fingers[:, : joints - arm] = numbers[:, arm:joints]
-            recording = Recording(
-                np.append(times[::every], times[-1] + dt), numbers[:, :arm], fingers, of.state(numbers)
-            )
+            instants = np.append(times[::every], times[-1] + dt)
+            recording = Recording(instants, *of.joints.read(numbers), of.state(numbers))
         start, end = (of.state(numbers.astype(np.float64)) for numbers in (played.start, played.end))
         return Outcome(start, end, played.lag, recording=recording)
 

@@ -108,7 +108,7 @@ class Worlds:
             trajectory, known = job.trajectory, len(job.trajectory.times)
             times[i, :known], targets[i, :known, : self._arm] = trajectory.times, trajectory.arm
             targets[i, :known, self._arm :] = trajectory.fingers[:, None]
-            first[i, : targets.shape[2]] = targets[i, 0]
+            first[i, mine[i].joints.driven] = targets[i, 0]
             settle, begins = schedule(job, self._dt)
             schedules.append((settle, len(begins), record_every(job, self._dt)))
             instants.append(known)
@@ -181,7 +181,8 @@ class Worlds:
 def _rows(compiled: Element, contacts: int) -> int:
     """Count the constraint rows for so many contacts."""
     most = max([int(compiled.geom_condim.max()), *(int(dim) for dim in compiled.pair_dim)])
-    return contacts * most + int(compiled.jnt_limited.sum()) + int(compiled.neq)
+    loose = int(np.count_nonzero(compiled.dof_frictionloss))
+    return contacts * most + int(compiled.jnt_limited.sum()) + int(compiled.neq) + loose
 
 
 def _assign(array: Any, values: Array) -> None:
