@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.conformance import bodies, output, repeat, robot
+from core.conformance import bodies, joints, output, repeat, robot, shapes
+from core.conformance.joints import hinge, hinged
 from core.conformance.repeat import bits
 from core.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, motion, start, stick, still
 from core.design import Component, Tool
@@ -31,8 +32,8 @@ import mujoco as mj
 import warp
 
 from plugins.simulators.mujoco.batched import models, simulator, worlds
-from plugins.simulators.mujoco.world import compiled
-from tests.panda import FINGER_OPEN
+from plugins.simulators.mujoco.world import Joints, compiled
+from tests.panda import FINGER_OPEN, PANDA
 
 ROOT = Path(__file__).parents[3]
 CHECKS = (
@@ -43,6 +44,9 @@ CHECKS = (
     robot.check_gripper_lifts_a_cube,
     robot.check_attachments_hold_a_cube,
     bodies.check_free_fall,
+    joints.check_spring_sags_and_holds,
+    joints.check_sprung_tongs_pick_up_a_cube,
+    shapes.check_hollow_tool_is_hollow,
     output.check_start_is_after_settling,
     output.check_states_name_the_free_bodies_in_order,
 )
@@ -93,7 +97,7 @@ def test_the_same_film(warped):
 def test_unused_boxes_change_nothing(tool):
     scene = Bodies(table(), cube(at=(0.6, 0, 0.05))).scene(0)
     inertias = {body.name: body.inertia() for body in scene.free}
-    ours, theirs = (make(scene, inertias, tool, 0.0025, 50.0, 100.0) for make in (models.model, compiled))
+    ours, theirs = (make(PANDA, scene, inertias, tool, 0.0025, 50.0, 100.0) for make in (models.model, compiled))
     assert ours.ngeom > theirs.ngeom
     for name in ("body_mass", "body_ipos", "body_inertia", "body_invweight0", "dof_invweight0", "actuator_biasprm"):
         np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), rtol=1e-9, atol=1e-12, err_msg=name)
@@ -126,6 +130,17 @@ def test_each_world_has_its_own_layout_and_tool_in_one_batch(warped):
     assert [bits(outcome) for outcome in again] == [bits(outcome) for outcome in outcomes]
 
 
+def shared_of(scene, tool):
+    made = models.model(PANDA, scene, {}, tool, 0.0025, 50.0, 100.0)
+    return models.figures(made, scene, Joints.of(PANDA, tool, made)).shared
+
+
+def test_tools_with_other_joints_are_in_other_batches():
+    scene = Bodies(table()).scene(0)
+    tools = [hinged(0.0, joint) for joint in (hinge(), hinge(), hinge(lower=-1.0), hinge(stiffness=0.1))]
+    assert len({shared_of(scene, tool) for tool in tools}) == 3
+
+
 def test_tools_with_other_numbers_of_boxes_and_with_a_gripper_are_in_other_batches():
     scene = Bodies(table()).scene(0)
     post = stick(0.1).components[0]
@@ -133,7 +148,7 @@ def test_tools_with_other_numbers_of_boxes_and_with_a_gripper_are_in_other_batch
         Component(f"knob{i}", "stick", Pose(np.array([0.0, 0.0, 0.01 * i])), Box((0.03, 0.03, 0.005))) for i in range(5)
     ]
     tools = [stick(0.1), stick(0.2), BARE, Tool((post, *knobs)), HAND]
-    shared = [models.figures(models.model(scene, {}, tool, 0.0025, 50.0, 100.0), scene).shared for tool in tools]
+    shared = [shared_of(scene, tool) for tool in tools]
     assert shared[0] == shared[1] == shared[2]
     assert len({*shared}) == 3
     assert [models.slots(tool) for tool in tools] == [4, 4, 4, 8, 4]
