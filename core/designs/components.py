@@ -231,9 +231,10 @@ def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
 def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
     if joint is None:
         return None
-    axis, at = rounded(pose.rotation.apply(joint.axis)), rounded(pose.apply(joint.origin))
+    axis, at = pose.rotation.apply(joint.axis), rounded(pose.apply(joint.origin))
     numbers = {name: float(f"{getattr(joint, name):.6g}") for name in _JOINT_NUMBERS}
-    return {"kind": joint.kind, "axis": axis, "at": at, **numbers}
+    longest = float(abs(axis).max())  # written as 1, so that what is read again is written the same
+    return {"kind": joint.kind, "axis": rounded(axis / longest), "at": at, **numbers}
 
 
 def check_keys(item: Mapping[str, Any], keys: Iterable[str], where: str) -> None:

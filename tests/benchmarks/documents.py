@@ -33,9 +33,9 @@ from tests.panda import PANDA
 MEMORY_MB = 1500  # of addresses, above those of a child that has read nothing
 FRESH = 250  # documents after which a child is replaced, so that its peak of memory says something
 KINDS: dict[str, Callable[[], ToolRepresentation]] = {
-    "boxes": BoxTools,
-    "solids": SolidTools,
-    "urdf": lambda: UrdfTools(["box", "cylinder", "sphere", "capsule"]),
+    "boxes": lambda: BoxTools(joints=True),
+    "solids": lambda: SolidTools(joints=True),
+    "urdf": lambda: UrdfTools(["box", "cylinder", "sphere", "capsule"], joints=True),
 }
 
 
@@ -101,6 +101,12 @@ def heavy(rng: random.Random) -> dict[str, Any]:
     return dict(rng.choice(made))
 
 
+def joint(rng: random.Random) -> dict[str, Any]:
+    numbers = {name: rng.choice([0.0, rng.uniform(0, 0.02)]) for name in ("damping", "friction", "stiffness", "rest")}
+    ends = {"lower": -rng.uniform(0.01, 0.4), "upper": rng.choice([0.0, rng.uniform(0, 0.4)])}
+    return {"kind": rng.choice(["hinge", "slider"]), "axis": pose(rng)[:3], "at": pose(rng)[:3], **ends, **numbers}
+
+
 def sound(rng: random.Random, kind: str) -> list[dict[str, Any]]:
     """Make a list of components that hang from each other."""
     items: list[dict[str, Any]] = []
@@ -121,7 +127,7 @@ def sound(rng: random.Random, kind: str) -> list[dict[str, Any]]:
             item |= {"shape": name, **round_ones[name]} if name in round_ones else shape
         else:
             item["solid"] = json.dumps(rng.choice([leaf(rng), tree(rng, 2, 3), bowl(rng)]))
-        items.append(item)
+        items.append(item | ({"joint": joint(rng)} if rng.random() < 0.2 else {}))
     return items
 
 
@@ -154,7 +160,7 @@ def document(kind: str, number: int, seed: int) -> Any:
     rng = random.Random(f"{kind} {number} {seed}")
     items: Any = sound(rng, "boxes" if kind == "urdf" else kind)
     if kind == "urdf":
-        items = KINDS["urdf"]().dump(BoxTools().parse({"tool_components": items}, gripper=False))["tool_urdf"]
+        items = KINDS["urdf"]().dump(KINDS["boxes"]().parse({"tool_components": items}, gripper=False))["tool_urdf"]
     what = number % 3
     if what == 1 and isinstance(items, str):
         at, end = sorted(rng.randrange(len(items)) for _ in range(2))

@@ -24,6 +24,7 @@ from plugins.tools.solids.reading import Node
 CHORD = 0.1  # from an arc to the chord that stands for it
 MAX_SEGMENTS = 48
 MAX_TRIANGLES = 8_000
+_MAX_PAIRS = 500  # of parts that are intersected
 _FEW = 6  # cutters, of which each leaves out what the others have taken
 _ALIKE = 1e-3  # mm^2
 
@@ -35,6 +36,20 @@ class TooFine(Exception):
 def segments(radius: float) -> int:
     """Choose a multiple of 4."""
     return min(MAX_SEGMENTS, 4 * math.ceil(math.pi / math.acos(max(0.0, 1 - CHORD / radius)) / 4))
+
+
+def count_triangles(node: Node) -> int:
+    """Estimate the triangles of all shapes of a tree, before any is built."""
+    round_ones = segments(1000 * max(node.sizes[:2])) if node.kind in ("sphere", "cylinder", "capsule", "cone") else 0
+    match node.kind:
+        case "sphere" | "capsule":
+            return round_ones**2 // 2 + 2 * round_ones
+        case "cylinder" | "cone":
+            return 4 * round_ones
+        case "revolve":
+            return 2 * len(node.points) * segments(1000 * max(r for r, _ in node.points))
+        case _:
+            return max(12, 4 * len(node.points)) + sum(map(count_triangles, node.children))
 
 
 def _placed(node: Node, solid: Manifold) -> Manifold:
@@ -116,8 +131,10 @@ def convex_parts(node: Node, tolerance: Tolerance) -> list[Manifold]:
         case "intersection":
             parts = convex_parts(node.children[0], tolerance)
             for child in node.children[1:]:
-                pairs = itertools.product(parts, convex_parts(child, tolerance))
-                parts = [both for a, b in pairs if (both := a ^ b).volume() >= SLIVER]
+                others = convex_parts(child, tolerance)
+                if len(parts) * len(others) > _MAX_PAIRS:
+                    raise TooManyPieces
+                parts = [both for a, b in itertools.product(parts, others) if (both := a ^ b).volume() >= SLIVER]
         case "difference":
             first, *others = node.children
             parts = convex_parts(first, tolerance)
@@ -164,7 +181,12 @@ def _revolved(outline: CrossSection, degrees: float, tolerance: Tolerance) -> li
             parts = cut(parts, few_planes(pocket.revolve(fine), tolerance))
         return parts
     pieces = outline_pieces(outline, tolerance)
-    return [sector for piece in pieces for sector in _sectors(piece, degrees, tolerance)]
+    sectors: list[Manifold] = []
+    for piece in pieces:
+        sectors += _sectors(piece, degrees, tolerance)
+        if len(sectors) > MAX_PIECES:
+            raise TooManyPieces
+    return sectors
 
 
 def _sectors(outline: CrossSection, degrees: float, tolerance: Tolerance) -> list[Manifold]:

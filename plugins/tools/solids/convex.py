@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from manifold3d import CrossSection, Manifold
-from scipy.spatial import cKDTree
+from scipy.spatial import HalfspaceIntersection, QhullError, cKDTree
 
 from core.geometry import Array
 
@@ -79,17 +79,19 @@ class Faces:
         normals, areas, centers = normals[kept], areas[kept], sums[kept] / areas[kept, None]
         return cls(normals, np.max(normals @ corners.T, axis=1), centers, areas, curved[kept], corners)
 
-    def excess(self, polyhedron: Manifold) -> tuple[Array, Array]:
-        """Return the corners (C, 3) of a polyhedron, and how far each exceeds each face (C, F)."""
-        corners = vertices_of(polyhedron)
-        return corners, corners @ self.normals.T - self.offsets
+    def excess(self, planes: Planes) -> tuple[Array, Array]:
+        """Return the corners (C, 3) of the polyhedron of planes, and how far each exceeds each face (C, F).
 
-    def enclosed(self, planes: Planes) -> Manifold:
-        """Build the polyhedron of planes, in a box that is far larger than the solid."""
-        polyhedron = Manifold.cube([8 * np.abs(self.corners).max()] * 3, True)
-        for normal, offset in zip(*planes, strict=True):
-            polyhedron = polyhedron.trim_by_plane(-normal, -offset)
-        return polyhedron
+        The polyhedron is in a box that is far larger than the solid; both have the origin inside.
+        """
+        size = 4 * np.abs(self.corners).max()
+        walls = np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.full(6, -size)])
+        halves = np.column_stack([planes[0], -planes[1]])
+        try:
+            corners = HalfspaceIntersection(np.vstack([walls, halves]), np.zeros(3)).intersections
+        except QhullError as error:  # it is thinner than the numbers are exact
+            raise TooManyPieces from error
+        return corners, corners @ self.normals.T - self.offsets
 
 
 def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
@@ -104,16 +106,14 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
     middle = vertices_of(solid).mean(axis=0)
     faces = Faces.of(solid.translate(-middle))
     chosen: list[int] = []
-    polyhedron = faces.enclosed((np.empty((0, 3)), np.empty(0)))
     while True:
-        _, excess = faces.excess(polyhedron)
+        _, excess = faces.excess((faces.normals[chosen], faces.offsets[chosen]))
         excess[:, chosen] = 0.0
         if excess.max() <= sum(tolerance):
             break
         if len(chosen) == MAX_PIECES:
             raise TooManyPieces
         chosen.append(int(excess.max(axis=0).argmax()))
-        polyhedron = polyhedron.trim_by_plane(-faces.normals[chosen[-1]], -faces.offsets[chosen[-1]])
     curved = faces.curved
     flat, bent = ([k for k in chosen if curved[k] == wanted] for wanted in (False, True))
     best = _spread(faces, flat, bent)
@@ -121,12 +121,12 @@ def few_planes(solid: Manifold, tolerance: Tolerance) -> Planes:
     while enough - too_few > 1:
         count = (too_few + enough) // 2
         planes = _spread(faces, flat, bent[:count])
-        if faces.excess(faces.enclosed(planes))[1].max() <= sum(tolerance):
+        if faces.excess(planes)[1].max() <= sum(tolerance):
             best, enough = planes, count
         else:
             too_few = count
     normals, offsets = best
-    corners, excess = faces.excess(faces.enclosed(best))
+    corners, excess = faces.excess(best)
     moved = offsets.copy()
     for k in range(len(flat), len(offsets)):
         on = np.abs(corners @ normals[k] - offsets[k]) < _ON
@@ -160,20 +160,15 @@ def cut(parts: Iterable[Manifold], planes: Planes) -> list[Manifold]:
     normals, offsets = planes
     pieces: list[Manifold] = []
     for part in parts:
-        left = part
-        corners = vertices_of(part)
-        crossing = np.flatnonzero((corners @ normals.T > offsets + 1e-6).any(axis=0))
-        inside = part
-        for plane in crossing:
-            inside = inside.trim_by_plane(-normals[plane], -offsets[plane])
-        if inside.volume() < SLIVER:
-            pieces.append(part)
-            continue
-        for plane in crossing:
-            outside = left.trim_by_plane(normals[plane], offsets[plane])
-            if outside.volume() >= SLIVER:
-                pieces.append(outside)
-            left = left.trim_by_plane(-normals[plane], -offsets[plane])
+        beyond = vertices_of(part) @ normals.T > offsets + 1e-6
+        left, outside = part, []
+        for plane in np.flatnonzero(beyond.any(axis=0)) if not beyond.all(axis=0).any() else ():
+            beside, left = left.split_by_plane(normals[plane], offsets[plane])
+            outside.append(beside)
+            if left.volume() < SLIVER:
+                break
+        entered = left.volume() >= SLIVER and not beyond.all(axis=0).any()
+        pieces += [piece for piece in outside if piece.volume() >= SLIVER] if entered else [part]
         if len(pieces) > MAX_PIECES:
             raise TooManyPieces
     return pieces

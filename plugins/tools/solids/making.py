@@ -16,8 +16,7 @@ from plugins.tools.solids.convex import SLIVER, Tolerance, TooManyPieces, is_con
 from plugins.tools.solids.reading import Node
 
 WITHIN_M = 0.001  # between a solid and its convex parts, both ways
-MAX_PARTS = 64  # of a component
-MAX_TOOL_PARTS = 96
+MAX_PARTS = 64  # of a tool's solids that are not convex
 MANY_VERTICES = 64  # of a convex part, from which on some are left out
 
 _MIN_VOLUME = 0.1  # mm^3
@@ -27,7 +26,7 @@ _TOUCH = 0.01  # mm
 # first the parts are fewest; at thin rims the others keep closer.
 _TOLERANCES = (Tolerance(0.95, 0.95), Tolerance(0.85, 0.4), Tolerance(0.45, 0.2))
 _SLIM = (0.02, 0.05, 0.1, 0.2, 0.4)
-_SAMPLES = 1000
+_SAMPLES = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +44,8 @@ class WrittenCompound(Compound):
 
 
 @lru_cache(maxsize=512)
-def make_shape(tree: Node) -> tuple[Shape | Compound, Pose]:
-    """Make the shape of a solid, and its pose in the component's frame.
+def make_shape(tree: Node, most: int = MAX_PARTS) -> tuple[Shape | Compound, Pose]:
+    """Make the shape of a solid, of ``most`` convex parts, and its pose in the component's frame.
 
     Raises:
         DesignError: nothing is left of it, it falls apart, or it needs too many triangles or parts; a message to follow
@@ -70,7 +69,7 @@ def make_shape(tree: Node) -> tuple[Shape | Compound, Pose]:
         _check_whole(solid)
         if is_convex(solid):
             return WrittenMesh(*_triangles(_slim(solid.hull())), tree), Pose()
-        return WrittenCompound(Mesh(*_triangles(solid)), _parts(tree, solid), tree), Pose()
+        return WrittenCompound(Mesh(*_triangles(solid)), _parts(tree, solid, most), tree), Pose()
     except TooFine as error:
         raise DesignError(f"has more than {MAX_TRIANGLES} triangles; use fewer curved shapes and holes") from error
 
@@ -94,7 +93,7 @@ def node_of(shape: Shape | Compound) -> Node:
             return Node("union", children=tuple(map(node_of, shape.parts)))
 
 
-def _parts(tree: Node, solid: Manifold) -> tuple[Mesh, ...]:
+def _parts(tree: Node, solid: Manifold, most: int) -> tuple[Mesh, ...]:
     """Make the convex parts, with the first tolerance that keeps them near the solid."""
     problem = ""
     for tolerance in _TOLERANCES:
@@ -102,30 +101,32 @@ def _parts(tree: Node, solid: Manifold) -> tuple[Mesh, ...]:
             parts = [part for part in convex_parts(tree, tolerance) if part.volume() >= SLIVER]
         except TooManyPieces:
             parts = []
-        if not 0 < len(parts) <= MAX_PARTS:
+        if not 0 < len(parts) <= most:
             needed = f"{len(parts)} convex parts" if parts else f"more than {MAX_PARTS} convex parts"
+            left = f", of which {most} are left" if most < MAX_PARTS else ""
             raise DesignError(
-                f"needs {needed} to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} are allowed: make "
-                "round hollows smaller or flat-walled, or leave some out"
+                f"needs {needed} to keep within {1000 * WITHIN_M:g} mm{problem}; at most {MAX_PARTS} are allowed for "
+                f"a tool{left}: make round hollows smaller or flat-walled, or leave some out"
             )
         parts = [_slim(part) for part in parts]
-        outside, missing = deviation(parts, solid)
-        if max(outside, missing) <= 1000 * WITHIN_M:
+        off = deviation(parts, solid)
+        if off <= 1000 * WITHIN_M:
             return tuple(Mesh(*_triangles(part)) for part in parts)
-        problem = f" (with fewer, {max(outside, missing):.2f} mm)"
+        problem = f" (with fewer, {off:.2f} mm)"
     raise DesignError(
-        f"can't be made of convex parts within {1000 * WITHIN_M:g} mm: they come out {outside:.2f} mm, and miss "
-        f"{missing:.2f} mm of it; make thin curved walls thicker, and avoid sharp rims"
+        f"can't be made of convex parts within {1000 * WITHIN_M:g} mm: they differ by {off:.2f} mm; make thin curved "
+        "walls thicker, and avoid sharp rims"
     )
 
 
-def deviation(parts: list[Manifold], solid: Manifold) -> tuple[float, float]:
-    """Measure how far parts come out of a solid, and how far points of it are from the parts, in millimetres.
+def deviation(parts: list[Manifold], solid: Manifold) -> float:
+    """Measure how far parts come out of a solid; if that is allowed, also how far points of it are from the parts.
 
-    Distances are exact, at corners and at many points between these.
+    Distances, in millimetres, are exact, at corners and at many points between these.
     """
     whole = Manifold.batch_boolean(parts, OpType.Add)
-    return _farthest(whole - solid, solid), _farthest(solid - whole, whole)
+    out = _farthest(whole - solid, solid)
+    return out if out > 1000 * WITHIN_M else max(out, _farthest(solid - whole, whole))
 
 
 def _farthest(pieces: Manifold, solid: Manifold) -> float:
@@ -164,11 +165,12 @@ def _check_whole(solid: Manifold) -> None:
     if len(pieces) > _MAX_PIECES:
         raise DesignError(f"falls into {len(pieces)} pieces; a component is of one piece")
     joined, apart = pieces[:1], pieces[1:]
-    while apart:
-        near = [piece for piece in apart if any(piece.min_gap(other, 1.0) < _TOUCH for other in joined)]
-        if not near:
-            raise DesignError(f"falls into {len(pieces)} pieces; join them, or write them as components that touch")
-        joined, apart = joined + near, [piece for piece in apart if piece not in near]
+    while joined and apart:
+        piece = joined.pop()
+        near = [other for other in apart if piece.min_gap(other, 1.0) < _TOUCH]
+        joined, apart = joined + near, [other for other in apart if other not in near]
+    if apart:
+        raise DesignError(f"falls into {len(pieces)} pieces; join them, or write them as components that touch")
 
 
 def _slim(part: Manifold) -> Manifold:

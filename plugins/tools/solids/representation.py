@@ -17,10 +17,11 @@ from core.designs.components import (
 )
 from core.designs.mounting import describe_mount, first_box
 from core.designs.rules import MAX_COMPONENTS, MIN_SIDE_M
-from core.geometry import Compound, Pose, Shape
+from core.geometry import Box, Compound, Pose, Shape
 from core.interfaces import Brief, ToolRepresentation
-from plugins.tools.solids.making import MAX_PARTS, MAX_TOOL_PARTS, WITHIN_M, make_shape, node_of
-from plugins.tools.solids.reading import MAX_NODES, MAX_POINTS, MAX_SIZE_M, TreeReader, dump_node
+from plugins.tools.solids.building import MAX_TRIANGLES, count_triangles
+from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
+from plugins.tools.solids.reading import MAX_NODES, MAX_POINTS, MAX_SIZE_M, SIZES, Node, TreeReader, dump_node
 
 FIELD = "tool_solids"
 
@@ -45,7 +46,9 @@ class SolidTools(ToolRepresentation):
         return {FIELD: {"type": "array", "items": component_schema(solid, self.joints)}}
 
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
-        return read_components(data, FIELD, ("solid",), _Reader().read, self.robot, gripper, self.joints)
+        reader = _Reader()
+        read_components(data, FIELD, ("solid",), reader.read, self.robot, gripper, self.joints)
+        return read_components(data, FIELD, ("solid",), reader.make, self.robot, gripper, self.joints)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
         return {FIELD: write_components(tool, _write_solid, self.joints)}
@@ -86,31 +89,36 @@ Each component is an object with these keys:
   A tool has at most {MAX_NODES} nodes, an outline at most {MAX_POINTS} corners, and a component is of one piece.
 {{rules}}
 - What is not convex collides as convex parts that keep within {WITHIN_M * 1000:g} mm of the solid, at most {MAX_PARTS}
-  for a component and {MAX_TOOL_PARTS} for a tool. Flat walls need few parts, deep round bowls many: one of 3 mm wall
-  fits up to about 50 mm of radius.
+  for a tool. Flat walls need few parts, deep round bowls many: one of 3 mm wall fits up to about 50 mm of radius.
 
 Example of a list with one component, a bar with a hole across:
 {{example}}"""
 
 
 class _Reader:
-    """Reads the solids of one tool, and counts their parts."""
+    """Reads the trees of one tool and counts their triangles, then makes the shapes and counts their parts."""
 
     def __init__(self) -> None:
-        self._trees, self._parts = TreeReader(), 0
+        self._reader, self._trees = TreeReader(), dict[str, Node]()
+        self._triangles, self._parts = 0, 0
 
     def read(self, item: Mapping[str, Any], where: str) -> tuple[Shape | Compound, Pose]:
-        node = self._trees.read(item.get("solid"), f"{where}: solid")
+        """Read a tree; what is returned stands in for its shape."""
+        node = self._trees[where] = self._reader.read(item.get("solid"), f"{where}: solid")
+        self._triangles += count_triangles(node) if node.kind not in SIZES else 0
+        if self._triangles > MAX_TRIANGLES:
+            raise DesignError(
+                f"{where}: with it the tool's solids have {self._triangles} triangles; at most {MAX_TRIANGLES} are "
+                "allowed: use fewer or smaller spheres and revolutions (a whole component that is one sphere is free)"
+            )
+        return Box((1.0, 1.0, 1.0)), Pose()
+
+    def make(self, item: Mapping[str, Any], where: str) -> tuple[Shape | Compound, Pose]:
         try:
-            shape, pose = make_shape(node)
+            shape, pose = make_shape(self._trees[where], MAX_PARTS - self._parts)
         except DesignError as error:
             raise DesignError(f"{where}: its solid {error}") from error
-        self._parts += len(shape.convex_parts())
-        if self._parts > MAX_TOOL_PARTS:
-            raise DesignError(
-                f"{where}: with it the tool's solids need {self._parts} convex parts; at most {MAX_TOOL_PARTS} are "
-                "allowed: use fewer or smaller bowls and rings, or flat walls"
-            )
+        self._parts += len(shape.parts) if isinstance(shape, Compound) else 0
         return shape, pose
 
 

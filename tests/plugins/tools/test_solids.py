@@ -34,6 +34,9 @@ LADLE = {"union": [BOWL, {"cylinder": [0.005, 0.2], "at": [0.029, 0, 0.097]}]}
 SPOOL = {"revolve": [[0, 0], [0.03, 0], [0.03, 0.005], [0.01, 0.01], [0.01, 0.03], [0.03, 0.035], [0, 0.04]]}
 MEET = {"intersection": [TUBE, {"box": [0.1, 0.02, 0.1]}, {"box": [0.1, 0.1, 0.1], "at": [0.05, 0, 0]}]}
 SHAPES = {"bowl": BOWL, "tube": TUBE, "L": L_PROFILE, "fork": FORK, "hook": HOOK, "ladle": LADLE, "spool": SPOOL}
+STAR = np.linspace(0, math.tau, 25)[:-1]
+COMB = [[0, 0], *([0.02 * k + x, y] for k in range(11) for x, y in ((0, 0.2), (0.01, 0.2), (0.01, 0.01), (0.02, 0.01)))]
+TEETH = {"extrude": [*COMB, [0.22, 0]], "height": 0.5}
 EXACT = {"L": 2, "fork": 7}  # and how many parts they need
 
 
@@ -274,9 +277,54 @@ def test_wrong_text_is_refused_with_a_reason(text, reason):
 
 
 def test_nodes_and_parts_are_counted_over_all_components():
-    union = {"union": [BALL] * (MAX_NODES // 2)}
+    union = {"union": [{"box": [0.01, 0.01, 0.01]}] * (MAX_NODES // 2)}
     with pytest.raises(DesignError, match=r"'b': solid.*: a tool may have 40|'b'.* has 20 shapes; a tool may have 40"):
         parse(item(union), item(union, "b"))
-    bowls = [item(BOWL, name) for name in "abcd"]
-    with pytest.raises(DesignError, match=r"'d': with it the tool's solids need [0-9]+ convex parts; at most 96"):
-        parse(*bowls)
+    needs = "'c': its solid needs [0-9]+ convex parts to .* at most 64 are allowed for a tool, of which [0-9]+ are left"
+    with pytest.raises(DesignError, match=needs):
+        parse(*[item(BOWL, name) for name in "abc"])
+
+
+def test_triangles_are_counted_over_all_components_but_not_those_of_whole_primitives():
+    parse(*[item({"sphere": 0.5}, f"c{k}") for k in range(MAX_NODES)])
+    lens = {"intersection": [{"sphere": 0.5}, {"sphere": 0.5, "at": [0.5, 0, 0]}]}
+    parse(*[item(lens, name) for name in "abc"])
+    with pytest.raises(DesignError, match=r"'d': with it the tool's solids have [0-9]+ triangles; at most 8000"):
+        parse(*[item(lens, name) for name in "abcd"])
+
+
+@pytest.mark.parametrize(
+    "last", [item({"blob": 1}, "z"), item(BALL, "z", parent="none"), item(BALL, "z", mass="much"), item(BALL)]
+)
+def test_all_of_a_tool_is_read_before_a_solid_is_built(last, monkeypatch):
+    monkeypatch.setattr("plugins.tools.solids.representation.make_shape", lambda *_: pytest.fail("built"))
+    with pytest.raises(DesignError):
+        parse(item(BOWL), last)
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        {"revolve": [[0.5 + r * math.cos(t), r * math.sin(t)] for t, r in zip(STAR, [0.4, 0.1] * 12, strict=True)]},
+        {
+            "intersection": [
+                {"extrude": COMB, "height": 0.5},
+                {"extrude": COMB, "height": 0.5, "at": [0, 0, 0, 0, 0, 1]},
+            ]
+        },
+    ],
+)
+def test_what_would_need_very_many_parts_is_refused(solid):
+    with pytest.raises(DesignError, match=r"needs .*convex parts to keep within 1 mm|more than 8000 triangles"):
+        shape(solid)
+
+
+@pytest.mark.parametrize("axis", [[-0.00566, -0.00933, 0.01587], [0, 0, 1], [1, -1, 0]])
+def test_a_joint_is_written_as_it_is_read(axis):
+    tools = SolidTools(joints=True)
+    joint = {"kind": "hinge", "axis": axis, "at": [0.00310324, 0.0169375, -0.0118702], "lower": -0.2, "upper": 0.3}
+    tool = tools.parse({"tool_solids": [item(BALL, rpy=[0, 2.36756533, 0], joint=joint)]}, gripper=False)
+    written = tools.dump(tool)
+    assert tools.dump(tools.parse(written, gripper=False)) == written
+    back = np.array(written["tool_solids"][0]["joint"]["axis"])
+    np.testing.assert_allclose(back / np.linalg.norm(back), axis / np.linalg.norm(axis), atol=1e-5)
