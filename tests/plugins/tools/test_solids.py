@@ -309,7 +309,7 @@ def test_all_of_a_tool_is_read_before_a_solid_is_built(last, monkeypatch):
         {
             "intersection": [
                 {"extrude": COMB, "height": 0.5},
-                {"extrude": COMB, "height": 0.5, "at": [0, 0, 0, 0, 0, 1]},
+                {"extrude": COMB, "height": 0.5, "at": [0, 0, 0, 0, -math.pi / 2, 0]},
             ]
         },
     ],
