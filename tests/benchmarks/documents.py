@@ -24,7 +24,7 @@ from typing import Any
 from core.design import DesignError
 from core.designs.rules import check_tool
 from core.interfaces import ToolRepresentation
-from plugins.tools.boxes import BoxTools
+from plugins.tools.boxes.representation import BoxTools
 from plugins.tools.solids.representation import SolidTools
 from plugins.tools.urdf.representation import UrdfTools
 from tests.fuzz.answers import VALUES

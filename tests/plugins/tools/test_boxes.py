@@ -11,7 +11,7 @@ from core.designs.rules import check_tool
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere
 from core.plugins import Plugins
 from plugins.tools import boxes
-from plugins.tools.boxes import BoxTools
+from plugins.tools.boxes.representation import BoxTools
 from tests.panda import PANDA
 
 TOOLS = BoxTools()

@@ -22,18 +22,12 @@ from core.designs.components import (
 from core.designs.mounting import describe_mount, first_box
 from core.designs.rules import MAX_COMPONENTS, MAX_SIDE_M, MIN_SIDE_M
 from core.geometry import Box, Capsule, Compound, Cylinder, Pose, Shape, Sphere
-from core.hooks import hookimpl
 from core.interfaces import Brief, ToolRepresentation
 from core.text import shorten
 
 FIELD = "tool_components"
 _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "sphere": ("radius",)}
 _KEYS = ("shape", "size", "radius", "length")
-
-
-@hookimpl
-def tool_representations() -> Mapping[str, Callable[..., ToolRepresentation]]:
-    return {"boxes": BoxTools}
 
 
 class BoxTools(ToolRepresentation):
