@@ -32,7 +32,7 @@ def python_m(site, folder, *words):
 
 
 def test_all_its_parts_together_right_after_its_installation(site, tmp_path):
-    parts = ["sim=toy", "task=PushButton", "tool=boxes", "evolution=restarts"]
+    parts = ["sim=toy", "task=PushButton", "tool=numbers", "evolution=restarts"]
     parts += ["vlm=echo", "executor=here", "fitness=thrifty", "listener=[csv]", "listener.csv.delimiter=';'"]
     done = python_m(site, tmp_path, "core.run", *parts, *SMALL, "hydra.run.dir=run")
     assert done.returncode == 0, done.stderr
@@ -50,7 +50,7 @@ def test_every_combination_with_what_is_built_in(site, tmp_path):
         "sim": ("toy", "pybullet"),
         "task": ("PushButton", "BringCube"),
         "vlm": ("echo", "offline"),
-        "tool": ("boxes", "urdf"),
+        "tool": ("numbers", "urdf"),
     }
     sweep = [f"{kind}={','.join(names)}" for kind, names in choices.items()]
     fixed = [
@@ -65,14 +65,14 @@ def test_every_combination_with_what_is_built_in(site, tmp_path):
     assert done.returncode == 0, done.stderr
     tables = list((tmp_path / "sweep").glob("*/candidates.csv"))
     assert len(tables) == len(list(product(*choices.values())))
-    assert (tmp_path / "sweep/0_PushButton_boxes_restarts_seed0").is_dir()
+    assert (tmp_path / "sweep/0_PushButton_numbers_restarts_seed0").is_dir()
     for table in tables:
         (row,) = csv.DictReader(table.open())
         assert row["status"] == "ok", table
 
 
 @pytest.mark.parametrize(
-    "part", ["sim=toy", "vlm=echo", "task=PushButton tool=boxes", "evolution=restarts", "fitness=thrifty"]
+    "part", ["sim=toy", "vlm=echo", "task=PushButton tool=numbers", "evolution=restarts", "fitness=thrifty"]
 )
 def test_its_parts_travel_to_our_workers(site, tmp_path, part):
     run = ["executor.workers=1", "listener=[csv,progress]", "hydra.run.dir=run"]
@@ -84,7 +84,7 @@ def test_its_parts_travel_to_our_workers(site, tmp_path, part):
 def test_runs_side_by_side(site, tmp_path):
     """In joblib's processes, with workers of their own."""
     sweep = ["-m", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=sweep", "seed=0,1"]
-    parts = ["sim=toy", "task=PushButton", "tool=boxes", "vlm=echo", "executor.workers=1", "listener=[csv]"]
+    parts = ["sim=toy", "task=PushButton", "tool=numbers", "vlm=echo", "executor.workers=1", "listener=[csv]"]
     done = python_m(site, tmp_path, "core.run", *sweep, *parts, *SMALL, "budget.n_iteration=0")
     assert done.returncode == 0, done.stderr
     results = [json.loads(file.read_text()) for file in (tmp_path / "sweep").glob("*/result.json")]
@@ -93,7 +93,7 @@ def test_runs_side_by_side(site, tmp_path):
     assert re.search(r"PushButton .*\b2\b", done.stderr)  # the sweep's table
 
 
-@pytest.mark.parametrize("part", ["task=PushButton", "tool=boxes", "evolution=restarts", "fitness=thrifty",
+@pytest.mark.parametrize("part", ["task=PushButton", "tool=numbers", "evolution=restarts", "fitness=thrifty",
                                   "vlm=echo", "executor=here", "listener=csv"])  # fmt: skip
 def test_its_parts_conform(site, tmp_path, part):
     """All but the simulator, which has no physics."""
@@ -108,7 +108,7 @@ def test_what_it_offers_is_listed_with_its_name(site, tmp_path):
         "task": "PushButton",
         "sim": "toy",
         "vlm": "echo",
-        "tool": "boxes",
+        "tool": "numbers",
         "evolution": "restarts",
         "fitness": "thrifty",
         "executor": "here",

@@ -115,9 +115,13 @@ class Discovery:
 
 
 def _switched_on() -> list[tuple[importlib.metadata.EntryPoint, str]]:
-    """Return the entry points to load with their distributions: all of them, or those that `SWITCH` names."""
+    """Return the entry points to load with their distributions: all of them, or those that `SWITCH` names.
+
+    This project's own come first: the first offer of a name is kept, and no other package may replace a built-in part.
+    """
     entries = importlib.metadata.entry_points(group=PROJECT)
     found = [(entry, entry.dist.name if entry.dist else "?") for entry in entries]
+    found.sort(key=lambda of: of[1] != PROJECT)
     chosen = os.environ.get(SWITCH)
     if chosen is None:
         return found

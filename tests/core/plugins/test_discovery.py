@@ -56,6 +56,16 @@ def test_an_import_that_fails_is_remembered_and_hurts_nobody(monkeypatch):
         found.factory("sim", "pybullet")
 
 
+def test_no_other_package_replaces_a_built_in_part(monkeypatch):
+    own = list(importlib.metadata.entry_points(group=PROJECT))
+    other = importlib.metadata.EntryPoint("other", "tasks", PROJECT)  # as if listed first, it offers BringCube too
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda **how: [other, *own])
+    found = Plugins()
+    assert found.offers["task", "BringCube"].distribution == PROJECT
+    assert {failure.entry_point for failure in found.failures} == {"other"}
+    assert any("is taken by" in failure.reason for failure in found.failures)
+
+
 def test_an_import_that_raises_whatever_it_likes(monkeypatch, tmp_path):
     (tmp_path / "moody.py").write_text("raise RuntimeError('not today')")
     monkeypatch.syspath_prepend(tmp_path)

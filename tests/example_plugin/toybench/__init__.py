@@ -20,7 +20,7 @@ def tasks():
 
 @hookimpl
 def tool_representations():
-    return {"boxes": "toybench.boxes:Boxes"}
+    return {"numbers": "toybench.numbers:Numbers"}
 
 
 @hookimpl

@@ -9,7 +9,7 @@ from core.interfaces import ToolRepresentation
 NUMBERS = ("parent", "x", "y", "z", "roll", "pitch", "yaw", "length", "width", "height")
 
 
-class Boxes(ToolRepresentation):
+class Numbers(ToolRepresentation):
     """One field, ``boxes``. Parents: 0 is the mount (or left finger), -1 the right finger, n the n-th box."""
 
     def schema(self):
