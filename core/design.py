@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from core.geometry import Array, Compound, Pose, Shape
+from core.geometry import Compound, Pose, Shape
+from core.plans import ActionPlan, Waypoints, content_of, digest
 
 RIGID_MOUNT = "tool_mount"
 GRIPPER_MOUNTS = ("left_finger", "right_finger")
@@ -149,7 +149,7 @@ class Tool:
     @cached_property
     def content(self) -> str:
         """A hash of what is simulated: equal for tools that differ in name and description only."""
-        return _digest(_content(replace(self, name="", description="")))
+        return digest(content_of(replace(self, name="", description="")))
 
     def placed(self) -> dict[str, tuple[str, Pose]]:
         """Return for each component its mount and its pose in the mount's frame, with all joints at 0."""
@@ -198,13 +198,13 @@ class Tool:
 class Candidate:
     """A tool and one action plan, which are tried in one rollout.
 
-    ``plan`` is (N, 6): x, y, z, roll, pitch, yaw of `RIGID_MOUNT`'s frame in the world; or (N, 7) with the gripper, 0
-    open to 1 closed. ``problem`` says which rule the design breaks, so that it can't be tried; then ``tool`` may be
-    None and ``plan`` empty. `id` is made of ``generation``, ``agent``, ``strategy`` and ``action``.
+    An array (N, 6) or (N, 7) as ``plan`` stands for literal `Waypoints`.
+    ``problem`` says which rule the design breaks, so that it can't be tried; then ``tool`` may be None and ``plan``
+    empty. `id` is made of ``generation``, ``agent``, ``strategy`` and ``action``.
     """
 
     tool: Tool | None
-    plan: Array
+    plan: ActionPlan
     generation: int = 0
     agent: int = 0
     strategy: int = 0
@@ -214,6 +214,10 @@ class Candidate:
     action_description: str = ""
     parents: tuple[str, ...] = ()
     problem: str | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.plan, np.ndarray):  # for short: literal waypoints
+            object.__setattr__(self, "plan", Waypoints(self.plan))
 
     @property
     def key(self) -> tuple[int, int, int, int]:
@@ -228,24 +232,7 @@ class Candidate:
     @cached_property
     def content(self) -> str:
         """A hash of what is tried: equal where tools and plans are equal to the last bit, in every process."""
-        return _digest((self.tool and self.tool.content, _content(self.plan)))
-
-
-def _digest(content: object) -> str:
-    return hashlib.blake2b(repr(content).encode(), digest_size=16).hexdigest()
-
-
-def _content(value: object) -> object:
-    """Write a value as nested tuples. Fields with their default are left out, so that a new field changes no hash."""
-    if is_dataclass(value):
-        named = [(field, getattr(value, field.name)) for field in fields(value)]
-        given = [(f.name, _content(v)) for f, v in named if not (type(v) is type(f.default) and v == f.default)]
-        return type(value).__name__, *given
-    if isinstance(value, np.ndarray):
-        return value.shape, value.dtype.str, value.tobytes()
-    if isinstance(value, tuple):
-        return tuple(_content(item) for item in value)
-    return value
+        return digest((self.tool and self.tool.content, self.plan.content))
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,6 +258,24 @@ class Evaluation:
     moved_m: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     details: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How many candidates are tried, and which of them become elites (the paper's parameters)."""
+
+    n_agent: int  # requests in a generation
+    n_tool: int  # tools in a request
+    n_action: int  # action plans for each tool
+    n_iteration: int  # generations after the first
+    k_top: int  # candidates that may become elites
+    reward_save: float  # an elite earns more than this
+    stop_reward: float | None = None  # the run ends when the highest reward reaches it; None: never
+
+    @property
+    def population(self) -> int:
+        """The number of candidates in a generation."""
+        return self.n_agent * self.n_tool * self.n_action
 
 
 def ranked(items: Iterable[T], figures: Callable[[T], tuple[float, float | None]], tie: float = TIE) -> list[T]:

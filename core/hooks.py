@@ -59,6 +59,10 @@ class Parts(Protocol):
         """Make a `core.interfaces.ToolRepresentation`."""
 
     @hookspec
+    def action_representations(self) -> Factories:
+        """Make a `core.interfaces.ActionRepresentation`."""
+
+    @hookspec
     def evolution_strategies(self) -> Factories:
         """Make a `core.interfaces.EvolutionStrategy`; the factory also receives ``designer`` and ``budget``."""
 

@@ -13,17 +13,19 @@ import math
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from core.design import TIE, Candidate, Evaluation, Tool
+from core.design import Budget as Budget
 from core.errors import UsageError, UserError
 from core.geometry import Array, Pose
 from core.jobs import JointTrajectory as JointTrajectory
 from core.jobs import Outcome as Outcome
+from core.jobs import Perception as Perception
 from core.jobs import Recording as Recording
 from core.jobs import Rollout as Rollout
 from core.jobs import RolloutSettings as RolloutSettings
@@ -38,6 +40,10 @@ from core.messages import Text as Text
 from core.observations import Contact as Contact
 from core.observations import Observation as Observation
 from core.observations import observation as observation
+from core.plans import ActionPlan as ActionPlan
+from core.plans import Seen as Seen
+from core.plans import Tempo as Tempo
+from core.plans import Waypoints as Waypoints
 from core.robots import Flange as Flange
 from core.robots import Gripper as Gripper
 from core.robots import Robot as Robot
@@ -151,6 +157,7 @@ class Brief:
     agent: int  # its number in the generation
     seed: int  # for a model that draws random numbers
     elites: tuple[Evaluation, ...] = ()  # the best first; empty: the agent starts from nothing
+    actions: ActionRepresentation = field(kw_only=True)
     tried: tuple[Evaluation, ...] = ()  # all of earlier generations, if the prompt may show them
 
 
@@ -240,6 +247,26 @@ class ToolRepresentation(ABC):
         return None
 
 
+class ActionRepresentation(ABC):
+    """How a model writes an action plan, and how that is read."""
+
+    @abstractmethod
+    def instructions(self, brief: Brief) -> str:
+        """Return the part of the prompt that says what a plan is: list items in Markdown."""
+
+    @abstractmethod
+    def schema(self, *, gripper: bool) -> dict[str, Any]:
+        """Return the JSON schema of one plan, for tools with the gripper or without."""
+
+    @abstractmethod
+    def parse(self, data: object, *, gripper: bool) -> ActionPlan:
+        """Read a plan. A model wrote it: it may hold anything.
+
+        Raises:
+            DesignError: says what is wrong, in which waypoint, and how to mend it.
+        """
+
+
 class GivenTools(ToolRepresentation):
     """A representation of given tools: a subclass implements `given` alone."""
 
@@ -258,24 +285,6 @@ class GivenTools(ToolRepresentation):
 
     def dump(self, tool: Tool) -> dict[str, Any]:
         return {}
-
-
-@dataclass(frozen=True)
-class Budget:
-    """How many candidates are tried, and which of them become elites (the paper's parameters)."""
-
-    n_agent: int  # requests in a generation
-    n_tool: int  # tools in a request
-    n_action: int  # action plans for each tool
-    n_iteration: int  # generations after the first
-    k_top: int  # candidates that may become elites
-    reward_save: float  # an elite earns more than this
-    stop_reward: float | None = None  # the run ends when the highest reward reaches it; None: never
-
-    @property
-    def population(self) -> int:
-        """The number of candidates in a generation."""
-        return self.n_agent * self.n_tool * self.n_action
 
 
 class Designer(Protocol):

@@ -6,7 +6,7 @@ Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/te
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -56,6 +56,19 @@ class Rollout:
     record_hz: float = 0.0
 
 
+@dataclass
+class Perception:
+    """The noise of what plans see: standard deviations of x and y, metres, and of the yaw, radians."""
+
+    position: float = 0.0
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("position", self.position), ("yaw", self.yaw)):
+            if not 0 <= value <= 1:
+                raise UsageError(f"perception.{name} must be between 0 and 1, got {value}")
+
+
 PENETRATION_MODES = ("forbid", "warn", "ignore")
 
 
@@ -69,7 +82,8 @@ class RolloutSettings:
     one another (`core.simulation.penetration`): with ``forbid`` nothing, with ``warn`` the task's reward; both add a
     warning. With ``ignore`` nothing is checked. A plan that drives the arm through itself or the tool through the arm
     (`core.robot.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``. With ``observe`` each
-    evaluation's details hold an observation of its rollout (`core.simulation.observing`).
+    evaluation's details hold an observation of its rollout (`core.simulation.observing`). Plans that look see the scene
+    with the noise of ``perception``.
     """
 
     segment_s: float = 0.5
@@ -79,6 +93,7 @@ class RolloutSettings:
     max_motion_s: float = 120.0
     penetration: str = "forbid"
     observe: bool = False
+    perception: Perception = field(default_factory=Perception)
 
     def __post_init__(self) -> None:
         check_positive("rollout.", segment_s=self.segment_s, speed=self.speed, max_motion_s=self.max_motion_s)

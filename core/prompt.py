@@ -77,6 +77,7 @@ def compose(cfg: DictConfig) -> Request:
         part("sim", cfg.sim).create(),
         NoModel(installed().factory("vlm", cfg.vlm.name)),
         representation,
+        part("action", cfg.action).create(),
         PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged),
         Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)}),
         seed=cfg.seed,

@@ -22,6 +22,7 @@ FLOORS = {
         "geometry",
         "shapes",
         "scene",
+        "plans",
         "design",
         "materials",
         "robots",
@@ -55,6 +56,7 @@ PARTS = {
     "sim": "pybullet, sapien, mujoco",
     "vlm": "gemini, openai, ... or offline",
     "tool": "urdf, boxes, solids; none",
+    "action": "waypoints, anchored",
     "evolution": "vlmgineer, sampling",
     "fitness": "nominal, robust",
     "executor": "local, ray",
@@ -100,7 +102,7 @@ def arrow(*corners: tuple[float, float], dashed: bool = False) -> str:
 
 
 def house() -> str:
-    """Draw the floors of ``core/`` and the nine kinds of parts."""
+    """Draw the floors of ``core/`` and the ten kinds of parts."""
     left, width, storey, gap = 20, 560, 52, 8
     top = 50
     base = top + max(len(FLOORS), len(PARTS)) * (storey + gap)
@@ -124,7 +126,7 @@ def house() -> str:
     for what, label in (("interfaces and events", "implement"), ("plugins and config", "are found by")):
         pieces.append(arrow((rail, middle[what]), (left + width + 2, middle[what])))
         pieces.append(text((rail + left + width) / 2, middle[what] - 7, label, size=12, color=SOFT))
-    return drawing(right + wide + 20, base + 34, "The floors of core, and the nine kinds of parts beside it", pieces)
+    return drawing(right + wide + 20, base + 34, "The floors of core, and the ten kinds of parts beside it", pieces)
 
 
 def loop() -> str:

@@ -68,6 +68,7 @@ def messages(use: str) -> tuple[Message, ...]:
         agent=0,
         seed=0,
         elites=tuple(elite(k) for k in range(5)) if "elites" in use else (),
+        actions=part("action", cfg.action).create(),
     )
     return PromptComposer(node(cfg.prompt, PromptConfig), engine="pybullet").compose(brief, Picture(b"", "BringCube"))
 

@@ -47,7 +47,7 @@ def check_candidate(candidate: Candidate) -> None:
         assert MIN_COMPONENT_KG <= component.mass <= MAX_COMPONENT_KG
         assert MIN_DENSITY <= component.mass / component.shape.volume <= MAX_DENSITY
         assert np.linalg.norm(tool.placed()[component.name][1].position) <= MAX_EXTENT_M
-    plan = candidate.plan
+    plan = candidate.plan.poses
     assert plan.shape[1] == (7 if tool.gripper else 6)
     assert 1 <= len(plan) <= MAX_WAYPOINTS
     assert np.isfinite(plan).all()

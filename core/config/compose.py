@@ -21,7 +21,17 @@ from core.cli import say
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
-from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Robot, Simulator, Task, ToolRepresentation
+from core.interfaces import (
+    VLM,
+    ActionRepresentation,
+    EvolutionStrategy,
+    Executor,
+    Fitness,
+    Robot,
+    Simulator,
+    Task,
+    ToolRepresentation,
+)
 from core.materials import Material
 from core.plugins import KINDS, NOT_SETTINGS, Part, RobotPart, TaskPart, ToolPart
 
@@ -194,6 +204,8 @@ def part(kind: Literal["sim"], config: DictConfig) -> Part[Simulator]: ...
 def part(kind: Literal["vlm"], config: DictConfig) -> Part[VLM]: ...
 @overload
 def part(kind: Literal["tool"], config: DictConfig) -> Part[ToolRepresentation]: ...
+@overload
+def part(kind: Literal["action"], config: DictConfig) -> Part[ActionRepresentation]: ...
 @overload
 def part(kind: Literal["evolution"], config: DictConfig) -> Part[EvolutionStrategy]: ...
 @overload

@@ -54,6 +54,7 @@ class RunConfig(SceneConfig):
 
     vlm: dict[str, Any] = MISSING
     tool: dict[str, Any] = MISSING
+    action: dict[str, Any] = field(default_factory=lambda: {"name": "waypoints"})
     evolution: dict[str, Any] = MISSING
     fitness: dict[str, Any] = field(default_factory=lambda: {"name": "nominal"})
     executor: dict[str, Any] = MISSING
@@ -129,6 +130,7 @@ class ComposeConfig(SceneConfig):
 
     vlm: dict[str, Any] = MISSING
     tool: dict[str, Any] = MISSING
+    action: dict[str, Any] = field(default_factory=lambda: {"name": "waypoints"})
     evolution: dict[str, Any] = MISSING
     fitness: dict[str, Any] = MISSING
     executor: dict[str, Any] = MISSING

@@ -70,7 +70,9 @@ def brief(task: Task, representation: ToolRepresentation, *, agent: int = 0, gri
     """The brief of a first generation: two tools with two plans each."""
     given = representation.given(task)
     n_tool = 2 if given is None else 1
-    return Brief(task, 0, representation, gripper if given is None else given.gripper, n_tool, 2, 0, agent, agent)
+    gripper = gripper if given is None else given.gripper
+    actions = installed().create("action", "waypoints")
+    return Brief(task, 0, representation, gripper, n_tool, 2, 0, agent, agent, actions=actions)
 
 
 def request(of: Brief) -> Request:

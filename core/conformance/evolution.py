@@ -13,7 +13,7 @@ import numpy as np
 from core.conformance.checking import expect, rigid
 from core.design import Candidate, Evaluation
 from core.errors import LimitReached
-from core.interfaces import Budget, Designer, EvolutionStrategy
+from core.interfaces import Budget, Designer, EvolutionStrategy, Seen, Waypoints
 
 Make = Callable[[Designer, Budget], EvolutionStrategy]
 BUDGET = Budget(n_agent=2, n_tool=1, n_action=3, n_iteration=2, k_top=2, reward_save=0.2)
@@ -32,10 +32,12 @@ class FreeDesigner:
                 raise LimitReached("no more may be spent")
             for action in range(BUDGET.n_action):
                 plan = np.array([[*rng.uniform(0.3, 0.5, 3), 0.0, 0.0, 0.0]])
-                yield Candidate(rigid(), plan, generation, agent, 0, action)
+                yield Candidate(rigid(), Waypoints(plan), generation, agent, 0, action)
 
 
-def search(make: Make, earns: Callable[[Candidate], float] = lambda c: float(c.plan[0, 0])) -> list[list[Candidate]]:
+def search(
+    make: Make, earns: Callable[[Candidate], float] = lambda c: float(c.plan.resolve(Seen({})).poses[0, 0])
+) -> list[list[Candidate]]:
     """Ask and tell for three generations, as the loop does, and return their candidates."""
     strategy = make(FreeDesigner(), BUDGET)
     generations = []

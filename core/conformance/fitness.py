@@ -15,7 +15,8 @@ import numpy as np
 from core.conformance.checking import as_json, expect, some_simulator, some_task
 from core.conformance.worlds import stick
 from core.design import Candidate, Evaluation
-from core.interfaces import Fitness, RolloutSettings
+from core.designs.planning import NO_PLAN
+from core.interfaces import Fitness, RolloutSettings, Waypoints
 from core.plugins import Part, installed
 from core.simulation.rollout import Evaluator
 
@@ -47,7 +48,7 @@ def candidates(lengths: Sequence[float] = (0.1, 0.1, 0.1), *, steps: int = 1) ->
     for number, length in enumerate(lengths):
         plan = np.tile([*home.position, *home.rpy], (steps, 1))
         plan[:, 1] += 0.01 * (number + 1) + 0.1 * (np.arange(steps) % 2)
-        found.append(Candidate(tools[length], plan, action=number))
+        found.append(Candidate(tools[length], Waypoints(plan), action=number))
     return found
 
 
@@ -113,7 +114,7 @@ def check_rejected_and_failed_candidates_earn_nothing(make: Make) -> None:
     """They keep their place, say why, and leave their neighbours as they are."""
     fitness = make(evaluator())
     sound, slow = candidates((0.1,)) + candidates((0.1,), steps=20)
-    unread = Candidate(None, np.zeros((0, 6)), problem="the tool is missing")
+    unread = Candidate(None, NO_PLAN, problem="the tool is missing")
     broken = Candidate(sound.tool, sound.plan, strategy_name=BREAKS)
     evaluations = fitness([unread, sound, slow, broken])
     expect(len(evaluations) == 4, f"4 candidates, of which 3 can't be tried, have {len(evaluations)} evaluations")

@@ -22,8 +22,9 @@ from omegaconf import OmegaConf
 from core.config.compose import load
 from core.conformance.checking import LengthOnly, brief, describe_error, fingers, request, rigid, some_simulator
 from core.design import Candidate, Evaluation
+from core.designs.planning import NO_PLAN
 from core.events import Generation, Result, Run
-from core.interfaces import Budget, Reply, Simulator
+from core.interfaces import Budget, Reply, Simulator, Waypoints
 from core.plugins import event_hub, installed
 
 Make = Callable[[], Any]
@@ -68,13 +69,13 @@ def _evaluations(generation: int, text: str) -> Iterator[Evaluation]:
     plan = np.array([[0.45, 0.0, 0.5, 0.0, 0.0, 0.0]])
     tool = replace(rigid(), name=text, description=text)
     parents = ("g0-a0-s0-p0",) if generation else ()
-    whole = Candidate(tool, plan, generation, 0, 0, 0, text, text, text, parents)
+    whole = Candidate(tool, Waypoints(plan), generation, 0, 0, 0, text, text, text, parents)
     moved, details = {text: 0.1}, {text: [1.0, None, text]}
     yield Evaluation(whole, "ok", 0.25, 0.3, "", 0.001, 0.01, 0.002, moved, (text,), details)
-    yield Evaluation(replace(whole, tool=rigid(), action=1, plan=plan + 0.01), "ok", 0.0)
-    unread = Candidate(None, np.zeros((0, 6)), generation, 1, problem=text)
+    yield Evaluation(replace(whole, tool=rigid(), action=1, plan=Waypoints(plan + 0.01)), "ok", 0.0)
+    unread = Candidate(None, NO_PLAN, generation, 1, problem=text)
     yield Evaluation(unread, "rejected", reason=text)
-    gripping = Candidate(fingers(), np.append(plan, [[0.5]], axis=1), generation, 2)
+    gripping = Candidate(fingers(), Waypoints(np.append(plan, [[0.5]], axis=1)), generation, 2)
     yield Evaluation(gripping, "failed", reason=text)
 
 

@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from core.conformance import (
+    action,
     bodies,
     evolution,
     executor,
@@ -44,6 +45,7 @@ SUITES = {
     "robot": _checks(robots),
     "vlm": _checks(vlm),
     "tool": _checks(tool),
+    "action": _checks(action),
     "evolution": _checks(evolution),
     "fitness": _checks(fitness),
     "executor": _checks(executor),

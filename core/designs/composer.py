@@ -171,6 +171,7 @@ class PromptComposer:
                 "tool": representation.material.made(mounted).friction,
                 "fingers": robot.gripper.friction if robot.gripper else None,
             },
+            "action_rules": brief.actions.instructions(brief).strip(),
             "tool_rules": representation.instructions(brief).strip(),
             "task_source": task.source().rstrip("\n"),
             "layout": layout_table(task, brief.scene_seed),
@@ -215,10 +216,8 @@ def as_markdown(message: Message, folder: str = "") -> str:
 
 def answer_schema(brief: Brief) -> dict[str, Any]:
     """JSON schema of the answer to ``brief``: a scene analysis and strategies, each a tool with its action plans."""
-    numbers = 7 if brief.gripper else 6
     given = brief.representation.given(brief.task) is not None
-    waypoint = _list({"type": "number"}, numbers, numbers)
-    plan = _list(waypoint, 1)
+    plan = brief.actions.schema(gripper=brief.gripper)
     strategy: dict[str, Any] = {
         "strategy_name": {"type": "string"},
         "strategy_description": {"type": "string"},

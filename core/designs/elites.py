@@ -11,8 +11,6 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from core.design import Component, Evaluation, Tool, ToolJoint
 from core.designs.feedback import combined_figures, elite_feedback
 from core.designs.layout import describe_shape
@@ -63,7 +61,7 @@ def _entry(
         data["details"] = _figures(figures)
     if not numbers:
         return data
-    data |= {"action_plan": np.round(candidate.plan, 4).tolist(), "distance_m": _rounded(elite.distance_m)}
+    data |= {"action_plan": _figures(candidate.plan.dump()), "distance_m": _rounded(elite.distance_m)}
     if observation(elite) is not None:
         return data | elite_feedback(elite, tried) | {"warnings": list(elite.warnings)}
     return data | {

@@ -1,14 +1,13 @@
 """Read candidates from a designs document, which a model or a person wrote, and write them back.
 
 A document is an object ``{"strategies": [...]}``. A strategy holds the fields of its tool representation and
-``action_sets``, a list of action plans; ``gripper`` (default false), ``strategy_name``, ``strategy_description``,
-``tool_name``, ``tool_description``, ``action_description`` and ``parents`` (ids of the elites that it derives from)
-are optional. Other fields are ignored.
+``action_sets``, a list of action plans; ``action`` (the representation of the plans, default ``waypoints``),
+``gripper`` (default false), ``strategy_name``, ``strategy_description``, ``tool_name``, ``tool_description``,
+``action_description`` and ``parents`` (ids of the elites that it derives from) are optional. Other fields are ignored.
 """
 
 from __future__ import annotations
 
-import errno
 import json
 import re
 from collections.abc import Iterator
@@ -16,21 +15,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from core.design import Candidate, DesignError, Tool
-from core.designs.rules import WAYPOINT, SpawnRules, check_plan, check_tool, given_tool
+from core.designs.planning import MACHINE, NO_PLAN, named_actions, parse_plan
+from core.designs.rules import SpawnRules, check_tool, given_tool
 from core.errors import UserError
-from core.geometry import Array
-from core.interfaces import Robot, ToolRepresentation
+from core.interfaces import ActionRepresentation, Robot, ToolRepresentation, Waypoints
 from core.plugins import describe_part
 from core.text import clean, kind, shorten
 
 MAX_NAME = 200
 MAX_DESCRIPTION = 5000
 
-# Errors of the machine, in any representation: they say nothing about a design.
-_MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS}
 MAX_REPLY = 5_000_000  # characters, about ten times the longest answer of a model
 MAX_MALFORMED = 100  # malformed strategies of a malformed reply, and
 MAX_SAVED = 1000  # sound ones; the rest is not read
@@ -39,7 +34,6 @@ MAX_REREAD = 1_000_000  # characters of malformed strategies, which may lie insi
 _SEPARATORS = re.compile(r"[\s,]*")
 _OPENING = re.compile(r'"strategies"\s*:\s*\[')
 _STRATEGY = re.compile(r'\{\s*"(?:parents|strategy_name)"\s*:')  # the beginning of a strategy, by the schema
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
 # Matches a string (to its end or the reply's), or something that JSON forbids: a comment, or a comma before a closing
 # bracket. Possessive quantifiers keep the time linear for every text.
@@ -61,21 +55,22 @@ def read_designs(
     elites: tuple[str, ...] = (),
     n_tool: int | None = None,
     n_action: int | None = None,
+    actions: ActionRepresentation | None = None,
 ) -> list[Candidate]:
     """Read one candidate per action plan, in order, numbered by strategy and action from 0.
 
     The first ``n_tool`` strategies are read, and the first ``n_action`` plans of each (None: all). A design that breaks
     a rule gives candidates with a `Candidate.problem`: all of its strategy if the tool breaks it, and a single one if
     the plans can't be counted. Candidates of a strategy share one tool. Of the ``parents`` that a strategy names, only
-    the ids in ``elites`` are kept.
+    the ids in ``elites`` are kept. Plans are read by ``actions``; None: by the one that the strategy names.
 
     Raises:
         DesignError: the document has no strategies at all.
     """
     candidates: list[Candidate] = []
     for number, strategy in enumerate(_strategies(document)[:n_tool]):
-        base = Candidate(None, _no_plan(False), generation, agent, number, parents=_read_parents(strategy, elites))
-        candidates += _read_strategy(strategy, base, representation, spawn, n_action)
+        base = Candidate(None, NO_PLAN, generation, agent, number, parents=_read_parents(strategy, elites))
+        candidates += _read_strategy(strategy, base, representation, spawn, n_action, actions)
     return candidates
 
 
@@ -93,7 +88,12 @@ def _strategies(document: object) -> list[Any]:
 
 
 def _read_strategy(
-    strategy: object, base: Candidate, representation: ToolRepresentation, spawn: SpawnRules, n_action: int | None
+    strategy: object,
+    base: Candidate,
+    representation: ToolRepresentation,
+    spawn: SpawnRules,
+    n_action: int | None,
+    actions: ActionRepresentation | None,
 ) -> Iterator[Candidate]:
     try:
         if isinstance(strategy, Unread):
@@ -102,9 +102,9 @@ def _read_strategy(
             raise DesignError(f"the strategy is {kind(strategy)}, not an object")  # noqa: TRY301
         given = given_tool(representation, spawn.task, spawn=spawn)
         gripper = _read_gripper(strategy, given)
+        actions = actions or named_actions(strategy)
         base = replace(
             base,
-            plan=_no_plan(gripper),
             strategy_name=_read_text(strategy, "strategy_name", MAX_NAME),
             strategy_description=_read_text(strategy, "strategy_description", MAX_DESCRIPTION),
             action_description=_read_text(strategy, "action_description", MAX_DESCRIPTION),
@@ -123,7 +123,7 @@ def _read_strategy(
     for action, raw in enumerate(plans[:n_action]):
         plan, plan_problem = base.plan, None
         try:
-            plan = check_plan(_with_numbers(raw), gripper=gripper)
+            plan = parse_plan(actions, raw, gripper)
         except DesignError as error:
             plan_problem = f"action plan {action + 1}: {error}"
         yield replace(base, tool=tool, plan=plan, action=action, problem=tool_problem or plan_problem)
@@ -182,7 +182,7 @@ def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], robot:
     except (DesignError, MemoryError):
         raise
     except Exception as error:
-        if getattr(error, "errno", None) in _MACHINE:
+        if getattr(error, "errno", None) in MACHINE:
             raise
         raise DesignError(f"{describe_part(representation)}: parse raised {type(error).__name__}: {error}") from error
     if not isinstance(tool, Tool) or tool.gripper != gripper:
@@ -201,27 +201,10 @@ def _read_action_sets(strategy: dict[Any, Any]) -> list[Any]:
     return plans
 
 
-def _with_numbers(plan: object) -> object:
-    """``plan`` with strings in waypoints that hold plain decimal numbers replaced by these numbers."""
-    if not isinstance(plan, list):
-        return plan
-    return [[_as_number(v) for v in waypoint] if isinstance(waypoint, list) else waypoint for waypoint in plan]
-
-
-def _as_number(value: object) -> object:
-    if isinstance(value, str) and len(value) < 100 and _NUMBER.fullmatch(value.strip()):
-        return float(value)
-    return value
-
-
 def _count_plans(strategy: object) -> int:
     """The number of candidates of a strategy that can't be read."""
     plans = strategy.get("action_sets") if isinstance(strategy, dict) else None
     return max(1, len(plans)) if isinstance(plans, list) else 1
-
-
-def _no_plan(gripper: bool) -> Array:
-    return np.empty((0, len(WAYPOINT) if gripper else len(WAYPOINT) - 1))
 
 
 @dataclass(frozen=True)
@@ -374,5 +357,6 @@ def dump_design(candidate: Candidate, representation: ToolRepresentation) -> dic
         "gripper": tool.gripper,
         **representation.dump(tool),
         "action_description": candidate.action_description,
-        "action_sets": [candidate.plan.tolist()],
+        **({"action": candidate.plan.action} if candidate.plan.action != Waypoints.action else {}),
+        "action_sets": [candidate.plan.dump()],
     }

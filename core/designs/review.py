@@ -8,14 +8,14 @@ from itertools import groupby
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.design import RIGID_MOUNT, Candidate, Tool
+from core.design import RIGID_MOUNT, Candidate, DesignError, Tool
+from core.designs.planning import resolve
 from core.designs.rules import MAX_COMPONENTS
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot, RolloutSettings, Task
 from core.robot.frames import link_frames
-from core.robot.kinematics import arm_of
 from core.robot.self_collision import find_self_collision
-from core.robot.trajectory import Motion, at_home, plan_motion
+from core.robot.trajectory import Motion, at_home, planned
 from core.text import clean
 
 # A waypoint is reached if it is missed by no more than this.
@@ -23,18 +23,18 @@ REACHED_M, REACHED_RAD = 0.001, 0.01
 _REASON = 500  # characters
 
 
-def review(candidates: Sequence[Candidate], task: Task, settings: RolloutSettings) -> str:
+def review(candidates: Sequence[Candidate], task: Task, seed: int, settings: RolloutSettings) -> str:
     """Describe the designs of one reply, given in the order of `Candidate.key`: a list item for each strategy.
 
     Motions are planned as for a rollout, and nothing is simulated: no contact changes where the arm gets.
     """
     return "\n".join(
-        _strategy(number, list(group), task, settings)
+        _strategy(number, list(group), task, seed, settings)
         for number, group in groupby(candidates, key=lambda candidate: candidate.strategy)
     )
 
 
-def _strategy(number: int, candidates: list[Candidate], task: Task, settings: RolloutSettings) -> str:
+def _strategy(number: int, candidates: list[Candidate], task: Task, seed: int, settings: RolloutSettings) -> str:
     tool, problems = candidates[0].tool, {candidate.problem for candidate in candidates}
     name = f" ({tool.name})" if tool is not None and tool.name else ""
     lines = [f"- Strategy {number + 1}{name}:"]
@@ -48,17 +48,21 @@ def _strategy(number: int, candidates: list[Candidate], task: Task, settings: Ro
         ]
     for candidate in candidates:
         found = [f"rejected: {clean(candidate.problem or '', _REASON)}"] if candidate.problem != shared else []
-        if len(candidate.plan):
-            found += _plan(candidate, task, settings)
+        if candidate.plan.dump():
+            found += _plan(candidate, task, seed, settings)
         if found:
             lines.append(f"  - plan {candidate.action + 1}: {'; '.join(found)}")
     return "\n".join(lines)
 
 
-def _plan(candidate: Candidate, task: Task, settings: RolloutSettings) -> list[str]:
+def _plan(candidate: Candidate, task: Task, seed: int, settings: RolloutSettings) -> list[str]:
     """Describe the motion of a plan: how long it takes, which waypoints it misses, and how low the tool gets."""
     robot = task.robot
-    motion = plan_motion(candidate.plan, task.home, arm_of(robot), segment_s=settings.segment_s, speed=settings.speed)
+    try:
+        plan = resolve(candidate.plan, task, seed, settings)
+    except DesignError as error:
+        return [f"rejected: {clean(str(error), _REASON)}"]
+    motion = planned(plan, task, settings)
     seconds, longest = motion.trajectory.duration, settings.max_motion_s
     found = [f"{seconds:.1f} s" + (f", rejected: more than {longest:g} s" if seconds > longest else "")]
     tool = candidate.tool
@@ -69,7 +73,7 @@ def _plan(candidate: Candidate, task: Task, settings: RolloutSettings) -> list[s
             found.append(verdict + met.describe(motion.arrivals))
     targets, fingers = motion.trajectory.sample(motion.arrivals)
     there = JointTrajectory(motion.arrivals, targets, fingers)
-    found += _reach(robot, candidate.plan, there, motion)
+    found += _reach(robot, plan.poses, there, motion)
     if tool is not None and tool.components:
         lowest = _lowest(_placed(robot, tool, there))
         found.append(f"lowest point of the tool at each waypoint: z = {', '.join(lowest)}")

@@ -38,6 +38,7 @@ TEMPLATES = {
     "sim": Template("sim", "a simulator", "simulator", "{}Simulator"),
     "vlm": Template("vlm", "a model", "model", "{}Model"),
     "tool": Template("tool", "a tool representation", "tools", "{}Tools"),
+    "action": Template("action", "an action representation", "actions", "{}Actions"),
     "strategy": Template("evolution", "a search strategy", "search", "{}Strategy"),
     "fitness": Template("fitness", "a fitness", "fitness", "{}Fitness"),
     "executor": Template("executor", "an executor", "executor", "{}Executor"),

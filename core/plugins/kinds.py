@@ -6,7 +6,17 @@ import pluggy
 
 from core.errors import UserError
 from core.hooks import PROJECT, Events
-from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Robot, Simulator, Task, ToolRepresentation
+from core.interfaces import (
+    VLM,
+    ActionRepresentation,
+    EvolutionStrategy,
+    Executor,
+    Fitness,
+    Robot,
+    Simulator,
+    Task,
+    ToolRepresentation,
+)
 
 KINDS = {
     "task": "tasks",
@@ -14,6 +24,7 @@ KINDS = {
     "sim": "simulators",
     "vlm": "vlms",
     "tool": "tool_representations",
+    "action": "action_representations",
     "evolution": "evolution_strategies",
     "fitness": "fitness_functions",
     "executor": "executors",
@@ -27,6 +38,7 @@ INTERFACES: dict[str, type] = {
     "sim": Simulator,
     "vlm": VLM,
     "tool": ToolRepresentation,
+    "action": ActionRepresentation,
     "evolution": EvolutionStrategy,
     "fitness": Fitness,
     "executor": Executor,

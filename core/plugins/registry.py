@@ -18,7 +18,17 @@ from typing_extensions import TypeVar
 from core.errors import UsageError, UserError, choices
 from core.geometry import Pose
 from core.hooks import PROJECT
-from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, Robot, Simulator, Task, ToolRepresentation
+from core.interfaces import (
+    VLM,
+    ActionRepresentation,
+    EvolutionStrategy,
+    Executor,
+    Fitness,
+    Robot,
+    Simulator,
+    Task,
+    ToolRepresentation,
+)
 from core.materials import PAPER, Material
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import check_part
@@ -68,6 +78,10 @@ class Plugins(Discovery):
     def create(
         self, kind: Literal["tool"], name: str, settings: Settings = ..., **given: Any
     ) -> ToolRepresentation: ...
+    @overload
+    def create(
+        self, kind: Literal["action"], name: str, settings: Settings = ..., **given: Any
+    ) -> ActionRepresentation: ...
     @overload
     def create(
         self, kind: Literal["evolution"], name: str, settings: Settings = ..., **given: Any

@@ -15,6 +15,7 @@ from core.config.settings import Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.feedback import last_generation, most_instructive
+from core.designs.planning import NO_PLAN
 from core.designs.reading import parse_reply, read_designs
 from core.designs.review import review
 from core.designs.rules import SpawnRules, given_tool
@@ -23,6 +24,7 @@ from core.events import Generation
 from core.hooks import hookimpl
 from core.interfaces import (
     VLM,
+    ActionRepresentation,
     Brief,
     Budget,
     Picture,
@@ -61,6 +63,7 @@ class ModelDesigner:
     task: Task
     vlm: VLM
     representation: ToolRepresentation
+    actions: ActionRepresentation
     prompts: PromptComposer
     budget: Budget
     _: KW_ONLY
@@ -141,7 +144,7 @@ class ModelDesigner:
             if reply.error is not None:
                 yield from self._unusable(request, f"the model gave no answer: {reply.error}", first)
             elif self.prompts.settings.check and request.id not in first:
-                found = review(candidates, self.task, self.prompts.rollout)
+                found = review(candidates, self.task, self.seed, self.prompts.rollout)
                 messages = self.prompts.check(request, reply, found)
                 again.append(replace(request, id=f"{request.id}-check", messages=messages))
                 first[again[-1].id] = candidates
@@ -199,6 +202,7 @@ class ModelDesigner:
             task=self.task,
             scene_seed=self.seed,
             representation=self.representation,
+            actions=self.actions,
             gripper=gripper,
             n_tool=self.budget.n_tool if self._given is None else 1,
             n_action=self.budget.n_action,
@@ -231,6 +235,7 @@ class ModelDesigner:
             elites=tuple(elite.candidate.id for elite in brief.elites),
             n_tool=brief.n_tool,
             n_action=brief.n_action,
+            actions=brief.actions,
         )
 
 
@@ -243,7 +248,7 @@ def _describe(reply: object) -> str:
 
 def _lost(brief: Brief, problem: str) -> Candidate:
     """Make a candidate that stands for all that an agent would have designed."""
-    return Candidate(None, np.zeros((0, 6)), brief.generation, brief.agent, problem=problem)
+    return Candidate(None, NO_PLAN, brief.generation, brief.agent, problem=problem)
 
 
 def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
@@ -266,6 +271,7 @@ def make_designer(
     simulator: Simulator,
     vlm: VLM,
     representation: ToolRepresentation,
+    actions: ActionRepresentation,
     prompts: PromptComposer,
     budget: Budget,
     *,
@@ -325,6 +331,7 @@ def make_designer(
         task,
         vlm,
         representation,
+        actions,
         prompts,
         budget,
         seed=seed,

@@ -25,12 +25,14 @@ from core.config.settings import Sampling
 from core.config.trust import refuse_keys, refuse_stored_addresses
 from core.design import TIE
 from core.designs.composer import PromptComposer
+from core.designs.planning import resolve
 from core.errors import UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
 from core.interfaces import Budget, Executor, RolloutSettings, Simulator
 from core.plugins import event_hub, installed
 from core.plugins.blame import describe_failure
 from core.robot.kinematics import arm_of
+from core.robot.trajectory import planned
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
 from core.search.listeners import add_listener
@@ -79,6 +81,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         simulator,
         CachedVLM(vlm, store.past.replies) if store is not None else vlm,
         representation,
+        part("action", cfg.action).create(),
         prompts,
         budget,
         seed=cfg.seed,
@@ -95,7 +98,10 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     add_listener(events, vlm, "vlm")
     # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
     events.register(store, "store")
-    parts = {kind: config[kind]["name"] for kind in ("task", "sim", "vlm", "tool", "evolution", "fitness", "executor")}
+    parts = {
+        kind: config[kind]["name"]
+        for kind in ("task", "sim", "vlm", "tool", "action", "evolution", "fitness", "executor")
+    }
     parts |= {"robot": task.robot.name, "material": representation.material.name}
     this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
     try:
@@ -134,7 +140,9 @@ def save_best(result: Result, this: Run, simulator: Simulator, settings: Rollout
     if folder.is_symlink():
         folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)  # a resumed run has one of an earlier best
-    save_design(best.candidate, this.representation, this.task.robot, folder)
+    plan = resolve(best.candidate.plan, this.task, this.seed, settings)
+    motion = planned(plan, this.task, settings)
+    save_design(best.candidate, this.representation, this.task.robot, motion, folder)
     if film and result.stopped != INTERRUPTED:
         try:
             save_film(this.task, simulator, best.candidate, this.seed, settings, folder / "rollout.gif")

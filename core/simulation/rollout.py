@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from core.design import Candidate, Evaluation
+from core.design import Candidate, DesignError, Evaluation
+from core.designs.planning import resolve
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
 from core.observations import TRIAL
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
-from core.robot.kinematics import arm_of
 from core.robot.self_collision import find_self_collision
-from core.robot.trajectory import Motion, plan_motion
+from core.robot.trajectory import Motion, planned
 from core.scene import Scene, State
 from core.simulation.contacts import find_contacts
 from core.simulation.observing import observe
@@ -90,12 +90,11 @@ def prepare(
     """Plan a candidate's motion, and make the job that plays it.
 
     Raises:
-        ValueError: the candidate has no tool (it was rejected).
+        ValueError: the candidate has no tool (it was rejected), or its plan means nothing in this layout.
     """
     if candidate.tool is None:
         raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
-    arm = arm_of(task.robot)
-    motion = plan_motion(candidate.plan, task.home, arm, segment_s=settings.segment_s, speed=settings.speed)
+    motion = planned(resolve(candidate.plan, task, seed, settings), task, settings)
     job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, settings.hold_s, record_hz)
     return motion, job
 
@@ -114,7 +113,11 @@ def evaluate_batch(
         if candidate.problem is not None:
             evaluations[i] = Evaluation(candidate, "rejected", reason=candidate.problem)
             continue
-        motion, job = prepare(task, candidate, seed, settings)
+        try:
+            motion, job = prepare(task, candidate, seed, settings)
+        except DesignError as error:
+            evaluations[i] = Evaluation(candidate, "rejected", reason=str(error))
+            continue
         if (duration := motion.trajectory.duration) > settings.max_motion_s:
             took = f"the motion takes {duration:.0f} s under the arm's limits, more than {settings.max_motion_s:.0f} s"
             evaluations[i] = Evaluation(candidate, "rejected", reason=f"{took}; use fewer waypoints")
@@ -158,7 +161,7 @@ def evaluate_batch(
                 ik_error_rad=motions[i].ik_error_rad,
                 tracking_error_rad=outcomes[i].tracking_error_rad,
                 moved_m={name: float(shift) for name, shift in zip(starts.names, moved, strict=True)},
-                warnings=(*crossed.get(i, ()), *outcomes[i].warnings),
+                warnings=(*crossed.get(i, ()), *motions[i].slowdowns(), *outcomes[i].warnings),
             )
             if not 0.0 <= reward <= 1.0:
                 reason = f"task {task.name}: the reward {reward} is not in [0, 1]"

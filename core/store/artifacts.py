@@ -16,14 +16,20 @@ from core.designs.reading import dump_design
 from core.geometry import Pose
 from core.interfaces import ToolRepresentation
 from core.robot.description import assemble, tool_urdf
+from core.robot.trajectory import Motion
 from core.robots import Robot
 
 if TYPE_CHECKING:
     import trimesh
 
 
-def save_design(candidate: Candidate, representation: ToolRepresentation, robot: Robot, folder: Path) -> None:
-    """Write ``design.json``, a designs file; ``waypoints.csv``, ``tool.urdf``, ``tool.stl``, ``robot.urdf``, meshes."""
+def save_design(
+    candidate: Candidate, representation: ToolRepresentation, robot: Robot, motion: Motion, folder: Path
+) -> None:
+    """Write ``design.json``, a designs file; ``tool.urdf``, ``tool.stl``, ``robot.urdf`` with their meshes.
+
+    ``waypoints.csv`` has the waypoints of ``motion`` and when each is reached.
+    """
     tool = candidate.tool
     assert tool is not None
     folder.mkdir(parents=True, exist_ok=True)
@@ -31,9 +37,9 @@ def save_design(candidate: Candidate, representation: ToolRepresentation, robot:
     (folder / "design.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     with (folder / "waypoints.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        names = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"]
-        writer.writerow(names[: candidate.plan.shape[1]])
-        writer.writerows(candidate.plan.tolist())
+        names, poses = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"], motion.plan
+        writer.writerow([*names[: poses.shape[1]], "arrival_s"])
+        writer.writerows(np.column_stack([poses, motion.arrivals.round(4)]).tolist())
     copied = partial(_copied, folder=folder)
     urdf = f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool, mesh_path=copied)}</robot>\n'
     (folder / "tool.urdf").write_text(urdf, encoding="utf-8")

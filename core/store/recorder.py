@@ -190,7 +190,7 @@ class RunStore:
                 agent=agent,
                 strategy=strategy,
                 plan=action,
-                waypoints=json.dumps(candidate.plan.tolist()),
+                waypoints=json.dumps(candidate.plan.dump()),
                 status=evaluation.status,
                 reason=evaluation.reason,
                 moved_m=json.dumps(evaluation.moved_m),

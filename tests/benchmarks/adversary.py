@@ -179,7 +179,7 @@ class _Search:
             self.rollouts += len(read)
             evaluator = Evaluator(Part("task", self.pair.task), self.pair.sim, self.pair.seed)
             for evaluation in best_first(evaluator(read))[: 2 if name == "a design" else 1]:
-                start = Start(evaluation.candidate.tool, evaluation.candidate.plan)  # type: ignore[arg-type]
+                start = Start(evaluation.candidate.tool, evaluation.candidate.plan.poses)  # type: ignore[arg-type]
                 yield name, start, self.shrunk(start), each
         for left in (3, 2, 1):
             pool = [random_start(self.task, self.pair.seed, self.random, flat=self.objective.flat) for _ in range(POOL)]
@@ -240,11 +240,11 @@ class _Search:
         problem = None
         try:
             check_tool(candidate.tool, self.task.robot)
-            check_plan(candidate.plan, gripper=candidate.tool.gripper)
+            check_plan(candidate.plan.poses, gripper=candidate.tool.gripper)
             self.spawn.check(candidate.tool)
         except DesignError as error:
             problem = str(error)
-        return Candidate(candidate.tool, candidate.plan, problem=problem)
+        return Candidate(candidate.tool, candidate.plan.poses, problem=problem)
 
 
 def table(given: Settings) -> None:

@@ -206,7 +206,7 @@ def rewards(of: Designs, sim: Part, shown: str, executor: Executor, folder: Path
     file = folder / "rewards" / f"{of.task}.json"
     records: list[dict[str, Any]] = json.loads(file.read_text()) if file.exists() else []
     engine = {"name": sim.name, **dict(sim.settings)}
-    plans = [candidate.plan.tolist() for candidate in of.candidates]
+    plans = [candidate.plan.poses.tolist() for candidate in of.candidates]
     for record in records:
         if record["engine"] == engine:
             if len(record["rewards"]) != len(plans):

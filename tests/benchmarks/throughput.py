@@ -239,7 +239,7 @@ def reference(
 def ceiling(candidates: Sequence[Candidate], workers: int, count: int) -> dict[str, float]:
     """Measure how many candidates per second the parent dispatches, receives and stores, without simulation."""
     many = [
-        Candidate(c.tool, c.plan + 1e-9 * n, 0, n, c.strategy, c.action)  # none is the same as another
+        Candidate(c.tool, c.plan.poses + 1e-9 * n, 0, n, c.strategy, c.action)  # none is the same as another
         for n, c in itertools.islice(((n, c) for n in itertools.count() for c in candidates), count)
     ]
     events = event_hub()

@@ -17,6 +17,7 @@ from core.interfaces import Brief, Budget, Message, Reply, Request, Text
 from core.plugins import event_hub
 from core.store.recorder import RunStore
 from core.store.rows import TABLES
+from plugins.actions.waypoints import WaypointActions
 
 PLAN = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.1], [0.6, 0.1, 0.3, 0.0, 0.0, 0.0]])
 
@@ -62,7 +63,18 @@ def write_run(
     generations = []
     elite = ()
     for index, row in enumerate(rewards):
-        brief = Brief(task, cfg.seed, representation, False, 1, 1, generation=index, agent=0, seed=cfg.seed)
+        brief = Brief(
+            task,
+            cfg.seed,
+            representation,
+            False,
+            1,
+            1,
+            generation=index,
+            agent=0,
+            seed=cfg.seed,
+            actions=WaypointActions(),
+        )
         request = Request(f"g{index}-a0", brief, (Message("user", (Text("?"),)),), {}, 1.0)
         events.hook.request_composed(request=request)
         reply = Reply(request.id, "{}", "a can", prompt_tokens=100, completion_tokens=10, cost_usd=cost_usd)

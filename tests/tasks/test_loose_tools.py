@@ -57,7 +57,7 @@ def test_tongs_lift_the_cube_by_their_springs(engine):
     sprung = candidate_of("tongs")
     heights = []
     for candidate in (sprung, locked(sprung)):
-        up = replace(candidate, plan=candidate.plan[:LIFTED])
+        up = replace(candidate, plan=candidate.plan.poses[:LIFTED])
         _, job = prepare(task_of("tongs"), up, 0, RolloutSettings())
         (outcome,) = simulator(engine).rollout(task_of("tongs"), [job])
         heights.append(outcome.end.position("cube")[2] - SIDE / 2)

@@ -19,6 +19,7 @@ from core.geometry import Array, Pose
 from core.interfaces import Recording, Reply
 from core.report.tools import as_held, solids
 from core.robot.kinematics import arm_of
+from core.robot.trajectory import Motion
 from core.scene import Color, State
 from core.simulation.rollout import prepare
 from plugins.listeners.rerun.arm import links, tracks
@@ -102,7 +103,7 @@ class Writer:
         assert candidate.tool is not None
         self._streams.at(self._clock, generation)
         try:
-            recording, rewards = replay(self._run, candidate, hz)
+            motion, recording, rewards = replay(self._run, candidate, hz)
         except ValueError as error:
             note = f"the rollout can't be shown: {error}"
             self._write("design", f"generation {generation}\n{design_text(evaluation, None, note)}")
@@ -111,7 +112,7 @@ class Writer:
         self._mount(candidate.tool)
         path = rr.LineStrips3D([arm_of(self._robot).positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
         self._log(("world", "path"), path)
-        self._log(("world", "waypoints"), rr.Points3D(candidate.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
+        self._log(("world", "waypoints"), rr.Points3D(motion.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
         text = design_text(evaluation, float(rewards[-1]))
         self._write("design", f"generation {generation}, rank {rank}\n{text}")
 
@@ -201,25 +202,26 @@ class Writer:
         self._streams.columns(path, times, generation, poses)
 
 
-def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Recording, Array]:
+def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording, Array]:
     """Play a candidate in the run's own simulator, in this process.
 
     Returns:
-        The recording over instants (T,), and the reward (T,) if it ended there, nan while the scene settles.
+        The motion, the recording over instants (T,), and the reward (T,) if it ended there, nan while the scene
+        settles.
 
     Raises:
         ValueError: the rollout breaks, or the run has no simulator.
     """
     if run.simulator is None:
         raise ValueError("the run has no simulator to play it with")
-    _, job = prepare(run.task, candidate, run.seed, run.settings, record_hz=hz)
+    motion, job = prepare(run.task, candidate, run.seed, run.settings, record_hz=hz)
     outcome = run.simulator.rollout(run.task, [job])[0]
     recording, start = outcome.recording, outcome.start
     if recording is None or start is None:
         raise ValueError(outcome.error or "no recording came back")
     starts = State.stack([start] * len(recording.times))
     rewards = np.asarray(run.task.reward(starts, recording.states), dtype=np.float64)
-    return recording, np.where(recording.times >= 0, rewards, np.nan)
+    return motion, recording, np.where(recording.times >= 0, rewards, np.nan)
 
 
 def shaded(solid: trimesh.Trimesh, color: Color) -> trimesh.Trimesh:

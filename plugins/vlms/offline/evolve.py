@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Evaluation, Tool
 from core.geometry import Array
+from core.plans import Waypoints
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.mutation import cross, mutate, slimmed
 from plugins.vlms.offline.recognize import middle, recognize
@@ -37,9 +38,11 @@ class Elite:
 def elites_with(evaluations: Sequence[Evaluation], gripper: bool) -> list[Elite]:
     """The elites with a gripper tool, or those with a rigid one."""
     return [
-        Elite(e.candidate.id, e.candidate.tool, e.candidate.plan, e.reward, e.moved_m)
+        Elite(e.candidate.id, e.candidate.tool, e.candidate.plan.poses, e.reward, e.moved_m)
         for e in evaluations
-        if e.candidate.tool is not None and e.candidate.tool.gripper == gripper
+        if e.candidate.tool is not None
+        and e.candidate.tool.gripper == gripper
+        and isinstance(e.candidate.plan, Waypoints)
     ]
 
 

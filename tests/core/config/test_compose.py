@@ -20,7 +20,7 @@ def test_the_old_name_of_the_listeners_group_is_an_alias_that_warns(capsys):
     ("words", "reason"),
     [
         (["+arm=ur5"], "no key 'arm' in the configuration"),
-        (["+nonsense.key=1"], "no key 'nonsense' in the configuration; possible: budget, evolution, "),
+        (["+nonsense.key=1"], "no key 'nonsense' in the configuration; possible: action, budget, evolution, "),
         (["++nonsense.key=1"], "no key 'nonsense' in the configuration"),
         (["nonsense.key=1"], "no key 'nonsense' in the configuration"),
         (["+budget.n_agnet=1"], "no key 'n_agnet' in budget (did you mean 'n_agent'?); possible: "),

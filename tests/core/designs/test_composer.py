@@ -35,6 +35,7 @@ from core.robot.trajectory import plan_motion
 from core.robots import ISO_9409_1_50
 from core.scene import Body, Geom, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings
+from plugins.actions.waypoints import WaypointActions
 from plugins.tools.urdf.representation import UrdfTools
 from plugins.vlms.litellm.client import load as litellm
 from tests.panda import ARM, FINGER_OPEN, PANDA, on_panda
@@ -75,7 +76,18 @@ class Bar(ToolRepresentation):
 
 
 def make_brief(**changes: Any) -> Brief:
-    brief = Brief(on_panda(PushCube()), 7, Bar(), gripper=False, n_tool=3, n_action=4, generation=0, agent=0, seed=0)
+    brief = Brief(
+        on_panda(PushCube()),
+        7,
+        Bar(),
+        gripper=False,
+        n_tool=3,
+        n_action=4,
+        generation=0,
+        agent=0,
+        seed=0,
+        actions=WaypointActions(),
+    )
     return replace(brief, **changes)
 
 
@@ -606,7 +618,7 @@ def test_another_folder(folder: Path) -> None:
 def test_a_misspelt_name_is_an_error(folder: Path) -> None:
     (folder / "units.md.j2").write_text("{{ brif.n_tool }}", encoding="utf-8")
     with pytest.raises(
-        UserError, match=r"units\.md\.j2: 'brif' is undefined; a template may use: arm, bare, brief, "
+        UserError, match=r"units\.md\.j2: 'brif' is undefined; a template may use: action_rules, arm, bare, brief, "
     ) as error:
         from_folder(folder).compose(make_brief(), None)
     assert "\n" not in str(error.value)

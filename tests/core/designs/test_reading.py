@@ -106,8 +106,8 @@ def test_one_candidate_per_action_plan():
         "Poke it.",
         "Forward.",
     )
-    np.testing.assert_array_equal(first.plan, PLAN)
-    assert second.plan.shape == (1, 6)
+    np.testing.assert_array_equal(first.plan.poses, PLAN)
+    assert second.plan.poses.shape == (1, 6)
 
 
 def test_only_the_tool_and_the_plans_are_required():
@@ -120,7 +120,7 @@ def test_gripper_designs():
     (candidate,) = read({**STRATEGY, "gripper": True, "length": 0.05, "action_sets": [OPEN]})
     assert candidate.problem is None
     assert candidate.tool.gripper
-    assert candidate.plan.shape == (2, 7)
+    assert candidate.plan.poses.shape == (2, 7)
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_a_fault_of_a_plan_is_its_own():
     good, bad, other = read({**STRATEGY, "action_sets": [PLAN, [PLAN[0], OPEN[0]], PLAN]})
     assert good.problem is other.problem is None
     assert bad.problem == "action plan 2: waypoint 2 has 7 numbers, 6 are needed: x, y, z, roll, pitch, yaw"
-    assert bad.plan.shape == (0, 6)
+    assert bad.plan.poses.shape == (0, 6)
     assert bad.tool is good.tool
 
 
@@ -242,8 +242,8 @@ def test_any_document_gives_candidates_or_a_design_error(document):
     for candidate in candidates:
         if candidate.problem is None:
             assert candidate.tool is not None
-            assert np.isfinite(candidate.plan).all()
-            assert len(candidate.plan) > 0
+            assert np.isfinite(candidate.plan.poses).all()
+            assert len(candidate.plan.poses) > 0
 
 
 # --- replies ----------------------------------------------------------------------------------------------------
@@ -340,7 +340,7 @@ def test_numbers_may_be_strings():
         [["1e999", *"00000"]],
     ]
     good, bad, far = read({**STRATEGY, "action_sets": plans})
-    np.testing.assert_array_equal(good.plan, [[0.5, 0, 0.4, -0.1, 0.5, 1.0]])
+    np.testing.assert_array_equal(good.plan.poses, [[0.5, 0, 0.4, -0.1, 0.5, 1.0]])
     assert bad.problem == "action plan 2: waypoint 1: roll must be a number, not the text 'pi/2'"
     assert "a finite number is needed" in far.problem
 
@@ -468,7 +468,7 @@ def test_a_design_is_written_as_it_is_read(strategy):
     (again,) = read(written)
     assert again.problem is None
     assert again.tool == candidate.tool
-    np.testing.assert_array_equal(again.plan, candidate.plan)
+    np.testing.assert_array_equal(again.plan.poses, candidate.plan.poses)
     assert written == {"gripper": False, **strategy, "action_sets": [strategy["action_sets"][0]]}
 
 

@@ -25,7 +25,7 @@ def rod(length=0.2, mount=RIGID_MOUNT):
 def reviewed(*waypoints, tool=None, settings=None, **more):
     tool = tool or Tool((rod(),), name="a rod")
     candidate = Candidate(tool, np.array([list(waypoint) for waypoint in waypoints]), **more)
-    return review([candidate], TASK, settings or RolloutSettings())
+    return review([candidate], TASK, 0, settings or RolloutSettings())
 
 
 def test_a_reason_stays_in_its_line():
@@ -82,16 +82,16 @@ def test_what_a_rollout_would_reject():
 def test_problems_are_said_once_for_a_tool_and_for_each_plan():
     tool = Tool((rod(),))
     broken = [Candidate(tool, np.zeros((0, 6)), action=n, problem="it is too heavy") for n in range(3)]
-    assert review(broken, TASK, RolloutSettings()).count("rejected: it is too heavy") == 1
+    assert review(broken, TASK, 0, RolloutSettings()).count("rejected: it is too heavy") == 1
     plans = [
         Candidate(tool, np.array([[*HOME, 0, 0, 0]])),
         Candidate(tool, np.zeros((0, 6)), action=1, problem="too far"),
     ]
-    text = review(plans, TASK, RolloutSettings())
+    text = review(plans, TASK, 0, RolloutSettings())
     assert "plan 2: rejected: too far" in text
     assert "plan 1: 0.5 s" in text
     unread = [Candidate(None, np.zeros((0, 6)), problem="it is a list")]
-    assert review(unread, TASK, RolloutSettings()) == "- Strategy 1:\n  - rejected: it is a list"
+    assert review(unread, TASK, 0, RolloutSettings()) == "- Strategy 1:\n  - rejected: it is a list"
 
 
 def test_attachments_hang_from_the_fingers():

@@ -12,7 +12,7 @@ from core.new import packages as new
 from tests.packages import PYTHON, install
 
 PARTS = {"task": "PullBlock", "sim": "my_engine", "vlm": "parrot", "tool": "crates", "strategy": "greedy"}
-PARTS |= {"robot": "my_arm", "executor": "in_turn", "listener": "rows", "fitness": "mean_layouts"}
+PARTS |= {"robot": "my_arm", "executor": "in_turn", "listener": "rows", "fitness": "mean_layouts", "action": "above"}
 RUNS = ["task=PullBlock", "sim=my_engine", "vlm=parrot", "tool=crates", "evolution=greedy", "executor=in_turn"]
 RUNS += ["robot=my_arm", "fitness=mean_layouts"]
 SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "film=false"]
@@ -67,7 +67,7 @@ def test_what_is_written_runs(written, tmp_path):
         (
             "taks",
             "Mine",
-            r"no kind 'taks' in core.new \(did you mean 'task'\?\); possible: executor, fi",
+            r"no kind 'taks' in core.new \(did you mean 'task'\?\); possible: action, exe",
         ),
         ("task", "my task", "'my task' can't be a name: letters, digits and underscores"),
         ("task", "../Mine", "can't be a name"),

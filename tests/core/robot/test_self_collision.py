@@ -179,7 +179,7 @@ def test_a_finger_may_not_drive_its_tool_into_the_hand():
 def test_reference_solutions_stay_clear_of_themselves(file):
     task = installed().create("task", file.stem)
     for candidate in read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0)):
-        trajectory = plan_motion(candidate.plan, task.home, ARM).trajectory
+        trajectory = plan_motion(candidate.plan.poses, task.home, ARM).trajectory
         assert find_self_collision(PANDA, candidate.tool, trajectory) is None
 
 
@@ -191,7 +191,7 @@ def test_few_distances_are_measured(monkeypatch):
     file = SOLUTIONS / "CleanTable.json"
     task = installed().create("task", file.stem)
     (candidate,) = read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0))
-    trajectory = plan_motion(candidate.plan, task.home, ARM).trajectory
+    trajectory = plan_motion(candidate.plan.poses, task.home, ARM).trajectory
     self_collision._pairs(PANDA, candidate.tool)
     calls.clear()
     find_self_collision(PANDA, candidate.tool, trajectory)

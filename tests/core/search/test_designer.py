@@ -15,6 +15,7 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Budget, Observation, Picture, Reply, Text
 from core.plugins import event_hub, installed
 from core.search.designer import ModelDesigner
+from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 
@@ -54,6 +55,7 @@ def designer(vlm, budget=None, kinds=("rigid",), seed=3, events=None, temperatur
         on_panda(BringCube()),
         vlm,
         URDF,
+        WaypointActions(),
         PromptComposer(prompt),
         budget or Budget(3, 1, 1, 0, 5, 0.6),
         seed=seed,
@@ -223,7 +225,7 @@ def test_a_checked_answer_is_replaced_by_the_second_one():
     listener, vlm = Listener(), Canned(corrected)
     found = list(designer(vlm, events=listener.hub, prompt=CHECK).design(0))
     assert sorted(c.id for c in found) == [f"g0-a{n}-s0-p0" for n in range(3)]
-    assert all(c.plan.tolist() == PLAN for c in found)
+    assert all(c.plan.poses.tolist() == PLAN for c in found)
     assert [r.id for r in vlm.requests[:3]] == ["g0-a0", "g0-a1", "g0-a2"]
     assert sorted(r.id for r in vlm.requests[3:]) == ["g0-a0-check", "g0-a1-check", "g0-a2-check"]
     assert ("answered", "g0-a1-check") in listener.received
@@ -247,7 +249,7 @@ def test_a_checked_answer_is_replaced_by_the_second_one():
 def test_the_first_answer_counts_where_the_second_can_not_be_used(second, reason, capsys):
     vlm = Canned(lambda r: second(r) if r.id == "g0-a1-check" else corrected(r))
     found = {c.agent: c for c in designer(vlm, prompt=PromptSettings(check=True, repair=True)).design(0)}
-    assert {agent: c.plan.tolist() for agent, c in found.items()} == {0: PLAN, 1: FAR, 2: PLAN}
+    assert {agent: c.plan.poses.tolist() for agent, c in found.items()} == {0: PLAN, 1: FAR, 2: PLAN}
     assert all(c.problem is None for c in found.values())
     assert len(vlm.requests) == 6
     (line,) = capsys.readouterr().err.splitlines()

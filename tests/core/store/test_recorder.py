@@ -16,6 +16,7 @@ from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Picture, Reply, Request, Text
 from core.plugins import event_hub, installed
 from core.store.recorder import RunStore, summary, versions
+from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 
 ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2))),), name="rod")
@@ -24,7 +25,7 @@ URDF = installed().create("tool", "urdf")
 
 
 def request() -> Request:
-    brief = Brief(BringCube(), 0, URDF, False, 1, 1, generation=0, agent=1, seed=5)
+    brief = Brief(BringCube(), 0, URDF, False, 1, 1, generation=0, agent=1, seed=5, actions=WaypointActions())
     parts = (Text("What is seen:"), Picture(b"png"))
     return Request("g0-a1", brief, (Message("user", parts),), {"type": "object"}, 0.75)
 

@@ -93,7 +93,7 @@ def test_robust_tries_every_change_in_every_engine():
     earns = fitness(config, EVALUATOR)
     there = pickle.loads(pickle.dumps(earns))
     candidate = solution()
-    slower = replace(candidate, action=1, plan=np.concatenate([candidate.plan, candidate.plan[-1:]]))
+    slower = replace(candidate, action=1, plan=np.concatenate([candidate.plan.poses, candidate.plan.poses[-1:]]))
     evaluations = there([candidate, slower])
     assert [e.candidate for e in evaluations] == [candidate, slower]
     for evaluation in evaluations:

@@ -26,6 +26,7 @@ from core.interfaces import Brief, Budget, Reply, Request, RolloutSettings
 from core.plugins import event_hub, installed
 from core.simulation.rollout import evaluate_batch
 from core.view import end, free_port, listens, start_viewer
+from plugins.actions.waypoints import WaypointActions
 from plugins.listeners.rerun.sinks import address
 from plugins.listeners.rerun.words import MAX_TEXT
 from tests.panda import ARM
@@ -53,7 +54,7 @@ def generations(simulator):
     hostile = replace(
         hook,
         tool=replace(hook.tool, name=HOSTILE, description=HOSTILE),
-        plan=hook.plan[:2],
+        plan=hook.plan.poses[:2],
         strategy=1,
         strategy_name=HOSTILE,
         strategy_description=HOSTILE,
@@ -79,7 +80,7 @@ def play(run, generations, replies=(), between=lambda: None, **settings):
     hub.hook.run_started(run=run)
     for generation in generations:
         for reply in replies:
-            brief = Brief(TASK, 0, URDF, False, 1, 1, generation.index, agent=0, seed=0)
+            brief = Brief(TASK, 0, URDF, False, 1, 1, generation.index, agent=0, seed=0, actions=WaypointActions())
             hub.hook.reply_received(request=Request(reply.request_id, brief, (), {}, 1.0), reply=reply)
         hub.hook.generation_finished(generation=generation)
         between()
@@ -156,7 +157,7 @@ def test_the_arm_the_tool_and_the_scene_move(recorded, generations):
     last = starts[2] - 1  # of the second rollout: the first generation's best is shown last
     assert recording.column(f"/reward/{solved.id}", "sim_time")[-1] == times[last]
     (place,) = recording.column("/world/robot/tool_mount", "translation")[last]
-    assert np.allclose(place, solved.plan[-1, :3], atol=0.01)
+    assert np.allclose(place, solved.plan.poses[-1, :3], atol=0.01)
     (cube,) = recording.column("/world/scene/cube", "translation")[last]
     assert np.allclose(cube[:2], (0.6, 0.0), atol=0.05)
     (home,) = recording.column("/world/robot/tool_mount", "translation")[starts[2]]

@@ -10,6 +10,7 @@ from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError
 from core.interfaces import Brief, Text
 from core.plugins import installed
+from plugins.actions.waypoints import WaypointActions
 from plugins.tools.rlbench import TOOLS
 from tasks.bring_cube import BringCube
 from tasks.one_book import OneBook
@@ -49,7 +50,7 @@ def test_a_document_holds_plans_only(representation, numbers):
     assert candidate.problem is None
     assert candidate.tool.components == representation.given(on_panda(BringCube())).components
     (again,) = read_designs({"strategies": [dump_design(candidate, representation)]}, representation, spawn)
-    np.testing.assert_array_equal(again.plan, candidate.plan)
+    np.testing.assert_array_equal(again.plan.poses, candidate.plan.poses)
     (wrong,) = read_designs({"strategies": [{"gripper": numbers == 6, "action_sets": [plan]}]}, representation, spawn)
     assert "gripper" in wrong.problem
 
@@ -59,7 +60,9 @@ def test_a_document_holds_plans_only(representation, numbers):
 )
 def test_prompt_asks_for_plans_only(representation, words):
     task = on_panda(BringCube())
-    brief = Brief(task, 0, representation, representation.given(task).gripper, 1, 10, 0, 0, 0)
+    brief = Brief(
+        task, 0, representation, representation.given(task).gripper, 1, 10, 0, 0, 0, actions=WaypointActions()
+    )
     user = PromptComposer().compose(brief, None)[-1]
     text = "".join(part.text for part in user.parts if isinstance(part, Text))
     assert words in text

@@ -11,6 +11,7 @@ from core.conformance.joints import hinge, hinged, sliding, tongs
 from core.design import DesignError, ToolJoint
 from core.interfaces import Brief
 from core.plugins import installed
+from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 from tests.panda import PANDA, on_panda
 
@@ -77,7 +78,9 @@ def test_joints_are_refused_unless_they_are_allowed(name):
 @pytest.mark.parametrize("name", ["urdf", "boxes", "solids"])
 def test_a_model_is_told_of_joints_only_where_they_are_allowed(name):
     told, silent = (
-        made(name, **settings).instructions(Brief(on_panda(BringCube()), 0, made(name), False, 1, 1, 0, 0, 0))
+        made(name, **settings).instructions(
+            Brief(on_panda(BringCube()), 0, made(name), False, 1, 1, 0, 0, 0, actions=WaypointActions())
+        )
         for settings in ({"joints": True}, {})
     )
     assert "spring" in told

@@ -13,6 +13,7 @@ from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Brief, Material
 from core.plugins import Plugins
 from core.robot import description as robot
+from plugins.actions.waypoints import WaypointActions
 from plugins.tools import urdf
 from plugins.tools.urdf.building import DEFAULT_COLOR
 from plugins.tools.urdf.representation import UrdfTools
@@ -398,7 +399,11 @@ def test_any_text_is_a_tool_or_a_design_error(text, gripper):
 def test_of_a_real_material_a_mass_is_neither_asked_for_nor_read():
     made_of_pla = UrdfTools()
     made_of_pla.robot, made_of_pla.material = PANDA, Material("pla", 1240)
-    text = " ".join(made_of_pla.instructions(Brief(on_panda(OneBook()), 0, made_of_pla, False, 1, 1, 0, 0, 0)).split())
+    text = " ".join(
+        made_of_pla.instructions(
+            Brief(on_panda(OneBook()), 0, made_of_pla, False, 1, 1, 0, 0, 0, actions=WaypointActions())
+        ).split()
+    )
     assert "Tools are made of pla, 1240 kg/m^3, solid." in text
     assert "bend it by more than 10 mm or 10 N would break it." in text
     assert "mass value" not in text
@@ -411,7 +416,7 @@ def test_of_a_real_material_a_mass_is_neither_asked_for_nor_read():
 
 
 def test_of_paper_the_instructions_are_as_ever():
-    text = URDF.instructions(Brief(on_panda(OneBook()), 0, URDF, False, 1, 1, 0, 0, 0))
+    text = URDF.instructions(Brief(on_panda(OneBook()), 0, URDF, False, 1, 1, 0, 0, 0, actions=WaypointActions()))
     assert '- The inertial needs <mass value="..."/> in kilograms' in text
     assert "more than 10 mm even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length." in text
     assert '<inertial><mass value="0.005"/></inertial>' in text

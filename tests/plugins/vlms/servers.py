@@ -31,7 +31,7 @@ SCHEMA = {
 
 def request(agent: int, temperature: float = 1.25) -> Request:
     """An agent's request. The text names the agent, and its seed is 100 more."""
-    brief: Any = Brief(cast(Any, None), 0, cast(Any, None), False, 1, 1, 0, agent, 100 + agent)
+    brief: Any = Brief(cast(Any, None), 0, cast(Any, None), False, 1, 1, 0, agent, 100 + agent, actions=cast(Any, None))
     user = Message("user", (Text(f"I am agent {agent}.\n\n"), Text("Design."), Picture(PNG)))
     return Request(f"g0-a{agent}", brief, (Message("system", (Text("Be brief."),)), user), SCHEMA, temperature)
 

@@ -18,6 +18,7 @@ from core.errors import UsageError, UserError
 from core.interfaces import Brief, Message, Picture, Request, Text
 from core.plugins import installed
 from core.search.orchestration import run
+from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.mailbox.model import Mailbox
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
@@ -29,7 +30,18 @@ QUICK = {"poll_s": 0.02, "quiet_s": 0.3}
 
 
 def request(agent=0, text="Design.", n_tool=2):
-    brief = Brief(on_panda(BringCube()), 0, installed().create("tool", "urdf"), False, n_tool, 2, 0, agent, 0)
+    brief = Brief(
+        on_panda(BringCube()),
+        0,
+        installed().create("tool", "urdf"),
+        False,
+        n_tool,
+        2,
+        0,
+        agent,
+        0,
+        actions=WaypointActions(),
+    )
     user = Message("user", (Text(f"{text} {agent}\n\n"), Picture(b"\x89PNG"), Picture(b"\x89elite", "elite_x")))
     return Request(f"g0-a{agent}", brief, (Message("system", (Text("Be bold.\n\n"),)), user), {"type": "object"}, 1.0)
 

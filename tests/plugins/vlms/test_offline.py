@@ -19,6 +19,7 @@ from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Geom, Goal, Scene, floor, table
 from core.simulation.rollout import RolloutSettings, evaluate_batch
+from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline import heads
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.pour import handles
@@ -177,7 +178,19 @@ TASKS = (CubeTask, BallTask, SweepTask, PlateTask, SlotTask, ShelfTask, DeepTask
 
 def brief(task, *, gripper=False, n_tool=2, n_action=3, seed=7, elites=(), representation=URDF):
     task = on_panda(task)
-    return Brief(task, 0, representation, gripper, n_tool, n_action, 1 if elites else 0, 0, seed, tuple(elites))
+    return Brief(
+        task,
+        0,
+        representation,
+        gripper,
+        n_tool,
+        n_action,
+        1 if elites else 0,
+        0,
+        seed,
+        tuple(elites),
+        actions=WaypointActions(),
+    )
 
 
 def reply(given):
@@ -204,7 +217,7 @@ def elite(candidate, reward):
 
 def numbers(candidate):
     tool = [(c.parent, c.pose.matrix.tolist(), c.shape.size) for c in candidate.tool.components]
-    return tool, candidate.plan.tolist()
+    return tool, candidate.plan.poses.tolist()
 
 
 def test_its_name_says_that_it_is_no_language_model():
@@ -272,7 +285,7 @@ def test_high_bodies_are_reached_by_a_riser():
     for design in candidates(brief(ShelfTask(), n_tool=4, n_action=1)):
         names = [component.name for component in design.tool.components]
         assert "riser" in names
-        assert design.plan[-1, 2] < 0.75
+        assert design.plan.poses[-1, 2] < 0.75
 
 
 @pytest.mark.parametrize("gripper", [False, True])
@@ -317,7 +330,7 @@ def test_designs_keep_the_rules(task, gripper):
     designs = candidates(brief(task(), gripper=gripper, n_tool=8, n_action=2))
     assert len(designs) == 16
     assert sum(design.problem is not None for design in designs) <= 1, [design.problem for design in designs]
-    assert all(design.plan.shape[1] == (7 if gripper else 6) for design in designs if design.problem is None)
+    assert all(design.plan.poses.shape[1] == (7 if gripper else 6) for design in designs if design.problem is None)
 
 
 @pytest.mark.slow
@@ -325,7 +338,7 @@ def test_long_forks_stay_clear_of_the_arm():
     """A large box is lifted by a fork that reaches back towards the shoulder."""
     task = installed().create("task", "LiftBox")
     designs = [design for design in candidates(brief(task, n_tool=4, n_action=2)) if design.problem is None]
-    motions = [plan_motion(design.plan, task.home, ARM) for design in designs]
+    motions = [plan_motion(design.plan.poses, task.home, ARM) for design in designs]
     met = [find_self_collision(PANDA, d.tool, motion.trajectory) for d, motion in zip(designs, motions, strict=True)]
     assert len(met) >= 6
     assert sum(one is not None for one in met) <= 1, met
@@ -361,7 +374,7 @@ def test_offspring_differ_from_their_parents_and_name_them():
 def test_elites_of_the_other_kind_are_not_remounted():
     (parent,) = candidates(brief(CubeTask(), n_tool=1, n_action=1))
     children = candidates(brief(CubeTask(), gripper=True, elites=[elite(parent, 0.9)]))
-    assert all(child.tool.gripper and child.plan.shape[1] == 7 for child in children)
+    assert all(child.tool.gripper and child.plan.poses.shape[1] == 7 for child in children)
 
 
 def test_a_task_without_goals_gets_designs():

@@ -1,0 +1,109 @@
+"""Read action plans, and resolve them: the waypoints that a plan means in one layout, by what is seen there."""
+
+from __future__ import annotations
+
+import errno
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.design import DesignError
+from core.designs.rules import check_plan
+from core.errors import UserError
+from core.geometry import Pose
+from core.interfaces import (
+    ActionPlan,
+    ActionRepresentation,
+    Perception,
+    RolloutSettings,
+    Seen,
+    Task,
+    Waypoints,
+)
+from core.plugins import describe_part, installed
+from core.text import kind, shorten
+
+NO_PLAN = Waypoints(np.empty((0, 6)))  # of a candidate whose plan can't be read
+
+# Errors of the machine, in any representation: they say nothing about a design.
+MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS}
+
+_NOISE = 7  # keeps these random numbers apart from others of the same seed
+
+
+def named_actions(strategy: dict[Any, Any]) -> ActionRepresentation:
+    """Make the representation that a strategy of a designs file names; of those without a name, literal waypoints.
+
+    Raises:
+        DesignError: there is none of that name, or it can't be made.
+    """
+    name = strategy.get("action", Waypoints.action)
+    if not isinstance(name, str):
+        raise DesignError(f"'action' is {kind(name)}; it must be the name of an action representation")
+    try:
+        return _actions(name)
+    except UserError as error:
+        raise DesignError(str(error)) from error
+
+
+@lru_cache(maxsize=16)
+def _actions(name: str) -> ActionRepresentation:
+    return installed().create("action", name)
+
+
+def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> ActionPlan:
+    """Parse a plan. A bug in the representation costs the plan, not the run.
+
+    Raises:
+        DesignError: a rule is broken, or the representation fails; then the message names its plugin.
+    """
+    try:
+        plan = actions.parse(raw, gripper=gripper)
+    except (DesignError, MemoryError):
+        raise
+    except Exception as error:
+        if getattr(error, "errno", None) in MACHINE:
+            raise
+        raise DesignError(f"{describe_part(actions)}: parse raised {type(error).__name__}: {error}") from error
+    if not isinstance(plan, ActionPlan):
+        raise DesignError(f"{describe_part(actions)}: parse gave {shorten(repr(plan))}; expected an ActionPlan")
+    return plan
+
+
+def look(task: Task, seed: int, perception: Perception) -> Seen:
+    """Return what is seen of the layout of ``seed`` before the motion: all poses as at spawn, with noise.
+
+    The noise is normal, of each coordinate in the plane of the table and of the yaw; it depends on ``seed`` alone.
+    """
+    bodies = task.scene(seed).bodies
+    if perception.position == perception.yaw == 0:
+        return Seen({body.name: body.pose for body in bodies})
+    draws = np.random.default_rng([seed, _NOISE]).standard_normal((len(bodies), 3))
+    poses = {}
+    for body, (x, y, yaw) in zip(bodies, draws.tolist(), strict=True):
+        turned = Rotation.from_rotvec([0.0, 0.0, yaw * perception.yaw]) * body.pose.rotation
+        shift = perception.position * np.array([x, y, 0.0])
+        poses[body.name] = Pose.from_rotation(body.pose.position + shift, turned)
+    return Seen(poses)
+
+
+def resolve(plan: ActionPlan, task: Task, seed: int, settings: RolloutSettings) -> Waypoints:
+    """Return a plan's waypoints in the layout of ``seed``.
+
+    Raises:
+        DesignError: the plan needs something that is not there, or its waypoints break a rule.
+    """
+    if isinstance(plan, Waypoints):
+        return plan
+    try:
+        waypoints = plan.resolve(look(task, seed, settings.perception))
+    except (DesignError, MemoryError):
+        raise
+    except Exception as error:  # a plugin's code may raise anything
+        raise DesignError(f"{describe_part(plan)}: resolve raised {type(error).__name__}: {error}") from error
+    if not isinstance(waypoints, Waypoints):
+        raise DesignError(f"{describe_part(plan)}: resolve gave a {type(waypoints).__name__}; expected Waypoints")
+    check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
+    return waypoints

@@ -1,0 +1,119 @@
+"""Define action plans: what a model writes, and the waypoints that it means in one layout.
+
+Plugins import all of it from `core.interfaces`. Covered by `tests/core/designs/test_planning.py` and
+`tests/core/robot/test_tempo.py`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from core.geometry import Array, Pose
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a plan may look at before the motion: the poses of bodies and marks in the world, by name."""
+
+    poses: Mapping[str, Pose]
+
+
+class ActionPlan(ABC):
+    """A motion as a function of what is seen of the layout. It is picklable, a frozen dataclass, and never changed."""
+
+    action: ClassVar[str]  # the name of the representation that reads it, as in ``action=NAME``
+
+    @abstractmethod
+    def resolve(self, seen: Seen) -> Waypoints:
+        """Return the waypoints for one layout.
+
+        Raises:
+            core.design.DesignError: it needs something that is not there; says what, and in which waypoint.
+        """
+
+    @abstractmethod
+    def dump(self) -> list[Any]:
+        """Return the JSON value that its representation reads back as an equal plan."""
+
+    @property
+    def content(self) -> object:
+        """What is tried, as nested tuples: equal for equal plans, in every process."""
+        return content_of(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Tempo:
+    """When the N waypoints are reached; nan stands for "as fast as usual".
+
+    Attributes:
+        seconds: (N,) the time of the way to each.
+        speeds: (N,) the end-effector's speed on that way, m/s.
+        through: (N,) bool, pass it without a stop.
+        waits: (N,) seconds to stay there.
+    """
+
+    seconds: Array
+    speeds: Array
+    through: Array
+    waits: Array
+
+    @staticmethod
+    def usual(count: int) -> Tempo:
+        """The tempo of plans that ask for none."""
+        none = np.full(count, np.nan)
+        return Tempo(none, none, np.zeros(count, dtype=bool), np.zeros(count))
+
+
+@dataclass(frozen=True, eq=False)
+class Waypoints(ActionPlan):
+    """Literal waypoints: the plan that looks at nothing.
+
+    ``poses`` are (N, 6): x, y, z, roll, pitch, yaw of the mount's frame in the world; or (N, 7) with the gripper, 0
+    open to 1 closed. Without a ``tempo`` the arm rests at each.
+    """
+
+    action: ClassVar[str] = "waypoints"
+    poses: Array
+    tempo: Tempo | None = None
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @property
+    def grips(self) -> Array:
+        """How far the gripper is closed at each, (N,); 0 for plans without it."""
+        return self.poses[:, 6] if self.poses.shape[1] == 7 else np.zeros(len(self.poses))
+
+    def resolve(self, seen: Seen) -> Waypoints:
+        return self
+
+    def dump(self) -> list[Any]:
+        return list(self.poses.tolist())
+
+    @property
+    def content(self) -> object:
+        return content_of(self.poses) if self.tempo is None else content_of(self)
+
+
+def digest(content: object) -> str:
+    """Hash nested tuples of plain values."""
+    return hashlib.blake2b(repr(content).encode(), digest_size=16).hexdigest()
+
+
+def content_of(value: object) -> object:
+    """Write a value as nested tuples. Fields with their default are left out, so that a new field changes no hash."""
+    if is_dataclass(value):
+        named = [(field, getattr(value, field.name)) for field in fields(value)]
+        given = [(f.name, content_of(v)) for f, v in named if not (type(v) is type(f.default) and v == f.default)]
+        return type(value).__name__, *given
+    if isinstance(value, np.ndarray):
+        return value.shape, value.dtype.str, value.tobytes()
+    if isinstance(value, tuple):
+        return tuple(content_of(item) for item in value)
+    return value

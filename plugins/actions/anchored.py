@@ -1,0 +1,193 @@
+"""``action=anchored``: a plan whose waypoints stand relative to bodies and marks of the scene, with tempo.
+
+A waypoint is an object: an anchor, an offset and an orientation in the anchor's axes, and what it says of time. Nothing
+in it is computed by the model's text: there are no expressions.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
+
+from core.design import DesignError
+from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, MAX_WAYPOINTS
+from core.errors import choices
+from core.geometry import Pose
+from core.interfaces import ActionPlan, ActionRepresentation, Brief, Seen, Tempo, Waypoints
+from core.text import kind, shorten
+
+WORLD = "world"
+MAX_SPEED, MAX_SECONDS = 10.0, 60.0  # the arm's limits are lower, and slow the motion
+_INSTRUCTIONS = """\
+- An action plan is a list of waypoints. Each waypoint is an object that says where the frame `tool_mount` (the
+  end-effector) shall be, relative to what is seen of the scene before the motion:
+  - `anchor`: what it stands by: {names}, or `world` (the default).
+  - `offset`: [x, y, z] in metres, from the anchor's origin to `tool_mount`. `rpy`: [roll, pitch, yaw] of `tool_mount`.
+  - `axes`: those of the `world` (the default), or of the `anchor`, which turn with it. Offset and rpy are along them.
+  - `toward`: the name of a second anchor. Then the axes are the world's, turned about z until x points from `anchor` to
+    it, as for a push towards a goal.
+  - `speed` (m/s) or `seconds` of the way there; without them the rule about segments below holds. What the arm's limits
+    do not allow is slowed, and reported.
+  - `through`: true passes the waypoint without a stop. `wait`: seconds to stay there.
+{grip}- The plan is used in every layout: anchor it to what moves between layouts, not to the world.
+"""
+_APART_M = 1e-3  # a direction needs two anchors that are farther apart
+
+Length = Annotated[float, Strict(), Field(ge=-MAX_REACH_M, le=MAX_REACH_M, allow_inf_nan=False)]
+Angle = Annotated[float, Strict(), Field(ge=-MAX_ANGLE_RAD, le=MAX_ANGLE_RAD, allow_inf_nan=False)]
+Seconds = Annotated[float, Strict(), Field(ge=0, le=MAX_SECONDS, allow_inf_nan=False)]
+Speed = Annotated[float, Strict(), Field(ge=0, le=MAX_SPEED, allow_inf_nan=False)]
+Share = Annotated[float, Strict(), Field(ge=0, le=1, allow_inf_nan=False)]
+Name = Annotated[str, Strict(), Field(max_length=200)]
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class Step:
+    """One waypoint as written. ``speed`` and ``seconds`` of 0 stand for none.
+
+    Attributes:
+        offset: (3,) metres from the anchor to the mount, along the axes.
+        rpy: (3,) the mount's orientation in the axes, radians.
+        anchor: the name of a body or mark, or ``world``.
+        axes: those of the world, or those of the anchor.
+        toward: the name of a second anchor: the axes are the world's, turned about z until x points there.
+        speed: of the end-effector on the way there, m/s.
+        seconds: the time of the way there.
+        through: pass it without a stop.
+        wait: seconds to stay there.
+        grip: 0 open to 1 closed, for tools with the gripper.
+    """
+
+    offset: tuple[Length, Length, Length]
+    rpy: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    anchor: Name = WORLD
+    axes: Literal["world", "anchor"] = "world"
+    toward: Name = ""
+    speed: Speed = 0.0
+    seconds: Seconds = 0.0
+    through: Annotated[bool, Strict()] = False
+    wait: Seconds = 0.0
+    grip: Share = 0.0
+
+    def frame(self, seen: Seen, where: str) -> Pose:
+        """The frame of the offset in the world.
+
+        Raises:
+            DesignError: an anchor is not there, or gives no direction.
+        """
+        anchor = _place(self.anchor, seen, where)
+        if not self.toward:
+            return anchor if self.axes == "anchor" else Pose(anchor.position)
+        x, y, _ = _place(self.toward, seen, where).position - anchor.position
+        if math.hypot(x, y) < _APART_M:
+            raise DesignError(f"{where}: {self.toward!r} is not beside {self.anchor!r}, so that there is no direction")
+        return Pose.xyz_rpy(anchor.position, (0.0, 0.0, math.atan2(y, x)))
+
+    def dump(self) -> dict[str, Any]:
+        """Return what was written, without what has its default."""
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        written = {name: value for name, value in given.items() if name == "offset" or value != _DEFAULTS[name]}
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in written.items()}
+
+
+_DEFAULTS = {f.name: f.default for f in fields(Step)}
+_STEPS = TypeAdapter(Step)
+
+
+@dataclass(frozen=True)
+class AnchoredPlan(ActionPlan):
+    """Steps, and whether they move the gripper."""
+
+    action: ClassVar[str] = "anchored"
+    steps: tuple[Step, ...]
+    gripper: bool = False
+
+    def resolve(self, seen: Seen) -> Waypoints:
+        rows = []
+        for number, step in enumerate(self.steps, start=1):
+            pose = step.frame(seen, f"waypoint {number}") @ Pose.xyz_rpy(step.offset, step.rpy)
+            rows.append([*pose.position, *pose.rpy, *([step.grip] if self.gripper else [])])
+        return Waypoints(np.array(rows), self._tempo())
+
+    def _tempo(self) -> Tempo | None:
+        steps = self.steps
+        if not any(step.speed or step.seconds or step.through or step.wait for step in steps):
+            return None
+        return Tempo(
+            np.array([step.seconds or math.nan for step in steps]),
+            np.array([step.speed or math.nan for step in steps]),
+            np.array([step.through for step in steps]),
+            np.array([step.wait for step in steps]),
+        )
+
+    def dump(self) -> list[Any]:
+        return [step.dump() for step in self.steps]
+
+
+class AnchoredActions(ActionRepresentation):
+    """Objects with an anchor, an offset, an orientation, and tempo."""
+
+    def instructions(self, brief: Brief) -> str:
+        names = ", ".join(f"`{body.name}`" for body in brief.task.scene(brief.scene_seed).bodies)
+        grip = "  - `grip`: 0 for open, 1 for closed; default 0.\n" if brief.gripper else ""
+        return _INSTRUCTIONS.format(names=names, grip=grip)
+
+    def schema(self, *, gripper: bool) -> dict[str, Any]:
+        step = _STEPS.json_schema()
+        properties = {name: _plain(of) for name, of in step["properties"].items() if gripper or name != "grip"}
+        waypoint = {"type": "object", "properties": properties, "required": ["offset"], "additionalProperties": False}
+        return {"type": "array", "items": waypoint, "minItems": 1}
+
+    def parse(self, data: object, *, gripper: bool) -> AnchoredPlan:
+        if not isinstance(data, list):
+            raise DesignError(f"an action plan must be a list of waypoints, not {kind(data)}")
+        if not 1 <= len(data) <= MAX_WAYPOINTS:
+            raise DesignError(f"the action plan has {len(data)} waypoints; between 1 and {MAX_WAYPOINTS} are needed")
+        return AnchoredPlan(tuple(_step(item, f"waypoint {i}", gripper) for i, item in enumerate(data, 1)), gripper)
+
+
+def _step(data: object, where: str, gripper: bool) -> Step:
+    """Read a waypoint that a model wrote."""
+    if not isinstance(data, dict):
+        raise DesignError(f"{where} must be an object with an offset, not {kind(data)}")
+    if "grip" in data and not gripper:
+        raise DesignError(f"{where}: 'grip' needs a tool on the gripper; leave it out")
+    try:
+        step = _STEPS.validate_python(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        if first["type"] == "unexpected_keyword_argument":
+            raise DesignError(str(choices("field", place, _DEFAULTS, where))) from error
+        raise DesignError(f"{where}: {place[:100]}: {first['msg']}") from error
+    if step.speed and step.seconds:
+        raise DesignError(f"{where}: give speed or seconds, not both")
+    if step.through and step.wait:
+        raise DesignError(f"{where}: a waypoint that is passed through has no wait; leave one of them out")
+    if step.toward and step.axes == "anchor":
+        raise DesignError(f"{where}: toward turns the world's axes; leave 'axes' out")
+    return step
+
+
+def _place(name: str, seen: Seen, where: str) -> Pose:
+    """The pose of an anchor.
+
+    Raises:
+        DesignError: it is not there.
+    """
+    if name == WORLD:
+        return Pose()
+    if name not in seen.poses:
+        raise DesignError(f"{where}: no anchor {shorten(name)}; possible: {', '.join((*seen.poses, WORLD))}")
+    return seen.poses[name]
+
+
+def _plain(schema: dict[str, Any]) -> dict[str, Any]:
+    """A field's schema in the words that all providers know: without titles, defaults and prefixes."""
+    plain = {key: value for key, value in schema.items() if key not in ("title", "default", "prefixItems")}
+    return plain | ({"items": {"type": "number"}} if "prefixItems" in schema else {})

@@ -1,0 +1,49 @@
+"""``action=waypoints``: a plan is a list of poses in the world, as in the paper."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from core.designs.rules import WAYPOINT, check_plan
+from core.interfaces import ActionRepresentation, Brief, Waypoints
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+
+
+class WaypointActions(ActionRepresentation):
+    """Lists of 6 numbers, or of 7 with the gripper."""
+
+    def instructions(self, brief: Brief) -> str:
+        if not brief.gripper:
+            return (
+                "- An action plan is a list of waypoints. Each waypoint is exactly 6 numbers, "
+                "`[x, y, z, roll, pitch, yaw]`: the pose of the\n"
+                "  frame `tool_mount` (the end-effector) in the world."
+            )
+        return (
+            "- An action plan is a list of waypoints. Each waypoint is exactly 7 numbers, "
+            "`[x, y, z, roll, pitch, yaw, grip]`: the pose\n"
+            "  of the frame `tool_mount` (the end-effector) in the world, and the fingers."
+        )
+
+    def schema(self, *, gripper: bool) -> dict[str, Any]:
+        count = len(WAYPOINT) if gripper else len(WAYPOINT) - 1
+        waypoint = {"type": "array", "items": {"type": "number"}, "minItems": count, "maxItems": count}
+        return {"type": "array", "items": waypoint, "minItems": 1}
+
+    def parse(self, data: object, *, gripper: bool) -> Waypoints:
+        return Waypoints(check_plan(_with_numbers(data), gripper=gripper))
+
+
+def _with_numbers(plan: object) -> object:
+    """``plan`` with strings in waypoints that hold plain decimal numbers replaced by these numbers."""
+    if not isinstance(plan, list):
+        return plan
+    return [[_as_number(v) for v in waypoint] if isinstance(waypoint, list) else waypoint for waypoint in plan]
+
+
+def _as_number(value: object) -> object:
+    if isinstance(value, str) and len(value) < 100 and _NUMBER.fullmatch(value.strip()):
+        return float(value)
+    return value

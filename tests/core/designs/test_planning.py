@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+
+from core.design import DesignError
+from core.designs.planning import look, resolve
+from core.errors import UsageError
+from core.interfaces import ActionPlan, Perception, RolloutSettings, Seen, Waypoints
+from tasks.bring_cube import BringCube
+from tests.panda import on_panda
+
+TASK = on_panda(BringCube())
+POSES = np.array([[0.5, 0.0, 0.4, 0.0, 0.0, 0.0]])
+
+
+class Plan(ActionPlan):
+    """A plan that means what it was given, whatever that is."""
+
+    action = "mine"
+
+    def __init__(self, meant):
+        self.meant = meant
+
+    def resolve(self, seen):
+        if isinstance(self.meant, Exception):
+            raise self.meant
+        return self.meant(seen) if callable(self.meant) else self.meant
+
+    def dump(self):
+        return []
+
+
+def test_all_bodies_and_marks_are_seen_where_they_are():
+    seen = look(TASK, 0, Perception())
+    scene = TASK.scene(0)
+    assert set(seen.poses) == {body.name for body in scene.bodies}
+    for body in scene.bodies:
+        np.testing.assert_array_equal(seen.poses[body.name].matrix, body.pose.matrix)
+
+
+def test_noise_is_as_large_as_asked_and_repeats():
+    draws = []
+    for seed in range(300):
+        seen, exact = (look(TASK, seed, noise).poses["cube"] for noise in (Perception(0.005, 0.05), Perception()))
+        yaw = (exact.rotation.inv() * seen.rotation).as_rotvec()[2]
+        draws.append([*(seen.position - exact.position), yaw])
+    spread = np.std(draws, axis=0)
+    np.testing.assert_allclose(spread, [0.005, 0.005, 0.0, 0.05], rtol=0.15)
+    again = look(TASK, 7, Perception(0.005, 0.05)).poses["cube"]
+    np.testing.assert_array_equal(again.position, look(TASK, 7, Perception(0.005, 0.05)).poses["cube"].position)
+
+
+@pytest.mark.parametrize("wrong", [{"position": -0.1}, {"yaw": 2.0}, {"position": float("nan")}])
+def test_noise_that_cannot_be(wrong):
+    with pytest.raises(UsageError, match=f"perception.{next(iter(wrong))} must be between 0 and 1"):
+        Perception(**wrong)
+
+
+def test_a_plan_is_resolved_against_what_is_seen():
+    plan = Plan(lambda seen: Waypoints(POSES + np.array([*seen.poses["cube"].position, 0, 0, 0]) * 0.1))
+    assert resolve(plan, TASK, 0, RolloutSettings()).poses[0, 0] > 0.5
+    literal = Waypoints(POSES)
+    assert resolve(literal, TASK, 0, RolloutSettings()) is literal
+
+
+@pytest.mark.parametrize(
+    ("meant", "problem"),
+    [
+        (DesignError("no anchor"), "no anchor"),
+        (RuntimeError("oops"), r"resolve raised RuntimeError: oops"),
+        (POSES, r"resolve gave a ndarray; expected Waypoints"),
+        (Waypoints(POSES * 10), r"waypoint 1: x is beyond"),
+        (Waypoints(POSES * np.nan), r"waypoint 1: x is nan"),
+        (Waypoints(np.empty((0, 6))), r"has 0 waypoints"),
+    ],
+)
+def test_a_plan_that_means_nothing_here_is_a_design_error(meant, problem):
+    with pytest.raises(DesignError, match=problem):
+        resolve(Plan(meant), TASK, 0, RolloutSettings())
+
+
+def test_seen_is_plain_data():
+    assert Seen({}).poses == {}

@@ -1,0 +1,157 @@
+import json
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from core.design import Candidate, DesignError
+from core.designs.reading import dump_design, read_designs
+from core.designs.rules import SpawnRules
+from core.geometry import Pose
+from core.interfaces import RolloutSettings, Seen, Waypoints
+from core.plugins import installed
+from core.simulation.rollout import evaluate_batch
+from plugins.actions.anchored import AnchoredActions, AnchoredPlan
+from tasks.bring_cube import BringCube
+from tests.panda import on_panda
+
+ACTIONS = AnchoredActions()
+CUBE = Pose.xyz_rpy((0.6, 0.1, 0.02), (0.0, 0.0, 0.5))
+SEEN = Seen({"cube": CUBE, "goal": Pose(np.array([0.6, -0.3, 0.0]))})
+
+
+def plan(*steps, gripper=False):
+    return ACTIONS.parse(list(steps), gripper=gripper)
+
+
+def first(*steps, **how):
+    return plan(*steps, **how).resolve(SEEN).poses[0]
+
+
+def test_by_default_the_axes_are_the_worlds():
+    np.testing.assert_allclose(first({"offset": [0.5, 0, 0.4]}), [0.5, 0, 0.4, 0, 0, 0])
+    np.testing.assert_allclose(first({"anchor": "cube", "offset": [0, 0, 0.1]}), [0.6, 0.1, 0.12, 0, 0, 0])
+
+
+def test_the_anchors_axes_turn_with_it():
+    row = first({"anchor": "cube", "axes": "anchor", "offset": [0.1, 0, 0], "rpy": [0, 0, 0.2]})
+    np.testing.assert_allclose(row[:3], CUBE.apply(np.array([0.1, 0, 0])))
+    np.testing.assert_allclose(row[3:], [0, 0, 0.7], atol=1e-12)
+
+
+def test_toward_turns_x_to_the_other_anchor():
+    row = first({"anchor": "cube", "toward": "goal", "offset": [0.1, 0, 0.3]})
+    np.testing.assert_allclose(row, [0.6, 0.0, 0.32, 0, 0, -np.pi / 2], atol=1e-12)
+
+
+@given(st.floats(-3, 3), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.sampled_from(["anchor", "toward"]))
+def test_a_plan_moves_with_the_scene(yaw, x, y, how):
+    """Turned and moved as a whole, the scene's plan is the same motion in its own frame."""
+    move = Pose.xyz_rpy((x, y, 0.0), (0.0, 0.0, yaw))
+    where = {"axes": "anchor"} if how == "anchor" else {"toward": "goal"}
+    step = {"anchor": "cube", "offset": [0.05, -0.03, 0.1], "rpy": [0.1, 0.2, 0.3], **where}
+    there = Seen({name: move @ pose for name, pose in SEEN.poses.items()})
+    before, after = (plan(step).resolve(seen).poses[0] for seen in (SEEN, there))
+    np.testing.assert_allclose(move.apply(before[:3]), after[:3], atol=1e-9)
+    turned = move.rotation * Rotation.from_euler("xyz", before[3:])
+    assert (turned.inv() * Rotation.from_euler("xyz", after[3:])).magnitude() < 1e-7
+
+
+def test_tempo_comes_along():
+    steps = [
+        {"offset": [0.5, 0, 0.4], "speed": 0.5, "through": True},
+        {"offset": [0.5, 0, 0.3], "seconds": 2, "wait": 1},
+    ]
+    tempo = plan(*steps).resolve(SEEN).tempo
+    np.testing.assert_array_equal(tempo.speeds, [0.5, np.nan])
+    np.testing.assert_array_equal(tempo.seconds, [np.nan, 2])
+    np.testing.assert_array_equal(tempo.through, [True, False])
+    np.testing.assert_array_equal(tempo.waits, [0, 1])
+    assert plan({"offset": [0.5, 0, 0.4]}).resolve(SEEN).tempo is None
+
+
+def test_the_gripper_is_the_seventh_number():
+    assert first({"offset": [0.5, 0, 0.4], "grip": 0.5}, gripper=True)[6] == 0.5
+    with pytest.raises(DesignError, match="waypoint 1: 'grip' needs a tool on the gripper"):
+        plan({"offset": [0.5, 0, 0.4], "grip": 0.5})
+
+
+GOOD = {"offset": [0.5, 0.0, 0.4]}
+
+
+@pytest.mark.parametrize(
+    ("written", "problem"),
+    [
+        (7, "must be a list of waypoints, not a number"),
+        ([], "has 0 waypoints"),
+        ([GOOD] * 201, "has 201 waypoints"),
+        ([GOOD, [0.5, 0, 0.4, 0, 0, 0]], "waypoint 2 must be an object with an offset"),
+        ([{}], "waypoint 1: offset"),
+        ([{"offset": [0.5, 0]}], r"waypoint 1: offset\.2"),
+        ([{"offset": [0.5, 0, "0.4"]}], r"waypoint 1: offset\.2: Input should be a valid number"),
+        ([{"offset": [0.5, 0, True]}], r"waypoint 1: offset\.2"),
+        ([{"offset": [0.5, 0, 99]}], r"waypoint 1: offset\.2"),
+        ([{"offset": [0.5, 0, float("nan")]}], r"waypoint 1: offset\.2"),
+        ([GOOD | {"ofset": 1}], r"no field 'ofset' in waypoint 1 \(did you mean 'offset'\?\)"),
+        ([GOOD | {"anchor": "__import__('os')", "speed": -1}], "waypoint 1: speed"),
+        ([GOOD | {"axes": "cube"}], "waypoint 1: axes"),
+        ([GOOD | {"speed": 1, "seconds": 1}], "speed or seconds, not both"),
+        ([GOOD | {"through": True, "wait": 1}], "passed through has no wait"),
+        ([GOOD | {"through": "yes"}], "waypoint 1: through"),
+        ([GOOD | {"axes": "anchor", "toward": "goal"}], "leave 'axes' out"),
+        ([GOOD | {"speed": 1e999}], "waypoint 1: speed"),
+    ],
+)
+def test_what_is_wrong_is_said(written, problem):
+    with pytest.raises(DesignError, match=problem):
+        ACTIONS.parse(written, gripper=False)
+
+
+@pytest.mark.parametrize(
+    ("step", "problem"),
+    [
+        ({"anchor": "cub"}, "waypoint 1: no anchor 'cub'; possible: cube, goal, world"),
+        ({"toward": "gaol"}, "waypoint 1: no anchor 'gaol'"),
+        ({"anchor": "cube", "toward": "cube"}, "there is no direction"),
+    ],
+)
+def test_an_anchor_that_is_not_there(step, problem):
+    with pytest.raises(DesignError, match=problem):
+        plan(GOOD | step).resolve(SEEN)
+
+
+def test_a_designs_file_names_the_representation_and_reads_back():
+    task = on_panda(BringCube())
+    document = json.loads(json.dumps({"strategies": [BARE | {"action": "anchored", "action_sets": [[GOOD, NEAR]]}]}))
+    rules, bare = SpawnRules(task, 0), installed().create("tool", "none")
+    (candidate,) = read_designs(document, bare, rules)
+    assert isinstance(candidate.plan, AnchoredPlan)
+    (again,) = read_designs({"strategies": [dump_design(candidate, bare)]}, bare, rules)
+    assert again.content == candidate.content == pickle.loads(pickle.dumps(candidate)).content
+    numbers = 7 if bare.given(task).gripper else 6
+    (literal,) = read_designs(
+        {"strategies": [BARE | {"action_sets": [[[0.5, 0, 0.4, 0, 0, 0, 1][:numbers]]]}]}, bare, rules
+    )
+    assert isinstance(literal.plan, Waypoints)
+    assert "action" not in dump_design(literal, bare)
+    (unknown,) = read_designs({"strategies": [BARE | {"action": "dance", "action_sets": [[GOOD]]}]}, bare, rules)
+    assert "no action 'dance'" in unknown.problem
+
+
+BARE = {"strategy_name": "bare"}
+NEAR = {"anchor": "cube", "offset": [0.0, 0.0, 0.2], "speed": 5.0}
+
+
+def test_it_is_played_and_what_was_slowed_is_reported():
+    task = on_panda(BringCube())
+    candidates = [
+        Candidate(installed().create("tool", "none").given(task), plan(*steps))
+        for steps in ([GOOD, NEAR], [GOOD | {"anchor": "nowhere"}])
+    ]
+    played, lost = evaluate_batch(task, installed().create("sim", "mujoco"), candidates, 0, RolloutSettings())
+    assert played.status == "ok"
+    assert any("waypoint 2 was reached" in warning for warning in played.warnings)
+    assert (lost.status, "no anchor 'nowhere'" in lost.reason) == ("rejected", True)
