@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from core.design import TIE, Candidate, Evaluation, Tool
+from core.design import TIE, Candidate, DesignError, Evaluation, Tool
 from core.design import Budget as Budget
 from core.errors import UsageError, UserError
 from core.geometry import Array, Pose
@@ -265,6 +265,14 @@ class ActionRepresentation(ABC):
         Raises:
             DesignError: says what is wrong, in which waypoint, and how to mend it.
         """
+
+    def dump(self, waypoints: Waypoints) -> list[Any]:
+        """Write literal waypoints as a plan, for designers that compute them.
+
+        Raises:
+            DesignError: this representation can't write them.
+        """
+        raise DesignError(f"{type(self).__name__} can't write literal waypoints; use action=waypoints")
 
 
 class GivenTools(ToolRepresentation):

@@ -150,6 +150,12 @@ class AnchoredActions(ActionRepresentation):
             raise DesignError(f"the action plan has {len(data)} waypoints; between 1 and {MAX_WAYPOINTS} are needed")
         return AnchoredPlan(tuple(_step(item, f"waypoint {i}", gripper) for i, item in enumerate(data, 1)), gripper)
 
+    def dump(self, waypoints: Waypoints) -> list[Any]:
+        """Anchor them to the world; a tempo is left out."""
+        grips = waypoints.grips.tolist() if waypoints.poses.shape[1] == 7 else [0.0] * len(waypoints)
+        rows = zip(waypoints.poses[:, :6].tolist(), grips, strict=True)
+        return [Step(offset=tuple(row[:3]), rpy=tuple(row[3:]), grip=grip).dump() for row, grip in rows]
+
 
 def _step(data: object, where: str, gripper: bool) -> Step:
     """Read a waypoint that a model wrote."""

@@ -35,6 +35,9 @@ class WaypointActions(ActionRepresentation):
     def parse(self, data: object, *, gripper: bool) -> Waypoints:
         return Waypoints(check_plan(_with_numbers(data), gripper=gripper))
 
+    def dump(self, waypoints: Waypoints) -> list[Any]:
+        return waypoints.dump()
+
 
 def _with_numbers(plan: object) -> object:
     """``plan`` with strings in waypoints that hold plain decimal numbers replaced by these numbers."""

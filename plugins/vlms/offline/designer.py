@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from core.design import Tool
+from core.design import DesignError, Tool
+from core.designs.planning import look
 from core.designs.rules import SpawnRules
-from core.interfaces import VLM, Brief, Reply, Request
+from core.interfaces import VLM, Brief, Perception, Reply, Request, Waypoints
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.recognize import recognize
@@ -33,7 +34,7 @@ class OfflineDesigner(VLM):
         for request in requests:
             try:
                 yield Reply(request.id, json.dumps(answer(request.brief), indent=1), self.model)
-            except NothingToMove as error:
+            except (NothingToMove, DesignError) as error:
                 yield Reply(request.id, "", self.model, error=str(error))
 
 
@@ -42,12 +43,13 @@ def answer(brief: Brief) -> dict[str, Any]:
 
     Raises:
         NothingToMove: see `Sight.of`.
+        DesignError: plans can't be written as the brief asks.
     """
     sight = Sight.of(brief)
     spawn = SpawnRules(brief.task, brief.scene_seed)
     workshop = Workshop(sight, spawn, brief.gripper, np.random.default_rng(brief.seed), brief.representation.material)
     given = brief.representation.given(brief.task)
-    elites = elites_with(brief.elites, brief.gripper)
+    elites = elites_with(brief.elites, brief.gripper, look(brief.task, brief.scene_seed, Perception()))
     strategies = []
     for _ in range(brief.n_tool):
         if given is not None:
@@ -102,6 +104,6 @@ def _strategy(
         "gripper": tool.gripper,
         **brief.representation.dump(tool),
         "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),
-        "action_sets": [(np.round(use.plan, _DIGITS) + 0.0).tolist() for use in uses],
+        "action_sets": [brief.actions.dump(Waypoints(np.round(use.plan, _DIGITS) + 0.0)) for use in uses],
         **({"parents": parents} if parents else {}),
     }

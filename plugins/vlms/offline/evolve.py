@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Evaluation, Tool
 from core.geometry import Array
-from core.plans import Waypoints
+from core.interfaces import Seen
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.mutation import cross, mutate, slimmed
 from plugins.vlms.offline.recognize import middle, recognize
@@ -35,14 +35,12 @@ class Elite:
         return float(np.clip(1.5 * (1.0 - self.reward), 0.05, 1.0))
 
 
-def elites_with(evaluations: Sequence[Evaluation], gripper: bool) -> list[Elite]:
-    """The elites with a gripper tool, or those with a rigid one."""
+def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) -> list[Elite]:
+    """The elites with a gripper tool, or those with a rigid one; their plans as they are in this layout."""
     return [
-        Elite(e.candidate.id, e.candidate.tool, e.candidate.plan.poses, e.reward, e.moved_m)
+        Elite(e.candidate.id, e.candidate.tool, e.candidate.plan.resolve(seen).poses, e.reward, e.moved_m)
         for e in evaluations
-        if e.candidate.tool is not None
-        and e.candidate.tool.gripper == gripper
-        and isinstance(e.candidate.plan, Waypoints)
+        if e.candidate.tool is not None and e.candidate.tool.gripper == gripper
     ]
 
 
