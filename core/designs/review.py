@@ -15,7 +15,8 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot, RolloutSettings, Task
 from core.robot.frames import link_frames
 from core.robot.self_collision import find_self_collision
-from core.robot.trajectory import Motion, at_home, planned
+from core.robot.tempo import planned
+from core.robot.trajectory import Motion, at_home
 from core.text import clean
 
 # A waypoint is reached if it is missed by no more than this.

@@ -32,7 +32,7 @@ from core.interfaces import Budget, Executor, RolloutSettings, Simulator
 from core.plugins import event_hub, installed
 from core.plugins.blame import describe_failure
 from core.robot.kinematics import arm_of
-from core.robot.trajectory import planned
+from core.robot.tempo import planned
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
 from core.search.listeners import add_listener

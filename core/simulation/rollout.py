@@ -18,7 +18,8 @@ from core.observations import TRIAL
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
 from core.robot.self_collision import find_self_collision
-from core.robot.trajectory import Motion, planned
+from core.robot.tempo import planned
+from core.robot.trajectory import Motion
 from core.scene import Scene, State
 from core.simulation.contacts import find_contacts
 from core.simulation.observing import observe

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry import Pose
-from core.plans import Tempo
+from core.interfaces import RolloutSettings, Tempo, Waypoints
 from core.robot.kinematics import arm_of
-from core.robot.trajectory import plan_motion
-from tests.panda import PANDA
+from core.robot.tempo import planned
+from tasks.bring_cube import BringCube
+from tests.panda import PANDA, on_panda
 
 ARM = arm_of(PANDA)
-HOME = Pose(np.array([0.5, 0.0, 0.5]))
+TASK = on_panda(BringCube())
 LINE = np.array([[0.5, y, 0.4, 0.0, 0.0, 0.0] for y in (-0.3, 0.0, 0.3)])
 
 
@@ -20,8 +20,8 @@ def tempo(count=3, **given):
     return replace(Tempo.usual(count), **{name: np.array(values) for name, values in given.items()})
 
 
-def planned(plan=LINE, **given):
-    return plan_motion(plan, HOME, ARM, tempo=tempo(len(plan), **given))
+def motion_of(plan=LINE, **given):
+    return planned(Waypoints(plan, tempo(len(plan), **given)), TASK, RolloutSettings())
 
 
 def speeds(motion):
@@ -43,38 +43,38 @@ def assert_within_limits(motion):
 
 
 def test_the_usual_tempo_changes_nothing():
-    usual, none = planned(), plan_motion(LINE, HOME, ARM)
-    np.testing.assert_array_equal(usual.trajectory.arm, none.trajectory.arm)
-    np.testing.assert_array_equal(usual.trajectory.times, none.trajectory.times)
+    usual, none = motion_of(), planned(Waypoints(LINE), TASK, RolloutSettings())
+    np.testing.assert_allclose(usual.trajectory.arm, none.trajectory.arm, atol=1e-5)
+    np.testing.assert_allclose(usual.trajectory.times, none.trajectory.times, atol=1e-5)
 
 
 @pytest.mark.parametrize("through", [[False] * 3, [True, True, False]])
 @pytest.mark.parametrize("seconds", [2.0, 3.5])
 def test_seconds_are_kept_where_the_arm_can(through, seconds):
-    motion = planned(seconds=[seconds] * 3, through=through)
+    motion = motion_of(seconds=[seconds] * 3, through=through)
     np.testing.assert_allclose(np.diff(motion.arrivals, prepend=0.0), seconds, atol=0.03)
     np.testing.assert_allclose(motion.slowed, 1.0, atol=0.02)
     assert_within_limits(motion)
 
 
 def test_a_speed_is_reached_and_held_through_a_waypoint():
-    motion = planned(speeds=[np.nan, 0.5, 0.5], through=[False, True, False])
+    motion = motion_of(speeds=[np.nan, 0.5, 0.5], through=[False, True, False])
     assert between(motion, 1).max() == pytest.approx(0.5, rel=0.03)
     speed, at = speeds(motion)
     assert speed[np.abs(at - motion.arrivals[1]).argmin()] == pytest.approx(0.5, rel=0.03)
-    assert speeds(planned())[0][np.abs(at - motion.arrivals[1]).argmin()] >= 0  # the usual motion stops there
+    assert speeds(motion_of())[0][np.abs(at - motion.arrivals[1]).argmin()] >= 0  # the usual motion stops there
     assert motion.slowed[1] == pytest.approx(1.0, abs=0.03)
     assert_within_limits(motion)
 
 
 def test_without_through_it_stops():
-    motion = planned(speeds=[0.5] * 3)
+    motion = motion_of(speeds=[0.5] * 3)
     speed, at = speeds(motion)
     assert speed[np.abs(at - motion.arrivals[1]).argmin()] < 0.05
 
 
 def test_what_the_limits_do_not_allow_is_slowed_and_reported():
-    motion = planned(speeds=[np.nan, 9.0, np.nan], seconds=[np.nan, np.nan, 0.01])
+    motion = motion_of(speeds=[np.nan, 9.0, np.nan], seconds=[np.nan, np.nan, 0.01])
     assert motion.slowed[0] == 1.0
     assert motion.slowed[1] > 2.0
     assert motion.slowed[2] > 2.0
@@ -82,8 +82,8 @@ def test_what_the_limits_do_not_allow_is_slowed_and_reported():
 
 
 def test_it_waits_where_it_is_told_to():
-    motion = planned(waits=[0.0, 1.5, 0.25])
-    usual = planned()
+    motion = motion_of(waits=[0.0, 1.5, 0.25])
+    usual = motion_of()
     np.testing.assert_allclose(motion.arrivals - usual.arrivals, [0.0, 0.0, 1.5], atol=1e-9)
     assert motion.trajectory.duration == pytest.approx(usual.trajectory.duration + 1.75)
     during = motion.trajectory.sample(motion.arrivals[1] + np.linspace(0, 1.5, 5))[0]
@@ -92,21 +92,26 @@ def test_it_waits_where_it_is_told_to():
 
 def test_the_fingers_close_on_their_own_leg_of_a_motion_without_stops():
     plan = np.column_stack([LINE, [0.0, 1.0, 0.0]])
-    motion = planned(plan, through=[True, True, False])
+    motion = motion_of(plan, through=[True, True, False])
     opening = PANDA.opening_m
     for grip, arrival in zip((0.0, 1.0, 0.0), motion.arrivals, strict=True):
         finger = motion.trajectory.sample(np.array([arrival]))[1][0]
         assert finger == pytest.approx(opening * (1 - grip), abs=0.03 * opening)
 
 
-def test_a_corner_passed_through_is_rounded_by_little():
-    plan = np.array([[0.5, -0.2, 0.4, 0, 0, 0], [0.5, 0.0, 0.4, 0, 0, 0], [0.6, 0.0, 0.4, 0, 0, 0]])
-    motion = planned(plan, through=[False, True, False])
-    places = ARM.positions(motion.trajectory.arm)
-    assert np.linalg.norm(places - plan[1, :3], axis=1).min() < 0.003
-    on_line = np.minimum(np.abs(places[:, 0] - 0.5), np.abs(places[:, 1]))
-    after = motion.trajectory.times > motion.arrivals[0]
-    assert on_line[after].max() < 0.01
+def test_waypoints_passed_through_lie_on_a_smooth_curve():
+    """A swing about the base: fast on the arc, and slow if it had to stop at each waypoint."""
+    turns = np.radians(np.linspace(-70, 70, 9))
+    arc = np.array([[0.6 * np.cos(turn), 0.6 * np.sin(turn), 0.4, 0, 0, turn] for turn in turns])
+    fast = [False, *[True] * 7, False]
+    swing, stopping = motion_of(arc, through=fast, speeds=[np.nan, *[5.0] * 8]), motion_of(arc)
+    after = swing.trajectory.times > swing.arrivals[0]
+    places = ARM.positions(swing.trajectory.arm)[after]
+    np.testing.assert_allclose(np.hypot(places[:, 0], places[:, 1]), 0.6, atol=0.001)
+    np.testing.assert_allclose(places[:, 2], 0.4, atol=0.001)
+    assert between(swing, 4).max() > 2.0
+    assert max(between(stopping, k).max() for k in range(1, 9)) < 0.6
+    assert_within_limits(swing)
 
 
 @given(
@@ -115,7 +120,7 @@ def test_a_corner_passed_through_is_rounded_by_little():
     through=st.lists(st.booleans(), min_size=3, max_size=3),
 )
 def test_any_tempo_keeps_the_limits(seconds, speed, through):
-    motion = planned(seconds=seconds, speeds=speed, through=[*through[:2], through[2]])
+    motion = motion_of(seconds=seconds, speeds=speed, through=[*through[:2], through[2]])
     assert_within_limits(motion)
     assert np.isfinite(motion.trajectory.arm).all()
     assert (np.diff(motion.arrivals) > 0).all()

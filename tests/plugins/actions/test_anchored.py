@@ -153,5 +153,5 @@ def test_it_is_played_and_what_was_slowed_is_reported():
     ]
     played, lost = evaluate_batch(task, installed().create("sim", "mujoco"), candidates, 0, RolloutSettings())
     assert played.status == "ok"
-    assert any("waypoint 2 was reached" in warning for warning in played.warnings)
+    assert any("waypoint 2: the arm's limits" in warning for warning in played.warnings)
     assert (lost.status, "no anchor 'nowhere'" in lost.reason) == ("rejected", True)
