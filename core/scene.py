@@ -6,8 +6,8 @@ World frame: x forward from the arm's base, y left, z up; metres, kilograms, rad
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -148,15 +148,26 @@ class Scene:
             np.array([body.pose.quaternion for body in free]).reshape(len(free), 4),
             np.zeros((len(free), 3)),
             np.zeros((len(free), 3)),
+            places=self.places,
         )
+
+    @property
+    def places(self) -> dict[str, Pose]:
+        """The poses of fixed bodies and marks, by name."""
+        return {body.name: body.pose for body in self.bodies if body.fixed}
+
+    def complete(self, state: State) -> State:
+        """Add the places of fixed bodies and marks to a state of the free ones, as rewards get it."""
+        return replace(state, places=self.places)
 
 
 @dataclass(frozen=True)
 class State:
-    """Poses and velocities of the free bodies, in one world or in many.
+    """Poses and velocities of the free bodies, in one world or in many of one layout.
 
     Positions (..., B, 3) and quaternions (..., B, 4) of the bodies' frames in the world, velocities (..., B, 3) in m/s
-    and rad/s, world axes. Leading axes, if any, are worlds or times.
+    and rad/s, world axes. Leading axes, if any, are worlds or times. ``places`` has the poses of fixed bodies and marks
+    by name; it is empty in what engines return, and rewards have it.
     """
 
     names: tuple[str, ...]
@@ -164,18 +175,24 @@ class State:
     quaternions: Array
     linear_velocities: Array
     angular_velocities: Array
+    places: Mapping[str, Pose] = field(default_factory=dict, kw_only=True)
 
     def _number(self, name: str) -> int:
         if name not in self.names:
-            raise KeyError(f"no free body {name!r} in the state; there are: {', '.join(self.names)}")
+            known = ", ".join((*self.names, *self.places))
+            raise KeyError(f"no body {name!r} that moves in the state; there are: {known}")
         return self.names.index(name)
 
     def position(self, name: str) -> Array:
-        """The position of one body, (..., 3)."""
+        """The position of one body or mark, (..., 3)."""
+        if name in self.places:
+            return np.broadcast_to(self.places[name].position, (*self.positions.shape[:-2], 3))
         return self.positions[..., self._number(name), :]
 
     def quaternion(self, name: str) -> Array:
-        """The quaternion of one body, (..., 4)."""
+        """The quaternion of one body or mark, (..., 4)."""
+        if name in self.places:
+            return np.broadcast_to(self.places[name].quaternion, (*self.quaternions.shape[:-2], 4))
         return self.quaternions[..., self._number(name), :]
 
     def linear_velocity(self, name: str) -> Array:
@@ -193,18 +210,19 @@ class State:
 
     def __getitem__(self, index: int) -> State:
         """One world (or time) of many."""
-        return State(self.names, *(array[index] for array in self.arrays))
+        return State(self.names, *(array[index] for array in self.arrays), places=self.places)
 
     @staticmethod
     def stack(states: Sequence[State]) -> State:
-        """Combine states into one with a new leading axis.
+        """Combine states of one layout into one with a new leading axis.
 
         Raises:
             ValueError: there are no states, or their bodies differ.
         """
         if not states or any(state.names != states[0].names for state in states):
             raise ValueError("only states of the same bodies can be stacked, and at least one is needed")
-        return State(states[0].names, *map(np.stack, zip(*(state.arrays for state in states), strict=True)))
+        arrays = map(np.stack, zip(*(state.arrays for state in states), strict=True))
+        return State(states[0].names, *arrays, places=states[0].places)
 
 
 @dataclass(frozen=True)

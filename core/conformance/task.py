@@ -119,7 +119,9 @@ def check_doing_nothing_earns_nothing(task: Task) -> str:
     state = task.scene(SEEDS[0]).state()
     name, outcome = idle(task)
     after = f"after {REST_S:g} s in {name}"
-    for what, first, last in (("at spawn", state, state), (after, start(outcome), end(outcome))):
+    finished = [task.scene(SEEDS[0]).complete(of) for of in (start(outcome), end(outcome))]
+    pairs: dict[str, list[State]] = {"at spawn": [state, state], after: finished}
+    for what, (first, last) in pairs.items():
         reward = float(np.asarray(task.reward(first, last)))
         expect(np.isfinite(reward) and 0 <= reward <= 1, f"doing nothing earns {reward} {what}, not in [0, 1]")
         expect(reward < MAX_IDLE_REWARD, f"doing nothing earns {reward:.2f} {what}; it must be under {MAX_IDLE_REWARD}")

@@ -177,7 +177,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._pose = self._arm.forward(joints)  # where the arm can't follow, the target doesn't run away
 
     def _reward(self, now: State) -> float:
-        return float(np.asarray(self.task.reward(self._start, now)))
+        complete = self.task.scene(self._layout).complete
+        return float(np.asarray(self.task.reward(complete(self._start), complete(now))))
 
     def _observation(self, world: World) -> Numbers:
         state = world.state()

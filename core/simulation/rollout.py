@@ -150,7 +150,7 @@ def evaluate_batch(
             reason = outcome.error or "the simulator returned no state"
             evaluations[i] = Evaluation(candidates[i], "failed", reason=reason)
     if finished:
-        starts, ends = (State.stack(states) for states in zip(*finished.values(), strict=True))
+        starts, ends = (scene.complete(State.stack(states)) for states in zip(*finished.values(), strict=True))
         shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1)
         for i, reward, moved in zip(finished, _rewards(task, starts, ends), shifts, strict=True):
             evaluation = Evaluation(

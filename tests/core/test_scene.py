@@ -189,8 +189,24 @@ def test_states_of_other_bodies_cannot_be_stacked():
             State.stack(states)
 
 
+def test_a_completed_state_has_the_places_of_what_does_not_move():
+    scene = Scene(
+        (
+            table(),
+            Body.of("a", Box((0.1,) * 3), (0.3, 0, 0.1), mass=0.1, color=RED),
+            Body.mark("goal", (0.5, 0.2, 0), 0.1, RED),
+        )
+    )
+    worlds = State.stack([scene.complete(state(seed, ("a",))) for seed in range(3)])
+    np.testing.assert_array_equal(worlds.position("goal"), [[0.5, 0.2, 0]] * 3)
+    np.testing.assert_array_equal(worlds.quaternion("table"), [[1, 0, 0, 0]] * 3)
+    assert worlds[1].position("goal").shape == (3,)
+    np.testing.assert_array_equal(scene.state().position("goal"), [0.5, 0.2, 0])
+    assert worlds.position("a").shape == (3, 3)
+
+
 def test_a_body_that_the_state_does_not_speak_of():
-    with pytest.raises(KeyError, match="no free body 'c' in the state; there are: a, b"):
+    with pytest.raises(KeyError, match="no body 'c' that moves in the state; there are: a, b"):
         state(0).position("c")
 
 

@@ -219,8 +219,9 @@ def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording
     recording, start = outcome.recording, outcome.start
     if recording is None or start is None:
         raise ValueError(outcome.error or "no recording came back")
-    starts = State.stack([start] * len(recording.times))
-    rewards = np.asarray(run.task.reward(starts, recording.states), dtype=np.float64)
+    scene = run.task.scene(run.seed)
+    starts, states = scene.complete(State.stack([start] * len(recording.times))), scene.complete(recording.states)
+    rewards = np.asarray(run.task.reward(starts, states), dtype=np.float64)
     return motion, recording, np.where(recording.times >= 0, rewards, np.nan)
 
 
