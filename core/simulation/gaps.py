@@ -101,38 +101,46 @@ def may_meet(
     return kept
 
 
-def may_meet_closely(one: Track, other: Track, near: Indices, least: float) -> Indices:
+def may_meet_closely(
+    one: Track, other: Track, near: Indices, least: float, along: tuple[Array, Array] | None = None
+) -> Indices:
     """Return those samples of ``near`` from which on two solids may get as deep as ``least`` until the next.
 
-    As `may_meet`, which compares boxes, but by their shapes.
+    As `may_meet`, but by their shapes, not by boxes around them. ``along``: two axes (3,) to compare, one fixed in the
+    first and one in the second; the default are those of their frames.
     """
-    round_one, round_other = (not isinstance(track.shape, Box | Sphere) for track in (one, other))
-    if not (round_one or round_other):
-        return near
+    if along is not None:
+        axes, others_axes = (axis[:, None] for axis in along)
+    else:  # those of boxes have been compared
+        axes, others_axes = (_EYE[:, : 0 if isinstance(track.shape, Box | Sphere) else 3] for track in (other, one))
+        if not (axes.size or others_axes.size):
+            return near
     at = np.union1d(near, near + 1)
     (rotations, positions), (others_rotations, others_positions) = _frames(one, at), _frames(other, at)
-    apart, axes = positions - others_positions, others_rotations.swapaxes(1, 2) @ rotations
-    gaps = np.full((2, len(near)), -np.inf)
-    begin, end = np.searchsorted(at, near), np.searchsorted(at, near + 1)
-    if round_one:
-        along = _along(other, one, axes, (apart[:, None] @ others_rotations)[:, 0])
-        gaps[0] = np.minimum(along[begin], along[end]).max(axis=1)
-    if round_other:
-        along = _along(one, other, axes.swapaxes(1, 2), -(apart[:, None] @ rotations)[:, 0])
-        gaps[1] = np.minimum(along[begin], along[end]).max(axis=1)
+    apart, turned = positions - others_positions, others_rotations.swapaxes(1, 2) @ rotations
+    begin = np.searchsorted(at, near)
+    end = begin + 1  # sorted, and each sample's next is there
     turn, others_turn = one.steps[1][near], other.steps[1][near] if len(other.positions) > 1 else np.zeros(1)
     moved = lengths(apart[end] - apart[begin])
     far = lengths(apart[begin]) + moved
-    gaps[0] -= _curved(far, moved, turn, others_turn, one.reach)
-    gaps[1] -= _curved(far, moved, others_turn, turn, other.reach)
+    least_gap = np.full(len(near), -np.inf)
+    if others_axes.size:
+        along_other = _along(other, one, others_axes, turned, (apart[:, None] @ others_rotations)[:, 0])
+        gaps = np.minimum(along_other[begin], along_other[end]).max(axis=1)
+        least_gap = gaps - _curved(far, moved, turn, others_turn, one.reach)
+    if axes.size:
+        along_one = _along(one, other, axes, turned.swapaxes(1, 2), -(apart[:, None] @ rotations)[:, 0])
+        gaps = np.minimum(along_one[begin], along_one[end]).max(axis=1)
+        least_gap = np.maximum(least_gap, gaps - _curved(far, moved, others_turn, turn, other.reach))
     aside = one.aside[near] + (other.aside[near] if len(other.aside) > 1 else other.aside)
-    kept: Indices = near[gaps.max(axis=0) - aside <= ROUNDING_M - least]
+    kept: Indices = near[least_gap - aside <= ROUNDING_M - least]
     return kept
 
 
-def _along(track: Track, other: Track, turned: Array, ahead: Array) -> Array:
-    """The gaps (N, 6) along the axes of ``track``, either way; rotations and positions of the other in its frame."""
-    (low, high), (others_low, others_high) = spans(track, _EYE[None]), spans(other, turned.swapaxes(1, 2))
+def _along(track: Track, other: Track, axes: Array, turned: Array, ahead: Array) -> Array:
+    """The gaps (N, 2 K) along axes (3, K) of ``track``, either way; the other is turned and ahead in its frame."""
+    (low, high), (others_low, others_high) = spans(track, axes[None]), spans(other, turned.swapaxes(1, 2) @ axes)
+    ahead = ahead @ axes
     return np.concatenate([ahead + others_low - high, low - ahead - others_high], axis=1)
 
 

@@ -38,6 +38,7 @@ EXPLODED_M_S = 100.0
 
 _FROM_AFAR_M = 0.02  # from this distance on, the first query finds the two apart: the side they came from is known
 _STILL_M = 1e-4  # a pair is looked at again when one of them has moved so far
+_FEW = 24  # samples that are queried as fast as they are compared along an axis
 _COAL_M = 1e-6  # depths that differ by less are equal: the tolerance of Coal's iterations
 _REQUEST = coal.DistanceRequest()
 _GRAVITY = 9.81
@@ -169,7 +170,7 @@ def _ways(one: Track, other: Track, near: Indices) -> Array:
     return lengths(shift) + one.reach * turn
 
 
-def _travel(one: Track, other: Track, near: Indices, ways: Array) -> Array:
+def _travel(one: Track, other: Track, near: Indices) -> Array:
     """How far the first has moved in the frame of the second (see `Track.travel`): (T,).
 
     Where they can't be ``near`` each other it is an upper bound.
@@ -179,7 +180,7 @@ def _travel(one: Track, other: Track, near: Indices, ways: Array) -> Array:
     (moved, turned), (others_moved, others_turned) = one.steps, other.steps
     steps = moved + one.reach * turned + others_moved
     steps += (lengths((one.positions - other.positions)[:-1]) + moved + others_moved + one.reach) * others_turned
-    steps[near] = ways
+    steps[near] = _ways(one, other, near)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
@@ -196,12 +197,11 @@ def _passage(one: Track, other: Track, near: Indices, times: Array) -> tuple[flo
     limit, touching = min(deep, through), skin(one, other)
     least, far_in = min(limit, touching), cut(one, other)
     step = max(min(limit / 4, far_in), min(limit, thickness(one, other)) / 2)
-    ways = _ways(one, other, near)
-    deep_ones = _deep(one, other, near, ways, least)
+    distance = coal.ComputeDistance(other.geometry, one.geometry)
+    deep_ones = _deep(distance, one, other, near, least)
     if not len(deep_ones):
         return None
-    travel = _travel(one, other, near, ways)
-    distance = coal.ComputeDistance(other.geometry, one.geometry)
+    travel = _travel(one, other, near)
     samples, gone, instants = deep_ones.tolist(), travel.tolist(), times.tolist()  # faster one by one
     last = len(gone) - 1
     # The direction out of ``other`` when they last only touched, if ever; before that nothing counts.
@@ -255,7 +255,7 @@ def _passage(one: Track, other: Track, near: Indices, times: Array) -> tuple[flo
         share = (ahead - gone[k]) / (gone[k + 1] - gone[k])
 
 
-def _deep(one: Track, other: Track, near: Indices, ways: Array, least: float) -> Indices:
+def _deep(distance: Any, one: Track, other: Track, near: Indices, least: float) -> Indices:
     """Those of the samples ``near`` from which on, until the next, two solids may get as deep as ``least``.
 
     From one sample to the next, a gap can't shrink and grow again by more than the way between.
@@ -264,7 +264,14 @@ def _deep(one: Track, other: Track, near: Indices, ways: Array, least: float) ->
     at = np.union1d(near, near + 1)
     gaps = gap_bounds(one, other, at)
     if gaps is not None:
+        ways = _ways(one, other, near)
         near = near[(gaps[np.searchsorted(at, near)] + gaps[np.searchsorted(at, near + 1)] - ways) / 2 <= -least]
+    while len(near) > _FEW:  # what slides or rests is apart along the way out at one sample, at many others too
+        _, out, rotation, others_rotation = _query(distance, one, other, int(near[0]), 0.0)
+        rest = may_meet_closely(one, other, near, least, (out @ rotation, out @ others_rotation))
+        if len(near) - len(rest) < _FEW:
+            break
+        near = rest
     return may_meet_closely(one, other, near, least) if len(near) else near
 
 
