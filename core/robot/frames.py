@@ -89,8 +89,8 @@ def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
     ``joints`` are as `joint_values` orders them.
     """
     values = joints.T[:, :, None]
-    constant, sine, cosine = robot.turning[:, :, None]
-    turns = constant + np.sin(values)[..., None] * sine + (1 - np.cos(values))[..., None] * cosine
+    shares = np.concatenate([np.ones_like(values), np.sin(values), 1 - np.cos(values)], axis=2)
+    turns = (shares @ robot.turning.swapaxes(0, 1).reshape(-1, 3, 9)).reshape(*shares.shape, 3)
     shifts = robot.moving[0][:, None] + values * robot.moving[1][:, None]
     rotations, positions = np.empty((len(turns) + 1, *turns.shape[1:])), np.zeros((len(turns) + 1, *shifts.shape[1:]))
     rotations[0] = np.eye(3)

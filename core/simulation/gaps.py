@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array, Box, Capsule, Cylinder, Shape, Sphere
-from core.simulation.tracks import Track, angles, lengths
+from core.simulation.tracks import Track, lengths
 
 Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
@@ -56,9 +56,9 @@ def may_meet(
     number = {id(track): i for i, track in enumerate(tracks)}
     counts = np.array([len(track.positions) for track in tracks])
     first, moves = np.cumsum(counts) - counts, (counts > 1).astype(np.intp)
-    rotations, positions, middles, asides = (
+    rotations, positions, middles, asides, turns = (
         np.concatenate([getattr(track, name) for track in tracks])
-        for name in ("rotations", "positions", "middles", "aside")
+        for name in ("rotations", "positions", "middles", "aside", "turned")
     )
     halves, reaches = np.array([track.box for track in tracks]), np.array([track.reach for track in tracks])
     radii = np.array([track.box[0] if isinstance(track.shape, Sphere) else np.inf for track in tracks])
@@ -88,7 +88,7 @@ def may_meet(
         rotations[k], rotations[m], middles[k] - middles[m], halves[i], halves[j], radii[i], radii[j]
     )
     begin, end = ends[met, at], ends[met, at + 1]
-    turn, others_turn = angles(rotations[a], rotations[after]), angles(rotations[b], rotations[others_after])
+    turn, others_turn = turns[a], turns[b]
     apart = positions[a] - positions[b]
     moved = lengths(positions[after] - positions[others_after] - apart)
     far = lengths(apart) + moved
@@ -120,7 +120,7 @@ def may_meet_closely(
     apart, turned = positions - others_positions, others_rotations.swapaxes(1, 2) @ rotations
     begin = np.searchsorted(at, near)
     end = begin + 1  # sorted, and each sample's next is there
-    turn, others_turn = one.steps[1][near], other.steps[1][near] if len(other.positions) > 1 else np.zeros(1)
+    turn, others_turn = one.turned[near], other.turned[near] if len(other.turned) > 1 else other.turned
     moved = lengths(apart[end] - apart[begin])
     far = lengths(apart[begin]) + moved
     least_gap = np.full(len(near), -np.inf)

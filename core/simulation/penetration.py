@@ -149,10 +149,15 @@ def _moving(pairs: Sequence[tuple[Track, Track]]) -> npt.NDArray[np.bool_]:
     """Mark the intervals (P, T - 1) in which a pair may have moved since the last marked one; the first is marked."""
     tracks = list({id(track): track for pair in pairs for track in pair}.values())
     number = {id(track): i for i, track in enumerate(tracks)}
-    moves = np.zeros((len(tracks), max(len(track.aside) for track in tracks) - 1), dtype=bool)
-    for moving, track in zip(moves, tracks, strict=True):
-        if len(track.aside) > 1:
-            moving[:] = (np.diff(track.travel // _STILL_M) > 0) | (track.aside[:-1] > _STILL_M / 2)
+    moving = [i for i, track in enumerate(tracks) if len(track.moved) > 1]
+    moved, turned, aside = (
+        np.array([getattr(tracks[i], name)[:-1] for i in moving]) for name in ("moved", "turned", "aside")
+    )
+    travel = np.zeros((len(moving), moved.shape[1] + 1))
+    reaches = np.array([[tracks[i].reach] for i in moving])
+    np.cumsum(moved + reaches * turned, axis=1, out=travel[:, 1:])
+    moves = np.zeros((len(tracks), moved.shape[1]), dtype=bool)
+    moves[moving] = (np.diff(travel // _STILL_M, axis=1) > 0) | (aside > _STILL_M / 2)
     one, other = np.array([[number[id(track)] for track in pair] for pair in pairs]).T
     marked: npt.NDArray[np.bool_] = moves[one] | moves[other]
     marked[:, 0] = True
@@ -177,11 +182,10 @@ def _travel(one: Track, other: Track, near: Indices) -> Array:
     """
     if len(other.positions) == 1:
         return one.travel
-    (moved, turned), (others_moved, others_turned) = one.steps, other.steps
-    steps = moved + one.reach * turned + others_moved
-    steps += (lengths((one.positions - other.positions)[:-1]) + moved + others_moved + one.reach) * others_turned
+    steps = one.moved + one.reach * one.turned + other.moved
+    steps += (lengths(one.positions - other.positions) + one.moved + other.moved + one.reach) * other.turned
     steps[near] = _ways(one, other, near)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return np.concatenate([[0.0], np.cumsum(steps[:-1])])
 
 
 def _limits(one: Track, other: Track) -> tuple[float, float]:

@@ -52,6 +52,8 @@ class Track:
         half_width: half of the thickness, metres (`thickness`).
         box: half of its extents along its own axes, (3,), metres.
         aside: (T,) how far it gets from the straight way to the next sample, metres, at most.
+        moved: (T,) the length of the way to the next sample, metres; the last is 0.
+        turned: (T,) the angle to the next sample, radians; the last is 0.
     """
 
     name: str
@@ -69,18 +71,14 @@ class Track:
     half_width: float
     box: Array
     aside: Array
+    moved: Array
+    turned: Array
     transforms: dict[int, tuple[Any, Array]] = field(default_factory=dict)  # results of `at`, by sample
-
-    @cached_property
-    def steps(self) -> tuple[Array, Array]:
-        """The lengths of the ways from sample to sample, metres, and the angles between, radians: each (T - 1,)."""
-        return lengths(np.diff(self.positions, axis=0)), angles(self.rotations[:-1], self.rotations[1:])
 
     @cached_property
     def travel(self) -> Array:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
-        moved, turned = self.steps
-        return np.concatenate([[0.0], np.cumsum(moved + self.reach * turned)])
+        return np.concatenate([[0.0], np.cumsum((self.moved + self.reach * self.turned)[:-1])])
 
     def top_speed(self, times: Array) -> float:
         """An upper bound of the speed of any point, m/s, averaged over a tenth of a second."""
@@ -105,14 +103,14 @@ class Track:
 
 
 def lengths(vectors: Array) -> Array:
-    """Compute the lengths (N,) of vectors (N, 3)."""
-    squares: Array = np.einsum("ni,ni->n", vectors, vectors)
+    """Compute the lengths (...) of vectors (..., 3)."""
+    squares: Array = np.einsum("...i,...i->...", vectors, vectors)
     return np.sqrt(squares)
 
 
 def angles(rotations: Array, after: Array) -> Array:
-    """Compute the angles (N,), radians, from rotations (N, 3, 3) to others."""
-    traces = np.einsum("nij,nij->n", rotations, after)  # of the rotation between
+    """Compute the angles (...), radians, from rotations (..., 3, 3) to others."""
+    traces = np.einsum("...ij,...ij->...", rotations, after)  # of the rotation between
     turned: Array = np.arccos(np.clip((traces - 1) / 2, -1.0, 1.0))
     return turned
 
@@ -252,6 +250,9 @@ class _Solids:
             low -= aside[:, None]
             high += aside[:, None]
         lowest, highest = low.min(axis=2), high.max(axis=2)
+        moved, turned = np.zeros_like(aside), np.zeros_like(aside)
+        moved[:, :-1] = lengths(np.diff(positions, axis=1))
+        turned[:, :-1] = angles(rotations[:, :-1], rotations[:, 1:])
         return [
             Track(
                 self.names[number],
@@ -269,6 +270,8 @@ class _Solids:
                 float(self.widths[number]),
                 halves[i],
                 aside[i],
+                moved[i],
+                turned[i],
             )
             for i, number in enumerate(chosen.tolist())
         ]
