@@ -1,4 +1,4 @@
-"""Third-party packages that are installed for a test."""
+"""Packages that are installed for a test, or missing."""
 
 import os
 import shutil
@@ -20,3 +20,12 @@ def install(package: Path, into: Path) -> Path:
     done = subprocess.run([sys.executable, "-m", *words, str(copy)], capture_output=True, text=True, env=PYTHON)
     assert done.returncode == 0, done.stderr
     return site
+
+
+def without(missing: list[str], arguments: list[str], folder: Path, **environment: str) -> subprocess.CompletedProcess:
+    """Run a command in a process that can't import ``missing``, nor can those that it starts; there is no Vulkan."""
+    lines = [f"sys.modules[{name!r}] = None\n" for name in missing]
+    (folder / "sitecustomize.py").write_text("import sys\n" + "".join(lines))
+    environment = {**os.environ, "PYTHONPATH": str(folder), "VK_ICD_FILENAMES": "/nowhere.json", **environment}
+    command = [sys.executable, "-m", *arguments]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)

@@ -1,9 +1,6 @@
-"""Test what MuJoCo alone has: settings, contacts, servos, the renderer, and missing packages."""
+"""Test what MuJoCo alone has: worlds, contacts, servos, the renderer. Settings are in test_settings.py."""
 
-import json
 import math
-import os
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -31,11 +28,11 @@ from core.conformance.worlds import (
 from core.design import Candidate, Component, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.errors import NoPicture, UserError
+from core.errors import NoPicture
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Rollout, RolloutSettings
 from core.plugins import installed
-from core.scene import Body, floor, table
+from core.scene import Body, table
 from core.simulation.playback import play
 from core.simulation.rollout import prepare
 
@@ -45,6 +42,7 @@ import mujoco as mj
 
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.mujoco.world import Joints, Stepped, compiled
+from tests.packages import without
 from tests.panda import ARM, ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS, PANDA
 
 ROOT = Path(__file__).parents[3]
@@ -58,27 +56,6 @@ def model(*bodies, tool=BARE, time_step=0.0025, tracking_rate=50.0, slip_rate=10
     scene = Bodies(*bodies).scene(0)
     inertias = {body.name: body.inertia() for body in scene.free}
     return compiled(PANDA, scene, inertias, tool, time_step, tracking_rate, slip_rate)
-
-
-# --- settings ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("time_step", "off"), [(0.001, 0.01), (0.004, 0.03)])
-def test_what_happens_hardly_depends_on_the_time_step(time_step, off):
-    plan = [[0.6, 0.2, 0.3, 0, 0.3, 0], [0.6, -0.2, 0.3, 0, 0, 0.5]]
-    bodies = table(), cube(at=(0.6, 0, 0.05))
-    sims = mujoco(), mujoco(time_step=time_step)
-    ours, theirs = (end(move(sim, plan, *bodies, tool=stick(0.25))).position("cube") for sim in sims)
-    np.testing.assert_allclose(ours, theirs, atol=off)
-
-
-@pytest.mark.parametrize(
-    ("setting", "value"),
-    [("time_step", 0), ("time_step", 0.1), ("time_step", math.nan), ("tracking_rate", 0), ("slip_rate", -1.0)],
-)
-def test_numbers_that_make_no_sense(setting, value):
-    with pytest.raises(UserError, match=setting):
-        mujoco(**{setting: value})
 
 
 # --- playing ----------------------------------------------------------------------------------------------------
@@ -187,22 +164,6 @@ def test_worlds_are_made_once_and_not_kept_for_ever():
 
 
 # --- contacts ---------------------------------------------------------------------------------------------------
-
-
-def pair(made, one, other):
-    """The explicit pair of the first geoms of two bodies."""
-    numbers = {int(made.body_geomadr[made.body(name).id]) for name in (one, other)}
-    (found,) = (i for i in range(made.npair) if {int(made.pair_geom1[i]), int(made.pair_geom2[i])} == numbers)
-    return found
-
-
-def test_every_contact_of_a_free_body_has_the_pairs_friction():
-    bodies = [replace(cube(f"c{f}", (0.4 + f, 0, 0.05)), friction=f) for f in (0.1, 0.5, 0.9)]
-    made = model(table(), *bodies)
-    for i, one in enumerate(bodies):
-        for k, other in enumerate(bodies[:i]):
-            found = pair(made, f"body_{i + 1}", f"body_{k + 1}")
-            np.testing.assert_allclose(made.pair_friction[found][:2], math.sqrt(one.friction * other.friction))
 
 
 def test_links_of_the_arm_do_not_touch_each_other_and_tools_touch_all_but_their_bearer():
@@ -389,16 +350,6 @@ def test_the_arm_moves_smoothly():
     assert jumps[0] < 2 * jumps[1]
 
 
-def test_fingers_stay_as_far_from_the_middle():
-    """One motor moves both: a body off the middle is not pushed there by one finger alone."""
-    over = 0.1034 + 0.02
-    plan = [[0.5, 0, over, 0, 0, 0, 0], [0.5, 0, over, 0, 0, 0, 1]]
-    post = Body.of("post", Box((0.02, 0.02, 0.04)), (0.5, 0.015, 0.02), mass=0, color=GREY)
-    fingers = film(move(mujoco(), plan, table(), post, tool=HAND, record_hz=50)).fingers
-    assert fingers[-1].min() > 0.003
-    assert np.abs(fingers[:, 0] - fingers[:, 1]).max() < 3e-3
-
-
 # --- pictures ---------------------------------------------------------------------------------------------------
 
 
@@ -408,18 +359,6 @@ def own_renderer():
         return MuJoCoRenderer()
     except NoPicture as error:
         pytest.skip(f"{error}; for example Debian's libegl1 has it")
-
-
-def test_its_own_renderer_sees_what_pybullets_sees(own_renderer):
-    """The same camera and scene: edges of the cube, the table and the arm are at the same pixels."""
-    pytest.importorskip("pybullet")
-    task = Bodies(floor(), table(), cube(at=(0.7, 0, 0.1), side=0.2))
-    own = mujoco()
-    ours = own.render(task, tool=stick(0.3), width=160, height=120).astype(float).mean(axis=-1)
-    assert own.drawn_by.startswith("MuJoCo's renderer on ")
-    pybullet = installed().create("sim", "pybullet")
-    theirs = pybullet.render(task, tool=stick(0.3), width=160, height=120).astype(float).mean(axis=-1)
-    assert np.corrcoef(ours.ravel(), theirs.ravel())[0, 1] > 0.8
 
 
 def test_what_is_behind_glass_can_be_seen(own_renderer):
@@ -437,28 +376,6 @@ def test_what_is_behind_glass_can_be_seen(own_renderer):
     assert glass > solid + 20
 
 
-def call(arguments, folder, *missing, **environment):
-    """A command in a process, and in those that it starts, where modules are not installed."""
-    lines = [f"sys.modules[{name!r}] = None\n" for name in missing]
-    (folder / "sitecustomize.py").write_text("import sys\n" + "".join(lines))
-    command = [sys.executable, "-m", *arguments]
-    environment = {**os.environ, "PYTHONPATH": str(folder), **environment}
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
-
-
-SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0", "executor.workers=2"]
-
-
-@pytest.mark.slow
-def test_without_pybullet_and_opengl_it_runs_without_pictures(tmp_path):
-    done = call(["core.run", "sim=mujoco", *SMALL, "hydra.run.dir=out"], tmp_path, "pybullet", "OpenGL")
-    assert done.returncode == 0, done.stderr
-    assert "no pictures: MuJoCo's own renderer needs OpenGL" in done.stderr
-    assert "pip install pybullet" in done.stderr
-    assert json.loads((tmp_path / "out/result.json").read_text())["best"]["reward"] > 0
-    assert not (tmp_path / "out/scene.png").exists()
-
-
 @pytest.mark.parametrize("word", ["disable", "off", "0", "false"])
 def test_mujoco_gl_switches_its_own_renderer_off(word, monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", word)
@@ -467,46 +384,35 @@ def test_mujoco_gl_switches_its_own_renderer_off(word, monkeypatch):
 
 
 def test_a_wrong_mujoco_gl_is_one_line(tmp_path):
-    done = call(["core.render", "sim=mujoco"], tmp_path, MUJOCO_GL="nonsense")
+    done = without([], ["core.render", "sim=mujoco"], tmp_path, MUJOCO_GL="nonsense")
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
     assert "MUJOCO_GL=nonsense does not work here" in done.stderr
 
 
 @pytest.mark.slow
-def test_without_mujoco_others_run(tmp_path):
-    pytest.importorskip("pybullet")
-    done = call(["core.run", *SMALL, "hydra.run.dir=out", "film=false"], tmp_path, "mujoco")
-    assert done.returncode == 0, done.stderr
-    missing = call(["core.run", "sim=mujoco", *SMALL], tmp_path, "mujoco")
-    assert missing.returncode == 1
-    assert missing.stderr.count("\n") == 1
-    assert "sim=mujoco needs MuJoCo 4 or newer: pip install 'mujoco" in missing.stderr
-
-
-@pytest.mark.slow
 def test_render_says_who_drew(tmp_path, own_renderer):
     arguments = ["core.render", "sim=mujoco", "width=32", "height=24"]
-    done = call(arguments, tmp_path, "pybullet")
+    done = without(["pybullet"], arguments, tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("scene.png\ndrawn by MuJoCo's renderer on ")
     pytest.importorskip("pybullet")
-    done = call(arguments, tmp_path, "OpenGL")
+    done = without(["OpenGL"], arguments, tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer needs OpenGL")
-    done = call(arguments, tmp_path, MUJOCO_GL="disable")
+    done = without([], arguments, tmp_path, MUJOCO_GL="disable")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: MuJoCo's own renderer is switched off")
 
 
 @pytest.mark.slow
 def test_without_mujoco_warp_the_rest_runs(tmp_path):
-    missing = call(["core.run", "sim=mujoco_warp", *SMALL], tmp_path, "warp", "mujoco_warp")
+    missing = without(["warp", "mujoco_warp"], ["core.run", "sim=mujoco_warp"], tmp_path)
     assert missing.returncode == 1
     assert (
         missing.stderr
         == "error: sim=mujoco_warp needs MuJoCo Warp: pip install 'mujoco-warp>=4,<5' 'warp-lang>=1.19'\n"
     )
-    done = call(["core.plugins"], tmp_path, "warp", "mujoco_warp")
+    done = without(["warp", "mujoco_warp"], ["core.plugins"], tmp_path)
     assert "mujoco_warp" in done.stdout
     assert "failed" not in done.stdout
