@@ -1,9 +1,10 @@
 from dataclasses import replace
 
-import coal
 import numpy as np
 import pytest
 
+from core.geometry import Box, Pose
+from core.robot.solids import Solid, body_solids, signed_distance, solid_geometry
 from core.scene import State
 from tasks.dislodge_cube import CUBE, SIDE, DislodgeCube
 
@@ -20,13 +21,8 @@ def reward(*places):
 
 def gap(place, side=SIDE):
     """Metres between an upright cube and the pipe; negative: penetration of a wall."""
-    cube, at = coal.Box(side, side, side), coal.Transform3s(np.eye(3), np.array(place, dtype=float))
-    gaps = []
-    for part in SCENE["pipe"].collisions:
-        there = coal.Transform3s(np.eye(3), part.pose.position)
-        solid = coal.Box(*part.shape.size)
-        gaps.append(coal.distance(cube, at, solid, there, coal.DistanceRequest(), coal.DistanceResult()))
-    return min(gaps)
+    cube = Solid("cube", solid_geometry(Box((side, side, side))), Pose(np.array(place, dtype=float)))
+    return min(signed_distance(cube, part) for part in body_solids(SCENE["pipe"]))
 
 
 def straight(start, end):

@@ -28,13 +28,6 @@ def test_the_reward_rises_from_0_to_1_on_the_way_into_the_bin() -> None:
     assert 0.1 < reward[30] < 0.9
 
 
-def test_a_batch_gets_the_rewards_of_single_worlds() -> None:
-    way = np.linspace(START, BIN_CENTER, 7)
-    start = TASK.scene(0).state()
-    alone = [float(TASK.reward(start, replace(start, positions=position[None]))) for position in way]
-    assert rewards(way).tolist() == alone
-
-
 @pytest.mark.parametrize(
     ("where", "expected"),
     [

@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import coal
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -10,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import JointTrajectory, Rollout, Task
+from core.robot.solids import Solid, body_solids, signed_distance, solid_geometry
 from core.scene import Scene, State
 from tasks.score_goal import BAR, DEPTH, HEIGHT, PUCK_HEIGHT, PUCK_RADIUS, START, WIDTH, ScoreGoal
 from tests.engines import simulator
@@ -31,14 +31,8 @@ def reward(*places):
 
 def gap(puck):
     """Metres between a puck, in the goal's frame, and the goal; negative: penetration of a bar or a net."""
-    disc, at = coal.Cylinder(PUCK_RADIUS, PUCK_HEIGHT), coal.Transform3s(puck.rotation.as_matrix(), puck.position)
-    gaps = []
-    for part in GOAL.collisions:
-        shape, pose = part.shape, part.pose
-        solid = coal.Cylinder(shape.radius, shape.length) if isinstance(shape, Cylinder) else coal.Box(*shape.size)
-        there = coal.Transform3s(pose.rotation.as_matrix(), pose.position)
-        gaps.append(coal.distance(disc, at, solid, there, coal.DistanceRequest(), coal.DistanceResult()))
-    return min(gaps)
+    disc = Solid("puck", solid_geometry(Cylinder(PUCK_RADIUS, PUCK_HEIGHT)), GOAL.pose @ puck)
+    return min(signed_distance(disc, part) for part in body_solids(GOAL))
 
 
 def lying(x, y):

@@ -48,11 +48,6 @@ def test_half_the_way_up_earns_half() -> None:
     assert TASK.reward(START, end) == pytest.approx(0.5)
 
 
-def test_a_batch_gets_the_rewards_of_single_worlds() -> None:
-    ends = lifted("cookie_6", 0.31) + lifted("cookie_7", 0.25)
-    assert rewards(ends).tolist() == [float(TASK.reward(START, end)) for end in ends]
-
-
 @pytest.mark.parametrize(
     "where",
     [
@@ -76,12 +71,6 @@ def test_cookies_lie_in_the_jar_and_in_nothing_else(seed: int) -> None:
     apart = np.abs(positions[:, None] - positions[None])
     clear = (np.linalg.norm(apart[..., :2], axis=-1) > 2 * RADIUS) | (apart[..., 2] > THICKNESS)
     assert clear[~np.eye(COOKIES, dtype=bool)].all()
-
-
-def test_the_layout_follows_the_seed() -> None:
-    layouts = [TASK.scene(seed).state().positions for seed in (3, 3, 4)]
-    assert np.array_equal(layouts[0], layouts[1])
-    assert not np.array_equal(layouts[0], layouts[2])
 
 
 @pytest.mark.slow

@@ -9,7 +9,6 @@ import sys
 from functools import cache
 from pathlib import Path
 
-import coal
 import numpy as np
 import pytest
 import yaml
@@ -19,9 +18,10 @@ from hypothesis import strategies as st
 from core.design import Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.geometry import Box, Cylinder, Mesh, Sphere
+from core.geometry import Mesh
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
+from core.robot.solids import Solids, body_solids, signed_distance
 from core.scene import State
 from core.simulation.rollout import evaluate_batch
 from tests.engines import every_simulator, simulator
@@ -156,46 +156,19 @@ def test_a_seed_gives_the_same_scene_in_every_process():
     assert json.loads(done.stdout) == {name: [layout(name, 0), layout(name, 3)] for name in TASKS}
 
 
-def solids(body):
-    """Collision shapes of a body for Coal: geometry, transform, centre and radius of a bounding sphere."""
-    found = []
-    for part in body.collisions:
-        match part.shape:
-            case Box(size):
-                geometry = coal.Box(*size)
-            case Sphere(radius):
-                geometry = coal.Sphere(radius)
-            case Cylinder(radius, length):
-                geometry = coal.Cylinder(radius, length)
-            case Mesh():
-                hull = part.shape.to_trimesh().convex_hull
-                points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-                points.extend(np.asarray(hull.vertices, dtype=float))
-                faces.extend(coal.Triangle(*(int(i) for i in face)) for face in hull.faces)
-                geometry = coal.Convex(points, faces)
-        pose = body.pose @ part.pose
-        vertices = pose.apply(part.shape.to_trimesh().vertices)
-        centre = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
-        around = np.linalg.norm(vertices - centre, axis=1).max()
-        found.append((geometry, coal.Transform3s(pose.rotation.as_matrix(), pose.position), centre, around))
-    return found
-
-
 @every_task
 @pytest.mark.parametrize("seed", [0, 1])
 def test_no_body_penetrates_another(name, seed):
-    scene = task_of(name).scene(seed)
-    shapes = {body.name: solids(body) for body in scene.bodies if body.collisions}
-    pairs = 0
-    for one, other in itertools.combinations(shapes, 2):
-        if scene[one].fixed and scene[other].fixed:
+    scene, pairs = task_of(name).scene(seed), 0
+    for one, other in itertools.combinations([body for body in scene.bodies if body.collisions], 2):
+        if one.fixed and other.fixed:
             continue
-        for (a, at_a, c_a, r_a), (b, at_b, c_b, r_b) in itertools.product(shapes[one], shapes[other]):
-            if np.linalg.norm(c_a - c_b) > r_a + r_b:
-                continue
-            pairs += 1
-            gap = coal.distance(a, at_a, b, at_b, coal.DistanceRequest(), coal.DistanceResult())
-            assert gap > -5e-5, f"{one} is {-1000 * gap:.2f} mm inside {other}"
+        others = Solids(body_solids(other))
+        for solid in body_solids(one):
+            for near in others.near(solid, 0.01):
+                pairs += 1
+                gap = signed_distance(solid, near)
+                assert gap > -5e-5, f"{one.name} is {-1000 * gap:.2f} mm inside {other.name}"
     assert pairs > 0
 
 
