@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from omegaconf import OmegaConf
 
-from core.interfaces import VLM, EvolutionStrategy, Executor
 from core.plugins import Offer, installed
 from core.plugins.blame import PluginError
 from core.search.evolution import evaluate_all
-from core.search.orchestration import run
 from core.simulation.rollout import Evaluator, Part
 from tests import faults, toys
 from tests.conftest import POPULATION
@@ -70,61 +67,14 @@ def evaluator(monkeypatch, task=Slide, sim=Faulty):
     return Evaluator(Part("task", "theirs"), Part("sim", "theirs"))
 
 
-def test_a_task_that_raises_is_named(monkeypatch):
-    with pytest.raises(PluginError) as caught:
-        evaluator(monkeypatch, task=Clumsy)([candidate(0)])
-    assert str(caught.value) == "task 'theirs' of their-distribution raised IndexError: list index out of range"
-
-
 def test_a_simulator_that_raises_is_named(monkeypatch):
     monkeypatch.setattr(faults.Slide, "__module__", "elsewhere")
     with pytest.raises(PluginError, match="sim 'theirs' of their-distribution raised ArithmeticError: the solver"):
         evaluator(monkeypatch)([candidate(0, "raise")])
 
 
-class Unlucky(Executor):
-    """Hands exceptions back as a worker does."""
-
-    def map(self, function, chunks):
-        for chunk in chunks:
-            try:
-                yield chunk, function(chunk)
-            except Exception as error:
-                yield chunk, error
-
-    def close(self):
-        pass
-
-
-def test_the_reason_that_a_person_reads_names_the_plugin(monkeypatch):
-    (failed,) = evaluate_all([candidate(0)], evaluator(monkeypatch, task=Clumsy), Unlucky())
+def test_the_reason_that_a_person_reads_names_the_plugin(monkeypatch, tmp_path):
+    here = toys.Here(str(tmp_path / "notes"))
+    (failed,) = evaluate_all([candidate(0)], evaluator(monkeypatch, task=Clumsy), here)
     assert failed.status == "failed"
     assert failed.reason == "task 'theirs' of their-distribution raised IndexError: list index out of range"
-
-
-class Hesitant(EvolutionStrategy):
-    def ask(self):
-        raise ArithmeticError("no")
-
-    def tell(self, evaluations):
-        pass
-
-
-class Mute(VLM):
-    model = "none"
-
-    def complete(self, requests):
-        raise ArithmeticError("no")
-
-
-@pytest.mark.parametrize(("kind", "part"), [("evolution", Hesitant), ("vlm", Mute)])
-def test_a_run_that_a_plugin_ends_names_it_and_says_how_to_go_on(kind, part, monkeypatch, tmp_path):
-    offers = toys.offered() | {(kind, "theirs"): Offer(kind, "theirs", "theirs", "their-distribution", part)}
-    monkeypatch.setattr(installed(), "offers", installed().offers | offers)
-    cfg = toys.config(tmp_path / "notes")
-    OmegaConf.update(cfg, kind, {"name": "theirs"}, merge=False)
-    with pytest.raises(ArithmeticError) as caught:
-        run(cfg, tmp_path / "run")
-    named, then = caught.value.__notes__
-    assert named == f"{kind} 'theirs' of their-distribution raised ArithmeticError: no"
-    assert then == f"to go on: python -m core.run resume={tmp_path / 'run'}"

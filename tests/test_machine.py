@@ -141,10 +141,3 @@ def test_a_run_that_is_ended_leaves_no_temporary_files(number, tmp_path):
     finished(run)
     assert all_gone(processes)
     assert not left_in(tmp_path / "temporary")
-
-
-def test_a_limit_of_memory_that_cannot_work_is_one_line(tmp_path):
-    code, out, err = finished(begin(tmp_path / "run", tmp_path / "temporary", "executor.memory_mb=150"))
-    assert (code, out) == (1, "")
-    assert "executor.memory_mb=150 is too small: a worker holds" in err
-    assert len([line for line in err.splitlines() if line.startswith("error: ")]) == 1

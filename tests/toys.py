@@ -136,7 +136,11 @@ class Here(Executor):
                 raise KeyboardInterrupt
             for candidate in chunk:
                 self.notes.add(f"tried {candidate.content}")
-            yield chunk, function(chunk)
+            try:
+                result = function(chunk)
+            except Exception as error:
+                result = error
+            yield chunk, result
 
     def close(self):
         pass

@@ -33,15 +33,6 @@ class Chatty(toys.ToyModel):
         yield "that is all"
 
 
-class Patient(toys.Here):
-    def map(self, function, chunks):
-        for chunk in chunks:
-            try:
-                yield chunk, function(chunk)
-            except Exception as error:
-                yield chunk, error
-
-
 class Losing(toys.Here):
     def map(self, function, chunks):
         return (pair for number, pair in enumerate(super().map(function, chunks)) if number)
@@ -53,10 +44,8 @@ def play(tmp_path, monkeypatch):
 
     def play_with(kind, name, part, *words):
         rollout._simulator.cache_clear()  # made once per process; here it is another one in each test
-        monkeypatch.setitem(installed().offers, ("executor", "here"), Offer("executor", "here", "p", "p", Patient))
         for key, offer in toys.offered().items():
-            if key != ("executor", "here"):
-                monkeypatch.setitem(installed().offers, key, offer)
+            monkeypatch.setitem(installed().offers, key, offer)
         monkeypatch.setitem(installed().offers, (kind, name), Offer(kind, name, "shoddy", "shoddy-parts", part))
         result = run(toys.config(tmp_path / "notes", *words), tmp_path / "run")
         return [e.reason for generation in result.generations for e in generation.evaluations if e.status == "failed"]

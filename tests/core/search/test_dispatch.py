@@ -25,15 +25,6 @@ def test_chunks_are_read_no_faster_than_they_are_worked_on():
     assert sorted(results) == [(n, n * n) for n in range(1, 20)]
 
 
-def test_what_chunks_raise_is_raised():
-    def chunks():
-        yield 1
-        raise ValueError("no more")
-
-    with pytest.raises(ValueError, match="no more"):
-        list(dispatch([lambda n: n], chunks()))
-
-
 @pytest.mark.parametrize("end", [SystemExit("enough"), OSError("no space"), MemoryError()])
 @pytest.mark.parametrize("where", ["chunks", "worker"])
 def test_a_thread_that_ends_is_not_waited_for(end, where):

@@ -150,7 +150,9 @@ def test_an_interrupt_passes_through_a_listener(jitter, tmp_path):
 def test_of_several_parts_in_a_module_the_one_that_raised_is_named(jitter, tmp_path, settings, blamed):
     with pytest.raises(LookupError) as caught:
         come_to(tmp_path, **settings)
-    assert caught.value.__notes__[0] == blamed
+    named, then = caught.value.__notes__
+    assert named == blamed
+    assert then == f"to go on: python -m core.run resume={tmp_path / 'run'}"
 
 
 def test_what_the_store_raises_ends_the_run(jitter, tmp_path, monkeypatch):
