@@ -106,14 +106,9 @@ def quadratic() -> str:
 TOOLS: dict[str, str | Callable[[], str]] = {
     "billion laughs": bomb(),
     "quadratic blow-up": quadratic(),
-    "external entity": f'<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]>{named("&x;")}',
-    "external DTD": f'<!DOCTYPE r SYSTEM "http://127.0.0.1:9/x.dtd">{ROD}',
     "parameter entity": f'<!DOCTYPE r [<!ENTITY % x SYSTEM "file:///etc/passwd"> %x;]>{ROD}',
     "entity in UTF-16": f'<?xml version="1.0" encoding="UTF-16"?><!DOCTYPE r [<!ENTITY x "y">]>{ROD}',
-    "undeclared entity": named("&lol;"),
-    "mesh of the system": mesh("/etc/passwd"),
     "mesh that climbs": mesh("../../../../etc/shadow"),
-    "mesh of a package": mesh("package://panda/meshes/hand.stl"),
     "mesh of the web": mesh("http://127.0.0.1:9/a.stl"),
     "texture": ROD.replace("</visual>", '<material name="m"><texture filename="/etc/passwd"/></material></visual>'),
     "XInclude": '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" href="/etc/passwd"/>' + ROD,
@@ -124,7 +119,6 @@ TOOLS: dict[str, str | Callable[[], str]] = {
     "name is shell": named("$(touch hacked)"),
     "name is a template": named("{{ 7 * 7 }}"),
     "name climbs": named("../../../hacked"),
-    "name is absolute": named("/tmp/hacked"),
     "name has NUL": named("a\x00b"),
     "name is HTML": named("&lt;script&gt;alert(1)&lt;/script&gt;"),
     "name is an escape sequence": named("\x1b[2J\x1b]0;owned\x07"),
@@ -132,27 +126,12 @@ TOOLS: dict[str, str | Callable[[], str]] = {
     "name of a million letters": named("a" * 990_000),
     "million components": lambda: many(1) * 1_000_000,
     "ten thousand components": many(9_000)[:999_000],
-    "box of a million kilometres": sized("1e9"),
-    "box of 1e308 m": sized("1e308"),
     "box of 1e-300 m": sized("1e-300"),
-    "box of size zero": sized("0"),
-    "box of negative size": sized("-0.02"),
-    "box of size NaN": sized("nan"),
-    "box of infinite size": sized("inf"),
-    "box of a Python number": sized("0_1"),
-    "box of Arabic digits": sized("\u0660.\u0661"),
     "box with a million numbers": sized("0.1 " * 200_000),
-    "mass of zero": weighing("0"),
-    "negative mass": weighing("-1"),
-    "mass of NaN": weighing("nan"),
-    "mass of 1e9": weighing("1e9"),
     "mass of 1e-320": weighing("1e-320"),
     "mass of nothing": weighing("5e-324"),
     "mass that rounds to zero": weighing("1e-400000"),
     "wire of 1e-12 kg": weighing("1e-12").replace("0.02 0.02 0.1", "0.0005 0.0005 0.1"),
-    "lighter than air": weighing("0.001").replace("0.02 0.02 0.1", "0.3 0.3 0.1"),
-    "denser than gold": weighing("0.9"),
-    "wire": weighing("0.001").replace("0.02 0.02 0.1", "0.001 0.001 0.1"),
     "wire in pieces": "".join(
         f'<link name="w{i}"><collision><geometry><box size=".001 .001 .005"/></geometry></collision></link>'
         + hung(f"w{i}", f"w{i - 1}" if i else "panda_virtual", "0 0 -.005")
@@ -163,25 +142,11 @@ TOOLS: dict[str, str | Callable[[], str]] = {
         + hung(f"w{i}", f"w{i - 1}" if i else "panda_virtual", "0 0 -1.8")
         for i in range(100)
     ),
-    "place is infinite": ROD.replace("0 0 -0.055", "inf 0 0"),
     "angle of 1e300": ROD.replace('xyz="0 0 -0.055"', 'xyz="0 0 -0.055" rpy="1e300 0 0"'),
     "nested without end": "<link>" * 100_000,
     "nested and closed": "<a>" * 50_000 + "</a>" * 50_000,
     "attributes without end": "<link " + " ".join(f'a{i}="1"' for i in range(60_000)) + "/>",
     "one attribute twice": '<link name="a" name="b"/>',
-    "links of one name": ROD + ROD.replace("rod_joint", "other_joint"),
-    "joint to itself": ROD.replace('parent link="panda_virtual"', 'parent link="rod"'),
-    "joints in a circle": ROD.replace('parent link="panda_virtual"', 'parent link="b"')
-    + named("b").replace("rod_joint", "b_joint").replace('parent link="panda_virtual"', 'parent link="rod"'),
-    "child of two": ROD + '<joint name="k" type="fixed"><parent link="panda_virtual"/><child link="rod"/></joint>',
-    "link of the arm": named("panda_link4"),
-    "link is the mount": named("panda_virtual"),
-    "joint of the arm": ROD.replace("rod_joint", "panda_joint1"),
-    "hangs from the arm's base": ROD.replace('parent link="panda_virtual"', 'parent link="panda_link0"'),
-    "moves": ROD.replace('type="fixed"', 'type="continuous"'),
-    "closes the robot": ROD + "</robot><robot>" + ROD,
-    "not XML": "\x00\x01\x02\xff",
-    "lone surrogates": named("\ud800"),
     "CDATA": f"<![CDATA[{ROD}]]>",
     "comment without end": "<!--" + "-" * 500_000,
     "whitespace without end": " " * 999_999,
@@ -211,9 +176,6 @@ REPLIES: dict[str, str | Callable[[], str]] = {
     "million plans": lambda: raw("[" + ",".join(["[[0.5,0,0.4,0,0,0]]"] * 200_000) + "]"),
     "million strategies": lambda: '{"strategies": [' + ",".join(["{}"] * 1_000_000) + "]}",
     "waypoint of a million numbers": lambda: raw("[[[" + ",".join(["0"] * 1_000_000) + "]]]"),
-    "waypoint of NaN": raw("[[[NaN, 0, 0.4, 0, 0, 0]]]"),
-    "waypoint of infinity": raw("[[[-Infinity, 0, 0.4, 0, 0, 0]]]"),
-    "waypoint of 1e999": raw("[[[1e999, 0, 0.4, 0, 0, 0]]]"),
     "waypoint of 1e300": planned([[1e300, 0, 0.4, 0, 0, 0]]),
     "waypoint of a million digits": raw("[[[" + "9" * 1_000_000 + ", 0, 0.4, 0, 0, 0]]]"),
     "waypoint of Python": planned([["__import__('os').system('id')", 0, 0.4, 0, 0, 0]]),
@@ -235,20 +197,4 @@ REPLIES: dict[str, str | Callable[[], str]] = {
     "a hundred megabytes of text": lambda: "x" * 100_000_000,
     "a hundred megabytes of braces": lambda: "{ " * 50_000_000,
     "a hundred megabytes of plan": lambda: '{"strategies": [{"action_sets": [' + "[0,0,0,0,0,0]," * 7_000_000,
-    **{
-        f"{field} is {what}": reply_of(sound(**{field: value}))
-        for field in ("gripper", "tool_urdf", "action_sets")
-        for what, value in {
-            "null": None,
-            "a number": 1e308,
-            "a list": [[[]]],
-            "an object": {"a": {}},
-            "a text": "true",
-        }.items()
-        if (field, what) != ("tool_urdf", "a text")
-    },
-    **{
-        f"a strategy is {what}": '{"strategies": [' + value + "]}"
-        for what, value in {"null": "null", "a number": "-0", "a list": "[[]]", "a text": '"x"', "true": "true"}.items()
-    },
 }

@@ -4,19 +4,15 @@ import json
 import re
 import subprocess
 import sys
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
 from core.config.compose import load
 from core.designs.composer import as_markdown
 from core.errors import UserError
 from core.interfaces import VLM, Picture
 from core.prompt import compose, main
-from core.search.orchestration import run
 
 ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests/tasks/solutions/OneBook.json"
@@ -121,17 +117,6 @@ def test_elites_are_at_most_k_top_and_may_be_drawn(designs):
     assert '"result": "solved"' in text_of(request)
 
 
-@pytest.mark.slow
-def test_the_instants_of_a_film_strip_differ(designs, tmp_path):
-    request = composed(f"designs={designs}", "budget.k_top=1", "prompt.feedback=full")
-    (tmp_path / "elite.png").write_bytes(request.messages[-1].parts[-1].png)
-    picture = np.asarray(Image.open(tmp_path / "elite.png")).astype(int)
-    assert picture.shape == (480, 960, 3)
-    frames = [picture[r + 20 : r + 240, c : c + 320] for r in (0, 240) for c in (0, 320, 640)]
-    assert all(np.abs(a - b).mean() > 0.5 for a, b in pairwise(frames[:4]))  # the arm moved
-    assert len(np.unique(frames[0].reshape(-1, 3), axis=0)) > 100
-
-
 @pytest.mark.parametrize(
     ("overrides", "reason"),
     [
@@ -210,15 +195,3 @@ def test_an_output_that_can_not_be_written(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "argv", ["prompt", "task=OneBook", f"output={tmp_path / 'file'}"])
     with pytest.raises(UserError, match="can't write"):
         main()
-
-
-@pytest.mark.slow
-def test_a_run_shows_its_elites_as_pictures_and_keeps_them(tmp_path):
-    small = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1"]
-    words = ["prompt.feedback=full", "budget.reward_save=-1", "film=false", "listener={}", "executor.workers=1"]
-    run(load("config", ["task=BringCube", *small, *words]), tmp_path)
-    text = (tmp_path / "requests" / "g1-a0.md").read_text()
-    (name, *_) = names = re.findall(r"!\[(strip_g0-a0-s\d-p0)\]", text)
-    assert len(names) == len(set(names)) <= 2
-    assert Image.open(tmp_path / "requests" / f"{name}.png").size == (960, 480)
-    assert '"moved": {' in text

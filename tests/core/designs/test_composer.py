@@ -38,7 +38,7 @@ from core.simulation.rollout import RolloutSettings
 from plugins.actions.waypoints import WaypointActions
 from plugins.tools.urdf.representation import UrdfTools
 from plugins.vlms.litellm.client import load as litellm
-from tests.panda import ARM, FINGER_OPEN, PANDA, on_panda
+from tests.panda import ARM, PANDA, on_panda
 
 FOLDER = Path(prompts.__file__).parent
 PICTURE = Picture(b"\x89PNG")
@@ -727,16 +727,6 @@ def test_turns_move_parts_as_the_frames_template_says(axis: int, sign: int) -> N
         np.testing.assert_allclose(across, sign * 0.3 * np.sin(0.3) * np.array(direction), atol=1e-3)
 
 
-def test_the_frames_example() -> None:
-    x, y, z, pitch = 0.5, 0.1, 0.4, 0.3
-    ahead, below = Pose.xyz_rpy((x, y, z), (0, pitch, 0)).apply([[0.3, 0, 0], [0, 0, -0.3]])
-    np.testing.assert_allclose(ahead, (x + 0.3 * np.cos(pitch), y, z - 0.3 * np.sin(pitch)))
-    np.testing.assert_allclose(below, (x - 0.3 * np.sin(pitch), y, z - 0.3 * np.cos(pitch)))
-    turned = Pose.xyz_rpy((0, 0, 0), (0.1, 0.2, 0.3)).rotation.as_matrix()
-    about_x, about_y, about_z = (Pose.xyz_rpy((0, 0, 0), rpy).matrix[:3, :3] for rpy in np.diag([0.1, 0.2, 0.3]))
-    np.testing.assert_allclose(turned, about_z @ about_y @ about_x, atol=1e-12)
-
-
 def test_the_space_around_the_mount_is_shown() -> None:
     for gripper in (False, True):
         text = words(PromptComposer().compose(make_brief(gripper=gripper), None)).split("# Spawn rules")[1]
@@ -756,21 +746,6 @@ def test_the_workspace_is_that_of_this_arm() -> None:
     assert "joint 4 at its lowest (z 0.1-0.5)" in text
     joints = [float(angle) for angle in text.split("its joints are at ")[1].split(".\n")[0].split(", ")]
     np.testing.assert_allclose(ARM.forward(np.array(joints)).position, PushCube.home.position, atol=0.01)
-
-
-def test_the_motion_is_as_in_the_action_rules() -> None:
-    home, segment_s = PushCube.home, 0.5
-    low, turned = [0.4, -0.2, 0.15, 0, 0, 0, 0], [0.4, -0.2, 0.15, 0, 0, 0.02, 0]
-    motion = plan_motion(np.array([low, turned, [*turned[:6], 1]]), home, ARM, segment_s=segment_s)
-    trajectory = motion.trajectory
-    assert trajectory.duration == pytest.approx(3 * segment_s, rel=0.02)  # three short segments, the first from home
-    np.testing.assert_allclose(ARM.forward(trajectory.arm[0]).position, home.position, atol=1e-4)
-    np.testing.assert_allclose(ARM.forward(trajectory.arm[-1]).position, low[:3], atol=1e-4)
-    assert (trajectory.fingers[0], trajectory.fingers[-1]) == (FINGER_OPEN, 0.0)
-    _, fingers = trajectory.sample(np.array([2 * segment_s, 2.5 * segment_s]))
-    np.testing.assert_allclose(fingers, (FINGER_OPEN, FINGER_OPEN / 2), atol=1e-3)  # evenly, while the arm stands
-    halfway = ARM.forward(trajectory.sample(np.array([0.5 * segment_s]))[0][0])
-    np.testing.assert_allclose(halfway.position, (0.4, -0.2, 0.175), atol=1e-3)  # straight
 
 
 def test_a_repeated_waypoint_is_a_wait_of_one_segment() -> None:
@@ -817,19 +792,6 @@ def test_a_tool_may_start_inside_a_hollow_body_and_must_be_clear_at_home() -> No
     assert "z -0 to open" in layout_table(InTheBin(), 0) or "free through its middle" in layout_table(InTheBin(), 0)
     with pytest.raises(DesignError, match="inside 'bin' of the scene"):
         rules.check(Tool((bar("beam", RIGID_MOUNT, (0, 0, -0.07), (0.4, 0.02, 0.02)),)))
-
-
-def test_what_an_attachment_may_overlap() -> None:
-    rules = SpawnRules(on_panda(PushCube()), 0)
-    left, right = GRIPPER_MOUNTS
-    rules.check(Tool((bar("on", left, (0, 0.01, 0.03), (0.02, 0.02, 0.04)),), gripper=True))
-    with pytest.raises(DesignError, match=r"inside the arm \(panda_hand\)"):
-        rules.check(Tool((bar("up", left, (0, 0.01, -0.01), (0.02, 0.02, 0.06)),), gripper=True))
-    wide = (bar("l", left, (0, -0.03, 0.06), (0.02, 0.06, 0.02)), bar("r", right, (0, 0.03, 0.06), (0.02, 0.06, 0.02)))
-    with pytest.raises(DesignError, match="on different fingers"):
-        rules.check(Tool(wide, gripper=True))
-    flange = Tool((bar("plate", RIGID_MOUNT, (0, 0, 0.01), (0.06, 0.06, 0.02)),))
-    rules.check(flange)  # it overlaps the link that bears it
 
 
 @pytest.mark.parametrize("penetration", ["forbid", "warn"])

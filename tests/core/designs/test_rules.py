@@ -355,6 +355,9 @@ def test_an_attachment_may_be_in_its_own_finger_only(spawn):
     across = gripper(box(at=(0, -0.04, 0.045), size=(0.02, 0.1, 0.01), parent="left_finger"))
     with pytest.raises(DesignError, match=r"10\.\d mm inside the arm \(right_finger\)"):
         spawn.check(across)
+    wide = ("l", "left_finger", -0.03), ("r", "right_finger", 0.03)
+    with pytest.raises(DesignError, match="on different fingers"):
+        spawn.check(gripper(*(box(name, (0, y, 0.06), (0.02, 0.06, 0.02), parent=mount) for name, mount, y in wide)))
 
 
 def test_an_attachment_in_the_hand(spawn):

@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.rules import check_tool
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere
-from core.plugins import Plugins
-from plugins.tools import boxes
 from plugins.tools.boxes.representation import BoxTools
 from tests.panda import PANDA
 
@@ -48,12 +46,6 @@ def box(name="a", **changes):
 
 def parse(*items, gripper=False):
     return TOOLS.parse({"tool_components": list(items)}, gripper=gripper)
-
-
-def test_is_found_by_name():
-    plugins = Plugins()
-    plugins.register(boxes, "boxes", "test")
-    assert isinstance(plugins.create("tool", "boxes"), BoxTools)
 
 
 def test_a_box_needs_only_name_size_and_position():

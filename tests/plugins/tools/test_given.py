@@ -6,26 +6,16 @@ import pytest
 from core.design import RIGID_MOUNT, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.reading import dump_design, read_designs
-from core.designs.rules import SpawnRules, check_tool
+from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Brief, Text
 from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
-from plugins.tools.rlbench import TOOLS
 from tasks.bring_cube import BringCube
 from tasks.one_book import OneBook
-from tests.panda import PANDA, on_panda
+from tests.panda import on_panda
 
 NONE, RLBENCH = (installed().create("tool", name) for name in ("none", "rlbench"))
-
-
-@pytest.mark.parametrize("task", TOOLS)
-def test_given_tools_keep_the_rules(task):
-    tool = TOOLS[task]()
-    check_tool(tool, PANDA)
-    assert not tool.gripper
-    assert tool.name
-    assert tool.description
 
 
 def test_stick_is_as_in_the_paper():

@@ -11,9 +11,7 @@ from scipy.spatial import cKDTree
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.rules import check_tool
 from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Sphere
-from core.plugins import Plugins
 from core.shapes import resized
-from plugins.tools import solids
 from plugins.tools.solids.making import MAX_PARTS
 from plugins.tools.solids.reading import MAX_NODES
 from plugins.tools.solids.representation import SolidTools
@@ -69,12 +67,6 @@ def inside(meshes, points):
         offsets = np.einsum("fx,fx->f", mesh.face_normals, mesh.triangles[:, 0])
         found |= (points @ mesh.face_normals.T <= offsets + 1e-9).all(axis=1)
     return found
-
-
-def test_is_found_by_name():
-    plugins = Plugins()
-    plugins.register(solids, "solids", "test")
-    assert isinstance(plugins.create("tool", "solids"), SolidTools)
 
 
 @pytest.mark.parametrize(
