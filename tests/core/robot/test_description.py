@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -8,10 +6,10 @@ from lxml import etree
 
 from core.conformance.shapes import bowl, prism
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.geometry import Box, Capsule, Cylinder, Pose, Sphere, mass_properties
+from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.robot.description import assemble, tool_urdf
 from plugins.robots.descriptions import robots_folder
-from tests.panda import ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS, PANDA
+from tests.panda import ARM_JOINTS, FINGER_JOINTS, HOME_JOINTS, PANDA
 
 LEFT, RIGHT = GRIPPER_MOUNTS
 
@@ -79,26 +77,11 @@ def links(urdf):
 # --- the arm ----------------------------------------------------------------------------------------------------
 
 
-def test_masses_and_inertias_are_physical():
-    robot, total = assemble(PANDA), 0.0
-    for name, link in links(robot).items():
-        mass = float(link.find("inertial/mass").get("value"))
-        total += mass
-        i = {key: float(value) for key, value in link.find("inertial/inertia").items()}
-        tensor = np.array(
-            [[i["ixx"], i["ixy"], i["ixz"]], [i["ixy"], i["iyy"], i["iyz"]], [i["ixz"], i["iyz"], i["izz"]]]
-        )
-        if mass == 0:  # a frame, no thing
-            assert not tensor.any(), name
-            continue
-        moments = np.linalg.eigvalsh(tensor)
-        assert moments[0] > 0, name
-        assert moments[0] + moments[1] >= moments[2], f"{name}: no distribution of mass has the moments {moments}"
-        gyration = np.sqrt(moments / mass)
-        assert gyration[-1] < 0.5, f"{name}: its mass would lie outside of it"
-    assert 15 < total < 19
-    arm = [float(links(robot)[f"panda_link{i}"].find("inertial/mass").get("value")) for i in range(8)]
-    assert len(set(arm)) == 8  # placeholders repeat
+def test_the_arm_weighs_what_was_identified():
+    masses = {name: float(link.find("inertial/mass").get("value")) for name, link in links(assemble(PANDA)).items()}
+    assert 15 < sum(masses.values()) < 19
+    arm = {masses[f"panda_link{i}"] for i in range(8)}
+    assert len(arm) == 8  # placeholders repeat
     assert 1.0 not in arm
 
 
@@ -114,22 +97,7 @@ def test_joint_limits_are_the_data_sheets():
     np.testing.assert_allclose(PANDA.acceleration_limits, [15, 7.5, 10, 12.5, 15, 20, 20])
 
 
-def test_the_fingers_open_to_the_data_sheets_stroke():
-    model = model_of(None)
-    for name in FINGER_JOINTS:
-        joint = model.joints[model.getJointId(name)]
-        assert model.lowerPositionLimit[joint.idx_q] == 0
-        assert model.upperPositionLimit[joint.idx_q] == FINGER_OPEN == 0.04
-
-
 # --- the mounts -------------------------------------------------------------------------------------------------
-
-
-@every_tool
-def test_at_home_the_end_effector_has_the_worlds_axes(tool):
-    pose = frame_pose(model_of(tool), RIGID_MOUNT)
-    assert np.linalg.norm(pose.position - (0.5, 0, 0.5)) < 1e-3
-    assert pose.rotation.magnitude() < 1e-3
 
 
 def test_the_rigid_mount_takes_the_hands_place():
@@ -158,13 +126,6 @@ def test_components_stand_where_the_tool_places_them(tool):
 
 
 # --- inertia ----------------------------------------------------------------------------------------------------
-
-
-def test_the_inertia_of_a_box_component():
-    component = box("a", RIGID_MOUNT, (0, 0, 0), (0.1, 0.2, 0.3), mass=1.2)
-    _, inertia = mass_properties(component.shape, component.mass)
-    np.testing.assert_allclose(np.diag(inertia), [0.013, 0.010, 0.005])
-    assert np.count_nonzero(inertia) == 3
 
 
 def test_the_inertia_of_every_shape_is_that_of_its_triangles():
@@ -271,11 +232,6 @@ def test_mesh_paths_are_the_callers_to_choose():
     assert sorted(named) == sorted(f"meshes/{path.name}" for path in asked)
     assert str(robots_folder()) not in text
     assert "package://" not in text
-
-
-def test_meshes_are_found_by_default():
-    for mesh in etree.fromstring(assemble(PANDA)).iter("mesh"):
-        assert Path(mesh.get("filename")).is_file()
 
 
 def test_visuals_can_be_left_out():

@@ -2,61 +2,19 @@
 
 import numpy as np
 import pytest
-from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Pose
-from core.interfaces import Robot
 from core.plugins import installed
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
 
 HOME = Pose.xyz_rpy((0.45, 0.0, 0.4))
-# The joints of Universal Robots' UR5, from its Denavit-Hartenberg parameters: xyz, pitch, axis.
-JOINTS = (
-    ("0 0 0.089159", 0.0, "0 0 1"),
-    ("0 0.13585 0", np.pi / 2, "0 1 0"),
-    ("0 -0.1197 0.425", 0.0, "0 1 0"),
-    ("0 0 0.39225", np.pi / 2, "0 1 0"),
-    ("0 0.093 0", 0.0, "0 0 1"),
-    ("0 0 0.09465", 0.0, "0 1 0"),
-)
-
-
-def six_joints() -> Robot:
-    root = etree.Element("robot", name="six")
-    for number, (xyz, pitch, axis) in enumerate((("", 0.0, ""), *JOINTS)):
-        link = etree.SubElement(root, "link", name=f"link{number}")
-        inertial = etree.SubElement(link, "inertial")
-        etree.SubElement(inertial, "mass", value="1")
-        etree.SubElement(inertial, "inertia", ixx="0.01", iyy="0.01", izz="0.01", ixy="0", ixz="0", iyz="0")
-        if not number:
-            continue
-        joint = etree.SubElement(root, "joint", name=f"joint{number}", type="revolute")
-        etree.SubElement(joint, "parent", link=f"link{number - 1}")
-        etree.SubElement(joint, "child", link=f"link{number}")
-        etree.SubElement(joint, "origin", xyz=xyz, rpy=f"0 {pitch} 0")
-        etree.SubElement(joint, "axis", xyz=axis)
-        etree.SubElement(joint, "limit", lower="-6.28", upper="6.28", velocity="3.14", effort="150")
-    return Robot(
-        name="six",
-        title="Six Joints",
-        urdf=etree.tostring(root, encoding="unicode"),
-        arm_joints=tuple(f"joint{number}" for number in range(1, 7)),
-        home=(-0.22, -1.55, 1.38, -1.4, -np.pi / 2, -0.22),
-        acceleration_limits=(5.0,) * 6,
-        motor_inertia=(0.1,) * 6,
-        mount_link="link6",
-        mount=Pose.xyz_rpy((0.0, 0.0823, 0.0), (np.pi / 2, 0.0, 0.0))
-        @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, np.pi / 2)),
-        near_mount=("link6",),
-        payload_kg=5.0,
-    )
 
 
 @pytest.fixture(scope="module")
 def arm() -> Arm:
-    return arm_of(six_joints())
+    return arm_of(installed().create("robot", "ur5"))
 
 
 def deviation(arm, plan, joints):

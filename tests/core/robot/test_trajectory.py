@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Pose
-from core.interfaces import JointTrajectory
 from core.robot.trajectory import plan_motion
 from tests.panda import ARM, FINGER_OPEN, PANDA
 
@@ -222,13 +221,6 @@ def test_turning_is_no_distance():
     assert plan_of([PLAN[2], PLAN[3]]).distance_m == pytest.approx(plan_of([PLAN[2]]).distance_m, abs=1e-3)
 
 
-def test_a_single_waypoint():
-    motion = plan_of(PLAN[:1])
-    assert motion.distance_m == pytest.approx(np.linalg.norm(PLAN[0, :3] - HOME.position), rel=1e-3)
-    assert motion.ik_error_m < 1e-4
-    np.testing.assert_allclose(ARM.forward(motion.trajectory.arm[-1]).position, PLAN[0, :3], atol=1e-3)
-
-
 def test_staying_at_home():
     motion = plan_of([[0.5, 0, 0.5, 0, 0, 0]])
     assert motion.distance_m < 1e-4
@@ -264,14 +256,3 @@ def test_the_same_plan_gives_the_same_motion():
     one, other = plan_of(PLAN), plan_of(PLAN.copy())
     np.testing.assert_array_equal(one.trajectory.arm, other.trajectory.arm)
     np.testing.assert_array_equal(one.trajectory.times, other.trajectory.times)
-
-
-def test_targets_are_linear_between_instants_and_constant_outside():
-    trajectory = JointTrajectory(
-        np.array([0.0, 1.0, 3.0]), np.array([np.zeros(7), np.ones(7), np.full(7, 5.0)]), np.array([0.04, 0.02, 0.0])
-    )
-    joints, fingers = trajectory.sample(np.array([-1, 0, 0.5, 1, 2, 3, 9]))
-    np.testing.assert_allclose(joints[:, 3], [0, 0, 0.5, 1, 3, 5, 5])
-    np.testing.assert_allclose(fingers, [0.04, 0.04, 0.03, 0.02, 0.01, 0, 0])
-    assert joints.shape == (7, 7)
-    assert trajectory.duration == 3
