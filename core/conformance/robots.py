@@ -21,7 +21,7 @@ from core.errors import UserError
 from core.geometry import Array, Box, Pose
 from core.interfaces import JointTrajectory, Outcome, Robot, Rollout, Simulator
 from core.plugins import Part, installed
-from core.robot.description import assemble, read_numbers, read_origin
+from core.robot.description import assemble, read_inertia, read_numbers, read_origin
 from core.robot.frames import link_frames, robot_model
 from core.robot.kinematics import Arm, arm_of
 from core.robot.self_collision import DEEP_M
@@ -88,7 +88,7 @@ def check_inertias_are_physical(robot: Robot) -> None:
             expect(name not in corners, f"link {name!r} has a collision shape and no mass")
             continue
         expect(name in corners, f"link {name!r} has a mass and no collision shape")
-        mass, tensor = _inertia(inertial)
+        mass, tensor = read_inertia(inertial)
         least, middle, most = np.linalg.eigvalsh(tensor)
         expect(mass > 0 and least > 0, f"link {name!r} has the mass {mass:g} kg and the inertia {least:g} kg m^2")
         expect(
@@ -100,14 +100,6 @@ def check_inertias_are_physical(robot: Robot) -> None:
         expect(spread < _SPREAD * size, f"{found}, and its mass lies {spread:.3f} m from its centre on average")
         away = float(np.linalg.norm(read_origin(inertial).position - (low + high) / 2))
         expect(away < size, f"{found}, and the centre of its mass lies {away:.3f} m from the middle of its shapes")
-
-
-def _inertia(inertial: Any) -> tuple[float, Array]:
-    """Read a mass, kg, and the tensor (3, 3) about its centre, in the axes of its origin."""
-    xx, xy, xz, yy, yz, zz = (
-        float(inertial.find("inertia").get(name)) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    )
-    return float(inertial.find("mass").get("value")), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def check_collision_shapes_are_read_by_every_engine(robot: Robot) -> None:

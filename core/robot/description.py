@@ -82,6 +82,27 @@ def read_origin(element: Any) -> Pose:
     return Pose() if origin is None else Pose.xyz_rpy(read_numbers(origin, "xyz"), read_numbers(origin, "rpy"))
 
 
+def read_shape(element: Any) -> Box | Sphere | Cylinder | Path:
+    """Read a shape; a mesh is its file, whose scale is not read."""
+    match element.tag:
+        case "box":
+            x, y, z = read_numbers(element, "size").tolist()
+            return Box((x, y, z))
+        case "sphere":
+            return Sphere(float(element.get("radius")))
+        case "cylinder":
+            return Cylinder(float(element.get("radius")), float(element.get("length")))
+        case _:
+            return Path(element.get("filename"))
+
+
+def read_inertia(inertial: Any) -> tuple[float, Array]:
+    """Read a mass, kg, and the tensor (3, 3) about its centre, in the axes of its origin."""
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    xx, xy, xz, yy, yz, zz = (float(inertial.find("inertia").get(name)) for name in names)
+    return float(inertial.find("mass").get("value")), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
 def merged(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
     """Merge rigidly joined parts: their mass, centre (3,), and inertia tensor (3, 3) about it; one frame for all."""
     masses, centers, _ = zip(*parts, strict=True)

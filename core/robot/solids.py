@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import coal
@@ -17,7 +18,7 @@ from lxml import etree
 
 from core.design import Tool
 from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
-from core.robot.description import assemble, read_numbers, read_origin
+from core.robot.description import assemble, read_origin, read_shape
 from core.robots import Robot
 from core.scene import Body
 
@@ -122,19 +123,7 @@ def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
     root: Any = etree.fromstring(assemble(robot, Tool(gripper=gripper), visuals=False))
     for link in root.findall("link"):
         for collision in link.findall("collision"):
-            geometry = _described(collision.find("geometry")[0])
+            shape = read_shape(collision.find("geometry")[0])
+            geometry = hull(trimesh.load_mesh(shape)) if isinstance(shape, Path) else solid_geometry(shape)
             solids.append(Solid(str(link.get("name")), geometry, read_origin(collision)))
     return tuple(solids)
-
-
-def _described(shape: Any) -> Any:
-    """Build a shape of a URDF for Coal."""
-    match shape.tag:
-        case "box":
-            return coal.Box(*read_numbers(shape, "size"))
-        case "sphere":
-            return coal.Sphere(float(shape.get("radius")))
-        case "cylinder":
-            return coal.Cylinder(float(shape.get("radius")), float(shape.get("length")))
-        case _:
-            return hull(trimesh.load_mesh(shape.get("filename")))

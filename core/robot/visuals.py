@@ -14,8 +14,8 @@ import trimesh
 from lxml import etree
 
 from core.design import Tool
-from core.geometry import Box, Cylinder, Mesh, Pose, Shape, Sphere
-from core.robot.description import assemble, read_numbers, read_origin
+from core.geometry import Mesh, Pose, Shape
+from core.robot.description import assemble, read_numbers, read_origin, read_shape
 from core.robots import Robot
 from core.scene import Color
 
@@ -43,26 +43,21 @@ def link_visuals(robot: Robot, gripper: bool) -> dict[str, tuple[Visual, ...]]:
 
 
 def _visuals(element: Any, named: dict[str, Any]) -> Iterator[Visual]:
-    pose, shape, material = read_origin(element), element.find("geometry")[0], element.find("material")
+    pose, geometry, material = read_origin(element), element.find("geometry")[0], element.find("material")
+    shape = read_shape(geometry)
     color = GREY
     if material is not None:
         given = material.find("color") if material.find("color") is not None else named.get(material.get("name"))
         if given is not None:
             red, green, blue, opacity = read_numbers(given, "rgba").tolist()
             color = (red, green, blue, opacity)
-    match shape.tag:
-        case "box":
-            x, y, z = read_numbers(shape, "size").tolist()
-            yield Visual(Box((x, y, z)), pose, color)
-        case "sphere":
-            yield Visual(Sphere(float(shape.get("radius"))), pose, color)
-        case "cylinder":
-            yield Visual(Cylinder(float(shape.get("radius")), float(shape.get("length"))), pose, color)
-        case _:
-            scale = read_numbers(shape, "scale") if shape.get("scale") else None
-            for mesh, own in _pieces(Path(shape.get("filename"))):
-                scaled = mesh if scale is None else Mesh.from_trimesh(mesh.to_trimesh().apply_scale(scale))
-                yield Visual(scaled, pose, own or color)
+    if not isinstance(shape, Path):
+        yield Visual(shape, pose, color)
+        return
+    scale = read_numbers(geometry, "scale") if geometry.get("scale") else None
+    for mesh, own in _pieces(shape):
+        scaled = mesh if scale is None else Mesh.from_trimesh(mesh.to_trimesh().apply_scale(scale))
+        yield Visual(scaled, pose, own or color)
 
 
 @lru_cache(maxsize=64)

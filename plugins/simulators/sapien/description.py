@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose, Sphere
-from core.robot.description import assemble, merged, read_numbers, read_origin
+from core.robot.description import assemble, merged, read_inertia, read_numbers, read_origin, read_shape
 from core.robots import Robot
 from core.scene import Color, Inertia
 
@@ -132,12 +132,9 @@ def _inertia(parts: list[tuple[Any, Pose]]) -> Inertia:
     inertias = []
     for element, pose in parts:
         inertial = element.find("inertial")
-        if inertial is not None and (mass := float(inertial.find("mass").get("value"))) > 0:
-            own = pose @ read_origin(inertial)
+        if inertial is not None and float(inertial.find("mass").get("value")) > 0:
+            own, (mass, tensor) = pose @ read_origin(inertial), read_inertia(inertial)
             axes = own.rotation.as_matrix()
-            names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-            xx, xy, xz, yy, yz, zz = (float(inertial.find("inertia").get(name)) for name in names)
-            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             inertias.append((mass, own.position, axes @ tensor @ axes.T))
     if not inertias:  # a base that stands for the ground
         return Inertia(1.0, Pose(), np.ones(3))
@@ -152,17 +149,4 @@ def _shapes(part: str, elements: list[Any], pose: Pose) -> Iterator[Shape]:
         at = pose @ read_origin(element)
         color = element.find("material/color")
         r, g, b, a = (0.9, 0.9, 0.9, 1.0) if color is None else read_numbers(color, "rgba")
-        yield Shape(_geometry(element.find("geometry")[0]), at, part, (r, g, b, a))
-
-
-def _geometry(element: Any) -> Box | Sphere | Cylinder | Path:
-    match element.tag:
-        case "box":
-            x, y, z = read_numbers(element, "size")
-            return Box((x, y, z))
-        case "sphere":
-            return Sphere(float(element.get("radius")))
-        case "cylinder":
-            return Cylinder(float(element.get("radius")), float(element.get("length")))
-        case _:
-            return Path(element.get("filename"))
+        yield Shape(read_shape(element.find("geometry")[0]), at, part, (r, g, b, a))
