@@ -198,6 +198,13 @@ def test_a_gap_at_an_edge_is_measured_from_edge_to_edge():
         check_tool(rigid(box(), box("b", (0.03, 0, -0.11), parent="a")), PANDA)
 
 
+def test_a_gap_is_measured_between_boxes_as_they_are_turned():
+    """The boxes around the two overlap."""
+    turned = box("b", (0.124, 0, 0), (0.1, 0.02, 0.1), parent="a", rpy=(0, math.pi / 4, 0))
+    with pytest.raises(DesignError, match=r"is 3\.3 mm away from its parent"):
+        check_tool(rigid(box(at=(0, 0, -0.1), size=(0.1, 0.02, 0.2)), turned), PANDA)
+
+
 @pytest.mark.parametrize(("at", "gap"), [((0, 0, -0.0569), None), ((0, 0, -0.06), "5.0"), ((0.0513, 0, 0), "9.8")])
 def test_a_gap_to_the_flange(at, gap):
     if gap is None:
