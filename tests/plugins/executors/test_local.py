@@ -184,15 +184,6 @@ def test_results_come_while_the_next_chunk_is_awaited():
         assert next(results) == ([2], [4])
 
 
-def test_what_is_wrong_with_the_chunks_is_said():
-    def chunks():
-        yield [1]
-        raise UserError("no more ideas")
-
-    with executor(workers=2) as pool, pytest.raises(UserError, match="no more ideas"):
-        list(pool.map(double, chunks()))
-
-
 PARENT = """
 import os, signal, sys, time
 from core.plugins import installed
@@ -225,19 +216,6 @@ def test_a_worker_takes_no_notice_of_an_interrupt():
         ((_, pid),) = pool.map(who, [[0]])
         os.kill(pid, signal.SIGINT)
         assert list(pool.map(who, [[0]])) == [([0], pid)]
-
-
-def test_chunks_are_read_no_faster_than_they_are_needed():
-    read = []
-
-    def chunks():
-        for i in range(30):
-            read.append(i)
-            yield [i]
-
-    with executor(workers=2) as pool:
-        for done, _ in enumerate(pool.map(who, chunks()), start=1):
-            assert len(read) - done <= 2 * 2 + 1  # one in work and one waiting for each worker, one in hand
 
 
 class Batching:

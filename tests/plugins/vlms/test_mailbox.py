@@ -360,25 +360,6 @@ def test_a_run_answered_by_hand(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_checked_answer_is_given_twice(tmp_path):
-    """The first answer reaches too far. The person skips the other agent's second one: its first one counts."""
-    box, strategy = tmp_path / "run" / "mailbox", SOLUTION["strategies"][0]
-    far = json.dumps({"strategies": [strategy | {"action_sets": [[[1.3, 0.0, 0.5, 0, 0, 0]]]}]})
-    person = Person(
-        (exists(box / "g0-a0" / "prompt.md"), writes(box / "g0-a0" / "reply.json", far)),
-        (exists(box / "g0-a1" / "prompt.md"), writes(box / "g0-a1" / "reply.json", GOOD)),
-        (exists(box / "g0-a0-check" / "prompt.md"), writes(box / "g0-a0-check" / "reply.json", GOOD)),
-        (exists(box / "g0-a1-check" / "prompt.md"), writes(box / "g0-a1-check" / "skip", "")),
-    )
-    result = run(load("config", [*RUN, "prompt.check=true", "listener={}"]), tmp_path / "run")
-    person.done()
-    assert [e.reward > 0.95 for e in result.generations[0].evaluations] == [True, True]
-    findings = (box / "g0-a0-check" / "prompt.md").read_text().split(far)[1]
-    assert "waypoint 1 is missed by" in findings
-    assert "every waypoint is reached" in (box / "g0-a1-check" / "prompt.md").read_text()
-
-
-@pytest.mark.slow
 def test_an_interrupt_leaves_everything_for_another_run(tmp_path):
     words = [*RUN, f"vlm.folder={tmp_path / 'box'}", "listener={}"]
 
