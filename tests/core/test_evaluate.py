@@ -1,13 +1,12 @@
 """The table of rewards: no reason is folded or cut where standard output is no terminal, and a blocked arm is named."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from core.evaluate import STOPPED_RAD, show
+from tests.commands import python_m
 
 SOLUTION = Path(__file__).parents[1] / "tasks" / "solutions" / "BringCube.json"
 
@@ -21,9 +20,7 @@ def evaluated(tmp_path_factory):
     plans = [*good["action_sets"], pressed, [[9, 0, 0, 0, 0, 0]]]
     (folder / "designs.json").write_text(json.dumps({"strategies": [good | {"action_sets": plans}]}))
     words = ["task=BringCube", "sim=mujoco", "designs=designs.json", "output=rewards.json", "executor.workers=1"]
-    done = subprocess.run(
-        [sys.executable, "-m", "core.evaluate", *words], cwd=folder, capture_output=True, text=True, timeout=240
-    )
+    done = python_m(folder, "core.evaluate", *words)
     assert done.returncode == 0, done.stderr
     return json.loads((folder / "rewards.json").read_text()), done.stdout.splitlines()
 

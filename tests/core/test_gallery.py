@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 import sys
 
 import numpy as np
@@ -13,6 +12,7 @@ from PIL import Image
 from core.errors import UserError
 from core.gallery import gallery, main
 from core.report.printing import Printer
+from tests.commands import python_m
 from tests.core.browser import complaints, opened, requests, screenshot
 from tests.core.run_folders import edit, hook, write_run
 
@@ -69,9 +69,7 @@ def test_files_for_the_printer(made):
 def test_a_tools_design_can_be_tried_again(made, tmp_path):
     design = made[0] / "OneBook" / "1_short" / "design.json"
     words = ["task=OneBook", f"designs={design}", "output=again.json", "executor.workers=1"]
-    done = subprocess.run(
-        [sys.executable, "-m", "core.evaluate", *words], cwd=tmp_path, capture_output=True, text=True, timeout=240
-    )
+    done = python_m(tmp_path, "core.evaluate", *words)
     assert done.returncode == 0, done.stderr
     (record,) = json.loads((tmp_path / "again.json").read_text())
     assert record["status"] == "ok"
@@ -128,13 +126,7 @@ def test_the_page(made):
 @pytest.mark.slow
 def test_the_command(tmp_path):
     write_run(tmp_path / "run", rewards=[[0.25]], tools=[hook(0.1, "[bold]rod[/]")])
-    done = subprocess.run(
-        [sys.executable, "-m", "core.gallery", "run", "output=out", "plate_mm=[20,20,20]"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=240,
-    )
+    done = python_m(tmp_path, "core.gallery", "run", "output=out", "plate_mm=[20,20,20]")
     assert done.returncode == 0, done.stderr
     assert "[bold]rod[/]" in done.stdout
     assert "fits the plate" in done.stdout

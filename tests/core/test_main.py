@@ -32,7 +32,7 @@ def test_every_command_is_listed_with_a_line(tmp_path):
     assert set(listed) == {file.stem if file.stem != "__main__" else file.parent.name for file in files}
 
 
-@pytest.mark.parametrize("name", ["run", "evaluate", "new"])
+@pytest.mark.parametrize("name", ["run", "evaluate", "render", "prompt", "transfer", "report", "new"])
 def test_a_command_is_the_one_of_that_module(tmp_path, name):
     done = call(tmp_path, name, "--help")
     assert (done.returncode, done.stderr) == (0, "")

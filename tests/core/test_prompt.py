@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from core.designs.composer import as_markdown
 from core.errors import UserError
 from core.interfaces import VLM, Picture
 from core.prompt import compose, main
+from tests.commands import python_m
 
 ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests/tasks/solutions/OneBook.json"
@@ -156,9 +156,7 @@ def test_designs_that_make_no_elites(change, reason, tmp_path):
 @pytest.mark.slow
 def test_the_command_writes_what_would_be_sent(tmp_path):
     words = ["task=OneBook", "vlm=litellm", "vlm.model=openai/gpt-4.1", "output=there", "budget.n_tool=2", "agent=3"]
-    done = subprocess.run(
-        [sys.executable, "-m", "core.prompt", *words], cwd=tmp_path, capture_output=True, text=True, timeout=240
-    )
+    done = python_m(tmp_path, "core.prompt", *words)
     assert done.returncode == 0, done.stderr
     assert not done.stderr  # no key is needed, no request is sent
     folder = tmp_path / "there"

@@ -3,8 +3,6 @@
 import json
 import shutil
 import sqlite3
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,18 +18,12 @@ from core.store.reader import stored_config, stored_evaluations
 from core.transfer import as_the_run, transfer
 from plugins.robots.panda import panda
 from tests import toys
+from tests.commands import python_m
 
 ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"
 COARSE = "{name: pybullet, time_step: 0.004}"
 SIMS = f"sims=[pybullet,{COARSE}]"
-
-
-def call(folder, *words):
-    """``python -m core.transfer words...`` in a folder."""
-    return subprocess.run(
-        [sys.executable, "-m", "core.transfer", *words], cwd=folder, capture_output=True, text=True, timeout=240
-    )
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +44,7 @@ def test_every_design_in_every_engine_with_every_change(tmp_path):
     plans = [*good["action_sets"], [[0.5, 0, 0.5, 0, 0, 0]], [[9, 0, 0, 0, 0, 0]]]
     (tmp_path / "designs.json").write_text(json.dumps({"strategies": [good | {"action_sets": plans}]}))
     words = ["designs=designs.json", SIMS, "seeds=[0,4]", "perturbation.position=0.01", "executor.workers=2"]
-    done = call(tmp_path, *words, "output=out/transfer.json")
+    done = python_m(tmp_path, "core.transfer", *words, "output=out/transfer.json")
     assert done.returncode == 0, done.stderr
     assert not done.stderr
     result = json.loads((tmp_path / "out" / "transfer.json").read_text())
@@ -89,8 +81,7 @@ def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp
     words = [f"designs={SOLUTION}", SIMS, "seeds=[1,2]"]
     results = [transfer(load("transfer", [*words, f"executor.workers={n}"])) for n in (1, 2)]
     assert results[0] == results[1]
-    evaluate = [sys.executable, "-m", "core.evaluate", f"designs={SOLUTION}", "output=plain.json"]
-    subprocess.run(evaluate, cwd=tmp_path, check=True, capture_output=True)
+    assert python_m(tmp_path, "core.evaluate", f"designs={SOLUTION}", "output=plain.json").returncode == 0
     (plain,) = json.loads((tmp_path / "plain.json").read_text())
     assert results[0]["designs"][0]["engines"]["pybullet"]["nominal"] == plain["reward"]
 
@@ -171,7 +162,9 @@ def test_no_arm_that_can_do_it_is_an_error(arms):
 @pytest.mark.slow
 def test_an_arm_that_stands_elsewhere(tmp_path):
     words = ["sims=[pybullet]", "seeds=[1]", "output=out.json"]
-    done = call(tmp_path, f"designs={SOLUTION}", *words, "robots=[panda,{name: panda, base: [0.05, 0, 0, 0]}]")
+    done = python_m(
+        tmp_path, "core.transfer", f"designs={SOLUTION}", *words, "robots=[panda,{name: panda, base: [0.05, 0, 0, 0]}]"
+    )
     assert done.returncode == 0, done.stderr
     here, there = json.loads((tmp_path / "out.json").read_text())["designs"]
     assert (here["robot"], there["robot"]) == ("panda", "panda base=[0.05, 0, 0, 0]")
@@ -253,14 +246,6 @@ def test_mistakes(words, said):
         transfer(as_the_run(["sims=[pybullet]", *words]))
 
 
-def test_a_mistake_is_one_line(tmp_path):
-    done = call(tmp_path, "designs=missing.json")
-    assert done.returncode == 1
-    assert done.stderr.startswith("error: no designs file missing.json")
-    assert len(done.stderr.splitlines()) == 1
-    assert not done.stdout
-
-
 @pytest.mark.slow
 def test_top_must_be_a_number_of_designs(ran):
     with pytest.raises(UserError, match="top must be at least 1, got 0"):
@@ -281,9 +266,3 @@ def test_stores_that_cannot_be_read(ran, tmp_path):
         database.execute("DELETE FROM run")
     with pytest.raises(UserError, match="its store is empty"):
         stored_config(tmp_path)
-
-
-def test_help(tmp_path):
-    done = call(tmp_path, "--help")
-    assert done.returncode == 0
-    assert done.stdout.startswith("usage: python -m core.transfer designs=FILE|RUN_DIR")

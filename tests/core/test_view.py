@@ -12,6 +12,7 @@ import pytest
 import rerun as rr
 
 from core.view import free_port, listens, recordings
+from tests.commands import python_m
 
 
 @pytest.fixture(scope="module")
@@ -96,9 +97,7 @@ def test_without_a_screen_it_says_what_to_do(folder):
     ],
 )
 def test_a_mistake_is_one_line(tmp_path, words, said):
-    done = subprocess.run(
-        [sys.executable, "-m", "core.view", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60
-    )
+    done = python_m(tmp_path, "core.view", *words)
     assert done.returncode in (1, 2)
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: ")

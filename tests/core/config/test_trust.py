@@ -1,10 +1,7 @@
 """No key gets into a run's files, and nothing in another's run is resolved, followed or called."""
 
 import itertools
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -17,6 +14,7 @@ from core.report.runs import LeftOutRun, read_run
 from core.store.database import Database, reading, refuse_links
 from core.store.reader import stored_config
 from core.store.recorder import RunStore
+from tests.commands import python_m
 
 KEY = "sk-planted-0123456789"
 ROOT = Path(__file__).parents[3]
@@ -43,9 +41,7 @@ def planted(monkeypatch):
 
 
 def command(folder, *words):
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "OPENAI_API_KEY": KEY}
-    words = [sys.executable, "-m", *words]
-    return subprocess.run(words, cwd=folder, env=env, capture_output=True, text=True, timeout=240)
+    return python_m(folder, *words, PYTHONPATH=str(ROOT), OPENAI_API_KEY=KEY)
 
 
 @pytest.mark.usefixtures("planted")

@@ -10,20 +10,15 @@ import pytest
 
 from core.errors import UserError
 from core.report.__main__ import main
+from tests.commands import python_m
 from tests.core.run_folders import write_run
-
-
-def call(folder, *words):
-    return subprocess.run(
-        [sys.executable, "-m", "core.report", *words], cwd=folder, capture_output=True, text=True, timeout=240
-    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("folder", ["0_seed=0", "runs=0_seed=0"])  # as it is, with a = as multiruns have, or by key
 def test_the_command(tmp_path, folder):
     write_run(tmp_path / "0_seed=0", rewards=[[0.25]])
-    done = call(tmp_path, folder, "output=out", "formats=[svg]", "resamples=100")
+    done = python_m(tmp_path, "core.report", folder, "output=out", "formats=[svg]", "resamples=100")
     assert done.returncode == 0, done.stderr
     assert not done.stderr
     assert done.stdout.splitlines()[-1] == "out/index.html"
@@ -37,7 +32,7 @@ def test_no_line_is_folded_or_cut_in_a_pipe(tmp_path):
     name = "killed_" * 20
     write_run(tmp_path / "runs" / "finished", rewards=[[0.25]])
     write_run(tmp_path / "runs" / name, "seed=1", rewards=[[0.5]], finish=False)
-    done = call(tmp_path, "runs", "formats=[]", "resamples=100")
+    done = python_m(tmp_path, "core.report", "runs", "formats=[]", "resamples=100")
     lines = done.stdout.splitlines()
     assert "not counted, unfinished: " in done.stdout
     (line,) = [line for line in lines if name in line]
@@ -83,15 +78,3 @@ def test_mistakes(tmp_path, monkeypatch, words, said):
     monkeypatch.setattr(sys, "argv", ["report", *words])
     with pytest.raises(UserError, match=re.escape(said)):
         main()
-
-
-def test_a_mistake_is_one_line(tmp_path):
-    done = call(tmp_path, "nowhere")
-    assert done.returncode == 1
-    assert done.stderr == "error: no folder nowhere; give the folder of a run or of a multirun\n"
-
-
-def test_help(tmp_path):
-    done = call(tmp_path, "--help")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("usage: python -m core.report FOLDER")

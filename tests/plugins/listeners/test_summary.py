@@ -1,10 +1,7 @@
 """What is said at the end of a run and of a multirun, and that the commands it names work as they stand."""
 
 import json
-import os
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +14,7 @@ from core.events import Generation, Result, Run
 from core.interfaces import Reply
 from core.plugins import event_hub, installed
 from core.report.formats import number
+from tests.commands import python_m
 from tests.core.run_folders import hook
 
 TINY = [
@@ -32,14 +30,7 @@ TINY = [
 
 
 def call(folder, *words):
-    return subprocess.run(
-        [sys.executable, "-m", *words],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=240,
-        env=os.environ | {"COLUMNS": "100"},
-    )
+    return python_m(folder, *words, COLUMNS="100")
 
 
 def summary(capsys, *rewards, replies=(), name="hook", robot=None, material=None, **settings):

@@ -4,8 +4,6 @@ minute; later runs find them.
 """
 
 import math
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,6 +31,7 @@ import warp
 
 from plugins.simulators.mujoco.batched import models, simulator, worlds
 from plugins.simulators.mujoco.world import Joints, compiled
+from tests.commands import python_m
 from tests.panda import FINGER_OPEN, PANDA
 
 ROOT = Path(__file__).parents[3]
@@ -242,8 +241,7 @@ def test_without_a_card_it_says_so():
 def test_a_run_on_the_processor(tmp_path):
     words = ["sim=mujoco_warp", "sim.device=cpu", "task=BringCube", "hydra.run.dir=out", "film=false"]
     budget = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=0"]
-    command = [sys.executable, "-m", "core.run", *words, *budget]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    done = python_m(tmp_path, "core.run", *words, *budget)
     assert done.returncode == 0, done.stderr
     assert "4 rollouts in" in done.stderr
     assert "Warp" not in done.stderr  # it reports kernels and a missing driver by default

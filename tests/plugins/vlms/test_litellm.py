@@ -18,6 +18,7 @@ from core.errors import UsageError, UserError
 from core.plugins import installed
 from plugins.vlms.litellm import vlms
 from plugins.vlms.litellm.model import LanguageModel
+from tests.commands import python_m
 from tests.plugins.vlms.asking import KEYS, PAID, PROTOCOLS, VARIABLES, agent_of, ask, in_turn, model_at
 from tests.plugins.vlms.servers import PNG, SCHEMA, Reset, Say, Send, Stall, request, serving
 
@@ -360,9 +361,7 @@ NO_MODEL = {
 def test_what_needs_no_model_does_not_import_litellm(command, tmp_path):
     """In no process: a LiteLLM that fails on import precedes the real one."""
     (tmp_path / "litellm.py").write_text("raise SystemExit('LiteLLM was imported')")
-    env = {**os.environ, "PYTHONPATH": f"{tmp_path}:{ROOT}"}
-    words = [sys.executable, "-m", command, *NO_MODEL[command]]
-    done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=240)
+    done = python_m(tmp_path, command, *NO_MODEL[command], PYTHONPATH=f"{tmp_path}:{ROOT}")
     assert (done.returncode, "LiteLLM was imported" in done.stdout + done.stderr) == (0, False), done.stderr
 
 

@@ -2,11 +2,8 @@
 
 import base64
 import json
-import os
 import re
 import sqlite3
-import subprocess
-import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -14,7 +11,8 @@ import pytest
 
 from core.config.compose import load
 from core.search.orchestration import run
-from tests.plugins.vlms.asking import KEYS, VARIABLES
+from tests.commands import python_m
+from tests.plugins.vlms.asking import KEYS
 from tests.plugins.vlms.servers import Reset, Say, Send, Stall, document, serving
 
 ROOT = Path(__file__).parents[3]
@@ -122,14 +120,7 @@ def test_faults_cost_their_own_candidates_and_show_no_key(tmp_path):
         *(f"budget.n_agent={len(FAULTS)}", "budget.n_action=1", "budget.n_iteration=0", "hydra.run.dir=run"),
     ]
     with serving(script) as server:
-        done = subprocess.run(
-            [sys.executable, "-m", "core.run", *words, f"vlm.api_base={server.url}"],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT), **{VARIABLES[name]: key for name, key in KEYS.items()}},
-            capture_output=True,
-            text=True,
-            timeout=240,
-        )
+        done = command(tmp_path, *words, f"vlm.api_base={server.url}")
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     assert "planted" not in done.stdout + done.stderr
@@ -157,15 +148,8 @@ def test_faults_cost_their_own_candidates_and_show_no_key(tmp_path):
     assert result(tmp_path / "replayed") == result(tmp_path / "run")
 
 
-def command(folder, *words):
-    return subprocess.run(
-        [sys.executable, "-m", "core.run", *words],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=240,
-    )
+def command(folder, *words, **environment):
+    return python_m(folder, "core.run", *words, PYTHONPATH=str(ROOT), **environment)
 
 
 def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tmp_path):
@@ -266,22 +250,7 @@ def test_a_gateway_that_repeats_the_key_leaves_it_nowhere(tmp_path):
     words = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
     words += ["vlm=openai", "hydra.run.dir=run"]
     with serving(script) as server:
-        done = subprocess.run(
-            [
-                sys.executable,
-                "-m",
-                "core.run",
-                "vlm=openai",
-                f"vlm.api_base={server.url}/v1",
-                *words,
-                "hydra.run.dir=run",
-            ],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "OPENAI_API_KEY": f"{key}\r\n"},
-            capture_output=True,
-            text=True,
-            timeout=240,
-        )
+        done = command(tmp_path, *words, f"vlm.api_base={server.url}/v1", OPENAI_API_KEY=f"{key}\r\n")
     assert done.returncode == 0, done.stderr
     written = [file.read_bytes() for file in (tmp_path / "run").rglob("*") if file.is_file()]
     written.append((done.stdout + done.stderr).encode())
