@@ -176,8 +176,9 @@ def _fuse(link: Any, tool: Tool, bearer: str) -> None:
     if own is None:
         own = etree.SubElement(link, "inertial")
     elif (own_mass := float(own.find("mass").get("value"))) > 0:
-        diagonal = [float(own.find("inertia").get(name)) for name in ("ixx", "iyy", "izz")]  # no finger has products
-        inertias.append((own_mass, read_numbers(own.find("origin"), "xyz"), np.diag(diagonal)))
+        origin, (_, tensor) = read_origin(own), read_inertia(own)
+        turn = origin.rotation.as_matrix()
+        inertias.append((own_mass, origin.position, turn @ tensor @ turn.T))
     link.remove(own)
     for component, pose in parts:
         turn, (center, tensor) = pose.rotation.as_matrix(), mass_properties(component.shape, component.mass)

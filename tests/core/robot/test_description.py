@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -174,6 +176,22 @@ def test_fused_or_not_the_robot_weighs_the_same(tool):
         np.testing.assert_allclose(one.matrix(), other.matrix(), rtol=1e-6, atol=1e-8)
     bare = whole_inertia(model_of(Tool(gripper=tool is None or tool.gripper)))[0]
     assert whole_inertia(apart)[0] - bare == pytest.approx(0 if tool is None else tool.mass, abs=1e-9)
+
+
+def test_a_finger_with_any_inertia_keeps_it_when_fused():
+    """One from somebody's own URDF may be turned, and have products of inertia."""
+    root = etree.fromstring(PANDA.urdf.encode())
+    own = root.find(f"link[@name='{PANDA.gripper.links[0]}']/inertial")
+    own.find("origin").set("rpy", "0.3 -0.2 0.5")
+    own.find("inertia").attrib.update(
+        {"ixx": "3e-6", "iyy": "4e-6", "izz": "5e-6", "ixy": "4e-7", "ixz": "-5e-7", "iyz": "6e-7"}
+    )
+    skewed = replace(PANDA, urdf=etree.tostring(root, encoding="unicode"))
+    apart, fused = (
+        pin.buildModelFromXML(assemble(skewed, GRIPPER, visuals=False, fused=fused)) for fused in (False, True)
+    )
+    for one, other in zip(apart.inertias, fused.inertias, strict=True):
+        np.testing.assert_allclose(one.matrix(), other.matrix(), rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("tool", [RIGID, GRIPPER])
