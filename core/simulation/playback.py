@@ -15,22 +15,27 @@ LAG_EVERY = 10  # steps between two measurements of the arm's lag
 
 
 @runtime_checkable
-class Following(World, Protocol):
-    """A world that takes the targets of many steps at once, and decodes many snapshots at once, which is faster."""
-
-    def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
-        """Take one step each time the iterator is advanced, S in all.
-
-        Targets are arm (S, 7), fingers (S,), speeds (S, 7) and finger speeds (S,), as for `step`.
-        """
-        ...
+class Noting(World, Protocol):
+    """A world that decodes many snapshots at once, which is faster."""
 
     def note(self) -> Any:
         """Take a snapshot of the joints and free bodies, in the form that is fastest to get."""
         ...
 
     def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
-        """Decode T snapshots: arm (T, 7), fingers (T, 2), the free bodies' states."""
+        """Decode T snapshots: arm (T, J), fingers with the tool's joints (T, F + K), the free bodies' states."""
+        ...
+
+
+@runtime_checkable
+class Following(World, Protocol):
+    """A world that takes the targets of many steps at once, which is faster."""
+
+    def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
+        """Take one step each time the iterator is advanced, S in all.
+
+        Targets are arm (S, J), fingers (S,), speeds (S, J) and finger speeds (S,), as for `step`.
+        """
         ...
 
 
@@ -44,7 +49,7 @@ def play(world: World, job: Rollout) -> Outcome:
     arm, fingers, speeds, finger_speeds = targets(trajectory, times, dt)
 
     instants, notes = [], []
-    note = world.note if isinstance(world, Following) else lambda: (*world.joints(), world.state())
+    note = world.note if isinstance(world, Noting) else lambda: (*world.joints(), world.state())
     start = world.state() if settle == 0 else None
     reached: list[Array] = []
     steps = _steps(world, arm, fingers, speeds, finger_speeds)
@@ -100,7 +105,7 @@ def targets(trajectory: JointTrajectory, times: Array, dt: float) -> tuple[Array
 
 
 def _read(world: World, notes: Sequence[Any]) -> tuple[Array, Array, State]:
-    if isinstance(world, Following):
+    if isinstance(world, Noting):
         return world.read(notes)
     arms, fingers, states = zip(*notes, strict=True)
     return np.array(arms), np.array(fingers), State.stack(states)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
@@ -49,16 +50,18 @@ class PreparedScene:
         self.shifted = [i for i, _ in shifted]  # the free bodies whose frame is not at their centre of mass
         self._positions = np.array([offset.position for _, offset in shifted])
         turns = [offset.rotation.as_quat() for _, offset in shifted]
-        self._rotations = Rotation.from_quat(np.reshape(turns, (-1, 4)))
+        self._rotations = np.reshape(turns, (-1, 4))  # x, y, z, w
 
     def frames(self, centers: Array, quaternions: Array) -> tuple[Array, Array]:
-        """Convert positions (K, 3) and quaternions (K, 4) of centres of mass to the frames of ``shifted`` bodies.
+        """Convert positions (T, K, 3) and quaternions (T, K, 4) of centres of mass to the frames of ``shifted`` bodies.
 
         The result equals that of `Pose` to the last bit, in a tenth of the time.
         """
-        turns = Rotation.from_quat(_unit(quaternions)[:, [1, 2, 3, 0]])
-        positions = (turns.as_matrix() @ self._positions[:, :, None])[:, :, 0] + centers
-        return positions, _unit((turns * self._rotations).as_quat()[:, [3, 0, 1, 2]])
+        turns = Rotation.from_quat(_unit(quaternions.reshape(-1, 4))[:, [1, 2, 3, 0]])
+        matrices = turns.as_matrix().reshape(*centers.shape, 3)
+        positions = (matrices @ self._positions[:, :, None])[..., 0] + centers
+        own = Rotation.from_quat(np.tile(self._rotations, (len(centers), 1)))
+        return positions, _unit((turns * own).as_quat()[:, [3, 0, 1, 2]]).reshape(quaternions.shape)
 
 
 def _unit(quaternions: Array) -> Array:
@@ -180,25 +183,50 @@ class World:
 
     def joints(self) -> tuple[Array, Array]:
         """Read the joint positions: arm (J,) and fingers with the tool's joints (F + K,)."""
-        states = p.getJointStates(self.robot, [*self._joints, *self._loose], physicsClientId=self.client)
-        angles, count = np.array([s[0] for s in states]), len(self._joints)
-        fingers = angles[self._arm : count] if self._fingers else self._idle
-        return angles[: self._arm], np.append(fingers, angles[count:]) if self._loose else fingers
+        arm, fingers = self._joints_of([self._angles()])
+        return arm[0], fingers[0]
 
     def state(self) -> State:
         """Read the state of the free bodies."""
-        count = len(self._free)
-        positions, quaternions = np.empty((count, 3)), np.empty((count, 4))
-        linear, angular = np.empty((count, 3)), np.empty((count, 3))
-        for i, body in enumerate(self._free):
-            positions[i], (x, y, z, w) = p.getBasePositionAndOrientation(body, physicsClientId=self.client)
-            linear[i], angular[i] = p.getBaseVelocity(body, physicsClientId=self.client)
-            quaternions[i] = w, x, y, z
+        return self._states_of([self._bodies()])[0]
+
+    def note(self) -> tuple[list[float], list[tuple[float, ...]]]:
+        """See `core.simulation.playback.Noting`."""
+        return self._angles(), self._bodies()
+
+    def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
+        """See `core.simulation.playback.Noting`."""
+        angles, bodies = zip(*notes, strict=True)
+        return *self._joints_of(angles), self._states_of(bodies)
+
+    def _angles(self) -> list[float]:
+        states = p.getJointStates(self.robot, [*self._joints, *self._loose], physicsClientId=self.client)
+        return [state[0] for state in states]
+
+    def _bodies(self) -> list[tuple[float, ...]]:
+        """Position, quaternion (x, y, z, w) and velocities of each free body's centre of mass, 13 numbers."""
+        found = []
+        for body in self._free:
+            position, quaternion = p.getBasePositionAndOrientation(body, physicsClientId=self.client)
+            linear, angular = p.getBaseVelocity(body, physicsClientId=self.client)
+            found.append((*position, *quaternion, *linear, *angular))
+        return found
+
+    def _joints_of(self, angles: Sequence[list[float]]) -> tuple[Array, Array]:
+        """Arm (T, J) and fingers with the tool's joints (T, F + K)."""
+        rows, count = np.array(angles), len(self._joints)
+        fingers = rows[:, self._arm : count] if self._fingers else np.tile(self._idle, (len(rows), 1))
+        return rows[:, : self._arm], np.concatenate([fingers, rows[:, count:]], axis=1)
+
+    def _states_of(self, bodies: Sequence[list[tuple[float, ...]]]) -> State:
+        rows = np.array(bodies, dtype=np.float64).reshape(len(bodies), len(self._free), 13)
+        positions, quaternions = rows[..., :3].copy(), rows[..., [6, 3, 4, 5]]
+        linear, angular = rows[..., 7:10].copy(), rows[..., 10:].copy()
         shifted = self._scene.shifted
         if shifted and np.isfinite(quaternions).all():
-            centers = positions[shifted]
-            positions[shifted], quaternions[shifted] = self._scene.frames(centers, quaternions[shifted])
-            linear[shifted] += np.cross(angular[shifted], positions[shifted] - centers)
+            centers = positions[:, shifted]
+            positions[:, shifted], quaternions[:, shifted] = self._scene.frames(centers, quaternions[:, shifted])
+            linear[:, shifted] += np.cross(angular[:, shifted], positions[:, shifted] - centers)
         return State(self._scene.names, positions, quaternions, linear, angular)
 
 

@@ -84,10 +84,10 @@ class World:
         return self._bodies.state()
 
     def note(self) -> tuple[Any, bytes]:
-        """See `core.simulation.playback.Following`."""
+        """See `core.simulation.playback.Noting`."""
         return self._robot.note(), self._bodies.note()
 
     def read(self, notes: Sequence[tuple[Any, bytes]]) -> tuple[Array, Array, State]:
-        """See `core.simulation.playback.Following`."""
+        """See `core.simulation.playback.Noting`."""
         joints, bodies = zip(*notes, strict=True)
         return *self._robot.read(joints), self._bodies.read(bodies)

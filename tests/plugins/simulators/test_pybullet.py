@@ -99,9 +99,11 @@ def test_frames_of_many_bodies_are_those_of_each(tmp_path):
     assert scene.shifted  # of the free bodies
     offsets = [body.offset for body in scene.bodies if not body.fixed and body.offset is not None]
     rng = np.random.default_rng(0)
-    for _ in range(200):
-        centers, quaternions = rng.normal(size=(len(offsets), 3)), rng.normal(size=(len(offsets), 4))
-        each = [Pose(c, q) @ offset for c, q, offset in zip(centers, quaternions, offsets, strict=True)]
-        positions, turned = scene.frames(centers, quaternions)
-        assert positions.tobytes() == np.array([pose.position for pose in each]).tobytes()
-        assert turned.tobytes() == np.array([pose.quaternion for pose in each]).tobytes()
+    centers, quaternions = rng.normal(size=(200, len(offsets), 3)), rng.normal(size=(200, len(offsets), 4))
+    each = [
+        [Pose(c, q) @ offset for c, q, offset in zip(*rows, offsets, strict=True)]
+        for rows in zip(centers, quaternions, strict=True)
+    ]
+    positions, turned = scene.frames(centers, quaternions)
+    assert positions.tobytes() == np.array([[pose.position for pose in row] for row in each]).tobytes()
+    assert turned.tobytes() == np.array([[pose.quaternion for pose in row] for row in each]).tobytes()
