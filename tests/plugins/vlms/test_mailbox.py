@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,9 @@ from core.errors import UsageError, UserError
 from core.interfaces import Brief, Message, Picture, Request, Text
 from core.plugins import installed
 from core.search.orchestration import run
+from plugins.actions.anchored import AnchoredActions
 from plugins.actions.waypoints import WaypointActions
-from plugins.vlms.mailbox.model import Mailbox
+from plugins.vlms.mailbox.model import Mailbox, judge
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 
@@ -175,6 +177,15 @@ def test_rejected_designs_of_an_accepted_reply_are_listed(tmp_path):
     listed = (box / "problem.md").read_text()
     assert listed.startswith("reply.json is accepted; these of its designs will be rejected:\n\n- strategy 2: ")
     assert "strategy 1" not in listed
+
+
+def test_a_reply_is_judged_by_the_runs_own_representation_of_plans():
+    asked = request()
+    anchored = replace(asked, brief=replace(asked.brief, actions=AnchoredActions()))
+    plan = [{"anchor": "cube", "offset": [0.0, 0.0, 0.4]}]
+    text = json.dumps({"strategies": [SOLUTION["strategies"][0] | {"action_sets": [plan]}]})
+    assert judge(anchored, text) == (True, True, [])
+    assert judge(asked, text)[1] is judge(anchored, GOOD)[1] is False
 
 
 def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path):
