@@ -3,6 +3,7 @@
 import csv
 import json
 import sqlite3
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ MISTAKES = [
     ("run", ["budget.n_agent=0"], "budget.n_agent must be at least 1, got 0"),
     ("run", ["sim.time_step=a"], "sim=pybullet: setting 'time_step' can't be 'a': "),
     ("run", ["sim.timestep=1"], "no key 'timestep' in sim (did you mean 'time_step'?); possible: "),
-    ("run", ["+robto=ur5"], "no key 'robto' in the configuration (did you mean 'robot'?); possible: budget, "),
+    ("run", ["+robto=ur5"], "no key 'robto' in the configuration (did you mean 'robot'?); possible: action, "),
     ("run", ["robot=ur15"], "no robot 'ur15' (did you mean 'ur5'?); possible: fr3, "),
     ("run", ["robot.base=[9,0,0,0]"], "robot panda can't reach the task's home (0.5, 0, 0.5), by "),
     ("run", ["executor.workers=0"], "executor.workers must be at least 1, got 0"),
@@ -198,8 +199,9 @@ def test_the_best_design_can_be_taken_away(tiny):
     (strategy,) = json.loads((best / "design.json").read_text())["strategies"]
     with (best / "waypoints.csv").open(newline="") as file:
         header, *rows = csv.reader(file)
-    assert header[:6] == ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"]
-    assert [[float(x) for x in row] for row in rows] == strategy["action_sets"][0]
+    assert [*header[:6], header[-1]] == ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "arrival_s"]
+    assert [[float(x) for x in row[:-1]] for row in rows] == strategy["action_sets"][0]
+    assert all(float(a[-1]) < float(b[-1]) for a, b in pairwise(rows))
     tool = pin.buildModelFromUrdf(str(best / "tool.urdf"))
     printed = trimesh.load_mesh(best / "tool.stl")
     links = [frame.name for frame in tool.frames if frame.name.endswith("_joint")]
