@@ -15,7 +15,7 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot, RolloutSettings, Task
 from core.robot.frames import link_frames
 from core.robot.self_collision import find_self_collision
-from core.robot.tempo import planned
+from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion, at_home
 from core.text import clean
 
@@ -63,7 +63,7 @@ def _plan(candidate: Candidate, task: Task, seed: int, settings: RolloutSettings
         plan = resolve(candidate.plan, task, seed, settings)
     except DesignError as error:
         return [f"rejected: {clean(str(error), _REASON)}"]
-    motion = planned(plan, task, settings)
+    motion = plan_task_motion(plan, task, settings)
     seconds, longest = motion.trajectory.duration, settings.max_motion_s
     found = [f"{seconds:.1f} s" + (f", rejected: more than {longest:g} s" if seconds > longest else "")]
     tool = candidate.tool

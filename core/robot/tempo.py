@@ -23,14 +23,14 @@ from core.robot.trajectory import (
     KNOT_M,
     KNOT_RAD,
     Motion,
-    at_rest,
-    described,
     grid,
     joined,
+    make_motion,
     plan_motion,
     poses_from,
     sampled,
-    straight,
+    straight_path,
+    time_at_rest,
 )
 
 _APART_M, _APART_RAD = 1e-6, 1e-6  # waypoints nearer than this are one place
@@ -40,22 +40,23 @@ _ROUNDS, _EXACT_S = 20, 1e-3  # of slowing a way until it takes its seconds
 Leg = tuple[Array, Array, list[float]]  # instants (S,), joints (S, J), and when each of its waypoints is reached
 
 
-def planned(plan: Waypoints, task: Task, settings: RolloutSettings) -> Motion:
+def plan_task_motion(plan: Waypoints, task: Task, settings: RolloutSettings) -> Motion:
     """Plan the motion of the task's robot through waypoints, under a run's settings."""
     arm = arm_of(task.robot)
     if plan.tempo is None:
         return plan_motion(plan.poses, task.home, arm, segment_s=settings.segment_s, speed=settings.speed)
     grips, positions, rotations = poses_from(task.home, plan.poses)
     tempo, asked = plan.tempo, _asked(plan.tempo, positions, settings.segment_s)
+    hurried = np.isfinite(tempo.seconds) | np.isfinite(tempo.speeds)
     opening, last = arm.robot.opening_m, arm.home_for(task.home)
     times, targets, fingers = [np.zeros(1)], [last[None]], [np.full(1, opening)]
     knots, errors, ends, arrivals = [last[None]], list[Array](), [0], list[float]()
     stops = [0, *(np.flatnonzero(tempo.through[:-1] == 0) + 1).tolist(), len(plan)]
     for a, b in pairwise(stops):
-        points, turns, own = (straight if b == a + 1 else _curve)(positions[a : b + 1], rotations[a : b + 1])
+        points, turns, own = (straight_path if b == a + 1 else _curved_path)(positions[a : b + 1], rotations[a : b + 1])
         solved, missed = arm.follow(points[1:], turns[1:], last, arm.jump_rad)
         path = np.vstack([last, solved])
-        instants, joints, marks = _timed(path, own, asked[a:b], tempo.seconds[a:b], arm, settings)
+        instants, joints, marks = _timed(path, own, asked[a:b], tempo.seconds[a:b], hurried[a], arm, settings.speed)
         began, last = times[-1][-1], path[-1]
         times.append(began + instants)
         targets.append(np.clip(joints, arm.lower, arm.upper))
@@ -72,7 +73,7 @@ def planned(plan: Waypoints, task: Task, settings: RolloutSettings) -> Motion:
     trajectory = JointTrajectory(np.concatenate(times), np.concatenate(targets), np.concatenate(fingers))
     reached = np.array(arrivals)
     slowed = _slowed(trajectory, reached, tempo, arm)
-    return described(trajectory, reached, np.vstack(knots), np.vstack(errors), ends, plan.poses, slowed, arm)
+    return make_motion(trajectory, reached, np.vstack(knots), np.vstack(errors), ends, plan.poses, slowed, arm)
 
 
 def _asked(tempo: Tempo, positions: Array, segment_s: float) -> Array:
@@ -86,8 +87,8 @@ def _asked(tempo: Tempo, positions: Array, segment_s: float) -> Array:
     return np.where(np.isfinite(asked), asked, segment_s)
 
 
-def _curve(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int]]:
-    """Place knots on a smooth curve through poses (N + 1); see `core.robot.trajectory.straight`."""
+def _curved_path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int]]:
+    """Place knots on a smooth curve through poses (N + 1); see `core.robot.trajectory.straight_path`."""
     ways = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     angles = np.asarray((rotations[:-1].inv() * rotations[1:]).magnitude())
     lengths = np.maximum(ways + _LEVER_M * angles, _APART_M)
@@ -98,14 +99,19 @@ def _curve(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[in
     return CubicSpline(along, positions)(at), RotationSpline(along, rotations)(at).as_matrix(), [0, *accumulate(counts)]
 
 
-def _timed(knots: Array, ends: Sequence[int], asked: Array, seconds: Array, arm: Arm, settings: RolloutSettings) -> Leg:
-    """Time a path (K, J) that begins and ends at rest, with its waypoints at the knots ``ends``."""
+def _timed(
+    knots: Array, ends: Sequence[int], asked: Array, seconds: Array, hurried: bool, arm: Arm, speed: float
+) -> Leg:
+    """Time a path (K, J) that begins and ends at rest, with its waypoints at the knots ``ends``.
+
+    ``hurried``: it shall take no longer than ``asked``, if the limits allow.
+    """
     if len(asked) == 1:
         path = [(joined(knots, arm), len(knots) - 1)]
-        ((instants, joints),) = at_rest(path, arm, float(asked[0]), settings.speed)
-        if instants[-1] <= asked[0] + _EXACT_S or asked[0] == settings.segment_s:
+        ((instants, joints),) = time_at_rest(path, arm, float(asked[0]), speed)
+        if instants[-1] <= asked[0] + _EXACT_S or not hurried:
             return instants, joints, [float(instants[-1])]
-    return _fastest(knots, ends, asked, seconds, arm, settings.speed)
+    return _fastest(knots, ends, asked, seconds, arm, speed)
 
 
 def _fastest(knots: Array, ends: Sequence[int], asked: Array, seconds: Array, arm: Arm, speed: float) -> Leg:

@@ -67,14 +67,14 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
         speed: the share of the velocity and acceleration limits to use, 0..1.
     """
     grips, positions, rotations = poses_from(home, plan)
-    points, turns, ends = straight(positions, rotations)
+    points, turns, ends = straight_path(positions, rotations)
     opening = arm.robot.opening_m
     start = arm.home_for(home)
     solved, errors = arm.follow(points[1:], turns[1:], start, arm.jump_rad)
     knots = np.vstack([start, solved])
     segments = [(joined(knots[a : b + 1], arm), b - a) for a, b in pairwise(ends)]
     times, targets, fingers = [np.zeros(1)], [start[None]], [np.full(1, opening)]
-    for i, (instants, joints) in enumerate(at_rest(segments, arm, segment_s, speed)):
+    for i, (instants, joints) in enumerate(time_at_rest(segments, arm, segment_s, speed)):
         times.append(times[-1][-1] + instants)
         targets.append(np.minimum(np.maximum(joints, arm.lower), arm.upper))
         closed = grips[i] + (grips[i + 1] - grips[i]) * instants / instants[-1]
@@ -82,7 +82,7 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
 
     trajectory = JointTrajectory(np.concatenate(times), np.concatenate(targets), np.concatenate(fingers))
     arrivals = np.array([instants[-1] for instants in times[1:]])
-    return described(trajectory, arrivals, knots, errors, ends, plan, np.ones(len(plan)), arm)
+    return make_motion(trajectory, arrivals, knots, errors, ends, plan, np.ones(len(plan)), arm)
 
 
 def poses_from(home: Pose, plan: Array) -> tuple[Array, Array, Rotation]:
@@ -92,7 +92,7 @@ def poses_from(home: Pose, plan: Array) -> tuple[Array, Array, Rotation]:
     return grips, positions, Rotation.concatenate([home.rotation, Rotation.from_euler("xyz", plan[:, 3:6])])
 
 
-def described(
+def make_motion(
     trajectory: JointTrajectory,
     arrivals: Array,
     knots: Array,
@@ -113,7 +113,7 @@ def described(
     return Motion(trajectory, distance, float(worst[0]), float(worst[1]), arrivals, misses, plan, slowed)
 
 
-def straight(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int]]:
+def straight_path(positions: Array, rotations: Rotation) -> tuple[Array, Array, list[int]]:
     """Place knots along the poses (N + 1): positions (K, 3), rotations (K, 3, 3), and the poses' indices among them."""
     ways, turns = np.diff(positions, axis=0), rotations[:-1].inv() * rotations[1:]
     angles = np.asarray(turns.magnitude())
@@ -155,7 +155,7 @@ def _bend(path: BSpline | PchipInterpolator, s: Array) -> Array:
     return bend
 
 
-def at_rest(
+def time_at_rest(
     segments: list[tuple[BSpline | PchipInterpolator, int]], arm: Arm, segment_s: float, speed: float
 ) -> Iterator[tuple[Array, Array]]:
     """Time each path (joints over s in [0, 1], and its number of cells), at rest at both ends.

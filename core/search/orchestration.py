@@ -32,7 +32,7 @@ from core.interfaces import Budget, Executor, RolloutSettings, Simulator
 from core.plugins import event_hub, installed
 from core.plugins.blame import describe_failure
 from core.robot.kinematics import arm_of
-from core.robot.tempo import planned
+from core.robot.tempo import plan_task_motion
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
 from core.search.listeners import add_listener
@@ -141,7 +141,7 @@ def save_best(result: Result, this: Run, simulator: Simulator, settings: Rollout
         folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)  # a resumed run has one of an earlier best
     plan = resolve(best.candidate.plan, this.task, this.seed, settings)
-    motion = planned(plan, this.task, settings)
+    motion = plan_task_motion(plan, this.task, settings)
     save_design(best.candidate, this.representation, this.task.robot, motion, folder)
     if film and result.stopped != INTERRUPTED:
         try:

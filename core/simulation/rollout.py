@@ -18,7 +18,7 @@ from core.observations import TRIAL
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
 from core.robot.self_collision import find_self_collision
-from core.robot.tempo import planned
+from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
 from core.scene import Scene, State
 from core.simulation.contacts import find_contacts
@@ -95,7 +95,7 @@ def prepare(
     """
     if candidate.tool is None:
         raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
-    motion = planned(resolve(candidate.plan, task, seed, settings), task, settings)
+    motion = plan_task_motion(resolve(candidate.plan, task, seed, settings), task, settings)
     job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, settings.hold_s, record_hz)
     return motion, job
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from core.interfaces import RolloutSettings, Tempo, Waypoints
 from core.robot.kinematics import arm_of
-from core.robot.tempo import planned
+from core.robot.tempo import plan_task_motion
 from tasks.bring_cube import BringCube
 from tests.panda import PANDA, on_panda
 
@@ -21,7 +21,7 @@ def tempo(count=3, **given):
 
 
 def motion_of(plan=LINE, **given):
-    return planned(Waypoints(plan, tempo(len(plan), **given)), TASK, RolloutSettings())
+    return plan_task_motion(Waypoints(plan, tempo(len(plan), **given)), TASK, RolloutSettings())
 
 
 def speeds(motion):
@@ -43,7 +43,7 @@ def assert_within_limits(motion):
 
 
 def test_the_usual_tempo_changes_nothing():
-    usual, none = motion_of(), planned(Waypoints(LINE), TASK, RolloutSettings())
+    usual, none = motion_of(), plan_task_motion(Waypoints(LINE), TASK, RolloutSettings())
     np.testing.assert_allclose(usual.trajectory.arm, none.trajectory.arm, atol=1e-5)
     np.testing.assert_allclose(usual.trajectory.times, none.trajectory.times, atol=1e-5)
 
