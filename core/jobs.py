@@ -66,7 +66,7 @@ class Perception:
     def __post_init__(self) -> None:
         for name, value in (("position", self.position), ("yaw", self.yaw)):
             if not 0 <= value <= 1:
-                raise UsageError(f"perception.{name} must be between 0 and 1, got {value}")
+                raise UsageError(f"rollout.perception.{name} must be between 0 and 1, got {value}")
 
 
 PENETRATION_MODES = ("forbid", "warn", "ignore")

@@ -34,7 +34,7 @@ def check_there_are_instructions(representation: ActionRepresentation) -> None:
 
 
 def check_plans_that_fit_the_schema_are_read(representation: ActionRepresentation) -> None:
-    """Most documents of the schema's form are read, and each keeps its meaning through dump, parse and pickle."""
+    """Of documents of the schema's form some are read; those keep their meaning through dump, parse and pickle."""
     seen, sound = look(some_task(), 0, Perception()), 0
     for gripper in (False, True):
         for data in _drawn(representation.schema(gripper=gripper)):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
@@ -28,7 +30,7 @@ from core.text import kind, shorten
 NO_PLAN = Waypoints(np.empty((0, 6)))  # of a candidate whose plan can't be read
 
 # Errors of the machine, in any representation: they say nothing about a design.
-MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS}
+_MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EIO, errno.EROFS}
 
 _NOISE = 7  # keeps these random numbers apart from others of the same seed
 
@@ -53,20 +55,30 @@ def _actions(name: str) -> ActionRepresentation:
     return installed().create("action", name)
 
 
+@contextmanager
+def guarded(part: object, doing: str) -> Iterator[None]:
+    """Turn what a plugin's code raises into a DesignError: a bug there costs the design, not the run.
+
+    Errors of the machine pass.
+    """
+    try:
+        yield
+    except (DesignError, MemoryError):
+        raise
+    except Exception as error:
+        if getattr(error, "errno", None) in _MACHINE:
+            raise
+        raise DesignError(f"{describe_part(part)}: {doing} raised {type(error).__name__}: {error}") from error
+
+
 def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> ActionPlan:
-    """Parse a plan. A bug in the representation costs the plan, not the run.
+    """Parse a plan.
 
     Raises:
         DesignError: a rule is broken, or the representation fails; then the message names its plugin.
     """
-    try:
+    with guarded(actions, "parse"):
         plan = actions.parse(raw, gripper=gripper)
-    except (DesignError, MemoryError):
-        raise
-    except Exception as error:
-        if getattr(error, "errno", None) in MACHINE:
-            raise
-        raise DesignError(f"{describe_part(actions)}: parse raised {type(error).__name__}: {error}") from error
     if not isinstance(plan, ActionPlan):
         raise DesignError(f"{describe_part(actions)}: parse gave {shorten(repr(plan))}; expected an ActionPlan")
     return plan
@@ -97,12 +109,9 @@ def resolve(plan: ActionPlan, task: Task, seed: int, settings: RolloutSettings) 
     """
     if isinstance(plan, Waypoints):
         return plan
-    try:
-        waypoints = plan.resolve(look(task, seed, settings.perception))
-    except (DesignError, MemoryError):
-        raise
-    except Exception as error:  # a plugin's code may raise anything
-        raise DesignError(f"{describe_part(plan)}: resolve raised {type(error).__name__}: {error}") from error
+    seen = look(task, seed, settings.perception)
+    with guarded(plan, "resolve"):
+        waypoints = plan.resolve(seen)
     if not isinstance(waypoints, Waypoints):
         raise DesignError(f"{describe_part(plan)}: resolve gave a {type(waypoints).__name__}; expected Waypoints")
     check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from core.design import Candidate, DesignError, Tool
-from core.designs.planning import MACHINE, NO_PLAN, named_actions, parse_plan
+from core.designs.planning import NO_PLAN, guarded, named_actions, parse_plan
 from core.designs.rules import SpawnRules, check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ActionRepresentation, Robot, ToolRepresentation, Waypoints
@@ -169,7 +169,7 @@ def _read_tool(
 
 
 def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], robot: Robot, gripper: bool) -> Tool:
-    """Parse a strategy's tool. A bug in the representation costs the design, not the run.
+    """Parse a strategy's tool.
 
     Raises:
         DesignError: a rule is broken, or the representation fails; then the message names its plugin.
@@ -177,14 +177,8 @@ def _parsed(representation: ToolRepresentation, strategy: dict[Any, Any], robot:
     if gripper and robot.gripper is None:
         raise DesignError(f"{robot.title} has no gripper; design one rigid tool, with 'gripper' false")
     representation.robot = robot
-    try:
+    with guarded(representation, "parse"):
         tool = representation.parse(strategy, gripper=gripper)
-    except (DesignError, MemoryError):
-        raise
-    except Exception as error:
-        if getattr(error, "errno", None) in MACHINE:
-            raise
-        raise DesignError(f"{describe_part(representation)}: parse raised {type(error).__name__}: {error}") from error
     if not isinstance(tool, Tool) or tool.gripper != gripper:
         wanted = "a Tool for the fingers" if gripper else "a rigid Tool"
         raise DesignError(f"{describe_part(representation)}: parse gave {shorten(repr(tool))}; expected {wanted}")

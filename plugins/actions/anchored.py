@@ -33,7 +33,7 @@ _INSTRUCTIONS = """\
     it, as for a push towards a goal.
   - `speed` (m/s) or `seconds` of the way there; without them the rule about segments below holds. What the arm's limits
     do not allow is slowed, and reported.
-  - `through`: true passes the waypoint without a stop. `wait`: seconds to stay there.
+  - `through`: true passes the waypoint without a stop, unlike the rule below. `wait`: seconds to stay there.
 {grip}- The plan is used in every layout: anchor it to what moves between layouts, not to the world.
 """
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
@@ -48,7 +48,7 @@ Name = Annotated[str, Strict(), Field(max_length=200)]
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class Step:
-    """One waypoint as written. ``speed`` and ``seconds`` of 0 stand for none.
+    """One waypoint as written. A ``speed`` or ``seconds`` of 0 is none.
 
     Attributes:
         offset: (3,) metres from the anchor to the mount, along the axes.

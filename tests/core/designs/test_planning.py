@@ -51,7 +51,7 @@ def test_noise_is_as_large_as_asked_and_repeats():
 
 @pytest.mark.parametrize("wrong", [{"position": -0.1}, {"yaw": 2.0}, {"position": float("nan")}])
 def test_noise_that_cannot_be(wrong):
-    with pytest.raises(UsageError, match=f"perception.{next(iter(wrong))} must be between 0 and 1"):
+    with pytest.raises(UsageError, match=f"rollout.perception.{next(iter(wrong))} must be between 0 and 1"):
         Perception(**wrong)
 
 
