@@ -153,7 +153,21 @@ def test_a_run_says_what_it_came_to(tiny):
 def test_the_result(tiny):
     result = result_of(tiny[0])
     assert list(result) == [
-        *("task", "robot", "sim", "vlm", "tool", "evolution", "material", "budget", "seed", "best", "tie", "stopped"),
+        *(
+            "task",
+            "robot",
+            "sim",
+            "vlm",
+            "tool",
+            "action",
+            "evolution",
+            "material",
+            "budget",
+            "seed",
+            "best",
+            "tie",
+            "stopped",
+        ),
         *("generations", "n_evaluations", "wall_time_s", "rollouts_per_s", "versions"),
     ]
     assert [result[key] for key in ("task", "robot", "sim", "vlm", "tool", "evolution", "budget", "seed")] == [

@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from core.interfaces import PAPER
+from core.interfaces import PAPER, Perception, Waypoints
 from core.plugins import WORDS, installed
 from core.report.runs import FinishedRun, LeftOutRun, short
 
-CHOICES = ("tool", "evolution", "vlm", "robot", "material", "prompt", "sim", "budget")
+CHOICES = ("tool", "evolution", "vlm", "action", "robot", "material", "prompt", "sim", "budget")
 """The choices that describe a method best, in this order; others follow."""
 
 _NO_METHOD = ("seed", "film", "listener", "executor", "task.name", "task.paper")
@@ -61,8 +61,7 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     with the same choices differ in it, so that a setting that follows from a choice or from the task makes no method
     of its own. The seed, the executor and the listeners never do.
     """
-    before = {"material": asdict(PAPER)}  # of runs of earlier versions
-    settings = [flatten({**before, **config, "robot": robot_of(config)}) for _, config in configs]
+    settings = [flatten(_whole(config)) for _, config in configs]
     named = {key for of in settings for key in of if key.endswith(".name") and key.count(".") == 1}
     first = [f"{choice}.name" for choice in CHOICES]
     choices = [*first, *sorted(named - set(first))]
@@ -77,6 +76,13 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
         return [" ".join(_say(key, of.get(key)) for key in choices[:3]) for of in settings]
     names = _shortest(list(dict.fromkeys(methods)), varying)
     return [names[method] for method in methods]
+
+
+def _whole(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Add what runs of earlier versions did not name."""
+    before = {"material": asdict(PAPER), "action": {"name": Waypoints.action}}
+    rollout = {"perception": asdict(Perception()), **config.get("rollout", {})}
+    return {**before, **config, "robot": robot_of(config), "rollout": rollout}
 
 
 def robot_of(config: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -22,7 +22,7 @@ from core.store.rows import Best, Figures, parsed, validated
 from core.text import clean
 
 STORE, RESULT, HYDRA = "run.sqlite", "result.json", ".hydra"
-CHOICES = ("task", "robot", "sim", "vlm", "tool", "material", "evolution", "budget")  # by name in a result
+CHOICES = ("task", "robot", "sim", "vlm", "tool", "action", "material", "evolution", "budget")  # by name in a result
 MAX_DEPTH = 6  # of a run's folder below one that the user names
 
 _LONGEST = 300

@@ -24,6 +24,7 @@ from core.report.formats import number
 from core.report.runs import STORE, FinishedRun
 from core.robot.frames import open_mounts
 from core.store.database import reading
+from core.store.rows import load_plan
 from core.text import clean
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ def _winner(
         row["generation"],
         row["reward"],
         row["distance_m"],
-        design | {"action_sets": [json.loads(row["waypoints"])]},
+        design | {"action_sets": [load_plan(row["waypoints"])]},
         representation.material,
         _text(design, "strategy_name", MAX_NAME),
         _text(design, "strategy_description", MAX_DESCRIPTION),

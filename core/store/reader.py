@@ -17,6 +17,7 @@ from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import ToolRepresentation
 from core.store.database import reading
+from core.store.rows import load_plan
 
 
 def _query(folder: Path, query: str) -> list[Row]:
@@ -51,7 +52,7 @@ def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: 
     for key, group in groupby(rows, key_of):
         plans = list(group)
         design = json.loads(strategies[key]["design"])
-        design["action_sets"] = [json.loads(row["waypoints"]) for row in plans]
+        design["action_sets"] = [load_plan(row["waypoints"]) for row in plans]
         parents = tuple(json.loads(strategies[key]["parents"]))
         candidates = read_designs({"strategies": [design]}, representation, spawn, generation=key[0], agent=key[1])
         for row, candidate in zip(plans, candidates, strict=True):

@@ -30,6 +30,7 @@ from core.interfaces import Picture, Reply, Request, Text
 from core.secrets import scrub
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
 from core.store.progress import FIGURES, StoredProgress, digest
+from core.store.rows import dump_plan
 
 _log = logging.getLogger(__name__)
 
@@ -190,7 +191,7 @@ class RunStore:
                 agent=agent,
                 strategy=strategy,
                 plan=action,
-                waypoints=json.dumps(candidate.plan.dump()),
+                waypoints=dump_plan(candidate.plan),
                 status=evaluation.status,
                 reason=evaluation.reason,
                 moved_m=json.dumps(evaluation.moved_m),
@@ -250,7 +251,7 @@ def _write(file: Path, text: str) -> None:
 def report(run: Run, result: Result) -> dict[str, Any]:
     """Return the content of ``result.json``."""
     return {
-        **{kind: run.parts[kind] for kind in ("task", "robot", "sim", "vlm", "tool", "evolution")},
+        **{kind: run.parts[kind] for kind in ("task", "robot", "sim", "vlm", "tool", "action", "evolution")},
         "material": run.representation.material.name,
         "budget": run.config["budget"]["name"],
         "seed": run.seed,

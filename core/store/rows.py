@@ -13,12 +13,26 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic import model_validator as check_whole
 
 from core.observations import OBSERVATION, Observation
+from core.plans import ActionPlan, Waypoints
 from core.text import clean
 
 MAX_DEPTH = 50  # of JSON
 MAX_BYTES = 100_000_000  # of a text
 
 T = TypeVar("T")
+
+
+def dump_plan(plan: ActionPlan) -> str:
+    """Write a plan for the column ``waypoints``: literal ones as a list, others with their representation's name."""
+    written = plan.dump()
+    return json.dumps(written if isinstance(plan, Waypoints) else {"action": plan.action, "plan": written})
+
+
+def load_plan(text: str) -> list[Any]:
+    """Read what `dump_plan` wrote, as an item of ``action_sets``."""
+    stored: Any = json.loads(text)
+    found: list[Any] = stored["plan"] if isinstance(stored, dict) else stored
+    return found
 
 
 def checksum(row: Mapping[str, Any]) -> str:
@@ -131,6 +145,7 @@ class Figures:
     vlm: str = ""
     tool: str = ""
     material: str = "paper"
+    action: str = Waypoints.action
     evolution: str = ""
     budget: str = ""
     best: Best | None = None
@@ -226,13 +241,18 @@ class _Strategy(_Schema):
     design: Annotated[_Design, Json]
 
 
+class _WrittenPlan(_Schema):
+    action: str
+    plan: list[Any]
+
+
 class _Evaluation(_Schema):
     candidate: Id
     generation: Count
     agent: Count
     strategy: Count
     plan: Count
-    waypoints: Annotated[list[Any], Json]
+    waypoints: Annotated[list[list[float]] | _WrittenPlan, Json]
     status: Literal["ok", "rejected", "failed"]
     reason: str
     reward: Reward
@@ -249,9 +269,10 @@ class _Evaluation(_Schema):
     def _fits(self) -> _Evaluation:
         if self.candidate != f"g{self.generation}-a{self.agent}-s{self.strategy}-p{self.plan}":
             raise ValueError("its id and its numbers differ")
-        widths = {len(waypoint) for waypoint in self.waypoints if isinstance(waypoint, list)}
-        if self.status == "ok" and not (self.waypoints and (widths <= {6} or widths <= {7})):
-            raise ValueError("waypoints: 6 or 7 numbers are needed in each")
+        if isinstance(self.waypoints, list):
+            widths = {len(waypoint) for waypoint in self.waypoints}
+            if self.status == "ok" and widths not in ({6}, {7}):
+                raise ValueError("waypoints: 6 or 7 numbers are needed in each")
         return self
 
 

@@ -53,7 +53,10 @@ def write_run(
         part("tool", cfg.tool).create(),
     )
     budget = Budget(**{key: value for key, value in config["budget"].items() if key != "name"})
-    parts = {kind: config[kind]["name"] for kind in ("task", "robot", "sim", "vlm", "tool", "evolution", "executor")}
+    parts = {
+        kind: config[kind]["name"]
+        for kind in ("task", "robot", "sim", "vlm", "tool", "action", "evolution", "executor")
+    }
     run = Run(folder, config, parts, "a can", task, representation, budget, cfg.seed)
     events = event_hub()
     store = RunStore.create(folder, config)

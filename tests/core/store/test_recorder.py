@@ -42,6 +42,7 @@ def opened(tmp_path):
         "sim": "none",
         "vlm": "canned",
         "tool": "urdf",
+        "action": "waypoints",
         "evolution": "vlmgineer",
     }
     run = Run(store.folder, config, parts, "a can", BringCube(), URDF, Budget(1, 1, 3, 0, 5, 0.6), 7)
@@ -125,6 +126,7 @@ def test_result_and_generations(opened):
         "sim": "none",
         "vlm": "canned",
         "tool": "urdf",
+        "action": "waypoints",
         "evolution": "vlmgineer",
         "material": "paper",
         "budget": "quick",

@@ -7,13 +7,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from core.config.compose import load, tool_part
 from core.design import Candidate, DesignError
 from core.designs.reading import dump_design, read_designs
 from core.designs.rules import SpawnRules
 from core.geometry import Pose
 from core.interfaces import RolloutSettings, Seen, Waypoints
 from core.plugins import installed
+from core.report.runs import read_run
+from core.report.tools import winners
+from core.search.orchestration import resume, run
 from core.simulation.rollout import evaluate_batch
+from core.store.reader import stored_evaluations
 from plugins.actions.anchored import AnchoredActions, AnchoredPlan
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
@@ -155,3 +160,27 @@ def test_it_is_played_and_what_was_slowed_is_reported():
     assert played.status == "ok"
     assert any("waypoint 2: the arm's limits" in warning for warning in played.warnings)
     assert (lost.status, "no anchor 'nowhere'" in lost.reason) == ("rejected", True)
+
+
+@pytest.mark.slow
+def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
+    small = [
+        "budget.n_agent=1",
+        "budget.n_tool=1",
+        "budget.n_action=2",
+        "film=false",
+        "listener=[]",
+        "executor.workers=1",
+    ]
+    cfg = load(
+        "config", ["sim=mujoco", "action=anchored", "rollout.perception.position=0.005", *small, "budget.n_iteration=0"]
+    )
+    run(cfg, tmp_path / "run")
+    representation, rules = tool_part(cfg).create(), SpawnRules(on_panda(BringCube()), 0)
+    stored = stored_evaluations(tmp_path / "run", representation, rules)
+    assert all(isinstance(evaluation.candidate.plan, AnchoredPlan) for evaluation in stored)
+    plans = {evaluation.candidate.id: evaluation.candidate.plan.dump() for evaluation in stored}
+    (winner,) = winners(read_run(tmp_path / "run"), 1)
+    assert (winner.design["action"], winner.design["action_sets"]) == ("anchored", [plans[winner.candidate]])
+    resume(tmp_path / "run", ["budget.n_iteration=1"])
+    assert len(json.loads((tmp_path / "run/result.json").read_text())["generations"]) == 2
