@@ -8,9 +8,7 @@ part breaks these contracts, by `tests/core/plugins/test_wrong_parts.py`.
 
 from __future__ import annotations
 
-import inspect
 import math
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,7 +20,7 @@ import numpy.typing as npt
 from core.design import TIE, Candidate, DesignError, Evaluation, Tool
 from core.design import Budget as Budget
 from core.errors import UsageError, UserError
-from core.geometry import Array, Pose
+from core.geometry import Array
 from core.jobs import JointTrajectory as JointTrajectory
 from core.jobs import Outcome as Outcome
 from core.jobs import Perception as Perception
@@ -47,52 +45,12 @@ from core.plans import Waypoints as Waypoints
 from core.robots import Flange as Flange
 from core.robots import Gripper as Gripper
 from core.robots import Robot as Robot
-from core.robots import default_robot
-from core.scene import Camera, Goal, Scene, State
+from core.scene import Camera, State
+from core.task import Task as Task
 
 Image = npt.NDArray[np.uint8]
 A = TypeVar("A")
 B = TypeVar("B")
-
-
-class Task(ABC):
-    """A manipulation task: a scene, a goal, and a reward. The model reads its source file as it is."""
-
-    name: ClassVar[str]
-    description: ClassVar[str]  # one paragraph, for the model
-    goals: ClassVar[tuple[Goal, ...]]  # the same, for programs; of several goals one is enough
-    home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))  # the end-effector's pose in the world at the start
-    camera: ClassVar[Camera] = Camera()
-    success_reward: ClassVar[float] = 0.95  # from here on the task counts as solved
-    _robot: Robot | None = None
-
-    @property
-    def robot(self) -> Robot:
-        """The arm that performs the task. The program sets it; until then it is the default robot.
-
-        Raises:
-            UserError: no robot is installed.
-        """
-        return self._robot if self._robot is not None else default_robot()
-
-    @robot.setter
-    def robot(self, robot: Robot) -> None:
-        self._robot = robot
-
-    @abstractmethod
-    def scene(self, seed: int) -> Scene:
-        """Return the bodies of the world. The same seed gives the same layout; a fixed layout ignores the seed."""
-
-    @abstractmethod
-    def reward(self, start: State, end: State) -> Array:
-        """Compute rewards from 0 to 1, of one world or of many: from states (..., B, 3) of B bodies, rewards (...).
-
-        ``start`` is after settling and before the motion, ``end`` is after it.
-        """
-
-    def source(self) -> str:
-        """Return the text of the file that defines the task."""
-        return inspect.getsource(sys.modules[type(self).__module__])
 
 
 class Simulator(ABC):

@@ -195,6 +195,13 @@ class State:
             return np.broadcast_to(self.places[name].quaternion, (*self.quaternions.shape[:-2], 4))
         return self.quaternions[..., self._number(name), :]
 
+    def relative(self, name: str, to: str) -> Array:
+        """The position of one body or mark in the frame of another, (..., 3)."""
+        w, axis = np.split(self.quaternion(to) * [1.0, -1.0, -1.0, -1.0], [1], axis=-1)  # the inverse rotation
+        offset = self.position(name) - self.position(to)
+        turned: Array = offset + 2 * np.cross(axis, w * offset + np.cross(axis, offset))
+        return turned
+
     def linear_velocity(self, name: str) -> Array:
         """The linear velocity of one body, (..., 3)."""
         return self.linear_velocities[..., self._number(name), :]
@@ -230,9 +237,10 @@ class Goal:
     """A task's goal in a form that programs can read: which bodies to move, and where.
 
     Give either ``place``, where ``bodies`` must end (metres, world frame; None: that coordinate is free) within
-    ``tolerance`` metres; or ``away``, how far each must end from its start, in any direction. With ``any`` one of the
-    bodies is enough. ``keep`` names bodies to leave in place. Only the reward counts; a goal is a hint for designers
-    that can't read prose.
+    ``tolerance`` metres; or ``away``, how far each must end from its start, in any direction. With ``at``, ``place`` is
+    in the frame of that body or mark, as it stands in the layout; if it may be turned, give both x and y or neither.
+    With ``any`` one of the bodies is enough. ``keep`` names bodies to leave in place. Only the reward counts; a goal is
+    a hint for designers that can't read prose.
 
     Raises:
         ValueError: neither or both of ``place`` and ``away`` are given.
@@ -244,10 +252,23 @@ class Goal:
     tolerance: float = 0.0
     any: bool = False
     keep: tuple[str, ...] = ()
+    at: str | None = None
 
     def __post_init__(self) -> None:
         if (self.place is None) == (self.away is None):
             raise ValueError("a goal needs either place or away (the distance from the start), not both")
+
+    def within(self, scene: Scene) -> Goal:
+        """Return the goal in a layout: with ``place`` in the world.
+
+        Raises:
+            KeyError: there is no body ``at``.
+        """
+        if self.at is None or self.place is None:
+            return self
+        there = scene[self.at].pose.apply([0.0 if wanted is None else wanted for wanted in self.place])
+        x, y, z = (None if w is None else float(p) for w, p in zip(self.place, there, strict=True))
+        return replace(self, place=(x, y, z), at=None)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Box, Camera, Goal, Scene, State, floor, table
 
 SIDE = 0.07
@@ -12,22 +13,51 @@ TARGET = (0.6, 0.0, SIDE / 2)
 
 
 class BringCube(Task):
+    """Bring a cube nearer that lies on the table out of reach.
+
+    Task: pull or push the cube onto the mark, and leave it there.
+    Layouts: in ``near`` cube and mark move a little; in ``wide`` the cube lies anywhere on the table's far half,
+    turned, lighter or heavier, and the mark anywhere in front of the robot.
+    Success: the cube's centre within some 2 cm of the mark's.
+    """
+
     name = "BringCube"
     description = (
         "A red cube with a side of 0.07 m and a mass of 1 kg lies on the table 1 m in front of the robot, beyond what "
         "its gripper can reach. Bring the cube 0.4 m closer, onto the blue mark on the table, and leave it there."
     )
-    goals = (Goal(bodies=("cube",), place=TARGET),)
+    goals = (Goal(bodies=("cube",), place=(0.0, 0.0, SIDE / 2), at="mark"),)
+    variations = {
+        "near": {**around("cube", START, 0.03, 0.3), **around("mark", TARGET, 0.03)},
+        "wide": {
+            "cube.x": (0.85, 1.05),
+            "cube.y": (-0.3, 0.3),
+            "cube.yaw": (-np.pi / 4, np.pi / 4),
+            "cube.mass": (0.5, 1.5),
+            "mark.x": (0.45, 0.65),
+            "mark.y": (-0.2, 0.2),
+        },
+    }
     camera = Camera(position=(1.45, -1.1, 0.9), target=(0.52, 0.0, 0.2))
 
     def scene(self, seed: int) -> Scene:
-        cube = Body.of("cube", Box((SIDE, SIDE, SIDE)), START, mass=1.0, color=(0.83, 0.18, 0.16, 1.0))
-        mark = Body.mark("mark", (TARGET[0], TARGET[1], 0.0), radius=0.05, color=(0.16, 0.36, 0.76, 1.0))
+        draw = self.draw(seed)
+        cube = Body.of(
+            "cube",
+            Box((SIDE, SIDE, SIDE)),
+            draw.position("cube", START),
+            rpy=(0.0, 0.0, draw("cube.yaw", 0.0)),
+            mass=draw("cube.mass", 1.0),
+            color=(0.83, 0.18, 0.16, 1.0),
+        )
+        place = draw.position("mark", (TARGET[0], TARGET[1], 0.0))
+        mark = Body.mark("mark", place, radius=0.05, color=(0.16, 0.36, 0.76, 1.0))
         return Scene((floor(), table(), cube, mark))
 
     def reward(self, start: State, end: State) -> Array:
         """The fraction of the way from the start to the target (sum of absolute differences): 1 at the target."""
-        left = np.abs(end.position("cube") - TARGET).sum(axis=-1)
-        whole = np.abs(start.position("cube") - TARGET).sum(axis=-1)
+        target = start.position("mark") + np.array([0.0, 0.0, SIDE / 2])
+        left = np.abs(end.position("cube") - target).sum(axis=-1)
+        whole = np.abs(start.position("cube") - target).sum(axis=-1)
         reward: Array = np.clip(1 - left / whole, 0.0, 1.0)
         return reward

@@ -4,13 +4,14 @@ import numpy as np
 
 from core.geometry import Array, Pose
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Box, Camera, Geom, Goal, Scene, State, floor, table
 
 COUNT = 8
 SIDE = 0.03
 APART = 0.05  # least distance of two cubes' centres, more than a diagonal
 LITTER_X, LITTER_Y = (0.5, 0.9), (-0.2, 0.2)  # ranges of the cubes' centres at the start
-CIRCLE = (1.1, 0.0, SIDE / 2)  # its centre, at the height of a cube's centre
+CIRCLE = (1.1, 0.0)  # x, y of its centre
 RADIUS = 0.15
 INSIDE = RADIUS + 0.01  # a cube counts as swept in if its centre is within this distance of the circle's
 DUST = tuple(f"dust_{i}" for i in range(1, COUNT + 1))
@@ -39,6 +40,14 @@ def litter(seed: int) -> list[tuple[float, float, float]]:
 
 
 class CleanTable(Task):
+    """Sweep small cubes, the dust, together on the table, away from the robot.
+
+    Task: push all dust into the circle.
+    Layouts: the dust is scattered at random. In ``near`` the circle moves a little, too; in ``wide`` the patch of dust
+    and the circle move, and the dust is lighter or heavier.
+    Success: at least 95 % of the way into the circle, on the mean over the cubes.
+    """
+
     name = "CleanTable"
     description = (
         "Eight small coloured cubes with a side of 0.03 m and a mass of 10 g each, the dust, lie scattered on the "
@@ -46,30 +55,42 @@ class CleanTable(Task):
         "them all away from the robot, into the green circle with a radius of 0.15 m around (1.1, 0), without pushing "
         "any off the table or past the circle."
     )
-    goals = (Goal(bodies=DUST, place=(CIRCLE[0], CIRCLE[1], None), tolerance=RADIUS),)
+    goals = (Goal(bodies=DUST, place=(0.0, 0.0, None), tolerance=RADIUS, at="circle"),)
+    variations = {
+        "near": around("circle", CIRCLE, 0.03),
+        "wide": {
+            "patch.x": (-0.05, 0.0),
+            "patch.y": (-0.1, 0.1),
+            "dust.mass": (0.005, 0.02),
+            "circle.x": (1.08, 1.15),
+            "circle.y": (-0.15, 0.15),
+        },
+    }
     camera = Camera(position=(1.75, -1.0, 1.15), target=(0.58, 0.0, 0.12), fov_deg=50.0)
 
     def scene(self, seed: int) -> Scene:
-        part = (Geom(Box((SIDE, SIDE, SIDE))),)
+        draw, part = self.draw(seed), (Geom(Box((SIDE, SIDE, SIDE))),)
+        patch_x, patch_y = draw("patch.x", 0.0), draw("patch.y", 0.0)
         dust = tuple(
             Body(
                 name,
-                Pose.xyz_rpy((x, y, SIDE / 2), (0.0, 0.0, yaw)),
-                0.01,
+                Pose.xyz_rpy((x + patch_x, y + patch_y, SIDE / 2), (0.0, 0.0, yaw)),
+                draw("dust.mass", 0.01),
                 (Geom(part[0].shape, color=color),),
                 part,
             )
             for name, color, (x, y, yaw) in zip(DUST, COLORS, litter(seed), strict=True)
         )
-        circle = Body.mark("circle", (CIRCLE[0], CIRCLE[1], 0.0), RADIUS, color=(0.30, 0.68, 0.33, 1.0))
+        place = draw.position("circle", (CIRCLE[0], CIRCLE[1], 0.0))
+        circle = Body.mark("circle", place, RADIUS, color=(0.30, 0.68, 0.33, 1.0))
         return Scene((floor(), table(), circle, *dust))
 
     def reward(self, start: State, end: State) -> Array:
         """The mean over the cubes: 1 for a cube in the circle, otherwise the fraction of its way to the centre."""
-        rewards = []
+        rewards, center = [], start.position("circle") + np.array([0.0, 0.0, SIDE / 2])
         for name in DUST:
-            left = np.linalg.norm(end.position(name) - CIRCLE, axis=-1)
-            whole = np.linalg.norm(start.position(name) - CIRCLE, axis=-1)
+            left = np.linalg.norm(end.position(name) - center, axis=-1)
+            whole = np.linalg.norm(start.position(name) - center, axis=-1)
             rewards.append(np.where(left <= INSIDE, 1.0, np.clip(1 - left / whole, 0.0, 1.0)))
         reward: Array = np.mean(rewards, axis=0)
         return reward

@@ -4,6 +4,7 @@ import numpy as np
 
 from core.geometry import Array, Pose
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Scene, State, floor, table
 
 SIDE = 0.07
@@ -42,8 +43,8 @@ def rims() -> tuple[Geom, ...]:
     )
 
 
-def pipe() -> Body:
-    """The pipe: eight fixed boards, and rims around both openings."""
+def pipe(pose: Pose) -> Body:
+    """The pipe: eight fixed boards, and rims around both openings. Its frame is the world's where it usually stands."""
     bottom, top, inside = (0.0, WALL), (HEIGHT - WALL, HEIGHT), (WALL, HEIGHT - WALL)
     boards = (
         board((NEAR, FAR), (RIGHT, LEFT), bottom),
@@ -55,10 +56,18 @@ def pipe() -> Body:
         board((BRANCH_X - WALL, FAR), (BRANCH_Y, RIGHT), top),
         board((BRANCH_X - WALL, BRANCH_X), (BRANCH_Y, RIGHT), inside),
     )
-    return Body("pipe", Pose(), 0.0, (*boards, *rims()), boards)
+    return Body("pipe", pose, 0.0, (*boards, *rims()), boards)
 
 
 class DislodgeCube(Task):
+    """Get a cube out of the far end of a bent pipe, which is open toward the robot and to the side.
+
+    Task: push or pull the cube through either opening.
+    Layouts: in ``near`` the pipe moves a little; in ``wide`` it moves farther and turns about the robot, and the cube
+    in it is smaller or larger, lighter or heavier, and lies nearer to the end or farther from it.
+    Success: the cube almost halfway out.
+    """
+
     name = "DislodgeCube"
     description = (
         "A see-through square pipe, 0.11 m wide and high inside, is fixed on the table in front of the robot and a "
@@ -69,22 +78,37 @@ class DislodgeCube(Task):
         "only a tool that lies flat starts clear of it."
     )
     goals = (
-        Goal(bodies=("cube",), place=(None, BRANCH_Y - SIDE / 2, None)),
-        Goal(bodies=("cube",), place=(NEAR - SIDE / 2, None, None)),
+        Goal(bodies=("cube",), place=(CUBE[0], BRANCH_Y - SIDE / 2, None), at="pipe"),
+        Goal(bodies=("cube",), place=(NEAR - SIDE / 2, CUBE[1], None), at="pipe"),
     )
+    variations = {
+        "near": around("pipe", (0.0, 0.0), 0.03, 0.05),
+        "wide": {
+            "pipe.x": (-0.05, 0.03),
+            "pipe.y": (-0.1, 0.1),
+            "pipe.yaw": (-0.2, 0.2),
+            "cube.x": (CUBE[0] - 0.02, CUBE[0] + 0.005),
+            "cube.side": (0.055, 0.08),
+            "cube.mass": (0.1, 0.4),
+        },
+    }
     home = Pose(np.array([0.4, 0.0, 0.1]))
     camera = Camera(position=(1.7, -0.95, 0.95), target=(0.68, 0.0, 0.1), fov_deg=50.0)
 
     def scene(self, seed: int) -> Scene:
-        cube = Body.of("cube", Box((SIDE, SIDE, SIDE)), CUBE, mass=0.2, color=(0.83, 0.18, 0.16, 1.0))
-        return Scene((floor(), table(), pipe(), cube))
+        draw = self.draw(seed)
+        pose, side = draw.pose("pipe"), draw("cube.side", SIDE)
+        place = pose @ Pose.xyz_rpy((draw("cube.x", CUBE[0]), CUBE[1], WALL + side / 2))
+        part = (Geom(Box((side, side, side)), color=(0.83, 0.18, 0.16, 1.0)),)
+        cube = Body("cube", place, draw("cube.mass", 0.2), part, part)
+        return Scene((floor(), table(), pipe(pose), cube))
 
     def reward(self, start: State, end: State) -> Array:
         """The fraction of the way to an opening, along its axis, for the better of the two openings.
 
         It is 1 when the cube is halfway out or farther, and 0 for a cube that has fallen off the table.
         """
-        began, ended = start.position("cube"), end.position("cube")
+        began, ended = start.relative("cube", "pipe"), end.relative("cube", "pipe")
         ahead = 1 - (ended[..., 0] - NEAR) / (began[..., 0] - NEAR)
         aside = 1 - (ended[..., 1] - BRANCH_Y) / (began[..., 1] - BRANCH_Y)
         reward: Array = np.where(ended[..., 2] > 0, np.clip(np.maximum(ahead, aside), 0.0, 1.0), 0.0)

@@ -1,11 +1,13 @@
 """ElevatePlate: lift a dinner plate from the table and keep it level."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
 from tasks.assets import revolved, round_wall
 
@@ -52,17 +54,32 @@ def plate() -> Body:
 
 
 class ElevatePlate(Task):
+    """Lift a dinner plate from the table and keep it level.
+
+    Task: lift the plate straight up by 0.4 m, and hold it.
+    Layouts: in ``near`` the plate moves a little; in ``wide`` it stands anywhere in front of the robot, lighter or
+    heavier.
+    Success: the plate's middle within 2 cm of its place.
+    """
+
     name = "ElevatePlate"
     description = (
         "A white dinner plate, 0.26 m across with a raised rim, 0.5 kg, stands on the table, 0.75 m in front of the "
         "robot. Its foot has a radius of 0.055 m, so that all around the foot there is a gap of 0.018 m between the "
         "plate's underside and the table. Lift the plate straight up by 0.4 m, level, and hold it there."
     )
-    goals = (Goal(bodies=("plate",), place=(START[0], START[1], START[2] + LIFT)),)
+    goals = (Goal(bodies=("plate",), place=(0.0, 0.0, LIFT), at="plate"),)
+    variations = {
+        "near": around("plate", START, 0.03),
+        "wide": {"plate.x": (0.6, 0.8), "plate.y": (-0.25, 0.25), "plate.mass": (0.3, 0.7)},
+    }
     camera = Camera(position=(1.45, -1.05, 0.95), target=(0.48, 0.0, 0.31))
 
     def scene(self, seed: int) -> Scene:
-        return Scene((floor(), table(), plate()))
+        draw = self.draw(seed)
+        return Scene(
+            (floor(), table(), replace(plate(), pose=draw.pose("plate", START), mass=draw("plate.mass", MASS)))
+        )
 
     def reward(self, start: State, end: State) -> Array:
         """The fraction of the lift (sum of absolute differences to the goal above the start): 1 at the goal."""

@@ -4,6 +4,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, Sphere, State, floor, table
 
 RADIUS, MASS = 0.02, 0.005
@@ -23,18 +24,18 @@ COLORS: tuple[Color, ...] = (
 )
 
 
-def container() -> Body:
+def container(pose: Pose) -> Body:
     """Fixed see-through walls at -y, at +y and at +x; the floor is the table."""
     length, inside = 2 * REACH, 2 * REACH - WALL
     walls = (
         *(Geom(Box((length, WALL, WALL_HEIGHT)), Pose(np.array([0.0, y, 0.0])), GLASS) for y in (-REACH, REACH)),
         Geom(Box((WALL, inside, WALL_HEIGHT)), Pose(np.array([REACH, 0.0, 0.0])), GLASS),
     )
-    return Body("container", Pose(np.array([*CONTAINER, WALL_HEIGHT / 2])), 0.0, walls, walls, friction=0.1)
+    return Body("container", pose, 0.0, walls, walls, friction=0.1)
 
 
-def spheres(seed: int) -> tuple[Body, ...]:
-    """The spheres, on a grid with random offsets, nearer to the far wall than to the open side."""
+def spheres(seed: int, move: Pose, mass: float) -> tuple[Body, ...]:
+    """The spheres, on a grid with random offsets, nearer to the far wall than to the open side; moved with it."""
     jitter = np.random.default_rng(seed).uniform(-JITTER, JITTER, (ROWS, COLUMNS, 2))
     row, column = np.mgrid[:ROWS, :COLUMNS]
     x = CONTAINER[0] + 0.015 + (row - (ROWS - 1) / 2) * PITCH + jitter[..., 0]
@@ -43,8 +44,8 @@ def spheres(seed: int) -> tuple[Body, ...]:
         Body.of(
             name,
             Sphere(RADIUS),
-            (x.flat[i], y.flat[i], RADIUS),
-            mass=MASS,
+            move.apply((x.flat[i], y.flat[i], RADIUS)),
+            mass=mass,
             color=COLORS[i % len(COLORS)],
             rolling_friction=0.0005,
         )
@@ -53,6 +54,14 @@ def spheres(seed: int) -> tuple[Body, ...]:
 
 
 class GatherSpheres(Task):
+    """Scoop up thirty small spheres from between three walls, and hold them in the air.
+
+    Task: lift as many of the spheres as possible above 0.3 m.
+    Layouts: each sphere's place is a little random. In ``near`` the walls move a little with the spheres between them;
+    in ``wide`` they move farther and turn, and the spheres are lighter or heavier.
+    Success: 95 % of the way up, on the mean over the spheres.
+    """
+
     name = "GatherSpheres"
     description = (
         "Thirty small spheres (radius 0.02 m, 5 g each) lie on the table between three fixed see-through walls: at "
@@ -61,10 +70,22 @@ class GatherSpheres(Task):
         "many of the spheres as possible, lift them above z = 0.3 m, and hold them there."
     )
     goals = (Goal(bodies=NAMES, place=(None, None, WANTED_HEIGHT + 0.05), tolerance=0.05),)
+    variations = {
+        "near": around("container", CONTAINER, 0.03, 0.1),
+        "wide": {
+            "container.x": (0.64, 0.74),
+            "container.y": (-0.15, 0.15),
+            "container.yaw": (-0.3, 0.3),
+            "sphere.mass": (0.003, 0.008),
+        },
+    }
     camera = Camera(position=(1.45, -1.0, 0.9), target=(0.48, 0.0, 0.31))
 
     def scene(self, seed: int) -> Scene:
-        return Scene((floor(), table(), container(), *spheres(seed)))
+        draw, middle = self.draw(seed), (*CONTAINER, WALL_HEIGHT / 2)
+        pose = draw.pose("container", middle)
+        move = pose @ Pose(-np.array(middle))
+        return Scene((floor(), table(), container(pose), *spheres(seed, move, draw("sphere.mass", MASS))))
 
     def reward(self, start: State, end: State) -> Array:
         """The mean over the spheres: the fraction of the way from rest to the wanted height."""

@@ -4,11 +4,12 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor
 from tasks.assets import board, open_box
 
 SIDE = 0.05
-START = (1.2, 0.0, 0.925)
+START = (1.2, 0.0)  # x, y
 
 SHELF_X, SHELF_DEPTH, SHELF_WIDTH, BOARD = 1.3, 0.4, 1.2, 0.03
 BOARD_HEIGHTS = (0.435, 0.885)  # of the boards' middles; the upper board's top face is at z = 0.9
@@ -16,20 +17,28 @@ SHELF_TOP = 0.9
 
 BIN_CENTER = (0.8, 0.0, 0.05)
 BIN_LENGTH, BIN_WIDTH, BIN_HEIGHT, BIN_WALL = 0.38, 1.2, 0.1, 0.015  # along x, y, z
-OFF_THE_SHELF = 0.85  # below this height the cube has left the upper board
+OFF_THE_SHELF = 0.85  # below this height above the shelf's frame the cube has left the upper board
 
 
-def shelf() -> Body:
-    """Two boards on four posts."""
+def shelf(height: float) -> Body:
+    """Two boards on four posts; ``height`` is that of its frame above the ground."""
     wood, dark = (0.72, 0.53, 0.34, 1.0), (0.45, 0.32, 0.21, 1.0)
     boards = tuple(board((SHELF_DEPTH, SHELF_WIDTH, BOARD), (0.0, 0.0, height), wood) for height in BOARD_HEIGHTS)
     x, y = SHELF_DEPTH / 2 - 0.02, SHELF_WIDTH / 2 + 0.02
     corners = ((-x, -y), (-x, y), (x, -y), (x, y))
     posts = tuple(board((0.04, 0.04, SHELF_TOP), (*corner, SHELF_TOP / 2), dark) for corner in corners)
-    return Body("shelf", Pose.xyz_rpy((SHELF_X, 0.0, 0.0)), 0.0, boards + posts, boards + posts)
+    return Body("shelf", Pose.xyz_rpy((SHELF_X, 0.0, height)), 0.0, boards + posts, boards + posts)
 
 
 class HighObject(Task):
+    """Bring a cube from a shelf, out of reach, into the bin in front of the shelf.
+
+    Task: get the cube off the shelf and into the bin.
+    Layouts: in ``near`` the cube and the bin move a little; in ``wide`` the cube lies anywhere on the shelf's front
+    half, turned, larger or smaller, lighter or heavier, the shelf is lower, and the bin moves.
+    Success: the cube in the bin.
+    """
+
     name = "HighObject"
     description = (
         "A green cube with a side of 0.05 m lies on the upper board of a shelf, 0.9 m high and 1.2 m in front of the "
@@ -37,23 +46,45 @@ class HighObject(Task):
         "1.2 m wide (y) and 0.1 m high, stands on the floor, its centre 0.8 m in front of the robot. Bring the cube "
         "into the bin. There is no table: the robot stands on the floor."
     )
-    goals = (Goal(bodies=("cube",), place=BIN_CENTER, tolerance=0.05),)
+    goals = (Goal(bodies=("cube",), place=(0.0, 0.0, BIN_CENTER[2]), tolerance=0.05, at="bin"),)
+    variations = {
+        "near": {**around("cube", START, 0.03, 0.3), **around("bin", BIN_CENTER, 0.02)},
+        "wide": {
+            "cube.x": (1.15, 1.28),
+            "cube.y": (-0.3, 0.3),
+            "cube.yaw": (-np.pi / 4, np.pi / 4),
+            "cube.side": (0.04, 0.06),
+            "cube.mass": (0.05, 0.2),
+            "shelf.z": (-0.1, 0.0),
+            "bin.x": (0.74, 0.82),
+        },
+    }
     camera = Camera(position=(0.5, -1.95, 1.25), target=(0.72, 0.0, 0.5))
 
     def scene(self, seed: int) -> Scene:
-        cube = Body.of("cube", Box((SIDE, SIDE, SIDE)), START, mass=0.1, color=(0.18, 0.62, 0.27, 1.0))
+        draw = self.draw(seed)
+        side, height = draw("cube.side", SIDE), draw("shelf.z", 0.0)
+        cube = Body.of(
+            "cube",
+            Box((side, side, side)),
+            draw.position("cube", (*START, height + SHELF_TOP + side / 2)),
+            rpy=(0.0, 0.0, draw("cube.yaw", 0.0)),
+            mass=draw("cube.mass", 0.1),
+            color=(0.18, 0.62, 0.27, 1.0),
+        )
         walls = open_box(BIN_LENGTH, BIN_WIDTH, BIN_HEIGHT, BIN_WALL, (0.33, 0.47, 0.66, 1.0))
-        the_bin = Body("bin", Pose.xyz_rpy((BIN_CENTER[0], BIN_CENTER[1], 0.0)), 0.0, walls, walls)
-        return Scene((floor(0.0), shelf(), the_bin, cube))
+        the_bin = Body("bin", draw.pose("bin", (BIN_CENTER[0], BIN_CENTER[1], 0.0)), 0.0, walls, walls)
+        return Scene((floor(0.0), shelf(height), the_bin, cube))
 
     def reward(self, start: State, end: State) -> Array:
         """1 in the bin; otherwise the fraction of the way to its centre (sum of absolute differences), plus 0.2 for a
         cube that has left the shelf's upper board.
         """
         cube = end.position("cube")
-        offset = np.abs(cube - BIN_CENTER)
+        center = start.position("bin") + np.array([0.0, 0.0, BIN_CENTER[2]])
+        offset = np.abs(cube - center)
         inside = (offset < np.array([BIN_LENGTH / 2 - BIN_WALL, BIN_WIDTH / 2 - BIN_WALL, BIN_HEIGHT / 2])).all(axis=-1)
-        way = np.clip(1 - offset.sum(axis=-1) / np.abs(start.position("cube") - BIN_CENTER).sum(axis=-1), 0.0, 1.0)
-        near = np.minimum(way + 0.2 * (cube[..., 2] < OFF_THE_SHELF), 1.0)
+        way = np.clip(1 - offset.sum(axis=-1) / np.abs(start.position("cube") - center).sum(axis=-1), 0.0, 1.0)
+        near = np.minimum(way + 0.2 * (cube[..., 2] < start.position("shelf")[..., 2] + OFF_THE_SHELF), 1.0)
         reward: Array = np.where(inside, 1.0, near)
         return reward

@@ -4,6 +4,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 
 WIDTH, HEIGHT, WALL = 0.25, 0.20, 0.004  # outer width along x and y; height of the walls; their thickness
@@ -16,7 +17,7 @@ CARDBOARD = (0.72, 0.53, 0.34, 1.0)
 FLAP_COLOR = (0.80, 0.62, 0.42, 1.0)
 
 
-def cardboard_box() -> Body:
+def cardboard_box(pose: Pose, mass: float) -> Body:
     """A bottom, four walls and four flaps, all boards. The four sides are equal, rotated about z."""
     inside = WIDTH - 2 * WALL
     middle = HEIGHT / 2 - CENTER[2]
@@ -28,10 +29,18 @@ def cardboard_box() -> Body:
         lengthwise = WIDTH if quarter % 2 else inside
         boards.append(Geom(Box((WALL, lengthwise, HEIGHT)), turn @ wall, CARDBOARD))
         boards.append(Geom(Box((FLAP, inside, WALL)), turn @ flap @ Pose(np.array([FLAP / 2, 0.0, 0.0])), FLAP_COLOR))
-    return Body("box", Pose(np.array(CENTER)), MASS, tuple(boards), tuple(boards))
+    return Body("box", pose, mass, tuple(boards), tuple(boards))
 
 
 class LiftBox(Task):
+    """Lift an open cardboard box that is too wide for a gripper; it can be held by its flaps.
+
+    Task: lift the box straight up, and hold it.
+    Layouts: in ``near`` the box moves and turns a little; in ``wide`` it stands anywhere in front of the robot, turned
+    at will, lighter or heavier.
+    Success: the box's centre within 7 mm of its place.
+    """
+
     name = "LiftBox"
     description = (
         "A cardboard box, 0.25 m wide and 0.20 m high and too wide for a gripper, stands on the table in front of the "
@@ -39,11 +48,21 @@ class LiftBox(Task):
         "walls (from z = 0.20 to z = 0.24). The box weighs 0.3 kg. Lift it straight up by 0.13 m without tilting it, "
         "until its centre, now at z = 0.12 m, is at z = 0.25 m, and hold it there."
     )
-    goals = (Goal(bodies=("box",), place=(CENTER[0], CENTER[1], WANTED_HEIGHT)),)
+    goals = (Goal(bodies=("box",), place=(0.0, 0.0, WANTED_HEIGHT - CENTER[2]), at="box"),)
+    variations = {
+        "near": around("box", CENTER, 0.03, 0.3),
+        "wide": {
+            "box.x": (0.58, 0.72),
+            "box.y": (-0.2, 0.2),
+            "box.yaw": (-np.pi / 4, np.pi / 4),
+            "box.mass": (0.2, 0.45),
+        },
+    }
     camera = Camera(position=(1.3, -0.95, 0.9), target=(0.48, 0.0, 0.28))
 
     def scene(self, seed: int) -> Scene:
-        return Scene((floor(), table(), cardboard_box()))
+        draw = self.draw(seed)
+        return Scene((floor(), table(), cardboard_box(draw.pose("box", CENTER), draw("box.mass", MASS))))
 
     def reward(self, start: State, end: State) -> Array:
         """The fraction of the way straight up to the wanted height (sum of absolute differences): 1 at the goal."""

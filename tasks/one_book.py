@@ -4,6 +4,7 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
 
 LENGTH, THICKNESS, PITCH = 0.27, 0.039, 0.04  # along x, along y, and from one book to the next along y
@@ -23,9 +24,9 @@ COVERS = (
 )
 
 
-def book(number: int) -> Body:
+def book(number: int, row: Pose, height: float, density: float) -> Body:
     """Two boards and a spine (toward the robot) around a block of pages; the collision shape is one box."""
-    height, board, inset = HEIGHTS[number - 1], 0.002, 0.002
+    board, inset = 0.002, 0.002
     cover, y = COVERS[number - 1], (number - 3) * PITCH
     side = Box((LENGTH, board, height))
     edge = (THICKNESS - board) / 2
@@ -40,19 +41,27 @@ def book(number: int) -> Body:
         ),
     )
     whole = Box((LENGTH, THICKNESS, height))
-    mass = DENSITY * whole.volume
-    return Body(f"book_{number}", Pose.xyz_rpy((CENTER_X, y, height / 2)), mass, visuals, (Geom(whole),), friction=0.3)
+    mass, pose = density * whole.volume, row @ Pose.xyz_rpy((0.0, y, height / 2))
+    return Body(f"book_{number}", pose, mass, visuals, (Geom(whole),), friction=0.3)
 
 
-def holder(name: str, side: float) -> Body:
+def holder(name: str, row: Pose, side: float) -> Body:
     """A fixed bookend: an upright plate and a foot that points away from the books."""
     metal = (0.30, 0.32, 0.35, 1.0)
     plate = Geom(Box((0.20, 0.008, 0.15)), Pose.xyz_rpy((0.0, 0.0, 0.075)), metal)
     foot = Geom(Box((0.20, 0.08, 0.004)), Pose.xyz_rpy((0.0, side * 0.04, 0.002)), metal)
-    return Body(name, Pose.xyz_rpy((CENTER_X, side * 0.105, 0.0)), 0.0, (plate, foot), (plate, foot))
+    return Body(name, row @ Pose.xyz_rpy((0.0, side * 0.105, 0.0)), 0.0, (plate, foot), (plate, foot))
 
 
 class OneBook(Task):
+    """Pull the middle one of five books out of its row.
+
+    Task: pull the third book out, and leave the others.
+    Layouts: in ``near`` the row moves and turns a little, with its bookends; in ``wide`` it stands anywhere in front of
+    the robot, the third book is lower or higher, and all books are lighter or heavier.
+    Success: the third book moved by 0.15 m, the others together by less than 5 cm.
+    """
+
     name = "OneBook"
     description = (
         "Five books stand upright on the table, side by side between two fixed bookends, their spines toward the "
@@ -60,11 +69,24 @@ class OneBook(Task):
         "four where they are."
     )
     goals = (Goal(bodies=("book_3",), away=PULLED_OUT, keep=OTHERS),)
+    variations = {
+        "near": around("row", (CENTER_X, 0.0), 0.03, 0.3),
+        "wide": {
+            "row.x": (0.55, 0.68),
+            "row.y": (-0.2, 0.2),
+            "row.yaw": (-0.4, 0.4),
+            "book_3.height": (0.155, 0.19),
+            "books.density": (400.0, 800.0),
+        },
+    }
     camera = Camera(position=(1.2, -0.8, 0.75), target=(0.45, 0.0, 0.25))
 
     def scene(self, seed: int) -> Scene:
-        books = tuple(book(number) for number in range(1, 6))
-        return Scene((floor(), table(), *books, holder("holder_right", -1.0), holder("holder_left", 1.0)))
+        draw = self.draw(seed)
+        row, density = draw.pose("row", (CENTER_X, 0.0, 0.0)), draw("books.density", DENSITY)
+        heights = [draw(f"book_{i}.height", height) for i, height in enumerate(HEIGHTS, start=1)]
+        books = tuple(book(i, row, height, density) for i, height in enumerate(heights, start=1))
+        return Scene((floor(), table(), *books, holder("holder_right", row, -1.0), holder("holder_left", row, 1.0)))
 
     def reward(self, start: State, end: State) -> Array:
         """1 if the third book is out and the others have not moved; less for a shorter way or for moved neighbours."""

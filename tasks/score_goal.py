@@ -1,5 +1,6 @@
 """ScoreGoal: shoot a puck, which lies on ice to the robot's left, into a goal that is far out of reach."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,6 +8,7 @@ import trimesh
 
 from core.geometry import Array, Pose
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Mesh, Scene, State, floor
 from tasks.assets import board
 
@@ -73,6 +75,14 @@ def hockey_goal() -> Body:
 
 
 class ScoreGoal(Task):
+    """Shoot a puck, which lies on ice to the robot's left, into a goal that is far out of reach.
+
+    Task: get the puck into the goal.
+    Layouts: in ``near`` puck and goal move a little; in ``wide`` both stand elsewhere, and the puck is lighter or
+    heavier.
+    Success: the puck's centre inside the goal.
+    """
+
     name = "ScoreGoal"
     description = (
         "The robot stands on ice; there is no table, the ground is at z = 0. A hockey puck with a radius of 0.038 m, a "
@@ -80,25 +90,37 @@ class ScoreGoal(Task):
         "hockey goal stands at (2.0, 0), far out of reach, its mouth toward the robot. The puck slides on the ice with "
         "a friction of 0.1. Get it into the goal."
     )
-    goals = (Goal(bodies=("puck",), place=(CENTER_X, CENTER_Y, None), tolerance=DEPTH / 2),)
+    goals = (Goal(bodies=("puck",), place=(0.0, 0.0, None), tolerance=DEPTH / 2, at="goal"),)
+    variations = {
+        "near": {**around("puck", START, 0.03), **around("goal", (CENTER_X, CENTER_Y), 0.03)},
+        "wide": {
+            "puck.x": (0.7, 0.85),
+            "puck.y": (0.45, 0.65),
+            "puck.mass": (0.12, 0.22),
+            "goal.x": (1.8, 2.1),
+            "goal.y": (-0.3, 0.3),
+        },
+    }
     camera = Camera(position=(1.6, -1.75, 1.5), target=(1.05, 0.3, 0.1), fov_deg=52.0)
 
     def scene(self, seed: int) -> Scene:
+        draw = self.draw(seed)
         puck = Body.of(
             "puck",
             Cylinder(PUCK_RADIUS, PUCK_HEIGHT),
-            START,
-            mass=PUCK_MASS,
+            draw.position("puck", START),
+            mass=draw("puck.mass", PUCK_MASS),
             color=(0.12, 0.12, 0.13, 1.0),
             friction=RUBBER,
         )
-        return Scene((floor(0.0, ICE), hockey_goal(), puck))
+        place = draw.pose("goal", (CENTER_X, CENTER_Y, 0.0))
+        return Scene((floor(0.0, ICE), replace(hockey_goal(), pose=place), puck))
 
     def reward(self, start: State, end: State) -> Array:
         """1 if the puck's centre is inside the goal, otherwise the fraction of its way to the goal's middle."""
-        x, y, z = np.moveaxis(end.position("puck") - (CENTER_X, CENTER_Y, 0.0), -1, 0)
+        x, y, z = np.moveaxis(end.position("puck") - start.position("goal"), -1, 0)
         inside = (np.abs(x) < DEPTH / 2) & (np.abs(y) < WIDTH / 2) & (z > 0) & (z < HEIGHT)
-        began = start.position("puck") - (CENTER_X, CENTER_Y, 0.0)
+        began = start.position("puck") - start.position("goal")
         nearer = 1 - np.hypot(x, y) / np.hypot(began[..., 0], began[..., 1])
         reward: Array = np.where(inside, 1.0, np.clip(nearer, 0.0, 1.0))
         return reward

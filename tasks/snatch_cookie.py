@@ -1,11 +1,13 @@
 """SnatchCookie: take one cookie out of a deep jar."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, floor, table
 from tasks.assets import revolved, round_wall
 
@@ -55,13 +57,20 @@ def look() -> tuple[Geom, ...]:
     return disc, *(Geom(Sphere(0.0035), Pose(np.array(spot)), CHOCOLATE) for spot in on_top + on_edge)
 
 
-def cookie(number: int, position: Array, yaw: float) -> Body:
+def cookie(number: int, pose: Pose, mass: float) -> Body:
     collisions = (Geom(Cylinder(RADIUS, THICKNESS)),)
-    pose = Pose.xyz_rpy(position, (0.0, 0.0, yaw))
-    return Body(f"cookie_{number}", pose, 0.02, look(), collisions, friction=0.8)
+    return Body(f"cookie_{number}", pose, mass, look(), collisions, friction=0.8)
 
 
 class SnatchCookie(Task):
+    """Take one cookie out of a deep jar.
+
+    Task: take any cookie out of the jar, and hold it above the mouth.
+    Layouts: each cookie's place is a little random. In ``near`` the jar moves a little with the cookies in it; in
+    ``wide`` it stands anywhere in front of the robot, turned, and the cookies are lighter or heavier.
+    Success: a cookie's centre close to 0.3 m or above it.
+    """
+
     name = "SnatchCookie"
     description = (
         "A glass jar stands on the table 0.58 m in front of the robot, fixed. Its mouth, 0.176 m wide, is at z = 0.25; "
@@ -72,11 +81,17 @@ class SnatchCookie(Task):
     goals = (
         Goal(bodies=tuple(f"cookie_{i}" for i in range(1, COOKIES + 1)), place=(None, None, OUT_Z + 0.02), any=True),
     )
+    variations = {
+        "near": around("jar", JAR, 0.03, 0.3),
+        "wide": {"jar.x": (0.5, 0.65), "jar.y": (-0.2, 0.2), "jar.yaw": (-0.6, 0.6), "cookie.mass": (0.012, 0.03)},
+    }
     camera = Camera(position=(1.15, -0.62, 0.68), target=(0.42, 0.0, 0.3))
 
     def scene(self, seed: int) -> Scene:
         """Each column has a small random offset, and so has each cookie in its column."""
-        random = np.random.default_rng(seed)
+        draw, random = self.draw(seed), np.random.default_rng(seed)
+        pose, mass = draw.pose("jar", (*JAR, 0.0)), draw("cookie.mass", 0.02)
+        move = pose @ Pose(-np.array([*JAR, 0.0]))
         cookies = []
         for column, x in enumerate(COLUMN_X):
             shift = random.uniform(-0.001, 0.001, 2)
@@ -84,8 +99,9 @@ class SnatchCookie(Task):
                 place = np.array([JAR[0] + x, JAR[1]]) + shift + random.uniform(-0.001, 0.001, 2)
                 height = BOTTOM + (layer + 0.5) * THICKNESS + (layer + 1) * 0.0001
                 number = column * (COOKIES // 2) + layer + 1
-                cookies.append(cookie(number, np.array([*place, height]), random.uniform(-np.pi, np.pi)))
-        return Scene((floor(), table(), jar(), *cookies))
+                lies = Pose.xyz_rpy((*place, height), (0.0, 0.0, random.uniform(-np.pi, np.pi)))
+                cookies.append(cookie(number, move @ lies, mass))
+        return Scene((floor(), table(), replace(jar(), pose=pose), *cookies))
 
     def reward(self, start: State, end: State) -> Array:
         """The fraction of the highest cookie's way from its rest to above the mouth: 1 if it is out."""

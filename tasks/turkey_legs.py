@@ -1,5 +1,6 @@
 """TurkeyLegs: bring five turkey legs from a pot into the chef's box, without the pot."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,6 +8,7 @@ import trimesh
 
 from core.geometry import Array
 from core.interfaces import Task
+from core.layouts import around
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Mesh, Pose, Scene, Sphere, State, floor, table
 from tasks.assets import board, open_box, revolved, round_wall
 
@@ -73,7 +75,7 @@ def chefs_box() -> Body:
     return Body("box", Pose.xyz_rpy((*BOX, 0.0)), 0.0, (*walls, *lip), (*walls, *lip))
 
 
-def leg(name: str, pose: Pose) -> Body:
+def leg(name: str, pose: Pose, mass: float) -> Body:
     """Meat around a bone along x, 0.12 m long, with a knob at +x. The meat's collision shape has flat sides."""
     along_x = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
     outline = [(0.0, MEAT_X[0]), *zip(MEAT_RADIUS, MEAT_X, strict=True), (0.0, MEAT_X[-1])]
@@ -84,10 +86,18 @@ def leg(name: str, pose: Pose) -> Body:
     bone = Geom(Cylinder(BONE_RADIUS, BONE_LENGTH), Pose.xyz_rpy((BONE_X, 0.0, 0.0), along_x.rpy), BONE)
     knob = Geom(Sphere(KNOB_RADIUS), Pose.xyz_rpy((KNOB_X, 0.0, 0.0)), BONE)
     knobs = tuple(Geom(Sphere(KNOB_RADIUS - 0.002), Pose.xyz_rpy((KNOB_X, y, 0.0)), BONE) for y in (-0.003, 0.003))
-    return Body(name, pose, 0.06, (visual, bone, *knobs), (collision, bone, knob), friction=0.2, rolling_friction=0.002)
+    return Body(name, pose, mass, (visual, bone, *knobs), (collision, bone, knob), friction=0.2, rolling_friction=0.002)
 
 
 class TurkeyLegs(Task):
+    """Bring five turkey legs from a pot into the chef's box, without the pot.
+
+    Task: get all legs into the box, but not the pot.
+    Layouts: the legs lie in the pot at random. In ``near`` pot and box move a little; in ``wide`` they move farther,
+    the pot turns, and the legs are lighter or heavier.
+    Success: all five legs in the box, and no part of the pot.
+    """
+
     name = "TurkeyLegs"
     description = (
         "A silver pot, 1 kg in weight, 0.25 m wide and 0.0875 m high, stands on the table, its middle at x = 0.75 m, "
@@ -97,13 +107,26 @@ class TurkeyLegs(Task):
         "m high, is fixed to the table, its middle at x = 0.8 m, y = 0.25 m. Bring all legs into the box, but not the "
         "pot. The end-effector starts at (0.4, -0.2, 0.2)."
     )
-    goals = (Goal(bodies=LEGS, place=(*BOX, 0.03), tolerance=0.1),)
+    goals = (Goal(bodies=LEGS, place=(0.0, 0.0, 0.03), tolerance=0.1, at="box"),)
+    variations = {
+        "near": {**around("pot", POT, 0.03, 0.1), **around("box", BOX, 0.02)},
+        "wide": {
+            "pot.x": (0.68, 0.78),
+            "pot.y": (-0.27, -0.17),
+            "pot.yaw": (-0.3, 0.3),
+            "leg.mass": (0.04, 0.08),
+            "box.x": (0.72, 0.85),
+            "box.y": (0.24, 0.32),
+        },
+    }
     home = Pose(np.array([0.4, -0.2, 0.2]))
     camera = Camera(position=(1.45, -0.7, 0.95), target=(0.52, 0.02, 0.17))
 
     def scene(self, seed: int) -> Scene:
         """The legs lie in a ring, one behind the other; the ring's angle and small offsets of each leg are random."""
-        random = np.random.default_rng(seed)
+        draw, random = self.draw(seed), np.random.default_rng(seed)
+        pose, mass = draw.pose("pot", (*POT, 0.0)), draw("leg.mass", 0.06)
+        move = pose @ Pose(-np.array([*POT, 0.0]))
         start = random.uniform(-np.pi, np.pi)
         height = POT_WALL + FACET_RADIUS + 0.0005
         legs = []
@@ -112,22 +135,25 @@ class TurkeyLegs(Task):
             yaw = angle + np.pi / 2 - 0.15 + random.uniform(-0.02, 0.02)
             shift = 0.016 + random.uniform(-0.001, 0.001)  # along the leg
             x, y = RING * np.cos(angle) + shift * np.cos(yaw), RING * np.sin(angle) + shift * np.sin(yaw)
-            legs.append(leg(name, Pose.xyz_rpy((POT[0] + x, POT[1] + y, height), (0.0, 0.0, yaw))))
-        return Scene((floor(), table(), chefs_box(), pot(), *legs))
+            lies = Pose.xyz_rpy((POT[0] + x, POT[1] + y, height), (0.0, 0.0, yaw))
+            legs.append(leg(name, move @ lies, mass))
+        box = replace(chefs_box(), pose=draw.pose("box", (*BOX, 0.0)))
+        return Scene((floor(), table(), box, replace(pot(), pose=pose), *legs))
 
     def reward(self, start: State, end: State) -> Array:
         """The fraction of the legs that is inside the box, times 0.7 if any of the pot's edges is inside too."""
-        legs = sum(inside_box(end.position(name)).astype(np.float64) for name in LEGS) / len(LEGS)
+        box = start.position("box")
+        legs = sum(inside_box(end.position(name) - box).astype(np.float64) for name in LEGS) / len(LEGS)
         w, xyz = np.split(end.quaternion("pot")[..., None, :], [1], axis=-1)
         edges = POT_EDGES + 2 * np.cross(xyz, w * POT_EDGES + np.cross(xyz, POT_EDGES))  # rotated with the pot
-        pot = inside_box(end.position("pot")[..., None, :] + edges).any(axis=-1)
+        pot = inside_box((end.position("pot") - box)[..., None, :] + edges).any(axis=-1)
         reward: Array = legs * np.where(pot, 0.7, 1.0)
         return reward
 
 
 def inside_box(position: Array) -> Array:
-    """Report whether points (..., 3) are between the box's walls and below its edge."""
-    offset = np.abs(position - np.array([*BOX, BOX_HEIGHT / 2]))
+    """Report whether points (..., 3), relative to the box, are between its walls and below its edge."""
+    offset = np.abs(position - np.array([0.0, 0.0, BOX_HEIGHT / 2]))
     room = np.array([BOX_LENGTH / 2 - BOX_WALL, BOX_WIDTH / 2 - BOX_WALL, BOX_HEIGHT / 2])
     inside: Array = (offset < room).all(axis=-1)
     return inside

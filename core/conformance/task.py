@@ -51,7 +51,7 @@ def check_goals_name_bodies_of_the_scene(task: Task) -> None:
     names = {body.name for body in task.scene(0).bodies}
     expect(isinstance(task.goals, tuple), f"goals is a {type(task.goals).__name__}, not a tuple")
     for goal in task.goals:
-        unknown = ({*goal.bodies, *goal.keep}) - names
+        unknown = {*goal.bodies, *goal.keep, *([goal.at] if goal.at else [])} - names
         expect(not unknown, f"a goal names {', '.join(sorted(unknown))}; the scene has {', '.join(sorted(names))}")
 
 

@@ -21,7 +21,7 @@ from core.config.settings import FEEDBACK, LAST, VIEWS, PromptSettings
 from core.design import TIE, Tool
 from core.designs.arm_sheet import describe_arm
 from core.designs.elites import elites_text
-from core.designs.excerpts import class_source, function_source, helpers
+from core.designs.excerpts import class_source, function_source, helpers, task_source
 from core.designs.feedback import combined_figures, generation_lines, last_generation
 from core.designs.layout import layout_table
 from core.designs.rules import MAX_WAYPOINTS
@@ -173,7 +173,7 @@ class PromptComposer:
             },
             "action_rules": brief.actions.instructions(brief).strip(),
             "tool_rules": representation.instructions(brief).strip(),
-            "task_source": task.source().rstrip("\n"),
+            "task_source": task_source(task).rstrip("\n"),
             "layout": layout_table(task, brief.scene_seed),
             "vocabulary": f"{class_source(Task, *TASK)}\n\n{class_source(Body, *BODY)}",
             "helpers": helpers(task),

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from core.interfaces import Task
+from core.layouts import NONE
 
 _SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
 
@@ -38,6 +39,20 @@ def class_source(part: type, *members: str) -> str:
             first = min(each.lineno for each in (child, *decorators))
             kept += [*[""] * bool(decorators), *lines[first - 1 : child.end_lineno]]
     return "\n".join(kept)
+
+
+def task_source(task: Task) -> str:
+    """Return the task's file, without its variations where the task has none of them."""
+    text = task.source()
+    if task.variation != NONE:
+        return text
+    lines = text.splitlines(keepends=True)
+    members = [m for part in ast.parse(text).body if isinstance(part, ast.ClassDef) for m in part.body]
+    for member in reversed(members):
+        targets = member.targets if isinstance(member, ast.Assign) else []
+        if any(isinstance(target, ast.Name) and target.id == "variations" for target in targets):
+            del lines[member.lineno - 1 : member.end_lineno]
+    return "".join(lines)
 
 
 def helpers(task: Task) -> str:

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from core.interfaces import PAPER, Perception, Waypoints
+from core.layouts import NONE
 from core.plugins import WORDS, installed
 from core.report.runs import FinishedRun, LeftOutRun, short
 
@@ -82,7 +83,8 @@ def _whole(config: Mapping[str, Any]) -> dict[str, Any]:
     """Add what runs of earlier versions did not name."""
     before = {"material": asdict(PAPER), "action": {"name": Waypoints.action}}
     rollout = {"perception": asdict(Perception()), **config.get("rollout", {})}
-    return {**before, **config, "robot": robot_of(config), "rollout": rollout}
+    task = {"variation": NONE, **config["task"]} if "task" in config else {}
+    return {**before, **config, "task": task, "robot": robot_of(config), "rollout": rollout}
 
 
 def robot_of(config: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -20,7 +20,7 @@ def rewards(positions: Array) -> Array:
 
 
 def test_the_reward_rises_from_0_to_1_on_the_way_into_the_bin() -> None:
-    way = np.linspace(START, BIN_CENTER, 101)
+    way = np.linspace((*START, 0.925), BIN_CENTER, 101)
     reward = rewards(way)
     assert reward[0] == 0.0
     assert reward[-1] == 1.0

@@ -6,6 +6,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -18,8 +19,10 @@ from hypothesis import strategies as st
 from core.design import Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
+from core.errors import UserError
 from core.geometry import Mesh
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
+from core.layouts import Draw
 from core.plugins import installed
 from core.robot.solids import Solids, body_solids, signed_distance
 from core.scene import State
@@ -49,9 +52,12 @@ every_task = pytest.mark.parametrize("name", TASKS)
 LONG = {"GatherSpheres", "TurkeyLegs"}  # rollouts of seconds
 
 
+VARIATIONS = ("near", "wide")
+
+
 @cache
-def task_of(name):
-    return installed().create("task", name)
+def task_of(name, variation="none"):
+    return installed().create("task", name, variation=variation)
 
 
 @cache
@@ -61,7 +67,8 @@ def idle(name, engine):
     still = JointTrajectory(np.zeros(1), ARM.home_for(task.home)[None], np.array([FINGER_OPEN]))
     (outcome,) = simulator(engine).rollout(task, [Rollout(Tool(), still, settle_s=0.5, hold_s=5.0)])
     assert outcome.error is None
-    return outcome
+    scene = task.scene(0)
+    return replace(outcome, start=scene.complete(outcome.start), end=scene.complete(outcome.end))
 
 
 # --- what a task says of itself ---------------------------------------------------------------------------------
@@ -127,10 +134,10 @@ def test_all_that_matters_is_in_the_picture(name):
 # --- the scene --------------------------------------------------------------------------------------------------
 
 
-def layout(name, seed):
+def layout(name, seed, variation="none"):
     """A digest of all bodies and their poses."""
     digest = hashlib.sha256()
-    for body in task_of(name).scene(seed).bodies:
+    for body in task_of(name, variation).scene(seed).bodies:
         digest.update(f"{body.name} {body.mass} {body.friction} {body.rolling_friction} {body.restitution}".encode())
         digest.update(body.pose.matrix.tobytes())
         for part in (*body.visuals, *body.collisions):
@@ -146,6 +153,23 @@ def test_only_random_layouts_look_at_the_seed(name):
     assert len(layouts) == (4 if name in RANDOM_LAYOUT else 1)
 
 
+@every_task
+@pytest.mark.parametrize("variation", VARIATIONS)
+def test_a_variation_draws_all_that_it_names(name, variation, monkeypatch):
+    assert len({layout(name, seed, variation) for seed in range(4)}) == 4
+    asked = set()
+    draw = Draw.__call__
+    monkeypatch.setattr(Draw, "__call__", lambda self, key, nominal: asked.add(key) or draw(self, key, nominal))
+    task = installed().create("task", name, variation=variation)
+    task.scene(0)
+    assert set(task.ranges) <= asked
+
+
+def test_a_variation_that_a_task_does_not_have():
+    with pytest.raises(UserError, match=r"no variation 'far' in the task BringCube.*near, none, wide"):
+        installed().create("task", "BringCube", variation="far")
+
+
 @pytest.mark.slow
 def test_a_seed_gives_the_same_scene_in_every_process():
     code = (
@@ -157,9 +181,11 @@ def test_a_seed_gives_the_same_scene_in_every_process():
 
 
 @every_task
-@pytest.mark.parametrize("seed", [0, 1])
-def test_no_body_penetrates_another(name, seed):
-    scene, pairs = task_of(name).scene(seed), 0
+@pytest.mark.parametrize(
+    ("variation", "seed"), [("none", 0), ("none", 1), ("near", 0), *(("wide", seed) for seed in range(6))]
+)
+def test_no_body_penetrates_another(name, variation, seed):
+    scene, pairs = task_of(name, variation).scene(seed), 0
     for one, other in itertools.combinations([body for body in scene.bodies if body.collisions], 2):
         if one.fixed and other.fixed:
             continue
@@ -199,12 +225,12 @@ def moved(state, shifts):
     positions = state.positions.copy()
     for name, shift in shifts.items():
         positions[state.names.index(name)] += shift
-    return State(state.names, positions, state.quaternions, state.linear_velocities, state.angular_velocities)
+    return replace(state, positions=positions)
 
 
-def ways(task, start):
+def ways(task, start, seed=0):
     """For each goal, the shifts that bring its bodies straight there."""
-    for goal in task.goals:
+    for goal in (goal.within(task.scene(seed)) for goal in task.goals):
         if goal.place is None:
             yield dict.fromkeys(goal.bodies, np.array([-1.05 * goal.away, 0.0, 0.0]))
             continue
@@ -228,9 +254,10 @@ def test_doing_nothing_earns_nothing(name, engine):
 @settings(max_examples=50)
 @given(data=st.data())
 def test_the_reward_rises_from_0_to_1_on_the_way_to_the_goal(name, data):
-    task = task_of(name)
-    start = task.scene(0).state()
-    for shifts in ways(task, start):
+    task = task_of(name, data.draw(st.sampled_from(["none", *VARIATIONS])))
+    seed = data.draw(st.integers(0, 50))
+    start = task.scene(seed).state()
+    for shifts in ways(task, start, seed):
 
         def reward(share, shifts=shifts):
             return float(task.reward(start, moved(start, {body: share * shift for body, shift in shifts.items()})))
@@ -254,7 +281,7 @@ def test_a_batch_gets_the_rewards_of_single_worlds_between_0_and_1(name, seed):
         quaternions = rng.normal(size=start.quaternions.shape)
         quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
         velocities = rng.normal(scale=rng.choice([0.0, 1.0, 10.0]), size=start.positions.shape)
-        ends.append(State(start.names, positions, quaternions, velocities, velocities))
+        ends.append(State(start.names, positions, quaternions, velocities, velocities, places=start.places))
     starts = State.stack([start] * 4)
     together = np.asarray(task.reward(starts, State.stack(ends)))
     assert together.shape == (4,)

@@ -186,7 +186,8 @@ class Sight:
         Raises:
             NothingToMove: there are no goals and all bodies are fixed.
         """
-        scene, goals = brief.task.scene(brief.scene_seed), tuple(brief.task.goals)
+        scene = brief.task.scene(brief.scene_seed)
+        goals = tuple(goal.within(scene) for goal in brief.task.goals)
         if not goals:
             if not scene.free:
                 raise NothingToMove("the task has no goals and no body that can move; give it a Goal")

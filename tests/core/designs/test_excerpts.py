@@ -4,11 +4,12 @@ import ast
 import importlib
 
 from core.designs.composer import BODY, TASK
-from core.designs.excerpts import class_source, function_source, helpers
+from core.designs.excerpts import class_source, function_source, helpers, task_source
 from core.interfaces import Task
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
 from core.scene import Body
+from tasks.bring_cube import BringCube
 from tests.faults import Slide
 
 
@@ -86,3 +87,10 @@ def test_helpers_of_another_package(tmp_path, monkeypatch):
         '@cache\ndef bracket(\n    length: float,\n) -> float:\n    """A bracket of this length."""\n\n'
         "def wedge(angle: float) -> float:\n    return angle / 2"
     )
+
+
+def test_variations_are_shown_where_the_task_has_one():
+    usual, near = (task_source(BringCube(variation)) for variation in ("none", "near"))
+    assert "variations = {" in near
+    assert "variations" not in usual
+    ast.parse(usual)

@@ -1,0 +1,52 @@
+"""Draw the numbers of a layout: what a task's variation leaves to chance, and in which ranges."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.geometry import Pose, Vector
+
+Ranges = Mapping[str, tuple[float, float]]
+"""The lowest and the highest value of each number that is drawn, by a name such as ``cube.x``."""
+
+NONE = "none"  # the variation in which nothing is drawn: the paper's layouts
+
+
+@dataclass(frozen=True)
+class Draw:
+    """The numbers of the layout of a seed. A number that has no range keeps its nominal value."""
+
+    ranges: Ranges
+    seed: int
+
+    def __call__(self, name: str, nominal: float) -> float:
+        """Return a number, uniform in its range. It depends on the seed and its name alone."""
+        if name not in self.ranges:
+            return nominal
+        rng = np.random.default_rng([self.seed, zlib.crc32(name.encode())])
+        return float(rng.uniform(*self.ranges[name]))
+
+    def position(self, name: str, nominal: Vector) -> tuple[float, float, float]:
+        """Return a position (3,) in metres, from the numbers NAME.x, NAME.y and NAME.z."""
+        x, y, z = (self(f"{name}.{axis}", value) for axis, value in zip("xyz", nominal, strict=True))
+        return x, y, z
+
+    def pose(self, name: str, nominal: Vector = (0.0, 0.0, 0.0)) -> Pose:
+        """Return an upright pose, from NAME.x, NAME.y, NAME.z and NAME.yaw."""
+        return Pose.xyz_rpy(self.position(name, nominal), (0.0, 0.0, self(f"{name}.yaw", 0.0)))
+
+
+def around(name: str, position: Sequence[float], metres: float, radians: float = 0.0) -> Ranges:
+    """Ranges for a body that stands near ``position`` (x, y, ...): up to so many metres and radians away."""
+    x, y, *_ = position
+    ranges = {f"{name}.x": (x - metres, x + metres), f"{name}.y": (y - metres, y + metres)}
+    return ranges | ({f"{name}.yaw": (-radians, radians)} if radians else {})
+
+
+def describe(ranges: Ranges) -> str:
+    """List the ranges in words, for a model: metres, radians, kilograms."""
+    return ", ".join(f"{name} from {low:.4g} to {high:.4g}" for name, (low, high) in ranges.items())
