@@ -328,6 +328,10 @@ class Fitness(ABC):
         """Return the part of the prompt that says what a design is judged by; empty: the reward of one rollout."""
         return ""
 
+    def unseen(self) -> Mapping[str, Sequence[Evaluate]]:
+        """Return what a run tries its best candidate on at the end, by engine: trials that the search never sees."""
+        return {}
+
     @abstractmethod
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Return one evaluation for each candidate, in order."""

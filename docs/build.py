@@ -1,10 +1,10 @@
 """Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``arm``,
-``prompts``, ``table``.
+``prompts``, ``ranges``, ``table``.
 
 Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
 ``docs/example.ipynb`` and keeps the outputs of its cells. Arm: the sheet of ``docs/arm.md``. Prompts: the
-sizes and the whole prompt of ``docs/prompts.md``. Table (takes hours): the
+sizes and the whole prompt of ``docs/prompts.md``. Ranges: the table of ``docs/layouts.md``. Table (takes hours): the
 rewards of doing nothing, the reference solution, the embedded designer and the bare gripper, written into
 ``docs/tasks.md``.
 """
@@ -29,7 +29,8 @@ from core.config.compose import load
 from core.design import Candidate, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.interfaces import RolloutSettings
+from core.interfaces import RolloutSettings, Waypoints
+from core.layouts import describe
 from core.plugins import installed
 from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
@@ -175,7 +176,7 @@ def row(name: str, seeds: list[int], gripper_seeds: list[int]) -> dict[str, Any]
     """Measure one task. A run of eight generations begins as the run of four with its seed: one gives both."""
     plugins = installed()
     task, simulator = plugins.create("task", name), plugins.create("sim", "pybullet")
-    still = Candidate(Tool(), np.array([[*task.home.position, *task.home.rpy]]))
+    still = Candidate(Tool(), Waypoints(np.array([[*task.home.position, *task.home.rpy]])))
     nothing = evaluate_batch(task, simulator, [still], 0, RolloutSettings())[0].reward
     began = time.monotonic()
     solved = evaluate_batch(task, simulator, [reference(name)], 0, RolloutSettings())[0].reward
@@ -192,6 +193,15 @@ def row(name: str, seeds: list[int], gripper_seeds: list[int]) -> dict[str, Any]
         "gripper": [bests[-1] for bests in gripper],
         "seconds": took,
     }
+
+
+def ranges() -> str:
+    """Write what the variations of each task draw, as a table."""
+    rows = ["", "| task | `near` | `wide` |", "|---|---|---|"]
+    for name in installed().names("task"):
+        of = installed().create("task", name).variations
+        rows.append(f"| {name} | {' | '.join(describe(of[variation]) for variation in ('near', 'wide'))} |")
+    return "\n".join(rows) + "\n\n"
 
 
 def table(names: list[str], seeds: list[int], gripper_seeds: list[int], output: Path) -> None:
@@ -232,7 +242,9 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["pictures", "scene", "diagrams", "notebook", "arm", "prompts", "table"])
+    parser.add_argument(
+        "what", choices=["pictures", "scene", "diagrams", "notebook", "arm", "prompts", "ranges", "table"]
+    )
     parser.add_argument("--tasks", nargs="*", default=installed().names("task"))
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
     parser.add_argument("--gripper-seeds", nargs="*", type=int, default=[0, 1, 2])
@@ -250,6 +262,8 @@ def main() -> None:
         fill(DOCS / "arm.md", f"\n{facts.sheet(robot, robot.measured)}")
     elif given.what == "prompts":
         fill(DOCS / "prompts.md", prompt_page.contents())
+    elif given.what == "ranges":
+        fill(DOCS / "layouts.md", ranges())
     elif given.what == "notebook":
         notebook(DOCS / "example.ipynb")
     else:

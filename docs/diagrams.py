@@ -60,7 +60,7 @@ PARTS = {
     "tool": "urdf, boxes, solids; none",
     "action": "waypoints, anchored",
     "evolution": "vlmgineer, sampling",
-    "fitness": "nominal, robust",
+    "fitness": "nominal, robust, layouts",
     "executor": "local, ray",
     "listener": "progress, rerun, summary",
 }

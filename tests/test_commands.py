@@ -165,6 +165,7 @@ def test_the_result(tiny):
             "budget",
             "seed",
             "best",
+            "unseen",
             "tie",
             "stopped",
         ),

@@ -114,10 +114,11 @@ def test_each_kind_of_block_is_looked_at():
         "paper.md": {"bibtex": 2},
         "plugins.md": {"python": 2, "toml": 1},
         "prompts.md": {"json": 1, "python": 3},
+        "layouts.md": {"json": 1},
         "python.md": {"python": 2},
         "store.md": {"python": 1},
         "strategy_tutorial.md": {"python": 1, "yaml": 1},
-        "writing_a_scene.md": {"python": 5},
+        "writing_a_scene.md": {"python": 5, "py": 1},  # the last a part of a class
     }
 
 
@@ -177,6 +178,11 @@ def test_the_prompt_in_the_docs_is_what_is_sent():
     assert text.partition("<!-- table -->\n")[2].startswith(prompt_page.contents()), "python docs/build.py prompts"
     sizes = {use: tokens for use, _, tokens in re.findall(r"^\| (.+) \| ([\d,]+) \| ([\d,]+) \|$", text, re.MULTILINE)}
     assert int(sizes["first sampling"].replace(",", "")) <= 6500
+
+
+def test_the_ranges_in_the_docs_are_those_of_the_tasks():
+    text = (ROOT / "docs/layouts.md").read_text()
+    assert text.partition("<!-- table -->\n")[2].startswith(build.ranges()), "python docs/build.py ranges"
 
 
 @pytest.mark.slow

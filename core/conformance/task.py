@@ -6,6 +6,7 @@ Covered by `tests/core/conformance/test_suites.py`.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -87,6 +88,18 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
                     depth = -signed_distance(solid, other)
                     what = f"with seed {seed} {body.name!r} starts {1000 * depth:.1f} mm inside {other.name!r}"
                     expect(depth < MAX_OVERLAP_M, f"{what}; an engine pushes them apart, so leave a clearance")
+
+
+def check_variations_draw_layouts(task: Task) -> str:
+    for name in task.variations:
+        varied = copy(task)
+        varied.variation = name
+        wrong = [key for key, (low, high) in varied.ranges.items() if not -np.inf < low <= high < np.inf]
+        expect(not wrong, f"variation {name!r}: the range of {', '.join(wrong)} is not from a lower to a higher number")
+        poses = [[(body.pose, body.mass) for body in varied.scene(seed).bodies] for seed in (0, 1)]
+        expect(poses[0] != poses[1], f"variation {name!r}: two seeds give the same layout; use self.draw(seed)")
+        check_nothing_overlaps_at_spawn(varied)
+    return ", ".join(task.variations) or "it has none"
 
 
 def idle(task: Task) -> tuple[str, Outcome]:

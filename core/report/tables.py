@@ -45,20 +45,24 @@ def rewards(results: Results) -> Table:
     """Best, average and deviation of rewards, by task and method."""
     head = columns(
         "task|method|runs:0|left out:0|best:3|average:3|standard deviation:3|interquartile mean:3"
-        "|distance of the best (m):2|candidate"
+        "|distance of the best (m):2|candidate|unseen layouts, mean:3|unseen layouts, worst:3"
     )
+    unseen = (("mean", mean), ("worst", min))
     rows = [
         (
             *(g.task, g.method, len(g.runs), g.left_out, g.best.best.reward),
             *(mean(g.rewards), deviation(g.rewards), interquartile_mean(g.rewards)),
             *(g.best.best.distance_m, g.best.best.candidate),
+            *(_over_known(of, [getattr(run.figures.unseen, name, None) for run in g.runs]) for name, of in unseen),
         )
         for g in results.groups
     ]
     note = (
         "Of each run's best reward: the best and the average over runs, the sample standard deviation (n - 1), and the "
         "interquartile mean, which below four runs is the average. Distance: metres that the end-effector's origin "
-        "travelled in the best run's best plan. Left out: runs that failed or are unfinished; they are in no figure."
+        "travelled in the best run's best plan. Left out: runs that failed or are unfinished; they are in no figure. "
+        "Unseen layouts: those that no search sees, in which each run's best plan is "
+        "tried (`fitness=layouts`): the average over runs, and the lowest reward."
     )
     return Table("rewards", "Rewards by task and method", head, tuple(rows), note)
 
@@ -228,12 +232,13 @@ def costs(results: Results) -> Table:
 def runs(results: Results) -> Table:
     """All runs that are counted."""
     head = columns(
-        "task|method|seed:0|best reward:3|distance (m):2|generation:0|candidate|rollouts:0|wall time (s):0"
-        "|folder|recordings"
+        "task|method|seed:0|best reward:3|unseen layouts, mean:3|distance (m):2|generation:0|candidate|rollouts:0"
+        "|wall time (s):0|folder|recordings"
     )
     rows = [
         (
-            *(g.task, g.method, run.seed, run.best.reward, run.best.distance_m, run.best.generation),
+            *(g.task, g.method, run.seed, run.best.reward, getattr(run.figures.unseen, "mean", None)),
+            *(run.best.distance_m, run.best.generation),
             *(run.best.candidate, run.figures.n_evaluations, run.figures.wall_time_s),
             *(Link(run.folder.name, run.folder), tuple(Link(what, file) for what, file in run.recordings().items())),
         )

@@ -36,12 +36,13 @@ from core.robot.tempo import plan_task_motion
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
 from core.search.listeners import add_listener
+from core.search.unseen import try_unseen
 from core.simulation.pictures import report_missing, save_film
 from core.simulation.rollout import Evaluator
 from core.store.artifacts import save_design
 from core.store.database import writing
 from core.store.progress import CachedVLM
-from core.store.recorder import RunStore, best_figures
+from core.store.recorder import RunStore, best_figures, unseen_figures
 
 
 def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
@@ -112,6 +113,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         events.hook.run_started(run=this)
         with executor:
             result = evolve(strategy, fitness, executor, budget, events, store.past.evaluation, task.robot)
+            if result.best is not None and result.stopped != INTERRUPTED:
+                result = replace(result, unseen=try_unseen(result.best, fitness, executor))
         result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
         with writing(folder):
             save_best(result, this, simulator, settings, film=cfg.film)
@@ -173,7 +176,7 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         more = any(cfg.budget[key] != before[key] for key in ("n_iteration", "stop_reward"))
         if ended is not None and ended["stopped"] is None and not more:
             say(f"{folder} holds a run that has come to its end")
-            print_best(ended["best"], folder)
+            print_best(ended["best"], folder, unseen=ended.get("unseen"))
             return
         refuse_stored_addresses(store.config, overrides)
         store.overrides = overrides
@@ -198,13 +201,14 @@ def print_outcome(result: Result, folder: Path) -> None:
     if result.best is None and result.stopped is not None:
         raise UserError(f"no candidate could be tried: {result.stopped}; {resume_hint(folder)}")
     reasons = [e.reason for g in result.generations for e in g.evaluations]
-    print_best(best_figures(result), folder, reasons[0] if reasons else "no candidate came")
+    why = reasons[0] if reasons else "no candidate came"
+    print_best(best_figures(result), folder, why, unseen_figures(result))
     if result.stopped is not None:
         say(f"stopped: {result.stopped}", resume_hint(folder), file=sys.stderr)
 
 
-def print_best(best: dict[str, Any] | None, folder: Path, why: str = "") -> None:
-    """Print the best candidate, given as in ``result.json``.
+def print_best(best: dict[str, Any] | None, folder: Path, why: str = "", unseen: dict[str, Any] | None = None) -> None:
+    """Print the best candidate and what it earned in unseen layouts, given as in ``result.json``.
 
     Raises:
         UserError: there is none.
@@ -213,6 +217,8 @@ def print_best(best: dict[str, Any] | None, folder: Path, why: str = "") -> None
         raise UserError(f"no candidate could be tried{why and f'; the first reason: {why}'}")
     distance_m = math.nan if best["distance_m"] is None else best["distance_m"]
     figures = f"best reward {best['reward']:.3f}, distance {distance_m:.2f} m"
+    if unseen is not None:
+        figures += f", in {unseen['layouts']} unseen layouts mean {unseen['mean']:.3f}, worst {unseen['worst']:.3f}"
     say(f"{figures}, candidate {best['candidate']}", str(folder / "best"))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -33,8 +33,8 @@ class PerturbedPart(TaskPart):
 
 
 @dataclass(frozen=True)
-class PerturbedEvaluator(Evaluator):
-    """Evaluate in a perturbed scene. A tool that overlaps it at spawn is rejected."""
+class CheckedEvaluator(Evaluator):
+    """Evaluate in a scene other than the run's. A tool that overlaps it at spawn is rejected."""
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         return super().__call__([self._checked(candidate) for candidate in candidates])
@@ -45,8 +45,12 @@ class PerturbedEvaluator(Evaluator):
         try:
             _spawn_rules(self.task, self.seed).check(candidate.tool)
         except DesignError as error:
-            return replace(candidate, problem=f"in the perturbed scene, {error}")
+            return replace(candidate, problem=f"{self._where}, {error}")
         return candidate
+
+    @property
+    def _where(self) -> str:
+        return "in the perturbed scene" if isinstance(self.task, PerturbedPart) else f"in layout {self.seed}"
 
     @property
     def trial(self) -> dict[str, Any]:
@@ -63,7 +67,7 @@ def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) 
     of = evaluator.task
     robot = of.robot if isinstance(of, TaskPart) else None
     task = PerturbedPart(of.kind, of.name, of.settings, robot, perturbation, draw)
-    return PerturbedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
+    return CheckedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
 
 
 def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None) -> dict[str, Part[Simulator]]:
@@ -129,25 +133,37 @@ def check_draws(seeds: Sequence[int]) -> None:
         raise UsageError(f"seeds must be one or more different numbers, 0 or greater; got {list(seeds)}")
 
 
-def worst(candidate: Candidate, tried: Mapping[str, Sequence[Evaluation]]) -> Evaluation:
+def mean(rewards: Sequence[float]) -> float:
+    """Compute the mean."""
+    return float(np.mean(rewards))
+
+
+def worst(
+    candidate: Candidate,
+    tried: Mapping[str, Sequence[Evaluation]],
+    combine: Callable[[Sequence[float]], float] = mean,
+    trial: str = "change",
+) -> Evaluation:
     """Combine a candidate's evaluations in each engine into one, by the worst engine.
 
-    The reward is the lowest of the engines' means; a rejected or failed trial counts 0. ``details["engines"]`` holds
-    each engine's mean, standard deviation and rewards. All else is taken from the trial with the lowest reward that
-    succeeded, in the worst engine if there is one there; if none succeeded, from the first. Failures become warnings.
+    The reward is the lowest of the engines' combined rewards; a rejected or failed trial counts 0.
+    ``details["engines"]`` holds each engine's mean, standard deviation and rewards. All else is taken from the trial
+    with the lowest reward that succeeded, in the worst engine if there is one there; if none succeeded, from the first.
+    Failures become warnings; ``trial`` is what they call a trial.
     """
     figures = {engine: statistics(evaluations) for engine, evaluations in tried.items()}
-    lowest = min(figures, key=lambda engine: figures[engine]["mean"])
+    rewards = {engine: combine(of["rewards"]) for engine, of in figures.items()}
+    lowest = min(rewards, key=lambda engine: rewards[engine])
     others = [e for engine, evaluations in tried.items() if engine != lowest for e in evaluations]
     succeeded = [[e for e in trials if e.status == "ok"] for trials in (tried[lowest], others)]
     shown = min(succeeded[0] or succeeded[1] or tried[lowest][:1], key=lambda e: e.reward)
     failures = [
-        f"{engine}, change {i} of {len(evaluations)}: {e.status}: {e.reason}"
+        f"{engine}, {trial} {i} of {len(evaluations)}: {e.status}: {e.reason}"
         for engine, evaluations in tried.items()
         for i, e in enumerate(evaluations, start=1)
         if e.status != "ok" and shown.status == "ok"
     ]
-    warnings, reward = (*shown.warnings, *failures), figures[lowest]["mean"]
+    warnings, reward = (*shown.warnings, *failures), rewards[lowest]
     return replace(
         shown, candidate=candidate, reward=reward, warnings=warnings, details=shown.details | {"engines": figures}
     )

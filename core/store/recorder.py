@@ -256,6 +256,7 @@ def report(run: Run, result: Result) -> dict[str, Any]:
         "budget": run.config["budget"]["name"],
         "seed": run.seed,
         "best": best_figures(result),
+        "unseen": unseen_figures(result),
         "tie": result.tie,
         "stopped": result.stopped,
         "generations": [summary(generation) for generation in result.generations],
@@ -277,6 +278,15 @@ def best_figures(result: Result) -> dict[str, Any] | None:
         "generation": best.candidate.generation,
         "candidate": best.candidate.id,
     }
+
+
+def unseen_figures(result: Result) -> dict[str, Any] | None:
+    """Return what the best candidate earned in unseen layouts, as in ``result.json``; None: it was tried in none."""
+    rewards = result.unseen
+    if not rewards:
+        return None
+    mean = sum(rewards) / len(rewards)
+    return {"layouts": len(rewards), "mean": mean, "worst": min(rewards), "rewards": list(rewards)}
 
 
 def versions() -> dict[str, str]:

@@ -130,6 +130,16 @@ class GenerationFigures:
 
 
 @dataclass(frozen=True)
+class Unseen:
+    """What the best candidate earned in layouts that the search never saw."""
+
+    layouts: Count
+    mean: Reward
+    worst: Reward
+    rewards: tuple[Reward, ...]
+
+
+@dataclass(frozen=True)
 class Figures:
     """The content of a ``result.json``; ``stopped`` says why a run ended before its budget was spent, ``tie`` up to
     which difference rewards counted as equal.
@@ -151,6 +161,7 @@ class Figures:
     best: Best | None = None
     tie: Amount = 0.0  # of runs before there was one
     stopped: str | None = None
+    unseen: Unseen | None = None
     versions: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

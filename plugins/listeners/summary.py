@@ -18,6 +18,7 @@ from core.config.sources import defaults
 from core.design import best_tools
 from core.errors import UserError
 from core.hooks import hookimpl
+from core.layouts import NONE
 from core.materials import PAPER
 from core.plugins import installed
 from core.report.formats import number
@@ -53,8 +54,8 @@ class SummaryListener:
         _print_generations(result.generations)
         if result.best is not None:
             _print_tools(result, self.top)
-        lines = [*_tied(result), _spent(self._replies), *(_commands(run, result) if not _one_of_many() else ())]
-        say(*lines, file=sys.stderr)
+        commands = () if _one_of_many() else _commands(run, result)
+        say(*_tied(result), *_unseen(result), _spent(self._replies), *commands, file=sys.stderr)
 
 
 def _print_generations(generations: Iterable[Generation]) -> None:
@@ -92,6 +93,15 @@ def _tied(result: Result) -> Iterable[str]:
         yield f"{earned}; rewards within evolution.tie of it count as equal, and the shortest distance goes first"
 
 
+def _unseen(result: Result) -> Iterable[str]:
+    """Say what the best candidate earned in unseen layouts, if it was tried in any."""
+    if rewards := result.unseen:
+        yield (
+            f"in {len(rewards)} unseen layouts the best earned {number(statistics.fmean(rewards), 3)} on the mean, "
+            f"{number(min(rewards), 3)} in the worst"
+        )
+
+
 def _spent(replies: list[Reply]) -> str:
     """The replies of the model, its tokens and their cost, in a line."""
     line = f"{len(replies)} repl{'y' if len(replies) == 1 else 'ies'}"
@@ -121,6 +131,7 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
     yield f"python -m core.report {folder}"
     yield f"python -m core.gallery {folder}"
     words = [f"{kind}={run.parts[kind]}" for kind in ("task", "sim", "tool")]
+    words += [f"task.variation={run.task.variation}"] if run.task.variation != NONE else []
     parts = shlex.join([*words, *_robot_words(run), *_material_words(run)])
     design = _short(run.folder / "best" / "design.json").replace("\\", "\\\\").replace('"', '\\"')
     if not re.fullmatch(r"[\w./-]+", design):

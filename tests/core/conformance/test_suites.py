@@ -249,7 +249,7 @@ def test_what_is_wrong_is_reported(offered, kind, part):
 def test_a_scene_that_solves_itself_fails_the_command(offered, monkeypatch, capsys):
     offered("task", RollsHome)
     monkeypatch.setattr("sys.argv", ["core.conformance", "task=wrong"])
-    with pytest.raises(UserError, match=r"^2 of 8 checks failed$"):
+    with pytest.raises(UserError, match=r"^2 of 9 checks failed$"):
         conformance.main()
     assert "doing nothing earns nothing: FAILED: doing nothing earns" in capsys.readouterr().out
 
@@ -267,7 +267,7 @@ def test_listeners_are_checked_by_name(monkeypatch, capsys):
 def test_the_command_counts_what_failed(offered, monkeypatch, capsys):
     offered("task", Idle)
     monkeypatch.setattr("sys.argv", ["core.conformance", "tool=none", "task=wrong"])
-    with pytest.raises(UserError, match=r"^\d of 13 checks failed$"):
+    with pytest.raises(UserError, match=r"^\d of 14 checks failed$"):
         conformance.main()
     out = capsys.readouterr().out
     assert "tool none\n" in out

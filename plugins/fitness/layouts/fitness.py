@@ -1,0 +1,149 @@
+"""Evaluate candidates in several layouts of the task, and in several engines if asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from core.design import Candidate, Evaluation
+from core.errors import UsageError, choices
+from core.interfaces import Fitness, Task
+from core.layouts import NONE, describe
+from core.simulation.robustness import CheckedEvaluator, engines, mean, worst
+from core.simulation.rollout import Evaluator
+
+UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
+_SHOWN = 3  # layouts that failed
+
+
+def worst_quarter(rewards: Sequence[float]) -> float:
+    """Compute the mean of the lowest quarter of rewards, of at least one."""
+    return float(np.mean(sorted(rewards)[: math.ceil(len(rewards) / 4)]))
+
+
+COMBINE: dict[str, tuple[Callable[[Sequence[float]], float], str]] = {
+    "mean": (mean, "the mean of its rewards"),
+    "worst": (min, "its lowest reward"),
+    "worst_quarter": (worst_quarter, "the mean of the lowest quarter of its rewards"),
+}
+"""What becomes of a plan's rewards over the layouts, and that in words."""
+
+
+class Layouts(Fitness):
+    """The rewards over layouts, combined, in the engine where that is the lowest.
+
+    Args:
+        evaluator: the task, how plans are executed, and the first layout's seed; the others' seeds follow it.
+        layouts: how many there are; each costs a rollout in each engine.
+        combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards.
+        sims: see `core.simulation.robustness.engines`; none: the run's engine.
+        unseen: how many other layouts the best candidate is tried in at the end.
+
+    Raises:
+        UserError: a setting or an engine that can't be used, or a task whose layouts are all the same.
+    """
+
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        layouts: int = 5,
+        combine: str = "mean",
+        sims: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
+        unseen: int = 20,
+    ) -> None:
+        for name, count, least in (("layouts", layouts, 1), ("unseen", unseen, 0)):
+            if count < least:
+                raise UsageError(f"fitness.{name} must be at least {least}, got {count}")
+        if combine not in COMBINE:
+            raise choices("way to combine rewards", combine, COMBINE, "fitness.combine")
+        task = evaluator.task.create()
+        if _alike(task, evaluator.seed):
+            others = " or ".join(f"task.variation={name}" for name in task.variations)
+            mend = f"add {others}" if others else "the task has no variations"
+            raise UsageError(f"fitness=layouts: all layouts of {task.name} are the same; {mend}")
+        self._task, self._combine, self._unseen = evaluator.task, combine, unseen
+        self._sims = engines(sims, evaluator.sim) if sims else {evaluator.sim.name: evaluator.sim}
+        self._evaluator = evaluator
+        self._seeds = range(evaluator.seed, evaluator.seed + layouts)
+        self._evaluators = self._in_layouts(self._seeds)
+
+    def _in_layouts(self, seeds: Sequence[int]) -> dict[str, list[Evaluator]]:
+        base = self._evaluator
+        return {
+            name: [CheckedEvaluator(base.task, sim, seed, base.settings) for seed in seeds]
+            for name, sim in self._sims.items()
+        }
+
+    def instructions(self) -> str:
+        task, many = self._task.create(), len(self._sims) > 1
+        drawn = f" In each, these numbers are drawn at random: {describe(task.ranges)}." if task.ranges else ""
+        where = f" in each of the engines {', '.join(self._sims)}" if many else ""
+        lowest = ", in the engine where that is the lowest" if many else ""
+        return (
+            f"A plan is tried with its tool in {len(self._seeds)} layouts{where}. The one that is shown here is the "
+            f"first; at the end the best plan is tried in {self._unseen} others.{drawn} Lengths are in metres, angles "
+            f"in radians, masses in kilograms. What counts is {COMBINE[self._combine][1]}{lowest}; a layout where the "
+            "trial fails counts 0. So tool and plan must fit layouts that differ by as much as that."
+        )
+
+    @property
+    def batch(self) -> int:
+        """The smallest batch among its engines."""
+        return min(evaluator.batch for evaluators in self._evaluators.values() for evaluator in evaluators)
+
+    def prepare(self) -> None:
+        for evaluators in self._evaluators.values():
+            evaluators[0].prepare()
+
+    def unseen(self) -> dict[str, list[Evaluator]]:
+        return self._in_layouts(range(UNSEEN, UNSEEN + self._unseen)) if self._unseen else {}
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        tried = {engine: [evaluate(candidates) for evaluate in each] for engine, each in self._evaluators.items()}
+        task = self._task.create()
+        return [
+            self._combined(task, candidate, {engine: [each[i] for each in found] for engine, found in tried.items()})
+            for i, candidate in enumerate(candidates)
+        ]
+
+    def _combined(self, task: Task, candidate: Candidate, tried: Mapping[str, Sequence[Evaluation]]) -> Evaluation:
+        count, _ = COMBINE[self._combine]
+        evaluation = worst(candidate, tried, count, "layout")
+        if evaluation.status == "rejected":
+            return evaluation
+        poor = sorted(
+            ((e, engine, seed) for engine, of in tried.items() for seed, e in zip(self._seeds, of, strict=True)),
+            key=lambda trial: trial[0].reward,
+        )
+        shown = [
+            _failure(task, *trial, engines=len(tried))
+            for trial in poor[:_SHOWN]
+            if trial[0].reward < task.success_reward
+        ]
+        return replace(evaluation, details=evaluation.details | ({"poor_layouts": shown} if shown else {}))
+
+
+def _failure(task: Task, evaluation: Evaluation, engine: str, seed: int, *, engines: int) -> dict[str, Any]:
+    """Describe a layout in which a plan failed: its seed, the reward, and the numbers that were drawn."""
+    draw = task.draw(seed)
+    return {
+        "layout": seed,
+        **({"engine": engine} if engines > 1 else {}),
+        "reward": round(float(evaluation.reward), 3),
+        **({"reason": evaluation.reason[:200]} if evaluation.reason else {}),
+        **{name: round(draw(name, math.nan), 3) for name in draw.ranges},
+    }
+
+
+def _alike(task: Task, seed: int) -> bool:
+    """Report whether two seeds give the same layout."""
+    if task.variation != NONE:
+        return False
+    one, other = (task.scene(of).bodies for of in (seed, seed + 1))
+    return len(one) == len(other) and all(
+        a.pose == b.pose and a.mass == b.mass for a, b in zip(one, other, strict=True)
+    )

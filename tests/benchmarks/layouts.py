@@ -1,0 +1,177 @@
+"""How well do designs do in other layouts? ``python -m tests.benchmarks.layouts solutions``, ``... cost``.
+
+solutions: the anchored solutions, and the same tools with literal plans, in unseen layouts of each engine; with noise in
+what the plans see, if asked. Literal plans are what the anchored ones come to in the task's usual layout. cost: the time
+of a rollout with anchored plans against literal ones, and of several layouts against one, as ratios within one process.
+``page=docs/layouts.md`` writes a table there.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from core.cli import arguments, command
+from core.design import Candidate
+from core.designs.planning import resolve
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UsageError
+from core.interfaces import Perception, RolloutSettings, Task, ToolRepresentation
+from core.plugins import Part, installed
+from core.simulation.robustness import CheckedEvaluator
+from core.simulation.rollout import Evaluator
+from plugins.executors.local import LocalExecutor
+from plugins.fitness.layouts.fitness import UNSEEN, Layouts
+from tests.benchmarks import measuring
+
+USAGE = (
+    "usage: python -m tests.benchmarks.layouts solutions|cost [tasks=NAME,...] [sims=NAME,...] [layouts=N] "
+    "[position=METRES] [yaw=RADIANS] [repeats=N] [workers=N] [folder=FOLDER] [page=FILE.md]"
+)
+SOLUTIONS = Path(__file__).parents[1] / "tasks" / "anchored"
+WAYS = ("anchored", "literal")
+
+
+@dataclass
+class Settings:
+    """``position``, ``yaw``: noise in what plans see. ``folder``: keeps the rewards of ``solutions``, task by task."""
+
+    tasks: list[str] = field(default_factory=list)
+    sims: list[str] = field(default_factory=lambda: ["pybullet", "sapien", "mujoco"])
+    layouts: int = 50
+    position: float = 0.0
+    yaw: float = 0.0
+    repeats: int = 5
+    workers: int = 2
+    folder: str = "layouts"
+    page: str | None = None
+
+
+def main() -> None:
+    what, *words = arguments(USAGE) or [""]
+    given = measuring.settings(words, Settings)
+    given.tasks = given.tasks or sorted(file.stem for file in SOLUTIONS.glob("*.json"))
+    if what == "solutions":
+        mark, table = "solutions" if given.position == given.yaw == 0 else "noise", solutions(given)
+    elif what == "cost":
+        mark, table = "cost", cost(given)
+    else:
+        raise UsageError(USAGE)
+    sys.stdout.write(table)
+    if given.page is not None:
+        measuring.write_page(Path(given.page), mark, table)
+
+
+def designs(name: str, settings: RolloutSettings) -> dict[str, Candidate]:
+    """Return the anchored solution of a task, and the same tool with the plan's waypoints of the usual layout."""
+    usual = installed().create("task", name)
+    file = SOLUTIONS / f"{name}.json"
+    (anchored,) = read_designs(load_designs(file), representation(file), SpawnRules(usual, 0))[:1]
+    literal = resolve(anchored.plan, usual, 0, replace(settings, perception=Perception()))
+    return {"anchored": anchored, "literal": replace(anchored, plan=literal)}
+
+
+def representation(file: Path) -> ToolRepresentation:
+    """Make the representation that a designs file was written for, by its fields."""
+    written = load_designs(file)["strategies"][0]
+    tools = [installed().create("tool", name) for name in ("urdf", "boxes", "solids")]
+    return next(tool for tool in tools if {*tool.schema()} <= {*written})
+
+
+def solutions(given: Settings) -> str:
+    """Try the solutions, and return a row for each task."""
+    folder = Path(given.folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    settings = RolloutSettings(perception=Perception(given.position, given.yaw))
+    found: dict[str, dict[str, dict[str, list[float]]]] = {}
+    with LocalExecutor(workers=given.workers) as executor:
+        for name in given.tasks:
+            file = folder / f"{name}.json"
+            if not file.exists():
+                task = Part("task", name, (("variation", "wide"),))
+                jobs = [(way, sim, number) for way in WAYS for sim in given.sims for number in range(given.layouts)]
+                trial = _Trial(task, designs(name, settings), settings)
+                earned = {job: reward for (job,), reward in executor.map(trial, [[job] for job in jobs])}
+                rewards = {
+                    way: {sim: [float(earned[way, sim, n]) for n in range(given.layouts)] for sim in given.sims}
+                    for way in WAYS
+                }
+                file.write_text(json.dumps(rewards, indent=1))
+            found[name] = json.loads(file.read_text())
+            measuring.console.print(row(name, found[name], given.sims), highlight=False)
+    return markdown(found, given.sims)
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A picklable function of jobs: way, engine, number of the layout."""
+
+    task: Part[Task]
+    designs: dict[str, Candidate]
+    settings: RolloutSettings
+
+    def __call__(self, jobs: Sequence[tuple[str, str, int]]) -> float:
+        ((way, sim, number),) = jobs
+        evaluate = CheckedEvaluator(self.task, Part("sim", sim), UNSEEN + number, self.settings)
+        return evaluate([self.designs[way]])[0].reward
+
+
+def row(name: str, rewards: dict[str, dict[str, list[float]]], sims: Sequence[str]) -> str:
+    """Format the means of each engine, the worst layout of all, and the literal plan's mean in the worst engine."""
+    means = [np.mean(rewards["anchored"][sim]) for sim in sims]
+    worst = min(min(rewards["anchored"][sim]) for sim in sims)
+    literal = min(np.mean(rewards["literal"][sim]) for sim in sims)
+    return f"| {name} | {' | '.join(f'{mean:.3f}' for mean in means)} | {worst:.2f} | {literal:.3f} |"
+
+
+def markdown(found: dict[str, dict[str, dict[str, list[float]]]], sims: Sequence[str]) -> str:
+    """Format a row for each task, and the means over the tasks."""
+    means = [np.mean([np.mean(rewards["anchored"][sim]) for rewards in found.values()]) for sim in sims]
+    literal = np.mean([min(np.mean(rewards["literal"][sim]) for sim in sims) for rewards in found.values()])
+    head = f"| task | {' | '.join(sims)} | worst layout | literal, worst engine |"
+    last = f"| **mean** | {' | '.join(f'{mean:.3f}' for mean in means)} | | {literal:.3f} |"
+    rows = [row(name, rewards, sims) for name, rewards in found.items()]
+    return "\n".join([head, "|---" * (len(sims) + 3) + "|", *rows, last, ""])
+
+
+def cost(given: Settings) -> str:
+    """Measure the ratios of processor time, and return a row for each engine: the medians over the tasks."""
+    rows = ["| engine | anchored / literal | five layouts / one, a rollout |", "|---|---|---|"]
+    for sim in given.sims:
+        plans, layouts = [], []
+        for name in given.tasks:
+            both = designs(name, RolloutSettings())
+            usual = Evaluator(Part("task", name), Part("sim", sim))
+            wide = replace(usual, task=Part("task", name, (("variation", "wide"),)))
+            many = Layouts(wide, layouts=5)
+            chunk = [replace(both["literal"], action=number) for number in range(5)]
+            anchored = seconds(given.repeats, lambda: usual([both["anchored"]]), lambda: usual([both["literal"]]))
+            plans.append(anchored[0] / anchored[1])
+            shared = seconds(given.repeats, lambda: many(chunk), lambda: wide(chunk))
+            layouts.append(shared[0] / shared[1] / 5)
+            measuring.console.print(f"{sim} {name} {plans[-1]:.3f} {layouts[-1]:.3f}", highlight=False)
+        rows.append(f"| {sim} | {np.median(plans):.3f} | {np.median(layouts):.3f} |")
+    return "\n".join([*rows, ""])
+
+
+def seconds(repeats: int, *functions: Callable[[], object]) -> list[float]:
+    """Measure the least processor time of each function, called in turns; the first calls load what is kept."""
+    least = [float("inf")] * len(functions)
+    for repeat in range(repeats + 1):
+        for number, function in enumerate(functions):
+            began = time.process_time()
+            function()
+            if repeat:
+                least[number] = min(least[number], time.process_time() - began)
+    return least
+
+
+if __name__ == "__main__":
+    command(main)

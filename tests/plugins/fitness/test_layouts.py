@@ -1,0 +1,122 @@
+"""Rewards over layouts, and what the search never sees."""
+
+import json
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from omegaconf import OmegaConf
+
+from core.config.compose import load, part
+from core.design import Candidate, Component, Tool
+from core.errors import UserError
+from core.geometry import Box, Pose
+from core.interfaces import RolloutSettings, Waypoints
+from core.report.runs import read_run
+from core.search.orchestration import resume, run
+from core.simulation.rollout import Evaluator, Part
+from plugins.fitness.layouts.fitness import UNSEEN, worst_quarter
+
+QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)
+WIDE = Evaluator(Part("task", "BringCube", (("variation", "wide"),)), Part("sim", "mujoco"), 3, QUICK)
+STICK = Tool((Component("stick", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2)), 0.005),))
+STAY = Candidate(STICK, Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]])))
+
+
+def fitness(evaluator=WIDE, **settings):
+    return part("fitness", OmegaConf.create({"name": "layouts", **settings})).create(evaluator=evaluator)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"layouts": 0}, "fitness.layouts must be at least 1, got 0"),
+        ({"unseen": -1}, "fitness.unseen must be at least 0, got -1"),
+        (
+            {"combine": "median"},
+            "no way to combine rewards 'median' in fitness.combine .*possible: mean, worst, worst_q",
+        ),
+        ({"sims": ["bullet"]}, "no sim 'bullet'"),
+    ],
+)
+def test_a_wrong_setting_is_reported(settings, said):
+    with pytest.raises(UserError, match=said):
+        fitness(**settings)
+
+
+def test_layouts_that_are_all_the_same_are_refused():
+    usual = replace(WIDE, task=Part("task", "BringCube"))
+    with pytest.raises(
+        UserError, match=r"all layouts of BringCube are the same; add task.variation=near or task.varia"
+    ):
+        fitness(usual)
+    fitness(replace(WIDE, task=Part("task", "CleanTable")))  # its dust lies at random in any variation
+
+
+def test_it_combines_the_rewards_of_the_layouts_from_the_runs_seed_on():
+    (alone,) = zip(*(replace(WIDE, seed=seed)([STAY]) for seed in (3, 4)), strict=True)
+    rewards = [evaluation.reward for evaluation in alone]
+    (mean,), (lowest,) = fitness(layouts=2)([STAY]), fitness(layouts=2, combine="worst")([STAY])
+    assert (mean.reward, lowest.reward) == (pytest.approx(np.mean(rewards)), min(rewards))
+    assert mean.details["engines"]["mujoco"]["rewards"] == rewards
+    assert [poor["layout"] for poor in mean.details["poor_layouts"]] in ([3, 4], [4, 3])
+    assert all(0.85 <= poor["cube.x"] <= 1.05 for poor in mean.details["poor_layouts"])
+    json.dumps(mean.details)
+
+
+@given(rewards=st.lists(st.floats(0, 1), min_size=1, max_size=40))
+def test_the_worst_quarter(rewards):
+    found = worst_quarter(rewards)
+    assert min(rewards) - 1e-12 <= found <= np.mean(rewards) + 1e-12
+    assert worst_quarter([0.0, 0.2, *[1.0] * 6]) == pytest.approx(0.1)
+
+
+def test_a_tool_that_overlaps_one_layout_at_spawn_fails_there_alone():
+    near = Tool((Component("bar", "tool_mount", Pose(np.array([0.25, 0.0, -0.48])), Box((0.5, 0.02, 0.02)), 0.005),))
+    boxes = Evaluator(Part("task", "LiftBox", (("variation", "wide"),)), WIDE.sim, 0, QUICK)
+    (found,) = fitness(boxes, layouts=3)([replace(STAY, tool=near)])
+    assert found.status == "rejected"
+    assert "in layout 0, " in found.reason
+
+
+def test_unseen_layouts_are_none_of_the_search_and_the_same_for_every_run():
+    made = fitness(unseen=4)
+    seeds = [evaluator.seed for evaluator in made.unseen()["mujoco"]]
+    assert seeds == [UNSEEN, UNSEEN + 1, UNSEEN + 2, UNSEEN + 3]
+    assert seeds == [e.seed for e in fitness(replace(WIDE, seed=9), unseen=4).unseen()["mujoco"]]
+    assert fitness(unseen=0).unseen() == {}
+    assert pickle.loads(pickle.dumps(made)).unseen() == made.unseen()
+
+
+def test_the_prompt_says_what_varies_and_what_counts():
+    text = fitness(layouts=4, combine="worst", sims=["mujoco", "pybullet"]).instructions()
+    assert "in 4 layouts in each of the engines mujoco, pybullet" in text
+    assert "cube.x from 0.85 to 1.05" in text
+    assert "its lowest reward, in the engine where that is the lowest" in text
+
+
+@pytest.mark.slow
+def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):
+    words = [
+        *("task.variation=near", "sim=mujoco", "fitness=layouts", "fitness.layouts=2", "fitness.unseen=3"),
+        *("budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "budget.n_iteration=0"),
+        *("film=false", "listener=[]", "executor.workers=2"),
+    ]
+    result = run(load("config", words), tmp_path / "run")
+    stored = json.loads((tmp_path / "run/result.json").read_text())["unseen"]
+    assert stored["rewards"] == list(result.unseen)
+    assert (stored["layouts"], stored["worst"]) == (3, min(result.unseen))
+    again = [evaluate([result.best.candidate])[0].reward for evaluate in _unseen(words)]
+    assert again == stored["rewards"]
+    assert read_run(tmp_path / "run").figures.unseen.mean == pytest.approx(stored["mean"])
+    resume(tmp_path / "run")
+    assert f"in 3 unseen layouts mean {stored['mean']:.3f}" in capsys.readouterr().out
+
+
+def _unseen(words):
+    cfg = load("config", words)
+    evaluator = Evaluator(Part("task", "BringCube", (("variation", "near"),)), part("sim", cfg.sim))
+    return part("fitness", cfg.fitness).create(evaluator=evaluator).unseen()["mujoco"]
