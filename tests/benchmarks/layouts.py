@@ -1,8 +1,8 @@
 """How well do designs do in other layouts? ``python -m tests.benchmarks.layouts solutions``, ``... cost``.
 
-solutions: the anchored solutions, and the same tools with literal plans, in unseen layouts of each engine; with noise in
-what the plans see, if asked. Literal plans are what the anchored ones come to in the task's usual layout. cost: the time
-of a rollout with anchored plans against literal ones, and of several layouts against one, as ratios within one process.
+solutions: the anchored solutions, and the same tools with literal plans, in unseen layouts of each engine; with noise
+in what the plans see, if asked. Literal plans are what the anchored ones come to in the task's usual layout. cost: the
+time of a rollout with anchored plans against literal ones, and of several layouts against one, as ratios in one process.
 ``page=docs/layouts.md`` writes a table there.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
-from core.interfaces import Perception, RolloutSettings, Task, ToolRepresentation
+from core.interfaces import Evaluate, Perception, RolloutSettings, Task, ToolRepresentation
 from core.plugins import Part, installed
 from core.simulation.robustness import CheckedEvaluator
 from core.simulation.rollout import Evaluator
@@ -150,24 +150,23 @@ def cost(given: Settings) -> str:
             both = designs(name, RolloutSettings())
             usual = Evaluator(Part("task", name), Part("sim", sim))
             wide = replace(usual, task=Part("task", name, (("variation", "wide"),)))
-            many = Layouts(wide, layouts=5)
             chunk = [replace(both["literal"], action=number) for number in range(5)]
-            anchored = seconds(given.repeats, lambda: usual([both["anchored"]]), lambda: usual([both["literal"]]))
-            plans.append(anchored[0] / anchored[1])
-            shared = seconds(given.repeats, lambda: many(chunk), lambda: wide(chunk))
-            layouts.append(shared[0] / shared[1] / 5)
+            anchored, literal = seconds(given.repeats, *((usual, [design]) for design in both.values()))
+            five, one = seconds(given.repeats, (Layouts(wide, layouts=5), chunk), (wide, chunk))
+            plans.append(anchored / literal)
+            layouts.append(five / one / 5)
             measuring.console.print(f"{sim} {name} {plans[-1]:.3f} {layouts[-1]:.3f}", highlight=False)
         rows.append(f"| {sim} | {np.median(plans):.3f} | {np.median(layouts):.3f} |")
     return "\n".join([*rows, ""])
 
 
-def seconds(repeats: int, *functions: Callable[[], object]) -> list[float]:
-    """Measure the least processor time of each function, called in turns; the first calls load what is kept."""
-    least = [float("inf")] * len(functions)
+def seconds(repeats: int, *trials: tuple[Evaluate, Sequence[Candidate]]) -> list[float]:
+    """Measure the least processor time of each trial, in turns; the first calls load what is kept."""
+    least = [float("inf")] * len(trials)
     for repeat in range(repeats + 1):
-        for number, function in enumerate(functions):
+        for number, (evaluate, candidates) in enumerate(trials):
             began = time.process_time()
-            function()
+            evaluate(candidates)
             if repeat:
                 least[number] = min(least[number], time.process_time() - began)
     return least
