@@ -2,7 +2,7 @@
 
 solutions: the anchored solutions, and the same tools with literal plans, in unseen layouts of each engine; with noise
 in what the plans see, if asked. Literal plans are what the anchored ones come to in the task's usual layout. cost: the
-time of a rollout with anchored plans against literal ones, and of several layouts against one, as ratios in one process.
+time of a rollout with anchored plans against literal ones, and of several layouts against one, as ratios.
 ``page=docs/layouts.md`` writes a table there.
 """
 
