@@ -1,10 +1,11 @@
 """Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``arm``,
-``prompts``, ``ranges``, ``table``.
+``prompts``, ``ranges``, ``tempo``, ``table``.
 
 Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
 ``docs/example.ipynb`` and keeps the outputs of its cells. Arm: the sheet of ``docs/arm.md``. Prompts: the
-sizes and the whole prompt of ``docs/prompts.md``. Ranges: the table of ``docs/layouts.md``. Table (takes hours): the
+sizes and the whole prompt of ``docs/prompts.md``. Ranges: the table of ``docs/layouts.md``. Tempo: peak speeds in a
+strike and a throw, for ``docs/designs.md``. Table (takes hours): the
 rewards of doing nothing, the reference solution, the embedded designer and the bare gripper, written into
 ``docs/tasks.md``.
 """
@@ -27,17 +28,23 @@ from PIL import Image, ImageDraw
 from core import facts
 from core.config.compose import load
 from core.design import Candidate, Tool
+from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings, Waypoints
 from core.layouts import describe
 from core.plugins import installed
+from core.robot.kinematics import arm_of
+from core.robot.tempo import plan_task_motion
 from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
 from core.simulation.pictures import save_film
 from core.simulation.rollout import evaluate_batch
 from docs import prompt_page
 from docs.diagrams import DRAWINGS
+from tests.panda import on_panda
+from tests.plugins.actions.test_strike import Strike, swing
+from tests.plugins.actions.test_throw import Throw, throw
 
 DOCS = Path(__file__).parent
 IMAGES = DOCS / "images" / "tasks"
@@ -195,6 +202,27 @@ def row(name: str, seeds: list[int], gripper_seeds: list[int]) -> dict[str, Any]
     }
 
 
+def tempo(file: Path) -> None:
+    """Draw the greatest speed of each joint in the swing of a strike and of a throw, with tempo and without."""
+    import matplotlib.pyplot as plt
+
+    plays = {"a strike": (on_panda(Strike()), swing), "a throw": (on_panda(Throw()), throw)}
+    figure, panels = plt.subplots(1, 2, figsize=(8, 2.6), sharey=True, layout="constrained")
+    for axes, (what, (task, plan)) in zip(panels, plays.items(), strict=True):
+        for fast, label, shift in ((True, "with tempo", -0.2), (False, "at rest at each waypoint", 0.2)):
+            waypoints = resolve(plan(tempo=fast), task, 0, RolloutSettings())
+            motion = plan_task_motion(waypoints, task, RolloutSettings())
+            times, arm = motion.trajectory.times, motion.trajectory.arm
+            swing_only = times[1:] > motion.arrivals[-8]  # the last seven ways
+            peaks = np.abs(np.diff(arm, axis=0) / np.diff(times)[:, None])[swing_only].max(axis=0)
+            axes.bar(np.arange(len(peaks)) + 1 + shift, peaks / arm_of(task.robot).velocity_limits, 0.4, label=label)
+        axes.axhline(1.0, color="black", linewidth=0.8)
+        axes.set(title=what, xlabel="joint")
+    panels[0].set_ylabel("peak speed / limit")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    figure.savefig(file)
+
+
 def ranges() -> str:
     """Write what the variations of each task draw, as a table."""
     rows = ["", "| task | `near` | `wide` |", "|---|---|---|"]
@@ -243,7 +271,7 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "what", choices=["pictures", "scene", "diagrams", "notebook", "arm", "prompts", "ranges", "table"]
+        "what", choices=["pictures", "scene", "diagrams", "notebook", "arm", "prompts", "ranges", "tempo", "table"]
     )
     parser.add_argument("--tasks", nargs="*", default=installed().names("task"))
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
@@ -262,6 +290,8 @@ def main() -> None:
         fill(DOCS / "arm.md", f"\n{facts.sheet(robot, robot.measured)}")
     elif given.what == "prompts":
         fill(DOCS / "prompts.md", prompt_page.contents())
+    elif given.what == "tempo":
+        tempo(DOCS / "images" / "tempo.png")
     elif given.what == "ranges":
         fill(DOCS / "layouts.md", ranges())
     elif given.what == "notebook":

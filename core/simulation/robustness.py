@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import load, part, robot_part
 from core.config.settings import PerturbationRange
-from core.design import Candidate, DesignError, Evaluation
+from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Simulator, Task
@@ -37,16 +37,18 @@ class CheckedEvaluator(Evaluator):
     """Evaluate in a scene other than the run's. A tool that overlaps it at spawn is rejected."""
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        return super().__call__([self._checked(candidate) for candidate in candidates])
+        tools = {id(candidate.tool): candidate.tool for candidate in candidates}  # most candidates share one
+        problems = {number: self._problem(tool) for number, tool in tools.items()}
+        return super().__call__([replace(c, problem=c.problem or problems[id(c.tool)]) for c in candidates])
 
-    def _checked(self, candidate: Candidate) -> Candidate:
-        if candidate.tool is None or candidate.problem is not None:
-            return candidate
+    def _problem(self, tool: Tool | None) -> str | None:
+        if tool is None:
+            return None
         try:
-            _spawn_rules(self.task, self.seed).check(candidate.tool)
+            _spawn_rules(self.task, self.seed).check(tool)
         except DesignError as error:
-            return replace(candidate, problem=f"{self._where}, {error}")
-        return candidate
+            return f"{self._where}, {error}"
+        return None
 
     @property
     def _where(self) -> str:
