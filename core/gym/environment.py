@@ -20,6 +20,7 @@ from core.designs.rules import SpawnRules, check_tool
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
 from core.interfaces import Image, Simulator, Task, ToolRepresentation, World
+from core.layouts import NONE
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import State
@@ -43,13 +44,15 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
     Observations (J + F + K + 13 B,): J joints (rad), F fingers (m from the middle; none if the arm has no gripper), K
     joints of the tool (rad or m), and for each of B free bodies the position (m), quaternion (w, x, y, z), linear (m/s)
-    and angular (rad/s) velocity, in the world frame.
+    and angular (rad/s) velocity, in the world frame. Where the task has a variation, 7 M numbers follow: positions and
+    quaternions of its M marks and fixed bodies.
 
     The reward of a step is the growth of the task's reward in it, so their sum over an episode is the task's reward at
     its end. ``info["reward"]`` is the task's reward now. An episode terminates at success.
 
     Args:
         task: the task's name.
+        task_settings: its settings, such as ``{"variation": "wide"}``; those left out have their defaults.
         designs: a designs file, whose ``strategy`` (from 0) has the tool; None: the bare arm, or with ``gripper`` the
             bare hand.
         strategy: see ``designs``.
@@ -79,6 +82,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         strategy: int = 0,
         *,
         gripper: bool = False,
+        task_settings: Mapping[str, Any] | None = None,
         sim: str = "pybullet",
         sim_settings: Mapping[str, Any] | None = None,
         robot: str | None = None,
@@ -95,7 +99,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             raise choices("control_mode", str(control_mode), get_args(ControlMode))
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
-        self.task: Task = installed().create("task", task)
+        self.task: Task = installed().create("task", task, task_settings)
         if robot is not None:
             self.task.robot = robot_part(OmegaConf.create({"name": robot, **(robot_settings or {})})).create()
         if gripper and self.task.robot.gripper is None:
@@ -113,7 +117,9 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         joints = len(self.task.robot.arm_joints)
         moves = (joints if control_mode == "joints" else 6) + self.tool.gripper
         others = len(self.task.robot.finger_joints) + len(self.tool.bearers)
-        observed = joints + others + 13 * len(self.task.scene(0).free)
+        scene = self.task.scene(0)
+        observed = joints + others + 13 * len(scene.free)
+        observed += 7 * len(scene.places) * (self.task.variation != NONE)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (moves,), np.float64)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observed,), np.float64)
         self._world: World | None = None
@@ -124,6 +130,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         """Start an episode in a layout that ``seed`` draws, and let it settle."""
         super().reset(seed=seed)
         self._layout = int(self.np_random.integers(2**31))
+        self._scene = self.task.scene(self._layout)
         self._world = world = self.simulator.world(self.task, self.tool, self._layout)
         self._joints, self._fingers = self._arm.home_for(self.task.home), self._opening
         self._pose = self._arm.forward(self._joints)
@@ -177,12 +184,14 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._pose = self._arm.forward(joints)  # where the arm can't follow, the target doesn't run away
 
     def _reward(self, now: State) -> float:
-        complete = self.task.scene(self._layout).complete
+        complete = self._scene.complete
         return float(np.asarray(self.task.reward(complete(self._start), complete(now))))
 
     def _observation(self, world: World) -> Numbers:
         state = world.state()
-        return np.concatenate([*world.joints(), np.concatenate(state.arrays, axis=-1).ravel()])
+        places = self._scene.places.values() if self.task.variation != NONE else ()
+        fixed = [number for pose in places for number in (*pose.position, *pose.quaternion)]
+        return np.concatenate([*world.joints(), np.concatenate(state.arrays, axis=-1).ravel(), fixed])
 
     def render(self) -> Image | None:
         """Draw a picture (height, width, 3); None without a ``render_mode``."""

@@ -26,7 +26,10 @@ from core.layouts import Draw
 from core.plugins import installed
 from core.robot.solids import Solids, body_solids, signed_distance
 from core.scene import State
-from core.simulation.rollout import evaluate_batch
+from core.simulation.robustness import CheckedEvaluator
+from core.simulation.rollout import Part, evaluate_batch
+from plugins.fitness.layouts.fitness import UNSEEN
+from tests.benchmarks import layouts
 from tests.engines import every_simulator, simulator
 from tests.panda import ARM, FINGER_OPEN
 
@@ -320,6 +323,17 @@ def test_the_reference_solution_solves_it(name, engine):
     assert best.reward >= 0.95
     assert best.reward >= task.success_reward
     assert best.distance_m > 0.05
+
+
+@pytest.mark.slow
+@every_simulator
+@pytest.mark.parametrize("name", sorted(file.stem for file in (Path(__file__).parent / "anchored").glob("*.json")))
+def test_the_anchored_solution_fits_layouts_that_it_was_not_made_for(name, engine):
+    """A few of those that docs/layouts.md has figures of: `python -m tests.benchmarks.layouts solutions`."""
+    anchored = layouts.designs(name, RolloutSettings())["anchored"]
+    task, seeds = Part("task", name, (("variation", "wide"),)), range(UNSEEN, UNSEEN + 4)
+    trials = [CheckedEvaluator(task, Part("sim", engine), seed) for seed in seeds]
+    assert np.mean([evaluate([anchored])[0].reward for evaluate in trials]) >= 0.7
 
 
 @every_simulator

@@ -67,6 +67,17 @@ def test_observations_have_what_the_docstring_says():
     assert env.render().shape == (60, 80, 3)
 
 
+def test_a_variation_draws_the_layout_and_shows_its_marks():
+    env = gymnasium.make("RoboToolBench/BringCube-v0", task_settings={"variation": "wide"})
+    seen = [env.reset(seed=seed)[0] for seed in (0, 0, 1)]
+    assert env.observation_space.shape == seen[0].shape == (9 + 13 + 3 * 7,)  # floor, table, mark
+    np.testing.assert_array_equal(seen[0], seen[1])
+    task = env.unwrapped.task
+    mark = task.scene(env.unwrapped._layout)["mark"].pose.position
+    np.testing.assert_allclose(seen[2][-7:-4], mark)
+    assert np.abs(seen[0][-7:-5] - seen[2][-7:-5]).max() > 0.001
+
+
 def test_end_effector_actions_move_the_end_effector():
     env = gymnasium.make("RoboToolBench/BringCube-v0", control_mode="end_effector")
     observed, _ = env.reset(seed=0)
