@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -87,7 +87,7 @@ def elite_feedback(elite: Evaluation, tried: Iterable[Evaluation]) -> dict[str, 
         plans.sort(key=lambda e: e.candidate.key)
         described["other_plans"] = [f"{e.reward:.2f} {outcome_of(e)}" for e in plans]
     if (trial := elite.details.get(TRIAL)) is not None:
-        described["trial"] = ", ".join(f"{name} {value}" for name, value in trial.items())
+        described["trial"] = _where(trial)
     seen = observation(elite)
     if seen is None:
         return described
@@ -118,6 +118,8 @@ def describe(evaluation: Evaluation) -> str:
     if seen is None:
         moved = sorted(evaluation.moved_m.items(), key=lambda item: -item[1])[:_BODIES]
         return "; ".join([*parts, *(f"{name} moved {way:.3f} m" for name, way in moved if way > _MOVED_M)])
+    if combined_figures(evaluation) and (trial := evaluation.details.get(TRIAL)):
+        parts[0] += f" of all trials; in the worst ({_where(trial)})"
     if not evaluation.reason:
         parts[0] += f" {_result(seen)}"
     moves = _moves(seen, _BODIES)
@@ -133,6 +135,11 @@ def describe(evaluation: Evaluation) -> str:
         nearest = min(missed, key=lambda name: missed[name])
         parts.append(f"nearest to {nearest} {1000 * missed[nearest]:.0f} mm")
     return "; ".join(filter(None, (*parts, _miss(seen), _lag(seen))))
+
+
+def _where(trial: Mapping[str, Any]) -> str:
+    """Name a trial: the engine, the layout's number, and that of a perturbation."""
+    return ", ".join(f"{name} {value}" for name, value in trial.items())
 
 
 def _result(seen: Observation) -> str:

@@ -14,7 +14,7 @@ from core.designs.feedback import elite_feedback, generation_lines, last_generat
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Contact, Observation
-from core.observations import Moved
+from core.observations import TRIAL, Moved
 from tests.core.designs.test_composer import FOLDER, make_brief
 
 SEEN = Observation(
@@ -48,6 +48,12 @@ def tried(number=0, reward=0.5, seen: Observation | None = SEEN, generation=0, *
 
 def lines(*evaluations, budget=10_000):
     return generation_lines(tuple(evaluations), budget).splitlines()
+
+
+def test_a_line_of_several_trials_is_about_the_worst():
+    figures = {"engines": {"mujoco": {"mean": 0.5}}, TRIAL: {"engine": "mujoco", "layout": 4}}
+    (line,) = lines(tried(details=SEEN.details() | figures))
+    assert line.startswith("- g0-a0-s0-p0: 0.500 of all trials; in the worst (engine mujoco, layout 4) missed; cube by")
 
 
 def test_a_line_says_what_happened():
