@@ -15,7 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 from core.cli import arguments, command, print_table, say, write_bytes
 from core.config.compose import check_seed, load, node, part, task_part, tool_part
 from core.design import Candidate, Evaluation
-from core.designs.feedback import describe
+from core.designs.feedback import combined_figures, describe
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
@@ -38,16 +38,16 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     document = load_designs(Path(cfg.designs))
     part("sim", cfg.sim).create()  # a wrong setting is reported here, once, rather than by each worker
     spawn = SpawnRules(task_part(cfg).create(), cfg.seed)
-    evaluations = try_all(cfg, read_designs(document, tool_part(cfg).create(), spawn))
+    evaluator = Evaluator(task_part(cfg), part("sim", cfg.sim), cfg.seed, node(cfg.rollout, RolloutSettings))
+    fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
+    evaluations = try_all(cfg, read_designs(document, tool_part(cfg).create(), spawn), fitness)
     return sorted(evaluations, key=lambda e: e.candidate.key)
 
 
-def try_all(cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness | None = None) -> list[Evaluation]:
-    """Try candidates with the configured task, simulator and executor, judged by ``fitness`` or by their rewards."""
-    settings = node(cfg.rollout, RolloutSettings)
-    evaluator = fitness or Evaluator(task_part(cfg), part("sim", cfg.sim), cfg.seed, settings)
+def try_all(cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness) -> list[Evaluation]:
+    """Try candidates with the configured executor, judged by ``fitness``."""
     with part("executor", cfg.executor).create() as executor:
-        return list(evaluate_all(candidates, evaluator, executor))
+        return list(evaluate_all(candidates, fitness, executor))
 
 
 def record(evaluation: Evaluation) -> dict[str, Any]:
@@ -64,6 +64,7 @@ def record(evaluation: Evaluation) -> dict[str, Any]:
         **{k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in figures.items()},  # JSON: no nan
         "warnings": warnings,
         **({"observed": describe(evaluation)} if observation(evaluation) is not None else {}),
+        **({"details": combined} if (combined := combined_figures(evaluation)) else {}),
     }
 
 
@@ -89,7 +90,9 @@ def show(records: list[dict[str, Any]]) -> None:
     ]
     print_table((*numbers, "status"), rows, numbers)
     for r in records:
-        for remark in filter(None, (r["reason"], *r["warnings"], r.get("observed"))):
+        engines = r.get("details", {}).get("engines", {})
+        tried = [f"{engine}: {' '.join(f'{x:.2f}' for x in of['rewards'])}" for engine, of in engines.items()]
+        for remark in filter(None, (r["reason"], *r["warnings"], r.get("observed"), *tried)):
             say(f"strategy {r['strategy']} plan {r['plan']}: {clean(remark, 2000)}")
 
 

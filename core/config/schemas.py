@@ -71,6 +71,7 @@ class EvaluateConfig(SceneConfig):
     """Settings of ``python -m core.evaluate``. ``output``: a JSON file to write as well."""
 
     tool: dict[str, Any] = MISSING
+    fitness: dict[str, Any] = field(default_factory=lambda: {"name": "nominal"})
     executor: dict[str, Any] = MISSING
     rollout: RolloutSettings = field(default_factory=RolloutSettings)
     designs: str = MISSING

@@ -58,3 +58,14 @@ def test_a_terminal_is_shown_no_control_sequences(capsys):
     shown = capsys.readouterr().out
     assert "[bold]no" in shown  # as it stands, not as markup
     assert all(character.isprintable() or character == "\n" for character in shown)
+
+
+@pytest.mark.slow
+def test_designs_are_tried_in_layouts(tmp_path):
+    words = ["task.variation=near", "fitness=layouts", "fitness.layouts=2", "sim=mujoco", "output=rewards.json"]
+    done = python_m(tmp_path, "core.evaluate", f"designs={SOLUTION}", *words, "executor.workers=1")
+    assert done.returncode == 0, done.stderr
+    (found,) = json.loads((tmp_path / "rewards.json").read_text())
+    rewards = found["details"]["engines"]["mujoco"]["rewards"]
+    assert found["reward"] == pytest.approx(sum(rewards) / 2)
+    assert f"mujoco: {rewards[0]:.2f} {rewards[1]:.2f}" in done.stdout
