@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from core.cli import arguments, command
+from core.cli import command
 from core.design import Candidate
 from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
@@ -54,18 +54,19 @@ class Settings:
 
 
 def main() -> None:
-    what, *words = arguments(USAGE) or [""]
-    given = measuring.settings(words, Settings)
-    given.tasks = given.tasks or sorted(file.stem for file in SOLUTIONS.glob("*.json"))
-    if what == "solutions":
-        mark, table = "solutions" if given.position == given.yaw == 0 else "noise", solutions(given)
-    elif what == "cost":
-        mark, table = "cost", cost(given)
-    else:
-        raise UsageError(USAGE)
-    sys.stdout.write(table)
-    if given.page is not None:
-        measuring.write_page(Path(given.page), mark, table)
+    match sys.argv[1:]:
+        case ["--help" | "-h"]:
+            sys.stdout.write(f"{USAGE}\n")
+        case [("solutions" | "cost") as what, *words]:
+            given = measuring.settings(words, Settings)
+            given.tasks = given.tasks or sorted(file.stem for file in SOLUTIONS.glob("*.json"))
+            table = solutions(given) if what == "solutions" else cost(given)
+            sys.stdout.write(table)
+            mark = "noise" if what == "solutions" and given.position + given.yaw > 0 else what
+            if given.page is not None:
+                measuring.write_page(Path(given.page), mark, table)
+        case _:
+            raise UsageError(USAGE)
 
 
 def designs(name: str, settings: RolloutSettings) -> dict[str, Candidate]:
@@ -95,7 +96,8 @@ def solutions(given: Settings) -> str:
             file = folder / f"{name}.json"
             if not file.exists():
                 task = Part("task", name, (("variation", "wide"),))
-                ways = [*(("anchored", sim) for sim in given.sims), ("literal", given.sims[-1])]
+                exact = given.position == given.yaw == 0  # what a literal plan sees makes no difference
+                ways = [*(("anchored", sim) for sim in given.sims), *[("literal", given.sims[-1])] * exact]
                 jobs = [(*way, number) for way in ways for number in range(given.layouts)]
                 trial = _Trial(task, designs(name, settings), settings)
                 earned = {job: reward for (job,), reward in executor.map(trial, [[job] for job in jobs])}
@@ -123,21 +125,23 @@ class _Trial:
 
 
 def row(name: str, rewards: dict[str, dict[str, list[float]]], sims: Sequence[str]) -> str:
-    """Format the means of each engine, the worst layout of all, and the literal plan's mean in the last engine."""
+    """Format the means of each engine, the worst layout of all, and the literal plan's mean if it was tried."""
     means = [np.mean(rewards["anchored"][sim]) for sim in sims]
     worst = min(min(rewards["anchored"][sim]) for sim in sims)
-    literal = np.mean(rewards["literal"][sims[-1]])
-    return f"| {name} | {' | '.join(f'{mean:.3f}' for mean in means)} | {worst:.2f} | {literal:.3f} |"
+    literal = "".join(f" {np.mean(of):.3f} |" for of in rewards["literal"].values())
+    return f"| {name} | {' | '.join(f'{mean:.3f}' for mean in means)} | {worst:.2f} |{literal}"
 
 
 def markdown(found: dict[str, dict[str, dict[str, list[float]]]], sims: Sequence[str]) -> str:
     """Format a row for each task, and the means over the tasks."""
-    means = [np.mean([np.mean(rewards["anchored"][sim]) for rewards in found.values()]) for sim in sims]
-    literal = np.mean([np.mean(rewards["literal"][sims[-1]]) for rewards in found.values()])
-    head = f"| task | {' | '.join(sims)} | worst layout | literal plan, {sims[-1]} |"
-    last = f"| **mean** | {' | '.join(f'{mean:.3f}' for mean in means)} | | {literal:.3f} |"
+    every = list(found.values())
+    means = [np.mean([np.mean(rewards["anchored"][sim]) for rewards in every]) for sim in sims]
+    literal = [sim for sim in sims if all(sim in rewards["literal"] for rewards in every)]
+    last = [f"{np.mean([np.mean(rewards['literal'][sim]) for rewards in every]):.3f}" for sim in literal]
+    head = ["task", *sims, "worst layout", *(f"literal plan, {sim}" for sim in literal)]
+    mean = ["**mean**", *(f"{mean:.3f}" for mean in means), "", *last]
     rows = [row(name, rewards, sims) for name, rewards in found.items()]
-    return "\n".join([head, "|---" * (len(sims) + 3) + "|", *rows, last, ""])
+    return "\n".join(["| " + " | ".join(head) + " |", "|---" * len(head) + "|", *rows, f"| {' | '.join(mean)} |", ""])
 
 
 def cost(given: Settings) -> str:
