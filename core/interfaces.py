@@ -39,6 +39,7 @@ from core.observations import Contact as Contact
 from core.observations import Observation as Observation
 from core.observations import observation as observation
 from core.plans import ActionPlan as ActionPlan
+from core.plans import Anchor as Anchor
 from core.plans import Seen as Seen
 from core.plans import Tempo as Tempo
 from core.plans import Waypoints as Waypoints
@@ -231,6 +232,17 @@ class ActionRepresentation(ABC):
             DesignError: this representation can't write them.
         """
         raise DesignError(f"{type(self).__name__} can't write literal waypoints; use action=waypoints")
+
+    def anchor(self, waypoints: Waypoints, anchors: Sequence[Anchor], seen: Seen) -> list[Any]:
+        """Write the waypoints of one layout as a plan for all: each keeps its place by its anchor.
+
+        There is an anchor for each waypoint. In the layout that was ``seen`` the plan means these waypoints. A
+        representation without anchors writes them as they are.
+
+        Raises:
+            DesignError: see `dump`; or an anchor is not there, or gives no direction.
+        """
+        return self.dump(waypoints)
 
 
 class GivenTools(ToolRepresentation):

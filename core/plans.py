@@ -10,7 +10,7 @@ import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -24,10 +24,32 @@ class Seen:
     poses: Mapping[str, Pose]
 
 
+@dataclass(frozen=True)
+class Anchor:
+    """A frame that a waypoint stands by, computed from what is seen.
+
+    Attributes:
+        name: the body or mark in which its origin is, or ``world``.
+        axes: those of the world, or those of the anchor.
+        toward: the name of a second body or mark; the world's axes are then turned about z until x points there.
+        share: how far the origin lies on the way to ``toward``, 0 to 1.
+    """
+
+    name: str = "world"
+    axes: Literal["world", "anchor"] = "world"
+    toward: str = ""
+    share: float = 0.0
+
+
 class ActionPlan(ABC):
     """A motion as a function of what is seen of the layout. It is picklable, a frozen dataclass, and never changed."""
 
     action: ClassVar[str]  # the name of the representation that reads it, as in ``action=NAME``
+
+    @property
+    def anchors(self) -> tuple[Anchor, ...]:
+        """What its waypoints stand by, one for each; empty: all stand in the world."""
+        return ()
 
     @abstractmethod
     def resolve(self, seen: Seen) -> Waypoints:

@@ -7,7 +7,8 @@ in it is computed by the model's text: there are no expressions.
 from __future__ import annotations
 
 import math
-from dataclasses import fields
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from core.design import DesignError
 from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, MAX_WAYPOINTS
 from core.errors import choices
 from core.geometry import Pose
-from core.interfaces import ActionPlan, ActionRepresentation, Brief, Seen, Tempo, Waypoints
+from core.interfaces import ActionPlan, ActionRepresentation, Anchor, Brief, Seen, Tempo, Waypoints
 from core.text import kind, shorten
 
 WORLD = "world"
@@ -31,11 +32,14 @@ _INSTRUCTIONS = """\
   - `axes`: those of the `world` (the default), or of the `anchor`, which turn with it. Offset and rpy are along them.
   - `toward`: the name of a second anchor. Then the axes are the world's, turned about z until x points from `anchor` to
     it, as for a push towards a goal.
+  - `share`: 0 to 1, how far the offset's origin lies on the way from `anchor` to `toward`; default 0. For what is
+    pushed or carried to a goal. With a share the axes may be those of the `anchor`, too.
   - `speed` (m/s) or `seconds` of the way there; without them the rule about segments below holds. What the arm's limits
     do not allow is slowed, and reported.
   - `through`: true passes the waypoint without a stop, unlike the rule below. `wait`: seconds to stay there.
 {grip}- The plan is used in every layout: anchor it to what moves between layouts, not to the world.
 """
+_DIGITS = 5  # hundredths of a millimetre
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
 
 Length = Annotated[float, Strict(), Field(ge=-MAX_REACH_M, le=MAX_REACH_M, allow_inf_nan=False)]
@@ -56,6 +60,7 @@ class Step:
         anchor: the name of a body or mark, or ``world``.
         axes: those of the world, or those of the anchor.
         toward: the name of a second anchor: the axes are the world's, turned about z until x points there.
+        share: how far the origin lies on the way to ``toward``; then the axes may be the anchor's.
         speed: of the end-effector on the way there, m/s.
         seconds: the time of the way there.
         through: pass it without a stop.
@@ -68,6 +73,7 @@ class Step:
     anchor: Name = WORLD
     axes: Literal["world", "anchor"] = "world"
     toward: Name = ""
+    share: Share = 0.0
     speed: Speed = 0.0
     seconds: Seconds = 0.0
     through: Annotated[bool, Strict()] = False
@@ -83,10 +89,13 @@ class Step:
         anchor = _place(self.anchor, seen, where)
         if not self.toward:
             return anchor if self.axes == "anchor" else Pose(anchor.position)
-        x, y, _ = _place(self.toward, seen, where).position - anchor.position
-        if math.hypot(x, y) < _APART_M:
+        way = _place(self.toward, seen, where).position - anchor.position
+        origin = anchor.position + self.share * way
+        if self.axes == "anchor":
+            return Pose(origin, anchor.quaternion)
+        if math.hypot(way[0], way[1]) < _APART_M:
             raise DesignError(f"{where}: {self.toward!r} is not beside {self.anchor!r}, so that there is no direction")
-        return Pose.xyz_rpy(anchor.position, (0.0, 0.0, math.atan2(y, x)))
+        return Pose.xyz_rpy(origin, (0.0, 0.0, math.atan2(way[1], way[0])))
 
     def dump(self) -> dict[str, Any]:
         """Return what was written, without what has its default."""
@@ -113,6 +122,10 @@ class AnchoredPlan(ActionPlan):
             pose = step.frame(seen, f"waypoint {number}") @ Pose.xyz_rpy(step.offset, step.rpy)
             rows.append([*pose.position, *pose.rpy, *([step.grip] if self.gripper else [])])
         return Waypoints(np.array(rows), self._tempo())
+
+    @property
+    def anchors(self) -> tuple[Anchor, ...]:
+        return tuple(Anchor(step.anchor, step.axes, step.toward, step.share) for step in self.steps)
 
     def _tempo(self) -> Tempo | None:
         steps = self.steps
@@ -152,9 +165,17 @@ class AnchoredActions(ActionRepresentation):
 
     def dump(self, waypoints: Waypoints) -> list[Any]:
         """Anchor them to the world; a tempo is left out."""
-        grips = waypoints.grips.tolist() if waypoints.poses.shape[1] == 7 else [0.0] * len(waypoints)
-        rows = zip(waypoints.poses[:, :6].tolist(), grips, strict=True)
-        return [Step(offset=tuple(row[:3]), rpy=tuple(row[3:]), grip=grip).dump() for row, grip in rows]
+        return self.anchor(waypoints, [Anchor()] * len(waypoints), Seen({}))
+
+    def anchor(self, waypoints: Waypoints, anchors: Sequence[Anchor], seen: Seen) -> list[Any]:
+        steps, rows = [], zip(waypoints.poses, waypoints.grips.tolist(), anchors, strict=True)
+        for number, (row, grip, at) in enumerate(rows, start=1):
+            step = Step((0.0, 0.0, 0.0), anchor=at.name, axes=at.axes, toward=at.toward, share=at.share, grip=grip)
+            if at != Anchor():
+                pose = step.frame(seen, f"waypoint {number}").inverse() @ Pose.xyz_rpy(row[:3], row[3:6])
+                row = np.round([*pose.position, *pose.rpy], _DIGITS) + 0.0
+            steps.append(replace(step, offset=tuple(row[:3].tolist()), rpy=tuple(row[3:6].tolist())).dump())
+        return steps
 
 
 def _step(data: object, where: str, gripper: bool) -> Step:
@@ -175,8 +196,10 @@ def _step(data: object, where: str, gripper: bool) -> Step:
         raise DesignError(f"{where}: give speed or seconds, not both")
     if step.through and step.wait:
         raise DesignError(f"{where}: a waypoint that is passed through has no wait; leave one of them out")
-    if step.toward and step.axes == "anchor":
-        raise DesignError(f"{where}: toward turns the world's axes; leave 'axes' out")
+    if step.toward and step.axes == "anchor" and not step.share:
+        raise DesignError(f"{where}: toward turns the world's axes; leave 'axes' out, or give a share of the way")
+    if step.share and not step.toward:
+        raise DesignError(f"{where}: a share is one of the way to a second anchor; name it in 'toward'")
     return step
 
 

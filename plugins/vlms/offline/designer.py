@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from core.design import DesignError, Tool
 from core.designs.planning import look
 from core.designs.rules import SpawnRules
-from core.interfaces import VLM, Brief, Perception, Reply, Request, Waypoints
+from core.geometry import Array
+from core.interfaces import VLM, ActionRepresentation, Anchor, Brief, Perception, Reply, Request, Seen, Waypoints
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.recognize import recognize
@@ -19,6 +21,8 @@ from plugins.vlms.offline.sight import NothingToMove, Sight
 from plugins.vlms.offline.tools import rods
 
 _DIGITS = 5  # hundredths of a millimetre
+_LAYOUTS = 6  # others in which an anchored plan is checked
+_ANCHORING = 1  # keeps its random numbers apart from others of the same seed
 
 
 class OfflineDesigner(VLM):
@@ -47,9 +51,14 @@ def answer(brief: Brief) -> dict[str, Any]:
     """
     sight = Sight.of(brief)
     spawn = SpawnRules(brief.task, brief.scene_seed)
-    workshop = Workshop(sight, spawn, brief.gripper, np.random.default_rng(brief.seed), brief.representation.material)
+    rng, anchoring = np.random.default_rng(brief.seed), np.random.default_rng([brief.seed, _ANCHORING])
+    workshop = Workshop(sight, spawn, brief.gripper, rng, anchoring, brief.representation.material)
+    if brief.task.ranges and type(brief.actions).anchor is not ActionRepresentation.anchor:
+        others = [replace(brief, scene_seed=brief.scene_seed + i) for i in range(1, _LAYOUTS + 1)]
+        workshop.elsewhere = [(Sight.of(other), _seen(other)) for other in others]
+        workshop.read = lambda rows, anchors: brief.actions.parse(_written(brief, rows, anchors), gripper=brief.gripper)
     given = brief.representation.given(brief.task)
-    elites = elites_with(brief.elites, brief.gripper, look(brief.task, brief.scene_seed, Perception()))
+    elites = elites_with(brief.elites, brief.gripper, _seen(brief))
     strategies = []
     for _ in range(brief.n_tool):
         if given is not None:
@@ -104,6 +113,14 @@ def _strategy(
         "gripper": tool.gripper,
         **brief.representation.dump(tool),
         "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),
-        "action_sets": [brief.actions.dump(Waypoints(np.round(use.plan, _DIGITS) + 0.0)) for use in uses],
+        "action_sets": [_written(brief, use.plan, use.anchors) for use in uses],
         **({"parents": parents} if parents else {}),
     }
+
+
+def _written(brief: Brief, rows: Array, anchors: Sequence[Anchor]) -> list[Any]:
+    return brief.actions.anchor(Waypoints(np.round(rows, _DIGITS) + 0.0), anchors, _seen(brief))
+
+
+def _seen(brief: Brief) -> Seen:
+    return look(brief.task, brief.scene_seed, Perception())

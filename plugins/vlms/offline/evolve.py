@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Evaluation, Tool
 from core.geometry import Array
-from core.interfaces import Seen
+from core.interfaces import Anchor, Seen
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.mutation import cross, mutate, slimmed
 from plugins.vlms.offline.recognize import middle, recognize
@@ -26,6 +26,7 @@ class Elite:
     id: str
     tool: Tool
     plan: Array
+    anchors: Sequence[Anchor]
     reward: float
     moved_m: dict[str, float]
 
@@ -37,11 +38,13 @@ class Elite:
 
 def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) -> list[Elite]:
     """The elites with a gripper tool, or those with a rigid one; their plans as they are in this layout."""
-    return [
-        Elite(e.candidate.id, e.candidate.tool, e.candidate.plan.resolve(seen).poses, e.reward, e.moved_m)
-        for e in evaluations
-        if e.candidate.tool is not None and e.candidate.tool.gripper == gripper
-    ]
+    found = []
+    for e in evaluations:
+        if e.candidate.tool is not None and e.candidate.tool.gripper == gripper:
+            rows, anchors = e.candidate.plan.resolve(seen).poses, e.candidate.plan.anchors
+            anchors = anchors if len(anchors) == len(rows) else (Anchor(),) * len(rows)
+            found.append(Elite(e.candidate.id, e.candidate.tool, rows, anchors, e.reward, e.moved_m))
+    return found
 
 
 def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str, str, Tool, list[Use], list[str]]:
@@ -79,11 +82,11 @@ def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) ->
         if 0 < i == count - 1 and rng.random() < elite.scale:
             uses.append(workshop.use(tool, lambda errand: recognize(tool, errand, rng)))
             continue
-        new, done = base, []
+        new, anchors, done = base, elite.anchors, []
         for _ in range(int(rng.integers(1, 3)) if i > 0 else int(rng.integers(0, 2))):
-            new, what = vary(new, elite, workshop.sight, rng)
+            new, anchors, what = vary(new, anchors, elite, workshop.sight, rng)
             done.append(what)
-        uses.append(Use(new, ", ".join(["the parent's plan", *done])))
+        uses.append(Use(new, ", ".join(["the parent's plan", *done]), anchors))
     return uses
 
 
@@ -101,8 +104,10 @@ def last_stroke(plan: Array) -> tuple[int, int]:
     return start, end + 1
 
 
-def vary(plan: Array, elite: Elite, sight: Sight, rng: np.random.Generator) -> tuple[Array, str]:
-    """Change a plan at random, by the elite's scale."""
+def vary(
+    plan: Array, anchors: Sequence[Anchor], elite: Elite, sight: Sight, rng: np.random.Generator
+) -> tuple[Array, Sequence[Anchor], str]:
+    """Change a plan at random, by the elite's scale, and keep an anchor for each waypoint."""
     start, end = last_stroke(plan)
     way = plan[end, :3] - plan[start, :3]
     length = float(np.linalg.norm(way))
@@ -120,25 +125,31 @@ def vary(plan: Array, elite: Elite, sight: Sight, rng: np.random.Generator) -> t
                 more = rng.normal(0.0, 0.08 * elite.scale)
             share = np.clip((np.arange(len(plan)) - start) / max(1, end - start), 0.0, 1.0)
             new[:, :3] += share[:, None] * more * way / max(length, 1e-6)
-            return new, f"its stroke {'longer' if more > 0 else 'shorter'} by {abs(more) * 1000:.1f} mm"
+            return new, anchors, f"its stroke {'longer' if more > 0 else 'shorter'} by {abs(more) * 1000:.1f} mm"
         case "shift":
             shift = rng.normal(0.0, 0.02 * elite.scale, 3) * np.array([1.0, 1.0, 0.2])
             new[:, :3] += shift
-            return new, f"shifted by {np.linalg.norm(shift) * 1000:.1f} mm"
+            return new, anchors, f"shifted by {np.linalg.norm(shift) * 1000:.1f} mm"
         case "height":
             rise = rng.normal(0.0, 0.02 * elite.scale)
             new[rng.integers(0, max(1, start + 1)) :, 2] += rise
-            return new, f"from some waypoint on {abs(rise) * 1000:.1f} mm {'higher' if rise > 0 else 'lower'}"
+            return new, anchors, f"from some waypoint on {abs(rise) * 1000:.1f} mm {'higher' if rise > 0 else 'lower'}"
         case "yaw":
             turn = rng.normal(0.0, 0.2 * elite.scale)
             new[:, 5] += turn
-            return new, f"turned by {np.degrees(turn):.1f} degrees"
+            return new, anchors, f"turned by {np.degrees(turn):.1f} degrees"
         case "slower" if len(plan) < 60:
             halfway = (plan[start:end] + plan[start + 1 : end + 1]) / 2
-            return np.insert(plan, np.arange(start + 1, end + 1), halfway, axis=0), "its stroke at half the speed"
+            more = list(anchors)
+            for i in range(end, start, -1):
+                before, after = anchors[i - 1 : i + 1]
+                is_one = (before.name, before.toward) == (after.name, after.toward)
+                more.insert(i, replace(after, share=(before.share + after.share) / 2) if is_one else after)
+            new = np.insert(plan, np.arange(start + 1, end + 1), halfway, axis=0)
+            return new, more, "its stroke at half the speed"
         case _:
             kept = [i for i in range(len(plan)) if not (start < i < end and (i - start) % 2)]
-            return plan[kept], "its stroke with fewer waypoints"
+            return plan[kept], [anchors[i] for i in kept], "its stroke with fewer waypoints"
 
 
 def _missing(elite: Elite, sight: Sight) -> float:

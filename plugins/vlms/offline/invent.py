@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from core.design import DesignError, Tool
 from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Array, Pose
-from core.interfaces import PAPER, Material
+from core.interfaces import PAPER, ActionPlan, Anchor, Material, Seen, Waypoints
 from core.robot.kinematics import arm_of
+from plugins.vlms.offline.anchoring import anchors_of
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.clamps import build_clamp, sample_clamp
 from plugins.vlms.offline.heads import Head
@@ -26,6 +28,7 @@ from plugins.vlms.offline.ways import head_path
 
 _TOOL_TRIES = 12
 _PLAN_TRIES = 5
+_MORE_TRIES = 2  # times as many where a tool must do in several layouts
 _MOST_TRIES = 60
 _MOUNTS = 40  # end-effector positions that are compared
 _MISS_M = 0.005  # error of inverse kinematics that is not a fault
@@ -37,21 +40,25 @@ A = TypeVar("A")
 
 @dataclass(frozen=True, eq=False)
 class Use:
-    """A plan and its description."""
+    """A plan, its description, and what each waypoint stands by."""
 
     plan: Array
     text: str
+    anchors: Sequence[Anchor]
 
 
 @dataclass(eq=False)
 class Workshop:
-    """Invents tools and plans for one scene."""
+    """Invents tools and plans for one scene, and for those ``elsewhere``: ``read`` makes a plan for all."""
 
     sight: Sight
     spawn: SpawnRules
     gripper: bool
     rng: np.random.Generator
+    anchoring: np.random.Generator
     material: Material = PAPER
+    elsewhere: Sequence[tuple[Sight, Seen]] = ()
+    read: Callable[[Array, Sequence[Anchor]], ActionPlan] = lambda rows, _: Waypoints(rows)
 
     @property
     def stout(self) -> float:
@@ -72,7 +79,8 @@ class Workshop:
 
         It is the best of a random number of samples: doubtful ones are not always the worst.
         """
-        return _least_faulty(self._invent_once, int(self.rng.integers(2, _TOOL_TRIES + 1)))
+        tries = int(self.rng.integers(2, _TOOL_TRIES + 1))
+        return _least_faulty(self._invent_once, _MORE_TRIES * tries if self.elsewhere else tries)
 
     def use(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> Use:
         """A plan for a tool; ``find_head`` returns its head and the head's pose for an errand."""
@@ -82,7 +90,7 @@ class Workshop:
         errands = self.sight.errands(self.rng)
         largest = max(errands, key=lambda errand: len(errand.things))
         head = self._head(largest)
-        path, text = head_path(errands, head, self.rng)
+        path, text = self._path(errands, head)
         at = AT if head.use == "pour" else self._mount(path, head, largest)
         tool = self._build(head, at, path, largest)
         use, fault = self._planned(tool, at, path, text, errands)
@@ -118,41 +126,63 @@ class Workshop:
     def _use_once(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> tuple[Use, float]:
         errands = self.sight.errands(self.rng)
         head, at = find_head(errands[0])
-        path, text = head_path(errands, head, self.rng)
+        path, text = self._path(errands, head)
         return self._planned(tool, at, path, text, errands)
+
+    def _path(self, errands: Sequence[Errand], head: Head) -> tuple[Path, str]:
+        path, text = head_path(errands, head, self.rng)
+        path.anchors = anchors_of(path, errands, self.sight, self.anchoring)
+        return path, text
 
     def _planned(self, tool: Tool, at: Pose, path: Path, text: str, errands: Sequence[Errand]) -> tuple[Use, float]:
         """The plan that moves the head at the pose ``at`` along the path, and its fault. For a high path it may first
         rise at a distance.
         """
         plan, touching, home = path.plan(at, tool.gripper), list(path.touching), self.sight.home.position
-        fault = self._fault(tool, plan, touching, errands)
+        anchors = path.anchors
+        fault = self._fault(tool, plan, anchors, touching, errands)
         if fault == 0.0 or not self._is_high(path):
-            return Use(plan, text), fault
+            return Use(plan, text, anchors), fault
         tried = [(fault, plan)]
         space = self.sight.space
         way = space.from_axis(plan[0])
+        anchors = [Anchor()] * 2 + anchors
         for radius in (float(np.hypot(*space.from_axis(home))), round(space.inner + 0.1, 2), space.inner):
             rows = np.repeat(plan[:1], 2, axis=0)
             rows[:, :2] = space.base[:2] + way * (radius / max(float(np.hypot(*way)), 1e-6))
             rows[0, 2] = home[2]
             longer = np.vstack([rows, plan])
-            tried.append((self._fault(tool, longer, [False, False, *touching], errands), longer))
+            tried.append((self._fault(tool, longer, anchors, [False, False, *touching], errands), longer))
         fault, plan = min(tried, key=lambda one: one[0])
-        return Use(plan, text), fault
+        return Use(plan, text, anchors[len(anchors) - len(plan) :]), fault
 
     def _is_high(self, path: Path) -> bool:
         """Report whether the head works higher than the end-effector's home."""
         return bool(min(pose.position[2] for pose in path.poses) > self.sight.home.position[2])
 
-    def _fault(self, tool: Tool, plan: Array, touching: Sequence[bool], errands: Sequence[Errand]) -> float:
-        """A measure of unwanted collisions and missed waypoints; 0: there are none."""
-        moved = {id(thing): thing for errand in errands for thing in errand.things}
-        moved |= {id(errand.holder): errand.holder for errand in errands if errand.holder is not None}
-        others = Boxes.join(thing.boxes for thing in self.sight.things if id(thing) not in moved)
-        wanted = Boxes.join(thing.boxes for thing in moved.values())
+    def _fault(
+        self, tool: Tool, plan: Array, anchors: Sequence[Anchor], touching: Sequence[bool], errands: Sequence[Errand]
+    ) -> float:
+        """A measure of unwanted collisions and missed waypoints; 0: there are none.
+
+        A plan without any in this layout gets at most 1: the less, the later the first layout with some comes.
+        """
+        moved = {self.sight.name(thing) for errand in errands for thing in (*errand.things, errand.holder) if thing}
+        fault = self._fault_in(self.sight, tool, plan, touching, moved)
+        if fault > 0.0 or not self.elsewhere:
+            return fault + float(fault > 0.0 and bool(self.elsewhere))
+        read = self.read(plan, anchors)
+        for number, (sight, seen) in enumerate(self.elsewhere):
+            if self._fault_in(sight, tool, read.resolve(seen).poses, touching, moved) > 0.0:
+                return 1.0 - number / len(self.elsewhere)
+        return 0.0
+
+    def _fault_in(self, sight: Sight, tool: Tool, plan: Array, touching: Sequence[bool], moved: set[str]) -> float:
+        pairs = list(zip(sight.names, sight.things, strict=True))
+        others = Boxes.join(thing.boxes for name, thing in pairs if name not in moved)
+        wanted = Boxes.join(thing.boxes for name, thing in pairs if name in moved)
         solids = Boxes.join([tool_boxes(tool), HAND]) if tool.gripper else tool_boxes(tool)
-        hits = collisions(plan, touching, solids, self.sight.home, wanted, others)
+        hits = collisions(plan, touching, solids, sight.home, wanted, others)
         arm = arm_of(self.spawn.robot)
         miss = reach_error(plan, arm)
         if miss > _MISS_M:
@@ -179,10 +209,14 @@ class Workshop:
             lowest = min(pose.position[2] for pose in path.poses)
             most = max(least, home[2] - beneath - 0.003)
             least = min(most, errand.clear_z - lowest + (_HAND_M if self.gripper else 0.005))
+        rows = path.plan(Pose(), self.gripper)
+        read = self.read(rows, path.anchors)
+        found = [rows, *(read.resolve(seen).poses for _, seen in self.elsewhere)]
+        ways = [(rows[:, :3], Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix()) for rows in found]
         space = self.sight.space
         ahead = space.direction(home) if space.base[:2].any() else 0.0
         places: list[tuple[float, Pose]] = []
-        for _ in range(_MOUNTS):
+        for _ in range(_MOUNTS * (_MORE_TRIES if self.elsewhere else 1)):
             angle = ahead + rng.uniform(-0.9, 0.9)
             radius, drop = rng.uniform(space.inner + 0.02, space.outer - 0.02), rng.uniform(least, most)
             way = radius * np.array([np.cos(angle), np.sin(angle)])
@@ -191,7 +225,7 @@ class Workshop:
                 place = (start.position[0], start.position[1], start.position[2] + drop)
             at = Pose.xyz_rpy(place, (0.0, 0.0, yaw)).inverse() @ start
             back = at.inverse()
-            strain = space.strain(np.array([(pose @ back).position for pose in path.poses]))
+            strain = sum(space.strain(heads + turns @ back.position) for heads, turns in ways)
             cost = 20.0 * strain + float(np.hypot(*at.position[:2])) + rng.uniform(0.0, 0.15)
             places.append((cost, at))
         return min(places, key=lambda place: place[0])[1]

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from core.design import Tool
 from core.geometry import Array, Pose
+from core.interfaces import Anchor
 from core.robot.kinematics import Arm
 from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import plan_motion
@@ -25,12 +26,17 @@ _CONTACT_M = 0.001  # a smaller overlap is only a contact
 class Path:
     """Poses of a head in the world, one per waypoint, with the gripper's value.
 
-    ``touching`` marks the waypoints on the way to which the head may touch the bodies of its errand.
+    ``touching`` marks the waypoints on the way to which the head may touch the bodies of its errand. ``ends`` has, for
+    each errand, the number of waypoints at its end, and the number of the one from which on its bodies are moved.
+    ``anchors`` are what the waypoints stand by.
     """
 
     poses: list[Pose] = field(default_factory=list)
     grips: list[float] = field(default_factory=list)
     touching: list[bool] = field(default_factory=list)
+    ends: list[tuple[int, int]] = field(default_factory=list)
+    held: int | None = None
+    anchors: list[Anchor] = field(default_factory=list)
 
     def go(
         self,
@@ -52,6 +58,17 @@ class Path:
         count = int(np.clip(np.ceil(np.linalg.norm(end - start) / (speed * _SEGMENT_S)), 1, _MOST_SEGMENTS))
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
             self.go(start + share * (end - start), heading, grip=grip, touch=True)
+
+    def hold(self) -> None:
+        """Note that the bodies are in the head's hold now; without it they are moved from the first touch on."""
+        self.held = len(self.poses) - 1
+
+    def end(self) -> None:
+        """End an errand."""
+        first = self.ends[-1][0] if self.ends else 0
+        touched = self.touching.index(True, first) if True in self.touching[first:] else len(self.poses)
+        self.ends.append((len(self.poses), self.held if self.held is not None else max(first, touched - 1)))
+        self.held = None
 
     def plan(self, head: Pose, gripper: bool) -> Array:
         """Waypoints (N, 6), or (N, 7) with the gripper, of an end-effector that has the head at the pose ``head``."""

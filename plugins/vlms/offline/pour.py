@@ -136,6 +136,7 @@ def pour(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
     high = errand.clear_z + max(level - foot, float(np.ptp(errand.holder.points[:, :2], axis=0).min()) / 2)
     high += rng.uniform(0.01, 0.06)
     path.stroke(np.array([*grasp[:2], high]), grips.heading, rng.uniform(0.1, 0.3))
+    path.hold()
     place = np.mean([thing.position for thing in errand.things], axis=0) + errand.shift
     heading = errand.space.direction(place) + rng.uniform(-0.5, 0.8)
     sign, turn = float(rng.choice([-1.0, 1.0])), rng.uniform(2.2, 3.0)

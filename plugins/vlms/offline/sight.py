@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,6 +77,7 @@ class Errand:
     clear_z: float  # height above everything near the way
     space: Workspace
     holder: Thing | None = None  # a loose body that contains them
+    at: str | None = None  # the body or mark by which the goal's place is given
 
     @cached_property
     def points(self) -> Array:
@@ -171,13 +173,17 @@ class Errand:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Bodies with collision shapes, their names, the goals, the end-effector's home, and the arm's workspace."""
+    """Bodies with collision shapes, their names, the goals, the end-effector's home, and the arm's workspace.
+
+    Goals are in the world; ``at`` names what each one's place was given by.
+    """
 
     things: tuple[Thing, ...]
     names: tuple[str, ...]
     goals: tuple[Goal, ...]
     home: Pose
     space: Workspace
+    at: tuple[str | None, ...]
 
     @classmethod
     def of(cls, brief: Brief) -> Sight:
@@ -195,7 +201,8 @@ class Sight:
         bodies = [body for body in scene.bodies if body.collisions]
         names = tuple(body.name for body in bodies)
         things, space = tuple(Thing.of(body) for body in bodies), workspace_of(brief.task.robot)
-        return cls(things, names, goals, brief.task.home, space)
+        at = tuple(goal.at for goal in brief.task.goals) or (None,)
+        return cls(things, names, goals, brief.task.home, space, at)
 
     @cached_property
     def boxes(self) -> Boxes:
@@ -203,12 +210,15 @@ class Sight:
 
     def errands(self, rng: np.random.Generator) -> list[Errand]:
         """Draw errands for a goal at random: all its bodies, in lanes if they are many; one of them if it is enough."""
-        goal = self.goals[int(rng.integers(len(self.goals))) if len(self.goals) > 1 else 0]
+        number = int(rng.integers(len(self.goals))) if len(self.goals) > 1 else 0
+        goal = self.goals[number]
         things = [self.things[self.names.index(name)] for name in goal.bodies]
         if goal.any and len(things) > 1:
             things = [self._easiest(things, rng)]
         lanes = _lanes(things, goal, rng)
-        return [self._errand(lane, self._shift(self._errand(lane, np.zeros(3)), goal, rng)) for lane in lanes]
+        shifts = [self._shift(self._errand(lane, np.zeros(3)), goal, rng) for lane in lanes]
+        pairs = zip(lanes, shifts, strict=True)
+        return [replace(self._errand(lane, shift), at=self.at[number]) for lane, shift in pairs]
 
     def _easiest(self, things: list[Thing], rng: np.random.Generator) -> Thing:
         """A thing with nothing on top, at random from the highest ones."""
@@ -227,15 +237,26 @@ class Sight:
         clear_z = float(boxes.upper[near, 2].max())
         return Errand(tuple(things), shift, others, clear_z, self.space, self._holder(things))
 
-    def _holder(self, things: list[Thing]) -> Thing | None:
+    def _holder(self, things: Sequence[Thing]) -> Thing | None:
         """A loose body that encloses the positions of all things."""
+        return next((other for other in self._around(things) if not other.fixed), None)
+
+    def _around(self, things: Sequence[Thing]) -> Iterator[Thing]:
+        """Yield the bodies that enclose the positions of all things."""
         inside = np.array([thing.position for thing in things])
         for other in self.things:
             lower, upper = other.points.min(axis=0), other.points.max(axis=0)
             around = (inside > lower).all() and (inside < upper).all()
-            if around and not other.fixed and all(other is not thing for thing in things):
-                return other
-        return None
+            if around and all(other is not thing for thing in things):
+                yield other
+
+    def name(self, thing: Thing) -> str:
+        return next(name for name, one in zip(self.names, self.things, strict=True) if one is thing)
+
+    def container(self, errand: Errand) -> str | None:
+        """The name of the smallest body, fixed or loose, that encloses an errand's."""
+        around = sorted(self._around(errand.things), key=lambda thing: float(np.prod(np.ptp(thing.points, axis=0))))
+        return self.name(around[0]) if around else None
 
     def _shift(self, errand: Errand, goal: Goal, rng: np.random.Generator) -> Array:
         if goal.place is None:

@@ -100,6 +100,7 @@ def scoop(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     path.go(start + _over(errand, low, rng), way.heading)
     path.go(start, way.heading)
     path.stroke(under, way.heading, speed)
+    path.hold()
     rise = _about(max(errand.shift[2] + rng.uniform(-0.01, 0.03), 0.0), rng)
     if errand.length < 0.03:
         tilt = -rng.uniform(0.0, 0.25) if rng.random() < 0.4 else 0.0
@@ -144,6 +145,7 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     path.go(at + _over(errand, low, rng), yaw)
     path.go(at, yaw)
     path.go(at, yaw, grip=1.0, touch=True)
+    path.hold()
     rises = errand.shift[2] > 0.03
     drags = not rises and not errand.blocked(errand.shift) and rng.random() < 0.6
     over_ground = at + _about(1.0, rng) * errand.shift * np.array([1.0, 1.0, 0.0])
@@ -171,5 +173,8 @@ def head_path(errands: Sequence[Errand], head: Head, rng: np.random.Generator) -
     path = Path()
     ways: dict[str, Way] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
     ways |= {"pour": pour, "pinch": pinch}
-    texts = [ways[head.use](path, errand, head, rng) for errand in errands]
+    texts = []
+    for errand in errands:
+        texts.append(ways[head.use](path, errand, head, rng))
+        path.end()
     return path, "; then ".join(dict.fromkeys(texts))

@@ -12,7 +12,7 @@ from core.design import Candidate, DesignError
 from core.designs.reading import dump_design, read_designs
 from core.designs.rules import SpawnRules
 from core.geometry import Pose
-from core.interfaces import RolloutSettings, Seen, Waypoints
+from core.interfaces import Anchor, RolloutSettings, Seen, Waypoints
 from core.plugins import installed
 from core.report.runs import read_run
 from core.report.tools import winners
@@ -20,6 +20,7 @@ from core.search.orchestration import resume, run
 from core.simulation.rollout import evaluate_batch
 from core.store.reader import stored_evaluations
 from plugins.actions.anchored import AnchoredActions, AnchoredPlan
+from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 
@@ -65,6 +66,47 @@ def test_a_plan_moves_with_the_scene(yaw, x, y, how):
     assert (turned.inv() * Rotation.from_euler("xyz", after[3:])).magnitude() < 1e-7
 
 
+@pytest.mark.parametrize("axes", ["world", "anchor"])
+def test_a_share_goes_over_to_the_other_anchor(axes):
+    """At a share of 0.25 a waypoint follows a quarter of what the second anchor moves."""
+    step = {"anchor": "cube", "toward": "goal", "share": 0.25, "offset": [0.1, 0, 0.3], "axes": axes}
+    turn = CUBE.rpy[2] if axes == "anchor" else -np.pi / 2
+    place = np.array([0.6, 0.0, 0.315]) + 0.1 * np.array([np.cos(turn), np.sin(turn), 0.0])
+    np.testing.assert_allclose(first(step), [*place, 0, 0, turn], atol=1e-12)
+
+
+ANCHORS = [
+    Anchor(),
+    Anchor("cube"),
+    Anchor("goal", axes="anchor"),
+    Anchor("cube", toward="goal", share=0.3),
+    Anchor("world", toward="cube"),
+    Anchor("cube", "anchor", "goal", 0.7),
+]
+
+
+@given(
+    st.lists(st.tuples(*[st.floats(-1, 1)] * 3, *[st.floats(-3, 3)] * 3, st.floats(0, 1)), min_size=6, max_size=6),
+    st.permutations(ANCHORS),
+    st.booleans(),
+)
+def test_anchored_waypoints_are_the_same_ones_in_their_layout(rows, anchors, gripper):
+    literal = Waypoints(np.array(rows)[:, : 7 if gripper else 6])
+    read = ACTIONS.parse(json.loads(json.dumps(ACTIONS.anchor(literal, anchors, SEEN))), gripper=gripper)
+    resolved = read.resolve(SEEN)
+    assert read.anchors == tuple(anchors)
+    np.testing.assert_allclose(resolved.poses[:, :3], literal.poses[:, :3], atol=1e-4)
+    np.testing.assert_array_equal(resolved.grips, literal.grips)
+    before, after = (Rotation.from_euler("xyz", plan.poses[:, 3:6]) for plan in (literal, resolved))
+    assert (before.inv() * after).magnitude().max() < 1e-4
+
+
+def test_a_representation_without_anchors_writes_literal_waypoints():
+    literal = Waypoints(np.array([[0.5, 0, 0.4, 0, 0, 0]]))
+    assert WaypointActions().anchor(literal, [Anchor("cube")], SEEN) == literal.dump()
+    assert literal.anchors == ()
+
+
 def test_tempo_comes_along():
     steps = [
         {"offset": [0.5, 0, 0.4], "speed": 0.5, "through": True},
@@ -107,6 +149,8 @@ GOOD = {"offset": [0.5, 0.0, 0.4]}
         ([GOOD | {"through": True, "wait": 1}], "passed through has no wait"),
         ([GOOD | {"through": "yes"}], "waypoint 1: through"),
         ([GOOD | {"axes": "anchor", "toward": "goal"}], "leave 'axes' out"),
+        ([GOOD | {"share": 0.5}], "name it in 'toward'"),
+        ([GOOD | {"toward": "goal", "share": 1.5}], "waypoint 1: share"),
         ([GOOD | {"speed": 1e999}], "waypoint 1: speed"),
     ],
 )
