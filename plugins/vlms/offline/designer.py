@@ -21,7 +21,7 @@ from plugins.vlms.offline.sight import NothingToMove, Sight
 from plugins.vlms.offline.tools import rods
 
 _DIGITS = 5  # hundredths of a millimetre
-_LAYOUTS = 6  # others in which an anchored plan is checked
+_LAYOUTS, _DRAWN = 4, 32  # others in which an anchored plan is checked, the most unlike of so many
 _ANCHORING = 1  # keeps its random numbers apart from others of the same seed
 
 
@@ -54,8 +54,7 @@ def answer(brief: Brief) -> dict[str, Any]:
     rng, anchoring = np.random.default_rng(brief.seed), np.random.default_rng([brief.seed, _ANCHORING])
     workshop = Workshop(sight, spawn, brief.gripper, rng, anchoring, brief.representation.material)
     if brief.task.ranges and type(brief.actions).anchor is not ActionRepresentation.anchor:
-        others = [replace(brief, scene_seed=brief.scene_seed + i) for i in range(1, _LAYOUTS + 1)]
-        workshop.elsewhere = [(Sight.of(other), _seen(other)) for other in others]
+        workshop.elsewhere = [(Sight.of(other), _seen(other)) for other in _unlike(brief)]
         workshop.read = lambda rows, anchors: brief.actions.parse(_written(brief, rows, anchors), gripper=brief.gripper)
     given = brief.representation.given(brief.task)
     elites = elites_with(brief.elites, brief.gripper, _seen(brief))
@@ -120,6 +119,17 @@ def _strategy(
 
 def _written(brief: Brief, rows: Array, anchors: Sequence[Anchor]) -> list[Any]:
     return brief.actions.anchor(Waypoints(np.round(rows, _DIGITS) + 0.0), anchors, _seen(brief))
+
+
+def _unlike(brief: Brief) -> list[Brief]:
+    """Choose briefs of layouts that are as unlike this one and each other as can be."""
+    briefs = [replace(brief, scene_seed=brief.scene_seed + i) for i in range(_DRAWN)]
+    places = np.array([np.ravel([pose.matrix[:3] for pose in _seen(one).poses.values()]) for one in briefs])
+    chosen = [0]
+    while len(chosen) <= _LAYOUTS:
+        apart = np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1)
+        chosen.append(int(apart.argmax()))
+    return [briefs[i] for i in chosen[1:]]
 
 
 def _seen(brief: Brief) -> Seen:

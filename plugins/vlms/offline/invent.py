@@ -28,9 +28,9 @@ from plugins.vlms.offline.ways import head_path
 
 _TOOL_TRIES = 12
 _PLAN_TRIES = 5
-_MORE_TRIES = 2  # times as many where a tool must do in several layouts
 _MOST_TRIES = 60
-_MOUNTS = 40  # end-effector positions that are compared
+_MOUNTS = 40  # end-effector positions that are compared,
+_MORE = 2  # times as many where a tool must do in several layouts
 _MISS_M = 0.005  # error of inverse kinematics that is not a fault
 _BREAKS_RULES = 1000.0
 _HAND_M = 0.068  # the hand's height
@@ -79,8 +79,7 @@ class Workshop:
 
         It is the best of a random number of samples: doubtful ones are not always the worst.
         """
-        tries = int(self.rng.integers(2, _TOOL_TRIES + 1))
-        return _least_faulty(self._invent_once, _MORE_TRIES * tries if self.elsewhere else tries)
+        return _least_faulty(self._invent_once, int(self.rng.integers(2, _TOOL_TRIES + 1)))
 
     def use(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> Use:
         """A plan for a tool; ``find_head`` returns its head and the head's pose for an errand."""
@@ -216,7 +215,7 @@ class Workshop:
         space = self.sight.space
         ahead = space.direction(home) if space.base[:2].any() else 0.0
         places: list[tuple[float, Pose]] = []
-        for _ in range(_MOUNTS * (_MORE_TRIES if self.elsewhere else 1)):
+        for _ in range(_MOUNTS * (_MORE if self.elsewhere else 1)):
             angle = ahead + rng.uniform(-0.9, 0.9)
             radius, drop = rng.uniform(space.inner + 0.02, space.outer - 0.02), rng.uniform(least, most)
             way = radius * np.array([np.cos(angle), np.sin(angle)])
