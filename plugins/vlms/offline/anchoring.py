@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.interfaces import Anchor
+from core.geometry import Pose
+from core.interfaces import Anchor, Seen
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.sight import Errand, Sight
 
@@ -35,14 +36,30 @@ def anchors_of(path: Path, errands: Sequence[Errand], sight: Sight, rng: np.rand
     return found
 
 
+def turn_of(sight: Sight, seen: Seen) -> Pose | None:
+    """Compute a turn about the robot after which the axes of what the bodies are taken by are the world's.
+
+    None: they are not taken along its axes, or there is nothing to turn.
+    """
+    goal = sight.goals[0]
+    things = [sight.things[sight.names.index(name)] for name in goal.bodies]
+    name = sight.container(things[:1] if goal.any else things)
+    if name is None and len(things) == 1 and sight.at[0] in (None, goal.bodies[0]):
+        (name,) = goal.bodies
+    yaw = 0.0 if name is None else -float(seen.poses[name].rpy[2])
+    base = Pose(sight.space.base)
+    return base @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw)) @ base.inverse() if yaw else None
+
+
 def _base(errand: Errand, sight: Sight, rng: np.random.Generator) -> Anchor:
     """Choose the frame in which the bodies are taken."""
-    container = sight.container(errand)
+    container = sight.container(errand.things)
     if container is not None:
         return Anchor(container, axes="anchor")
     if len(errand.things) > 1:  # they are scattered otherwise in each layout
         return Anchor(toward=errand.at or "")
     (name,) = (sight.name(thing) for thing in errand.things)
-    if errand.at is not None and errand.at != name and errand.length > _APART_M and rng.random() < 0.8:
-        return Anchor(name, toward=errand.at)
+    away = errand.at is not None and errand.at != name and errand.length > _APART_M
+    if away and (errand.alone or rng.random() < 0.8):
+        return Anchor(name, toward=errand.at or "")
     return Anchor(name, axes="anchor")

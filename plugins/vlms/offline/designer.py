@@ -14,6 +14,7 @@ from core.designs.planning import look
 from core.designs.rules import SpawnRules
 from core.geometry import Array
 from core.interfaces import VLM, ActionRepresentation, Anchor, Brief, Perception, Reply, Request, Seen, Waypoints
+from plugins.vlms.offline.anchoring import turn_of
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.recognize import recognize
@@ -49,22 +50,29 @@ def answer(brief: Brief) -> dict[str, Any]:
         NothingToMove: see `Sight.of`.
         DesignError: plans can't be written as the brief asks.
     """
-    sight = Sight.of(brief)
+    sight, seen = Sight.of(brief), _seen(brief)
+    anchored = bool(brief.task.ranges) and type(brief.actions).anchor is not ActionRepresentation.anchor
+    if anchored and (turn := turn_of(sight, seen)) is not None:
+        sight, seen = Sight.of(brief, turn), Seen({name: turn @ pose for name, pose in seen.poses.items()})
     spawn = SpawnRules(brief.task, brief.scene_seed)
     rng, anchoring = np.random.default_rng(brief.seed), np.random.default_rng([brief.seed, _ANCHORING])
-    workshop = Workshop(sight, spawn, brief.gripper, rng, anchoring, brief.representation.material)
-    if brief.task.ranges and type(brief.actions).anchor is not ActionRepresentation.anchor:
+    workshop = Workshop(sight, seen, spawn, brief.gripper, rng, anchoring, brief.representation.material)
+    if anchored:
         workshop.elsewhere = [(Sight.of(other), _seen(other)) for other in _unlike(brief)]
-        workshop.read = lambda rows, anchors: brief.actions.parse(_written(brief, rows, anchors), gripper=brief.gripper)
+        workshop.read = lambda rows, anchors: brief.actions.parse(
+            _written(brief, seen, rows, anchors), gripper=brief.gripper
+        )
     given = brief.representation.given(brief.task)
-    elites = elites_with(brief.elites, brief.gripper, _seen(brief))
+    elites = elites_with(brief.elites, brief.gripper, seen)
     strategies = []
     for _ in range(brief.n_tool):
         if given is not None:
             strategies.append(_given(brief, given, elites, workshop))
         elif elites:
             name, description, tool, uses, parents = breed(elites, brief.n_action, workshop)
-            strategies.append(_strategy(brief, name, description, _in_its_shapes(tool, brief, workshop), uses, parents))
+            strategies.append(
+                _strategy(brief, workshop.seen, name, description, _in_its_shapes(tool, brief, workshop), uses, parents)
+            )
         else:
             strategies.append(_fresh(brief, workshop))
     moving = sum(len(goal.bodies) for goal in sight.goals)
@@ -79,7 +87,7 @@ def _fresh(brief: Brief, workshop: Workshop) -> dict[str, Any]:
     if parents:
         description += " A fresh design: no elite has this kind of tool."
     tool = _in_its_shapes(tool, brief, workshop)
-    return _strategy(brief, f"{head.use} with {tool.name}", description, tool, uses, parents)
+    return _strategy(brief, workshop.seen, f"{head.use} with {tool.name}", description, tool, uses, parents)
 
 
 def _in_its_shapes(tool: Tool, brief: Brief, workshop: Workshop) -> Tool:
@@ -96,13 +104,15 @@ def _given(brief: Brief, tool: Tool, elites: Sequence[Elite], workshop: Workshop
     if elites:
         elite = elites[int(rng.integers(len(elites)))]
         uses = offspring_plans(elite, tool, brief.n_action, workshop)
-        return _strategy(brief, "the given tool", f"Plans varied from {elite.id}.", tool, uses, [elite.id])
+        return _strategy(
+            brief, workshop.seen, "the given tool", f"Plans varied from {elite.id}.", tool, uses, [elite.id]
+        )
     uses = [workshop.use(tool, lambda errand: recognize(tool, errand, rng)) for _ in range(brief.n_action)]
-    return _strategy(brief, "the given tool", f"It {uses[0].text}.", tool, uses)
+    return _strategy(brief, workshop.seen, "the given tool", f"It {uses[0].text}.", tool, uses)
 
 
 def _strategy(
-    brief: Brief, name: str, description: str, tool: Tool, uses: Sequence[Use], parents: Sequence[str] = ()
+    brief: Brief, seen: Seen, name: str, description: str, tool: Tool, uses: Sequence[Use], parents: Sequence[str] = ()
 ) -> dict[str, Any]:
     named = {"tool_name": tool.name, "tool_description": tool.description}
     return {
@@ -112,13 +122,13 @@ def _strategy(
         "gripper": tool.gripper,
         **brief.representation.dump(tool),
         "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),
-        "action_sets": [_written(brief, use.plan, use.anchors) for use in uses],
+        "action_sets": [_written(brief, seen, use.plan, use.anchors) for use in uses],
         **({"parents": parents} if parents else {}),
     }
 
 
-def _written(brief: Brief, rows: Array, anchors: Sequence[Anchor]) -> list[Any]:
-    return brief.actions.anchor(Waypoints(np.round(rows, _DIGITS) + 0.0), anchors, _seen(brief))
+def _written(brief: Brief, seen: Seen, rows: Array, anchors: Sequence[Anchor]) -> list[Any]:
+    return brief.actions.anchor(Waypoints(np.round(rows, _DIGITS) + 0.0), anchors, seen)
 
 
 def _unlike(brief: Brief) -> list[Brief]:

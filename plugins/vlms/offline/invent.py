@@ -33,6 +33,7 @@ _MOUNTS = 40  # end-effector positions that are compared,
 _MORE = 2  # times as many where a tool must do in several layouts
 _MISS_M = 0.005  # error of inverse kinematics that is not a fault
 _BREAKS_RULES = 1000.0
+_ALONE = 0.8  # how often scattered bodies are moved one by one where a plan must do in several layouts
 _HAND_M = 0.068  # the hand's height
 
 A = TypeVar("A")
@@ -52,6 +53,7 @@ class Workshop:
     """Invents tools and plans for one scene, and for those ``elsewhere``: ``read`` makes a plan for all."""
 
     sight: Sight
+    seen: Seen
     spawn: SpawnRules
     gripper: bool
     rng: np.random.Generator
@@ -86,7 +88,7 @@ class Workshop:
         return _least_faulty(lambda: self._use_once(tool, find_head), _PLAN_TRIES)
 
     def _invent_once(self) -> tuple[tuple[Tool, Head, Pose, Use], float]:
-        errands = self.sight.errands(self.rng)
+        errands = self._errands()
         largest = max(errands, key=lambda errand: len(errand.things))
         head = self._head(largest)
         path, text = self._path(errands, head)
@@ -123,10 +125,13 @@ class Workshop:
         return build(head, at, "riser", thickness, self.gripper, bend=bend, top=top)
 
     def _use_once(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> tuple[Use, float]:
-        errands = self.sight.errands(self.rng)
+        errands = self._errands()
         head, at = find_head(errands[0])
         path, text = self._path(errands, head)
         return self._planned(tool, at, path, text, errands)
+
+    def _errands(self) -> list[Errand]:
+        return self.sight.errands(self.rng, alone=bool(self.elsewhere) and self.rng.random() < _ALONE)
 
     def _path(self, errands: Sequence[Errand], head: Head) -> tuple[Path, str]:
         path, text = head_path(errands, head, self.rng)

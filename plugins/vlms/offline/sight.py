@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
-from core.scene import Body, Goal
+from core.scene import Body, Goal, Scene
 from plugins.vlms.offline.boxes import Boxes, overlaps
 from plugins.vlms.offline.workspace import Workspace, workspace_of
 
@@ -78,6 +78,7 @@ class Errand:
     space: Workspace
     holder: Thing | None = None  # a loose body that contains them
     at: str | None = None  # the body or mark by which the goal's place is given
+    alone: bool = False  # one of several errands, with a body each
 
     @cached_property
     def points(self) -> Array:
@@ -186,13 +187,17 @@ class Sight:
     at: tuple[str | None, ...]
 
     @classmethod
-    def of(cls, brief: Brief) -> Sight:
+    def of(cls, brief: Brief, turn: Pose | None = None) -> Sight:
         """Read a brief. For a task without goals, the goal is to move its first free body.
+
+        With a ``turn`` everything but the robot is moved by it.
 
         Raises:
             NothingToMove: there are no goals and all bodies are fixed.
         """
-        scene = brief.task.scene(brief.scene_seed)
+        scene, home = brief.task.scene(brief.scene_seed), brief.task.home
+        if turn is not None:
+            scene, home = Scene(tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies)), turn @ home
         goals = tuple(goal.within(scene) for goal in brief.task.goals)
         if not goals:
             if not scene.free:
@@ -202,23 +207,27 @@ class Sight:
         names = tuple(body.name for body in bodies)
         things, space = tuple(Thing.of(body) for body in bodies), workspace_of(brief.task.robot)
         at = tuple(goal.at for goal in brief.task.goals) or (None,)
-        return cls(things, names, goals, brief.task.home, space, at)
+        return cls(things, names, goals, home, space, at)
 
     @cached_property
     def boxes(self) -> Boxes:
         return Boxes.join(thing.boxes for thing in self.things)
 
-    def errands(self, rng: np.random.Generator) -> list[Errand]:
-        """Draw errands for a goal at random: all its bodies, in lanes if they are many; one of them if it is enough."""
+    def errands(self, rng: np.random.Generator, alone: bool = False) -> list[Errand]:
+        """Draw errands for a goal at random: all its bodies, in lanes if they are many; one of them if it is enough.
+
+        With ``alone`` each scattered body gets its own.
+        """
         number = int(rng.integers(len(self.goals))) if len(self.goals) > 1 else 0
         goal = self.goals[number]
         things = [self.things[self.names.index(name)] for name in goal.bodies]
         if goal.any and len(things) > 1:
             things = [self._easiest(things, rng)]
-        lanes = _lanes(things, goal, rng)
+        alone = alone and len(things) > 1 and self.container(things) is None
+        lanes = [[things[i]] for i in rng.permutation(len(things))] if alone else _lanes(things, goal, rng)
         shifts = [self._shift(self._errand(lane, np.zeros(3)), goal, rng) for lane in lanes]
         pairs = zip(lanes, shifts, strict=True)
-        return [replace(self._errand(lane, shift), at=self.at[number]) for lane, shift in pairs]
+        return [replace(self._errand(lane, shift), at=self.at[number], alone=alone) for lane, shift in pairs]
 
     def _easiest(self, things: list[Thing], rng: np.random.Generator) -> Thing:
         """A thing with nothing on top, at random from the highest ones."""
@@ -253,9 +262,9 @@ class Sight:
     def name(self, thing: Thing) -> str:
         return next(name for name, one in zip(self.names, self.things, strict=True) if one is thing)
 
-    def container(self, errand: Errand) -> str | None:
-        """The name of the smallest body, fixed or loose, that encloses an errand's."""
-        around = sorted(self._around(errand.things), key=lambda thing: float(np.prod(np.ptp(thing.points, axis=0))))
+    def container(self, things: Sequence[Thing]) -> str | None:
+        """The name of the smallest body, fixed or loose, that encloses the positions of all things."""
+        around = sorted(self._around(things), key=lambda thing: float(np.prod(np.ptp(thing.points, axis=0))))
         return self.name(around[0]) if around else None
 
     def _shift(self, errand: Errand, goal: Goal, rng: np.random.Generator) -> Array:

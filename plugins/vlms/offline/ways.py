@@ -78,7 +78,7 @@ def push(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
     path.go(start, way.heading - swing)
     path.stroke(end, way.heading + swing, speed)
     text = f"comes down {gap * 1000:.0f} mm behind and moves by {length:.2f} m at {speed:.2f} m/s"
-    if rng.random() < 0.4 or len(errand.things) > 1:
+    if rng.random() < 0.4 or len(errand.things) > 1 or errand.alone:
         if head.use == "push":
             end = end - 0.03 * way.ahead
             path.go(end, way.heading + swing, touch=True)

@@ -1,0 +1,109 @@
+"""The embedded designer's anchored plans: they mean what was computed, and move with the layout."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.design import Evaluation
+from core.designs.planning import look
+from core.designs.reading import read_designs
+from core.designs.rules import SpawnRules
+from core.geometry import Pose
+from core.interfaces import Brief, Perception
+from core.plugins import installed
+from core.robot.kinematics import arm_of
+from core.simulation.rollout import RolloutSettings, evaluate_batch
+from plugins.actions.anchored import AnchoredActions
+from plugins.actions.waypoints import WaypointActions
+from plugins.vlms.offline.designer import answer
+from plugins.vlms.offline.plans import reach_error
+from tests.panda import on_panda
+
+URDF = installed().create("tool", "urdf")
+
+
+class Recording(AnchoredActions):
+    """Anchored plans, with the literal waypoints and the poses that each was written from."""
+
+    def __init__(self):
+        self.written = []
+
+    def anchor(self, waypoints, anchors, seen):
+        data = super().anchor(waypoints, anchors, seen)
+        self.written.append((data, waypoints, seen))
+        return data
+
+
+def brief(name, variation="none", actions=None, **more):
+    task = on_panda(installed().create("task", name, variation=variation))
+    settings = {"gripper": False, "n_tool": 1, "n_action": 2, "generation": 0, "agent": 0, "seed": 7} | more
+    return Brief(task, 0, URDF, actions=actions or Recording(), **settings)
+
+
+def candidates(given, document):
+    return read_designs(document, URDF, SpawnRules(given.task, 0), actions=given.actions, n_action=given.n_action)
+
+
+TASKS = ("BringCube", "ElevatePlate", "HighObject", "LiftBox", "OneBook", "ScoreGoal", "SnatchCookie", "TurkeyLegs")
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_in_its_own_layout_a_plan_is_the_literal_one(name):
+    given = brief(name)
+    document = answer(given)
+    literal = answer(replace(given, actions=WaypointActions()))["strategies"][0]["action_sets"]
+    seen = look(given.task, 0, Perception())
+    for data, rows in zip(document["strategies"][0]["action_sets"], literal, strict=True):
+        plan = given.actions.parse(data, gripper=False)
+        np.testing.assert_allclose(plan.resolve(seen).poses[:, :3], np.array(rows)[:, :3], atol=1e-4)
+        assert {anchor.name for anchor in plan.anchors} - {"world"}
+
+
+@pytest.mark.parametrize("name", ["LiftBox", "GatherSpheres"])
+def test_in_a_varied_layout_too_though_it_is_turned_for_the_designer(name):
+    given = brief(name, "wide")
+    answer(given)
+    for data, literal, seen in given.actions.written:
+        found = given.actions.parse(data, gripper=False).resolve(seen)
+        np.testing.assert_allclose(found.poses[:, :3], literal.poses[:, :3], atol=1e-4)
+
+
+def test_a_plan_goes_with_the_body_and_then_to_the_goal():
+    given = brief("BringCube")
+    (plan, *_) = (c.plan for c in candidates(given, answer(given)))
+    seen = look(given.task, 0, Perception()).poses
+    shift = Pose(np.array([0.0, 0.1, 0.0]))
+    moved = {name: shift @ pose if name in ("cube", "mark") else pose for name, pose in seen.items()}
+    before, after = (plan.resolve(replace(look(given.task, 0, Perception()), poses=poses)) for poses in (seen, moved))
+    np.testing.assert_allclose(after.poses[:, :3] - before.poses[:, :3], [[0.0, 0.1, 0.0]] * len(before), atol=1e-6)
+    assert plan.anchors[0].share == 0.0 == min(anchor.share for anchor in plan.anchors)
+    assert max(anchor.share for anchor in plan.anchors) > 0.5
+    assert {(anchor.name, anchor.toward) for anchor in plan.anchors} <= {("cube", "mark"), ("cube", "")}
+
+
+def test_offspring_keep_their_parents_anchors():
+    given = brief("BringCube")
+    (first, *_) = candidates(given, answer(given))
+    offspring = replace(given, elites=(Evaluation(first, "ok", 0.9, moved_m={"cube": 0.3}),), n_tool=4, n_action=3)
+    plans = [c.plan for c in candidates(offspring, answer(offspring))]
+    kept = {(anchor.name, anchor.axes) for anchor in first.plan.anchors}
+    assert sum({(anchor.name, anchor.axes) for anchor in plan.anchors} == kept for plan in plans) > len(plans) / 2
+    assert any(len(plan.anchors) != len(first.plan.anchors) for plan in plans)
+
+
+@pytest.mark.slow
+def test_one_plan_lifts_a_plate_in_layouts_that_it_was_not_made_for():
+    given = brief("ElevatePlate", "wide", AnchoredActions(), n_tool=3)
+    sim = installed().create("sim", "mujoco")
+    found = candidates(given, answer(given))
+    rewards = [[e.reward for e in evaluate_batch(given.task, sim, found, s, RolloutSettings())] for s in (50, 51, 52)]
+    assert np.mean(rewards, axis=0).max() > 0.9
+
+
+def test_tools_for_varied_layouts_reach_the_bodies_there():
+    given = brief("BringCube", "wide", AnchoredActions(), n_tool=4, n_action=1)
+    plans, arm = [c.plan for c in candidates(given, answer(given))], arm_of(given.task.robot)
+    seen = [look(given.task, seed, Perception()) for seed in range(40, 46)]
+    missed = [[reach_error(plan.resolve(one).poses, arm) > 0.005 for one in seen] for plan in plans]
+    assert np.mean(missed, axis=1).min() < 0.2
