@@ -132,14 +132,16 @@ def _written(brief: Brief, seen: Seen, rows: Array, anchors: Sequence[Anchor]) -
 
 
 def _unlike(brief: Brief) -> list[Brief]:
-    """Choose briefs of layouts that are as unlike this one and each other as can be."""
-    briefs = [replace(brief, scene_seed=brief.scene_seed + i) for i in range(_DRAWN)]
-    places = np.array([np.ravel([pose.matrix[:3] for pose in _seen(one).poses.values()]) for one in briefs])
+    """Choose briefs of layouts that are as unlike this one and each other as can be, with the same bodies."""
+    drawn = [replace(brief, scene_seed=brief.scene_seed + i) for i in range(_DRAWN)]
+    seen = [_seen(one).poses for one in drawn]
+    same = [i for i, poses in enumerate(seen) if list(poses) == list(seen[0])]
+    places = np.array([np.ravel([pose.matrix[:3] for pose in seen[i].values()]) for i in same])
     chosen = [0]
-    while len(chosen) <= _LAYOUTS:
+    while len(chosen) < min(1 + _LAYOUTS, len(same)):
         apart = np.linalg.norm(places[:, None] - places[chosen], axis=-1).min(axis=1)
         chosen.append(int(apart.argmax()))
-    return [briefs[i] for i in chosen[1:]]
+    return [drawn[same[i]] for i in chosen[1:]]
 
 
 def _seen(brief: Brief) -> Seen:
