@@ -145,7 +145,7 @@ class Workshop:
         plan, touching, home = path.plan(at, tool.gripper), list(path.touching), self.sight.home.position
         anchors = path.anchors
         fault = self._fault(tool, plan, anchors, touching, errands)
-        if fault == 0.0 or not self._is_high(path):
+        if fault <= float(bool(self.elsewhere)) or not self._is_high(path):  # none in this layout
             return Use(plan, text, anchors), fault
         tried = [(fault, plan)]
         space = self.sight.space
