@@ -58,7 +58,9 @@ def answer(brief: Brief) -> dict[str, Any]:
     rng, anchoring = np.random.default_rng(brief.seed), np.random.default_rng([brief.seed, _ANCHORING])
     workshop = Workshop(sight, seen, spawn, brief.gripper, rng, anchoring, brief.representation.material)
     if anchored:
-        workshop.elsewhere = [(Sight.of(other), _seen(other)) for other in _unlike(brief)]
+        workshop.elsewhere = [
+            (Sight.of(other), _seen(other), SpawnRules(other.task, other.scene_seed)) for other in _unlike(brief)
+        ]
         workshop.read = lambda rows, anchors: brief.actions.parse(
             _written(brief, seen, rows, anchors), gripper=brief.gripper
         )

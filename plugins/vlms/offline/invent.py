@@ -59,7 +59,7 @@ class Workshop:
     rng: np.random.Generator
     anchoring: np.random.Generator
     material: Material = PAPER
-    elsewhere: Sequence[tuple[Sight, Seen]] = ()
+    elsewhere: Sequence[tuple[Sight, Seen, SpawnRules]] = ()
     read: Callable[[Array, Sequence[Anchor]], ActionPlan] = lambda rows, _: Waypoints(rows)
 
     @property
@@ -71,7 +71,8 @@ class Workshop:
         """Report whether the tool keeps the rules."""
         try:
             check_tool(self.material.made(tool), self.spawn.robot, self.material)
-            self.spawn.check(tool)
+            for spawn in (self.spawn, *(spawn for _, _, spawn in self.elsewhere)):
+                spawn.check(tool)
         except DesignError:
             return False
         return True
@@ -176,7 +177,7 @@ class Workshop:
         if fault > 0.0 or not self.elsewhere:
             return fault + float(fault > 0.0 and bool(self.elsewhere))
         read = self.read(plan, anchors)
-        for number, (sight, seen) in enumerate(self.elsewhere):
+        for number, (sight, seen, _) in enumerate(self.elsewhere):
             if self._fault_in(sight, tool, read.resolve(seen).poses, touching, moved) > 0.0:
                 return 1.0 - number / len(self.elsewhere)
         return 0.0
@@ -215,7 +216,7 @@ class Workshop:
             least = min(most, errand.clear_z - lowest + (_HAND_M if self.gripper else 0.005))
         rows = path.plan(Pose(), self.gripper)
         read = self.read(rows, path.anchors)
-        found = [rows, *(read.resolve(seen).poses for _, seen in self.elsewhere)]
+        found = [rows, *(read.resolve(seen).poses for _, seen, _ in self.elsewhere)]
         ways = [(rows[:, :3], Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix()) for rows in found]
         space = self.sight.space
         ahead = space.direction(home) if space.base[:2].any() else 0.0
