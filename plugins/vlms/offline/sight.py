@@ -79,6 +79,7 @@ class Errand:
     holder: Thing | None = None  # a loose body that contains them
     at: str | None = None  # the body or mark by which the goal's place is given
     alone: bool = False  # one of several errands, with a body each
+    square: bool = False  # the world's axes are those of what the bodies are taken by
 
     @cached_property
     def points(self) -> Array:
@@ -107,9 +108,10 @@ class Errand:
 
     @property
     def heading(self) -> float:
-        """The horizontal direction of the shift; toward the robot if there is none."""
+        """The horizontal direction of the shift; if there is none, toward the robot, along an axis if ``square``."""
         x, y = self.shift[:2] if self.length > 0.01 else -self.space.from_axis(self.center)
-        return float(np.arctan2(y, x))
+        angle = float(np.arctan2(y, x))
+        return round(angle / (np.pi / 2)) * np.pi / 2 if self.square and self.length <= 0.01 else angle
 
     def span(self, heading: float) -> tuple[float, float]:
         """The least and greatest coordinate of the bodies along a heading."""
@@ -185,6 +187,7 @@ class Sight:
     home: Pose
     space: Workspace
     at: tuple[str | None, ...]
+    square: bool = False
 
     @classmethod
     def of(cls, brief: Brief, turn: Pose | None = None) -> Sight:
@@ -207,7 +210,7 @@ class Sight:
         names = tuple(body.name for body in bodies)
         things, space = tuple(Thing.of(body) for body in bodies), workspace_of(brief.task.robot)
         at = tuple(goal.at for goal in brief.task.goals) or (None,)
-        return cls(things, names, goals, home, space, at)
+        return cls(things, names, goals, home, space, at, square=turn is not None)
 
     @cached_property
     def boxes(self) -> Boxes:
@@ -224,10 +227,16 @@ class Sight:
         if goal.any and len(things) > 1:
             things = [self._easiest(things, rng)]
         alone = alone and len(things) > 1 and self.container(things) is None
-        lanes = [[things[i]] for i in rng.permutation(len(things))] if alone else _lanes(things, goal, rng)
+        if self.square:  # what one container holds is moved at once
+            lanes = [things]
+        else:
+            lanes = [[things[i]] for i in rng.permutation(len(things))] if alone else _lanes(things, goal, rng)
         shifts = [self._shift(self._errand(lane, np.zeros(3)), goal, rng) for lane in lanes]
         pairs = zip(lanes, shifts, strict=True)
-        return [replace(self._errand(lane, shift), at=self.at[number], alone=alone) for lane, shift in pairs]
+        return [
+            replace(self._errand(lane, shift), at=self.at[number], alone=alone, square=self.square)
+            for lane, shift in pairs
+        ]
 
     def _easiest(self, things: list[Thing], rng: np.random.Generator) -> Thing:
         """A thing with nothing on top, at random from the highest ones."""
