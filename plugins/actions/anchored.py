@@ -31,7 +31,7 @@ _INSTRUCTIONS = """\
   - `offset`: [x, y, z] in metres, from the anchor's origin to `tool_mount`. `rpy`: [roll, pitch, yaw] of `tool_mount`.
   - `axes`: those of the `world` (the default), or of the `anchor`, which turn with it. Offset and rpy are along them.
   - `toward`: the name of a second anchor. Then the axes are the world's, turned about z until x points from `anchor` to
-    it, as for a push towards a goal.
+    it, as for a push towards a goal. Toward `world` is toward the world's origin.
   - `share`: 0 to 1, how far the offset's origin lies on the way from `anchor` to `toward`; default 0. For what is
     pushed or carried to a goal. With a share the axes may be those of the `anchor`, too.
   - `speed` (m/s) or `seconds` of the way there; without them the rule about segments below holds. What the arm's limits
