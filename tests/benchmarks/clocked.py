@@ -215,7 +215,8 @@ def reference(task_name: str, sim: str, designs: str, number: int, seed: int) ->
     (outcome,) = simulator.rollout(task, [job])
     if outcome.start is None or outcome.end is None:
         return 0.0
-    return float(np.asarray(task.reward(outcome.start, outcome.end)))
+    complete = task.scene(seed).complete
+    return float(np.asarray(task.reward(complete(outcome.start), complete(outcome.end))))
 
 
 if __name__ == "__main__":
