@@ -25,6 +25,7 @@ from core.interfaces import (
     Waypoints,
 )
 from core.plugins import describe_part, installed
+from core.scene import Scene
 from core.text import kind, shorten
 
 NO_PLAN = Waypoints(np.empty((0, 6)))  # of a candidate whose plan can't be read
@@ -84,12 +85,13 @@ def parse_plan(actions: ActionRepresentation, raw: object, gripper: bool) -> Act
     return plan
 
 
-def look(task: Task, seed: int, perception: Perception) -> Seen:
+def look(task: Task, seed: int, perception: Perception, scene: Scene | None = None) -> Seen:
     """Return what is seen of the layout of ``seed`` before the motion: all poses as at spawn, with noise.
 
     The noise is normal, of each coordinate in the plane of the table and of the yaw; it depends on ``seed`` alone.
+    ``scene`` is the layout, if it is there already.
     """
-    bodies = task.scene(seed).bodies
+    bodies = (scene or task.scene(seed)).bodies
     if perception.position == perception.yaw == 0:
         return Seen({body.name: body.pose for body in bodies})
     draws = np.random.default_rng([seed, _NOISE]).standard_normal((len(bodies), 3))
@@ -101,15 +103,17 @@ def look(task: Task, seed: int, perception: Perception) -> Seen:
     return Seen(poses)
 
 
-def resolve(plan: ActionPlan, task: Task, seed: int, settings: RolloutSettings) -> Waypoints:
-    """Return a plan's waypoints in the layout of ``seed``.
+def resolve(
+    plan: ActionPlan, task: Task, seed: int, settings: RolloutSettings, scene: Scene | None = None
+) -> Waypoints:
+    """Return a plan's waypoints in the layout of ``seed``; ``scene``: see `look`.
 
     Raises:
         DesignError: the plan needs something that is not there, or its waypoints break a rule.
     """
     if isinstance(plan, Waypoints):
         return plan
-    seen = look(task, seed, settings.perception)
+    seen = look(task, seed, settings.perception, scene)
     with guarded(plan, "resolve"):
         waypoints = plan.resolve(seen)
     if not isinstance(waypoints, Waypoints):

@@ -86,16 +86,21 @@ def _simulator(part: Part[Simulator]) -> Simulator:
 
 
 def prepare(
-    task: Task, candidate: Candidate, seed: int, settings: RolloutSettings, record_hz: float = 0.0
+    task: Task,
+    candidate: Candidate,
+    seed: int,
+    settings: RolloutSettings,
+    record_hz: float = 0.0,
+    scene: Scene | None = None,
 ) -> tuple[Motion, Rollout]:
-    """Plan a candidate's motion, and make the job that plays it.
+    """Plan a candidate's motion, and make the job that plays it; ``scene`` is the layout, if it is there already.
 
     Raises:
         ValueError: the candidate has no tool (it was rejected), or its plan means nothing in this layout.
     """
     if candidate.tool is None:
         raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
-    motion = plan_task_motion(resolve(candidate.plan, task, seed, settings), task, settings)
+    motion = plan_task_motion(resolve(candidate.plan, task, seed, settings, scene), task, settings)
     job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, settings.hold_s, record_hz)
     return motion, job
 
@@ -115,7 +120,7 @@ def evaluate_batch(
             evaluations[i] = Evaluation(candidate, "rejected", reason=candidate.problem)
             continue
         try:
-            motion, job = prepare(task, candidate, seed, settings)
+            motion, job = prepare(task, candidate, seed, settings, scene=scene)
         except DesignError as error:
             evaluations[i] = Evaluation(candidate, "rejected", reason=str(error))
             continue

@@ -164,12 +164,13 @@ def cost(given: Settings) -> str:
 
 
 def seconds(repeats: int, *trials: tuple[Evaluate, Sequence[Candidate]]) -> list[float]:
-    """Measure the least processor time of each trial, in turns; the first calls load what is kept."""
+    """Measure the least processor time of each trial, in turns, with a new tool each time."""
     least = [float("inf")] * len(trials)
     for repeat in range(repeats + 1):
         for number, (evaluate, candidates) in enumerate(trials):
+            new = [replace(c, tool=replace(c.tool, name=f"{repeat} {number}")) for c in candidates if c.tool]
             began = time.process_time()
-            evaluate(candidates)
+            evaluate(new)
             if repeat:
                 least[number] = min(least[number], time.process_time() - began)
     return least
