@@ -47,6 +47,6 @@ def around(name: str, position: Sequence[float], metres: float, radians: float =
     return ranges | ({f"{name}.yaw": (-radians, radians)} if radians else {})
 
 
-def describe(ranges: Ranges) -> str:
+def describe_ranges(ranges: Ranges) -> str:
     """List the ranges in words, for a model: metres, radians, kilograms."""
     return ", ".join(f"{name} from {low:.4g} to {high:.4g}" for name, (low, high) in ranges.items())

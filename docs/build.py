@@ -32,7 +32,7 @@ from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings, Waypoints
-from core.layouts import describe
+from core.layouts import describe_ranges
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
@@ -228,7 +228,7 @@ def ranges() -> str:
     rows = ["", "| task | `near` | `wide` |", "|---|---|---|"]
     for name in installed().names("task"):
         of = installed().create("task", name).variations
-        rows.append(f"| {name} | {' | '.join(describe(of[variation]) for variation in ('near', 'wide'))} |")
+        rows.append(f"| {name} | {' | '.join(describe_ranges(of[variation]) for variation in ('near', 'wide'))} |")
     return "\n".join(rows) + "\n\n"
 
 

@@ -52,11 +52,11 @@ def observe(
     assert outcome.start is not None
     assert outcome.end is not None
     start, end, taken = outcome.start, outcome.end, contacts.taken
-    names_of = {body.name for body in scene.bodies}
+    there = {body.name for body in scene.bodies}
     goals = [
         goal.within(scene)
         for goal in task.goals
-        if goal.bodies and set(goal.bodies) <= set(start.names) and (goal.at is None or goal.at in names_of)
+        if goal.bodies and set(goal.bodies) <= set(start.names) and (goal.at is None or goal.at in there)
     ]  # a goal is a hint, and may be wrong
     goal = min(goals, key=lambda goal: _left(goal, start, end), default=None)
     bodies = goal.bodies if goal is not None else start.names

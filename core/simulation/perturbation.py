@@ -29,17 +29,8 @@ class Perturbed(Task):
 
     def __init__(self, task: Task, ranges: PerturbationRange, draw: int) -> None:
         # Class attributes of the wrapped task; an attribute of the object hides the class's.
-        names = (
-            "name",
-            "description",
-            "goals",
-            "home",
-            "camera",
-            "success_reward",
-            "variations",
-            "variation",
-            "_robot",
-        )
+        seen = ("name", "description", "goals", "home", "camera", "success_reward", "variations", "variation")
+        names = (*seen, "_robot")
         vars(self).update({name: getattr(task, name) for name in names})
         self._task = task
         self._ranges = ranges

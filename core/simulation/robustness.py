@@ -174,4 +174,4 @@ def worst(
 def statistics(evaluations: Sequence[Evaluation]) -> dict[str, Any]:
     """Summarise rewards: their mean, standard deviation, and the rewards."""
     rewards = [float(e.reward) for e in evaluations]
-    return {"mean": float(np.mean(rewards)), "std": float(np.std(rewards)), "rewards": rewards}
+    return {"mean": mean(rewards), "std": float(np.std(rewards)), "rewards": rewards}

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.errors import UsageError
-from core.layouts import Draw, around, describe
+from core.layouts import Draw, around, describe_ranges
 from core.scene import Goal
 from tasks.dislodge_cube import DislodgeCube
 
@@ -25,7 +25,7 @@ def test_what_has_no_range_keeps_its_value():
 
 
 def test_ranges_in_words():
-    assert describe({"cube.x": (0.85, 1.05), "cube.mass": (0.5, 1.5)}) == (
+    assert describe_ranges({"cube.x": (0.85, 1.05), "cube.mass": (0.5, 1.5)}) == (
         "cube.x from 0.85 to 1.05, cube.mass from 0.5 to 1.5"
     )
 

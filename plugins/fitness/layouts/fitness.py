@@ -12,11 +12,12 @@ import numpy as np
 from core.design import Candidate, Evaluation
 from core.errors import UsageError, choices
 from core.interfaces import Fitness, Task
-from core.layouts import NONE, describe
+from core.layouts import NONE, describe_ranges
 from core.simulation.robustness import CheckedEvaluator, engines, mean, worst
 from core.simulation.rollout import Evaluator
 
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
+_MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts more
 _SHOWN = 3  # layouts that failed
 
 
@@ -58,6 +59,8 @@ class Layouts(Fitness):
         for name, count, least in (("layouts", layouts, 1), ("unseen", unseen, 0)):
             if count < least:
                 raise UsageError(f"fitness.{name} must be at least {least}, got {count}")
+        if evaluator.seed + layouts > _MOST_SEED:
+            raise UsageError(f"seed and fitness.layouts together must be at most {_MOST_SEED}; those after are unseen")
         if combine not in COMBINE:
             raise choices("way to combine rewards", combine, COMBINE, "fitness.combine")
         task = evaluator.task.create()
@@ -65,9 +68,8 @@ class Layouts(Fitness):
             others = " or ".join(f"task.variation={name}" for name in task.variations)
             mend = f"add {others}" if others else "the task has no variations"
             raise UsageError(f"fitness=layouts: all layouts of {task.name} are the same; {mend}")
-        self._task, self._combine, self._unseen = evaluator.task, combine, unseen
+        self._evaluator, self._combine, self._unseen = evaluator, combine, unseen
         self._sims = engines(sims, evaluator.sim) if sims else {evaluator.sim.name: evaluator.sim}
-        self._evaluator = evaluator
         self._seeds = range(evaluator.seed, evaluator.seed + layouts)
         self._evaluators = self._in_layouts(self._seeds)
 
@@ -79,8 +81,8 @@ class Layouts(Fitness):
         }
 
     def instructions(self) -> str:
-        task, many = self._task.create(), len(self._sims) > 1
-        drawn = f" In each, these numbers are drawn at random: {describe(task.ranges)}." if task.ranges else ""
+        task, many = self._evaluator.task.create(), len(self._sims) > 1
+        drawn = f" In each, these numbers are drawn at random: {describe_ranges(task.ranges)}." if task.ranges else ""
         where = f" in each of the engines {', '.join(self._sims)}" if many else ""
         lowest = ", in the engine where that is the lowest" if many else ""
         return (
@@ -104,7 +106,7 @@ class Layouts(Fitness):
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         tried = {engine: [evaluate(candidates) for evaluate in each] for engine, each in self._evaluators.items()}
-        task = self._task.create()
+        task = self._evaluator.task.create()
         return [
             self._combined(task, candidate, {engine: [each[i] for each in found] for engine, found in tried.items()})
             for i, candidate in enumerate(candidates)

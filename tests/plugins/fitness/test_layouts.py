@@ -47,6 +47,12 @@ def test_a_wrong_setting_is_reported(settings, said):
         fitness(**settings)
 
 
+def test_no_search_may_begin_among_the_unseen_layouts():
+    for seed, layouts in ((UNSEEN, 5), (UNSEEN - 4, 5), (0, UNSEEN)):
+        with pytest.raises(UserError, match=r"seed and fitness.layouts together must be at most 999000"):
+            fitness(replace(WIDE, seed=seed), layouts=layouts)
+
+
 def test_layouts_that_are_all_the_same_are_refused():
     usual = replace(WIDE, task=Part("task", "BringCube"))
     with pytest.raises(
