@@ -17,8 +17,10 @@ def delete(folder):
 
 
 def delete_all(folder):
-    for file in folder.glob("run.*"):
-        file.unlink()
+    others = [file for file in folder.glob("run.*") if file.name != FILE]
+    (folder / FILE).unlink()  # first: a reply may be stored meanwhile, and then finds the store gone, not its log
+    for file in others:
+        file.unlink(missing_ok=True)
 
 
 def move(folder):
