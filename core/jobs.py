@@ -6,6 +6,7 @@ Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/te
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -45,7 +46,7 @@ class Rollout:
 
     It spawns the layout of ``seed``, and the robot with ``tool`` at the trajectory's first targets. It lets
     ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for ``hold_s``, and notes the
-    end state. With ``record_hz`` > 0 all of it is recorded at that rate.
+    end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces`` contact forces too.
     """
 
     tool: Tool
@@ -54,6 +55,7 @@ class Rollout:
     settle_s: float = 0.5
     hold_s: float = 1.0
     record_hz: float = 0.0
+    forces: bool = False
 
 
 @dataclass
@@ -111,12 +113,16 @@ class Recording:
     """A rollout over time: instants (T,) in seconds, arm joints (T, J), and states stacked over T.
 
     ``fingers`` (T, F + K) are the joints of the robot's F fingers, and then those of the tool (`Tool.bearers`).
+    ``forces`` has, for each two things that touched, the mean of their normal force since the instant before, newtons
+    (T,): an impulse divided by its time, which engines with different time steps agree on. Of two names the first is
+    ``tool``, a link of the arm, or a body, the second a body; of two bodies the one that the scene lists first.
     """
 
     times: Array
     arm: Array
     fingers: Array
     states: State
+    forces: Mapping[tuple[str, str], Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +142,11 @@ class Outcome:
 
 
 class World(Protocol):
-    """An engine's world with a scene and the robot, stepped by its caller (`core.simulation.playback`)."""
+    """An engine's world with a scene and the robot, stepped by its caller (`core.simulation.playback`).
+
+    A world may have a method ``launch()``, which its caller calls once, when the robot's motion begins: then bodies get
+    their velocities (`Body.velocity`), and the time of drives begins (`Drive`).
+    """
 
     time_step: float
 

@@ -1,17 +1,19 @@
-"""Describe a task's scene, its goal, and the state that a reward reads.
+"""Describe a task's scene and its goal.
 
-Nothing here depends on a physics engine: a simulator reads a `Scene` and returns `State`s.
+Nothing here depends on a physics engine: a simulator reads a `Scene` and returns states (`core.states`).
 World frame: x forward from the arm's base, y left, z up; metres, kilograms, radians.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere, Vector, frozen_array
+from core.joints import Drive, Joint, JointState, Latch, PlacedJoint
+from core.states import State
 
 Color = tuple[float, float, float, float]
 
@@ -42,9 +44,11 @@ class Body:
     of several convex parts; a body without collision parts is a mark that nothing touches. In every engine the
     friction coefficient of a contact is the geometric mean of the two bodies' ``friction``, and its restitution the
     product of theirs; the arm and its tools have none. ``rolling_friction`` is the torsional arm in metres.
+    ``velocity`` (3,) in m/s, of the body's origin, and ``spin`` (3,) in rad/s, along the world's axes, are what a free
+    body gets when the robot's motion begins; until then it rests.
 
     Raises:
-        ValueError: a negative mass, or a free body without collision parts.
+        ValueError: a negative mass, a free body without collision parts, or a fixed one with a velocity.
     """
 
     name: str
@@ -55,12 +59,16 @@ class Body:
     friction: float = 0.5
     rolling_friction: float = 0.0
     restitution: float = 0.0
+    velocity: Vector = (0.0, 0.0, 0.0)
+    spin: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):
             raise ValueError(f"body {self.name!r}: the mass must be 0 (fixed) or positive, got {self.mass}")
         if self.mass > 0 and not self.collisions:
             raise ValueError(f"body {self.name!r}: a body that can move needs collision parts")
+        if not np.isfinite([*self.velocity, *self.spin]).all() or (self.fixed and self.launched):
+            raise ValueError(f"body {self.name!r}: a velocity needs finite numbers, and a mass above 0")
 
     @classmethod
     def of(
@@ -89,6 +97,11 @@ class Body:
     def fixed(self) -> bool:
         return self.mass == 0
 
+    @property
+    def launched(self) -> bool:
+        """Whether it gets a velocity when the motion begins."""
+        return any((*self.velocity, *self.spin))
+
     def inertia(self) -> Inertia:
         """Compute the inertia of all collision parts together, at one density."""
         meshes = []
@@ -114,19 +127,45 @@ class Body:
 
 @dataclass(frozen=True)
 class Scene:
-    """All bodies in the world, without the robot.
+    """All bodies in the world, without the robot, and the joints between them.
+
+    A body hangs from at most one joint, and no joints form a circle.
 
     Raises:
-        ValueError: two bodies have the same name.
+        ValueError: two bodies or two joints have the same name; or a joint can't be where it is.
     """
 
     bodies: tuple[Body, ...]
+    joints: tuple[Joint, ...] = ()
 
     def __post_init__(self) -> None:
-        names = [body.name for body in self.bodies]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ValueError(f"two bodies in the scene have the same name: {', '.join(twice)}")
+        for what, names in (("bodies", [b.name for b in self.bodies]), ("joints", [j.name for j in self.joints])):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise ValueError(f"two {what} in the scene have the same name: {', '.join(twice)}")
+        self._check_joints()
+
+    def _check_joints(self) -> None:
+        bodies, parents = {body.name: body for body in self.bodies}, dict[str, str | None]()
+        for joint in self.joints:
+            where = f"joint {joint.name!r}"
+            for name in (joint.body, joint.parent):
+                if name is not None and name not in bodies:
+                    raise ValueError(f"{where}: there is no body {name!r}; there are: {', '.join(bodies)}")
+            if bodies[joint.body].fixed:
+                raise ValueError(f"{where}: its body {joint.body!r} is fixed; give it a mass")
+            if bodies[joint.body].launched:
+                raise ValueError(f"{where}: its body {joint.body!r} can't start with a velocity; use a drive")
+            if joint.body in parents:
+                raise ValueError(f"{where}: its body {joint.body!r} hangs from another joint already")
+            parents[joint.body] = joint.parent
+        for name in parents:
+            above, seen = parents[name], {name}
+            while above in parents and above not in seen:
+                seen.add(above)
+                above = parents[above]
+            if above in seen:
+                raise ValueError(f"the joints of {', '.join(sorted(seen))} form a circle; leave one of them out")
 
     def __getitem__(self, name: str) -> Body:
         for body in self.bodies:
@@ -149,7 +188,29 @@ class Scene:
             np.zeros((len(free), 3)),
             np.zeros((len(free), 3)),
             places=self.places,
+            joints=self.placed_joints,
         )
+
+    @cached_property
+    def placed_joints(self) -> dict[str, PlacedJoint]:
+        """The joints in this layout, by name."""
+        poses = {body.name: body.pose for body in self.bodies}
+        return {j.name: PlacedJoint.of(j, poses[j.body], poses[j.parent] if j.parent else Pose()) for j in self.joints}
+
+    @cached_property
+    def hung(self) -> tuple[PlacedJoint, ...]:
+        """The joints in an order in which a parent's own joint comes first."""
+        waiting, done = list(self.placed_joints.values()), list[PlacedJoint]()
+        while waiting:
+            left = {placed.joint.body for placed in waiting}
+            done += [placed for placed in waiting if placed.joint.parent not in left]
+            waiting = [placed for placed in waiting if placed.joint.parent in left]
+        return tuple(done)
+
+    @cached_property
+    def joined(self) -> frozenset[frozenset[str]]:
+        """The pairs of bodies that a joint connects, which never collide."""
+        return frozenset(frozenset((joint.body, joint.parent)) for joint in self.joints if joint.parent is not None)
 
     @property
     def places(self) -> dict[str, Pose]:
@@ -157,79 +218,8 @@ class Scene:
         return {body.name: body.pose for body in self.bodies if body.fixed}
 
     def complete(self, state: State) -> State:
-        """Add the places of fixed bodies and marks to a state of the free ones, as rewards get it."""
-        return replace(state, places=self.places)
-
-
-@dataclass(frozen=True)
-class State:
-    """Poses and velocities of the free bodies, in one world or in many of one layout.
-
-    Positions (..., B, 3) and quaternions (..., B, 4) of the bodies' frames in the world, velocities (..., B, 3) in m/s
-    and rad/s, world axes. Leading axes, if any, are worlds or times. ``places`` has the poses of fixed bodies and marks
-    by name; it is empty in what engines return, and rewards have it.
-    """
-
-    names: tuple[str, ...]
-    positions: Array
-    quaternions: Array
-    linear_velocities: Array
-    angular_velocities: Array
-    places: Mapping[str, Pose] = field(default_factory=dict, kw_only=True)
-
-    def _number(self, name: str) -> int:
-        if name not in self.names:
-            known = ", ".join((*self.names, *self.places))
-            raise KeyError(f"no body {name!r} that moves in the state; there are: {known}")
-        return self.names.index(name)
-
-    def position(self, name: str) -> Array:
-        """The position of one body or mark, (..., 3)."""
-        if name in self.places:
-            return np.broadcast_to(self.places[name].position, (*self.positions.shape[:-2], 3))
-        return self.positions[..., self._number(name), :]
-
-    def quaternion(self, name: str) -> Array:
-        """The quaternion of one body or mark, (..., 4)."""
-        if name in self.places:
-            return np.broadcast_to(self.places[name].quaternion, (*self.quaternions.shape[:-2], 4))
-        return self.quaternions[..., self._number(name), :]
-
-    def relative(self, name: str, to: str) -> Array:
-        """The position of one body or mark in the frame of another, (..., 3)."""
-        w, axis = np.split(self.quaternion(to) * [1.0, -1.0, -1.0, -1.0], [1], axis=-1)  # the inverse rotation
-        offset = self.position(name) - self.position(to)
-        turned: Array = offset + 2 * np.cross(axis, w * offset + np.cross(axis, offset))
-        return turned
-
-    def linear_velocity(self, name: str) -> Array:
-        """The linear velocity of one body, (..., 3)."""
-        return self.linear_velocities[..., self._number(name), :]
-
-    def pose(self, name: str) -> Pose:
-        """The pose of one body in one world."""
-        return Pose(self.position(name), self.quaternion(name))
-
-    @property
-    def arrays(self) -> tuple[Array, Array, Array, Array]:
-        """Positions, quaternions, linear and angular velocities."""
-        return self.positions, self.quaternions, self.linear_velocities, self.angular_velocities
-
-    def __getitem__(self, index: int) -> State:
-        """One world (or time) of many."""
-        return State(self.names, *(array[index] for array in self.arrays), places=self.places)
-
-    @staticmethod
-    def stack(states: Sequence[State]) -> State:
-        """Combine states of one layout into one with a new leading axis.
-
-        Raises:
-            ValueError: there are no states, or their bodies differ.
-        """
-        if not states or any(state.names != states[0].names for state in states):
-            raise ValueError("only states of the same bodies can be stacked, and at least one is needed")
-        arrays = map(np.stack, zip(*(state.arrays for state in states), strict=True))
-        return State(states[0].names, *arrays, places=states[0].places)
+        """Add the places of fixed bodies and marks, and the joints, to a state of free bodies, as rewards get it."""
+        return replace(state, places=self.places, joints=self.placed_joints)
 
 
 @dataclass(frozen=True)
@@ -323,4 +313,5 @@ def floor(height: float = -0.625, friction: float = 0.5) -> Body:
 
 
 __all__ = ["Body", "Camera", "Color", "Geom", "Goal", "Inertia", "Scene", "State", "floor", "table"]
+__all__ += ["Drive", "Joint", "JointState", "Latch"]  # of core.joints; State of core.states
 __all__ += ["Box", "Cylinder", "Mesh", "Pose", "Sphere"]  # of core.geometry, so that a task needs one import

@@ -21,6 +21,8 @@ FLOORS = {
         "secrets",
         "geometry",
         "shapes",
+        "joints",
+        "states",
         "scene",
         "layouts",
         "plans",

@@ -24,6 +24,7 @@ from core.layouts import NONE
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import State
+from core.simulation.playback import begun
 
 ControlMode = Literal["joints", "end_effector"]
 Numbers = npt.NDArray[np.float64]
@@ -135,7 +136,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._joints, self._fingers = self._arm.home_for(self.task.home), self._opening
         self._pose = self._arm.forward(self._joints)
         self._drive(world, self._joints, self._fingers, SETTLE_S)
-        self._start = world.state()
+        self._start = begun(world)
         self._earned = self._reward(self._start)
         return self._observation(world), {"reward": self._earned}
 

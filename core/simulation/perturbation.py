@@ -59,18 +59,17 @@ def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:
     """
     scales = np.random.default_rng([draw, 0]).uniform(-1, 1, (len(scene.bodies), 2)).tolist()
     poses = _moved(scene, ranges, np.random.default_rng([draw, 1]))
-    return Scene(
-        tuple(
-            replace(
-                body,
-                pose=poses.get(body.name, body.pose),
-                mass=body.mass * (1 + ranges.mass * heavier),
-                friction=body.friction * (1 + ranges.friction * rougher),
-                rolling_friction=body.rolling_friction * (1 + ranges.friction * rougher),
-            )
-            for body, (heavier, rougher) in zip(scene.bodies, scales, strict=True)
+    bodies = tuple(
+        replace(
+            body,
+            pose=poses.get(body.name, body.pose),
+            mass=body.mass * (1 + ranges.mass * heavier),
+            friction=body.friction * (1 + ranges.friction * rougher),
+            rolling_friction=body.rolling_friction * (1 + ranges.friction * rougher),
         )
+        for body, (heavier, rougher) in zip(scene.bodies, scales, strict=True)
     )
+    return replace(scene, bodies=bodies)
 
 
 def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) -> dict[str, Pose]:

@@ -28,6 +28,14 @@ class Noting(World, Protocol):
 
 
 @runtime_checkable
+class Launching(World, Protocol):
+    """A world in which something moves by itself once the robot's motion begins."""
+
+    def launch(self) -> None:
+        """Give bodies their velocities, and begin the time of drives."""
+
+
+@runtime_checkable
 class Following(World, Protocol):
     """A world that takes the targets of many steps at once, which is faster."""
 
@@ -50,7 +58,7 @@ def play(world: World, job: Rollout) -> Outcome:
 
     instants, notes = [], []
     note = world.note if isinstance(world, Noting) else lambda: (*world.joints(), world.state())
-    start = world.state() if settle == 0 else None
+    start = begun(world) if settle == 0 else None
     reached: list[Array] = []
     steps = _steps(world, arm, fingers, speeds, finger_speeds)
     for k in range(len(times)):
@@ -59,7 +67,7 @@ def play(world: World, job: Rollout) -> Outcome:
             notes.append(note())
         next(steps)
         if k == settle - 1:
-            start = world.state()
+            start = begun(world)
         if k >= settle and k % LAG_EVERY == 0:
             reached.append(world.joints()[0])
     if every:
@@ -72,6 +80,13 @@ def play(world: World, job: Rollout) -> Outcome:
         return Outcome(None, None, error="the simulation blew up: a body's state is not finite")
     recording = Recording(np.array(instants), *_read(world, notes)) if notes else None
     return Outcome(start, end, lag, recording=recording)
+
+
+def begun(world: World) -> State:
+    """Begin the motion, and return the state there."""
+    if isinstance(world, Launching):
+        world.launch()
+    return world.state()
 
 
 def _steps(world: World, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:

@@ -200,7 +200,8 @@ class Sight:
         """
         scene, home = brief.task.scene(brief.scene_seed), brief.task.home
         if turn is not None:
-            scene, home = Scene(tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies)), turn @ home
+            moved = tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies)
+            scene, home = replace(scene, bodies=moved), turn @ home
         goals = tuple(goal.within(scene) for goal in brief.task.goals)
         if not goals:
             if not scene.free:
