@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
-from core.scene import Body, Goal, Scene
+from core.scene import Body, Goal
 from plugins.vlms.offline.boxes import Boxes, overlaps
 from plugins.vlms.offline.workspace import Workspace, workspace_of
 
