@@ -17,6 +17,7 @@ from core.conformance import (
     impacts,
     joints,
     listener,
+    mechanisms,
     output,
     repeat,
     robot,
@@ -40,7 +41,7 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 
 SUITES = {
-    "sim": _checks(repeat, robot, bodies, shapes, joints, impacts, output),
+    "sim": _checks(repeat, robot, bodies, shapes, joints, mechanisms, impacts, output),
     "task": _checks(task),
     "robot": _checks(robots),
     "vlm": _checks(vlm),

@@ -16,7 +16,7 @@ from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout,
 from core.plugins import installed
 from core.robot.kinematics import Arm, arm_of
 from core.robot.trajectory import plan_motion
-from core.scene import Body, Color, Geom, Scene, State
+from core.scene import Body, Color, Geom, Joint, Scene, State
 
 GREY: Color = (0.5, 0.5, 0.5, 1.0)
 FAR = (3.0, 3.0, 0.0)  # from the arm
@@ -32,10 +32,12 @@ class Bodies(Task):
     description = "Bodies."
     goals = ()
 
-    def __init__(self, *bodies: Body, name: str = "Bodies", robot: Robot | None = None) -> None:
+    def __init__(
+        self, *bodies: Body, joints: tuple[Joint, ...] = (), name: str = "Bodies", robot: Robot | None = None
+    ) -> None:
         self.name = name  # type: ignore[misc]  # a class variable elsewhere
         self.robot = robot or installed().default_robot
-        self._scene = Scene(bodies)
+        self._scene = Scene(bodies, joints)
 
     def scene(self, seed: int) -> Scene:
         return self._scene
