@@ -283,10 +283,6 @@ def thickness(shape: Shape) -> float:
     return min(straight, _across_faces(shape)) if isinstance(shape, Mesh) else straight
 
 
-def _half_width(shape: Shape | None, half: Array) -> float:
-    return thickness(shape) / 2 if isinstance(shape, Mesh) else float(half.min())
-
-
 @lru_cache(maxsize=512)
 def _across_faces(mesh: Mesh) -> float:
     hull = mesh.to_trimesh().convex_hull
