@@ -12,8 +12,10 @@ from functools import cached_property
 import numpy as np
 
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere, Vector, frozen_array
+from core.goals import Goal, describe_goals, goals_reward, needs_trace
 from core.joints import Drive, Joint, JointState, Latch, PlacedJoint
 from core.states import State
+from core.traces import Trace
 
 Color = tuple[float, float, float, float]
 
@@ -223,45 +225,6 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Goal:
-    """A task's goal in a form that programs can read: which bodies to move, and where.
-
-    Give either ``place``, where ``bodies`` must end (metres, world frame; None: that coordinate is free) within
-    ``tolerance`` metres; or ``away``, how far each must end from its start, in any direction. With ``at``, ``place`` is
-    in the frame of that body or mark, as it stands in the layout; if it may be turned, give both x and y or neither.
-    With ``any`` one of the bodies is enough. ``keep`` names bodies to leave in place. Only the reward counts; a goal is
-    a hint for designers that can't read prose.
-
-    Raises:
-        ValueError: neither or both of ``place`` and ``away`` are given.
-    """
-
-    bodies: tuple[str, ...]
-    place: tuple[float | None, float | None, float | None] | None = None
-    away: float | None = None
-    tolerance: float = 0.0
-    any: bool = False
-    keep: tuple[str, ...] = ()
-    at: str | None = None
-
-    def __post_init__(self) -> None:
-        if (self.place is None) == (self.away is None):
-            raise ValueError("a goal needs either place or away (the distance from the start), not both")
-
-    def within(self, scene: Scene) -> Goal:
-        """Return the goal in a layout: with ``place`` in the world.
-
-        Raises:
-            KeyError: there is no body ``at``.
-        """
-        if self.at is None or self.place is None:
-            return self
-        there = scene[self.at].pose.apply([0.0 if wanted is None else wanted for wanted in self.place])
-        x, y, z = (None if w is None else float(p) for w, p in zip(self.place, there, strict=True))
-        return replace(self, place=(x, y, z), at=None)
-
-
-@dataclass(frozen=True)
 class Camera:
     """A camera at ``position``, looking at ``target``, world z up, or y where it looks straight down.
 
@@ -314,4 +277,5 @@ def floor(height: float = -0.625, friction: float = 0.5) -> Body:
 
 __all__ = ["Body", "Camera", "Color", "Geom", "Goal", "Inertia", "Scene", "State", "floor", "table"]
 __all__ += ["Drive", "Joint", "JointState", "Latch"]  # of core.joints; State of core.states
+__all__ += ["Trace", "describe_goals", "goals_reward", "needs_trace"]  # of core.traces and core.goals
 __all__ += ["Box", "Cylinder", "Mesh", "Pose", "Sphere"]  # of core.geometry, so that a task needs one import

@@ -6,15 +6,16 @@ import inspect
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
 
-from core.errors import choices
+from core.errors import UsageError, choices
 from core.geometry import Array, Pose
 from core.layouts import NONE, Draw, Ranges
 from core.robots import Robot, default_robot
-from core.scene import Camera, Goal, Scene, State
+from core.scene import Camera, Goal, Scene, State, Trace
 
 
 class Task(ABC):
@@ -29,12 +30,15 @@ class Task(ABC):
 
     name: ClassVar[str]
     description: ClassVar[str]  # one paragraph, for the model
-    goals: ClassVar[tuple[Goal, ...]]  # the same, for programs; of several goals one is enough
+    goals: ClassVar[tuple[Goal, ...]]  # the same, for programs
+    every: ClassVar[bool] = False  # whether all goals count; else one is enough
+    hold_s: ClassVar[float] = 0.0  # the least time after the plan, s; the rollout's own setting may be longer
     home: ClassVar[Pose] = Pose(np.array([0.5, 0.0, 0.5]))  # the end-effector's pose in the world at the start
     camera: ClassVar[Camera] = Camera()
     success_reward: ClassVar[float] = 0.95  # from here on the task counts as solved
     variations: ClassVar[Mapping[str, Ranges]] = {}  # by name: what `draw` draws at random, and from which range
     variation: str = NONE
+    language: ClassVar[str] = "python"  # of the source that a model is shown
     _robot: Robot | None = None
 
     def __init__(self, variation: str = NONE) -> None:
@@ -68,14 +72,46 @@ class Task(ABC):
     def scene(self, seed: int) -> Scene:
         """Return the bodies of the world. The same seed gives the same layout; a fixed layout ignores the seed."""
 
+    @property
+    def reads_trace(self) -> bool:
+        """Whether its reward is ``reward(start, end, trace)``; then rollouts are recorded, with forces.
+
+        Raises:
+            UsageError: the reward takes something else.
+        """
+        return _reads_trace(type(self))
+
     @abstractmethod
     def reward(self, start: State, end: State) -> Array:
         """Compute rewards from 0 to 1, of one world or of many: from states (..., B, 3) of B bodies, rewards (...).
 
         ``start`` is after settling and before the motion, ``end`` is after it. Both have the places of marks and fixed
-        bodies too: take goals from there, since they differ between layouts.
+        bodies too: take goals from there, since they differ between layouts. A reward that has a third parameter,
+        ``trace``, also gets what happened in between (`Trace`): the states at 25 Hz, and the contacts.
         """
 
     def source(self) -> str:
         """Return the text of the file that defines the task."""
         return inspect.getsource(sys.modules[type(self).__module__])
+
+
+@lru_cache(maxsize=256)
+def _reads_trace(kind: type[Task]) -> bool:
+    given = list(inspect.signature(kind.reward).parameters.values())[1:]
+    if [parameter.name for parameter in given[2:3]] == ["trace"]:
+        given = [*given[:2], *given[3:]]
+        reads = True
+    else:
+        reads = False
+    needed = [p for p in given if p.default is p.empty and p.kind is not p.VAR_KEYWORD]
+    if len(needed) != 2:
+        wrong = f"reward{inspect.signature(kind.reward)}"
+        raise UsageError(f"task {kind.name}: {wrong} must be reward(self, start, end) or (self, start, end, trace)")
+    return reads
+
+
+def reward_of(task: Task, start: State, end: State, trace: Trace | None = None) -> Array:
+    """Call a task's reward, with the trace if it reads one."""
+    if not task.reads_trace:
+        return task.reward(start, end)
+    return task.reward(start, end, trace)  # type: ignore[call-arg]  # the third is optional, see `Task.reward`

@@ -23,6 +23,8 @@ FLOORS = {
         "shapes",
         "joints",
         "states",
+        "traces",
+        "goals",
         "scene",
         "layouts",
         "plans",
@@ -36,7 +38,7 @@ FLOORS = {
     ),
     "interfaces and events": ("interfaces", "replies", "events", "hooks"),
     "plugins and config": ("cli", "plugins", "config"),
-    "robot and designs": ("robot", "designs"),
+    "robot and designs": ("robot", "imports", "designs"),
     "one rollout": ("simulation",),
     "one run": ("store", "search"),
     "reports, checks, environments": ("report", "conformance", "gym", "new"),
@@ -55,7 +57,7 @@ FLOORS = {
     ),
 }
 PARTS = {
-    "task": "RoboToolBench's twelve",
+    "task": "RoboToolBench's twelve, file",
     "robot": "panda, ur5, ...",
     "sim": "pybullet, sapien, mujoco",
     "vlm": "gemini, openai, ... or offline",

@@ -18,6 +18,10 @@ from core.interfaces import Brief, Message, Request, Simulator, Task, Text, Tool
 from core.plugins import Part, installed
 
 
+class LeftOut(Exception):
+    """The part says that it lacks what is checked; the message is its own."""
+
+
 def expect(condition: object, message: str) -> None:
     """Check a condition, with ``python -O`` too.
 
@@ -88,7 +92,7 @@ def some_task() -> Task:
     Raises:
         UserError: there is none.
     """
-    for name in installed().names("task"):
+    for name in installed().ready("task"):
         task: Task = installed().create("task", name)
         return task
     raise UserError("no task is installed; a check needs one")

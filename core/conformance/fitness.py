@@ -38,7 +38,7 @@ class Breaking(Evaluator):
 
 def evaluator() -> Evaluator:
     """An evaluator in the first task and the first engine that are installed."""
-    return Breaking(Part("task", installed().names("task")[0]), Part("sim", some_simulator()[0]), 0, QUICK)
+    return Breaking(Part("task", installed().ready("task")[0]), Part("sim", some_simulator()[0]), 0, QUICK)
 
 
 def candidates(lengths: Sequence[float] = (0.1, 0.1, 0.1), *, steps: int = 1) -> list[Candidate]:

@@ -36,7 +36,7 @@ ODD = "[bold]{0} %s </td> \x1b[31m\x00\r\n| \u202e 柄 ```" + "long " * 1000
 @lru_cache(maxsize=1)
 def _config() -> tuple[str, dict[str, Any]]:
     """The first task's name, and the configuration of a run of it."""
-    name = installed().names("task")[0]
+    name = installed().ready("task")[0]
     return name, cast(dict[str, Any], OmegaConf.to_container(load("config", [f"task={name}"]), resolve=True))
 
 

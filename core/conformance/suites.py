@@ -25,9 +25,10 @@ from core.conformance import (
     shapes,
     task,
     tool,
+    touches,
     vlm,
 )
-from core.conformance.checking import describe_error
+from core.conformance.checking import LeftOut, describe_error
 from core.plugins import Part
 
 Check = Callable[[Any], str | None]
@@ -41,7 +42,7 @@ def _checks(*modules: ModuleType) -> tuple[Check, ...]:
 
 
 SUITES = {
-    "sim": _checks(repeat, robot, bodies, shapes, joints, mechanisms, impacts, output),
+    "sim": _checks(repeat, robot, bodies, shapes, joints, mechanisms, impacts, touches, output),
     "task": _checks(task),
     "robot": _checks(robots),
     "vlm": _checks(vlm),
@@ -89,6 +90,8 @@ def examine(kind: str, checked: Any) -> Iterator[Verdict]:
         began, problem, remark = time.perf_counter(), None, None
         try:
             remark = check(checked)
+        except LeftOut as reason:
+            remark = f"left out: {reason}"
         except Exception as error:  # anything that the part's code raises is a result
             problem = str(error) if isinstance(error, AssertionError) else describe_error(error)
         name = check.__name__.removeprefix("check_").replace("_", " ")

@@ -19,9 +19,11 @@ from core.interfaces import Outcome, Rollout, Task
 from core.robot.kinematics import arm_of
 from core.robot.solids import Solids, body_solids, signed_distance
 from core.robot.trajectory import at_home
-from core.scene import Scene, State
+from core.scene import Scene, State, Trace
+from core.simulation.contacts import find_contacts, make_trace
 from core.simulation.penetration import Explosion, findings
 from core.simulation.tracks import SAMPLE_HZ
+from core.task import reward_of
 
 SEEDS = (0, 1, 2)  # layouts that are looked at
 MAX_OVERLAP_M = 0.001
@@ -34,7 +36,7 @@ def check_it_is_described(task: Task) -> None:
     expect(task.name.isidentifier(), f"the name {task.name!r} must be one word, for configs and folders")
     expect(len(task.description.split()) >= 5, f"the description for the model is {task.description!r}")
     expect("\n" not in task.description, "the description is one paragraph, without line breaks")
-    expect(f"class {type(task).__name__}" in task.source(), "the source that a model is shown does not hold the class")
+    expect(task.name in task.source(), "the source that a model is shown does not hold the task's name")
     expect(0 < task.success_reward <= 1, f"success_reward is {task.success_reward}, not in (0, 1]")
 
 
@@ -52,8 +54,10 @@ def check_goals_name_bodies_of_the_scene(task: Task) -> None:
     names = {body.name for body in task.scene(0).bodies}
     expect(isinstance(task.goals, tuple), f"goals is a {type(task.goals).__name__}, not a tuple")
     for goal in task.goals:
-        unknown = {*goal.bodies, *goal.keep, *([goal.at] if goal.at else [])} - names
+        unknown = {*goal.bodies, *goal.keep, *goal.untouched, *([goal.at] if goal.at else [])} - names
         expect(not unknown, f"a goal names {', '.join(sorted(unknown))}; the scene has {', '.join(sorted(names))}")
+        joints = [joint.name for joint in task.scene(0).joints]
+        expect(goal.joint in (None, *joints), f"a goal names the joint {goal.joint}; the scene has {joints}")
 
 
 def check_rewards_work_for_one_world_or_many(task: Task) -> None:
@@ -63,11 +67,16 @@ def check_rewards_work_for_one_world_or_many(task: Task) -> None:
     shifts = [np.zeros(shape), *(rng.normal(0, reach, shape) for reach in (0.05, 0.3, 1.0, 30.0))]
     ends = [replace(begin, positions=begin.positions + shift) for shift in shifts]
     n = len(ends)
-    many = np.asarray(task.reward(State.stack([begin] * n), State.stack(ends)))
+    begins, lasts = State.stack([begin] * n), State.stack(ends)
+    many = np.asarray(reward_of(task, begins, lasts, _without_contacts(begins, lasts)))
     expect(many.shape == (n,), f"the reward of {n} worlds has the shape {many.shape}, not ({n},)")
     expect(np.isfinite(many).all() and (many >= 0).all() and (many <= 1).all(), f"rewards {many} are not in [0, 1]")
-    each = np.array([float(np.asarray(task.reward(begin, last))) for last in ends])
+    each = np.array([float(np.asarray(reward_of(task, begin, last, _without_contacts(begin, last)))) for last in ends])
     expect(np.allclose(each, many, atol=1e-9), f"worlds earn {each} one by one and {many} together")
+
+
+def _without_contacts(*states: State) -> Trace:
+    return Trace.of(*states, forces={})
 
 
 def check_the_arm_reaches_home_clear_of_the_scene(task: Task) -> None:
@@ -79,10 +88,12 @@ def check_the_arm_reaches_home_clear_of_the_scene(task: Task) -> None:
 
 def check_nothing_overlaps_at_spawn(task: Task) -> None:
     for seed in SEEDS:
-        bodies = task.scene(seed).bodies
+        scene = task.scene(seed)
+        bodies = scene.bodies
         solids = {body.name: list(body_solids(body)) for body in bodies}
         for number, body in enumerate(bodies):
-            others = Solids(s for o in bodies[:number] if not (o.fixed and body.fixed) for s in solids[o.name])
+            apart = [o for o in bodies[:number] if frozenset((o.name, body.name)) not in scene.joined]
+            others = Solids(s for o in apart if not (o.fixed and body.fixed) for s in solids[o.name])
             for solid in solids[body.name]:
                 for other in others.near(solid, 0.0):
                     depth = -signed_distance(solid, other)
@@ -105,7 +116,7 @@ def check_variations_draw_layouts(task: Task) -> str:
 def idle(task: Task) -> tuple[str, Outcome]:
     """Hold the arm at home without a tool for `REST_S`; the engine's name and the outcome."""
     name, simulator = some_simulator()
-    job = Rollout(Tool(), at_home(task), SEEDS[0], hold_s=REST_S, record_hz=SAMPLE_HZ)
+    job = Rollout(Tool(), at_home(task), SEEDS[0], hold_s=REST_S, record_hz=SAMPLE_HZ, forces=task.reads_trace)
     outcome, again = simulator.rollout(task, [job, job])
     expect(outcome.error is None, f"in {name} the scene breaks by itself: {outcome.error}")
     same = np.array_equal(start(outcome).positions, start(again).positions)
@@ -129,13 +140,15 @@ def check_what_rests_stays_at_rest(task: Task) -> str:
 
 def check_doing_nothing_earns_nothing(task: Task) -> str:
     """At spawn, and after the arm has waited at home: a scene must not solve itself."""
-    state = task.scene(SEEDS[0]).state()
+    scene = task.scene(SEEDS[0])
+    state = scene.state()
     name, outcome = idle(task)
     after = f"after {REST_S:g} s in {name}"
-    finished = [task.scene(SEEDS[0]).complete(of) for of in (start(outcome), end(outcome))]
-    pairs: dict[str, list[State]] = {"at spawn": [state, state], after: finished}
-    for what, (first, last) in pairs.items():
-        reward = float(np.asarray(task.reward(first, last)))
+    finished = (scene.complete(start(outcome)), scene.complete(end(outcome)))
+    trace = make_trace(scene, [find_contacts(scene, task.robot, Tool(), film(outcome))])[0]
+    tried = {"at spawn": (state, state, _without_contacts(state, state)), after: (*finished, trace)}
+    for what, (first, last, between) in tried.items():
+        reward = float(np.asarray(reward_of(task, first, last, between)))
         expect(np.isfinite(reward) and 0 <= reward <= 1, f"doing nothing earns {reward} {what}, not in [0, 1]")
         expect(reward < MAX_IDLE_REWARD, f"doing nothing earns {reward:.2f} {what}; it must be under {MAX_IDLE_REWARD}")
     return f"in {name}"

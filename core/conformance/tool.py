@@ -27,7 +27,7 @@ def designs(representation: ToolRepresentation) -> bool:
 def check_given_tools_keep_the_rules(representation: ToolRepresentation) -> None:
     """Sizes, masses and contacts as for designs, and at spawn clear of the arm and the scene."""
     count = 0
-    for name in installed().names("task"):
+    for name in installed().ready("task"):
         task = installed().create("task", name)
         try:
             representation.given(task)

@@ -25,6 +25,7 @@ from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import State
 from core.simulation.playback import begun
+from core.task import reward_of
 
 ControlMode = Literal["joints", "end_effector"]
 Numbers = npt.NDArray[np.float64]
@@ -49,7 +50,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     quaternions of its M marks and fixed bodies.
 
     The reward of a step is the growth of the task's reward in it, so their sum over an episode is the task's reward at
-    its end. ``info["reward"]`` is the task's reward now. An episode terminates at success.
+    its end. ``info["reward"]`` is the task's reward now. An episode terminates at success. A task whose reward reads a
+    trace can't be stepped.
 
     Args:
         task: the task's name.
@@ -101,6 +103,10 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
         self.task: Task = installed().create("task", task, task_settings)
+        if self.task.reads_trace:
+            raise UserError(
+                f"the reward of {task} reads a trace, which steps have none of; use python -m core.evaluate"
+            )
         if robot is not None:
             self.task.robot = robot_part(OmegaConf.create({"name": robot, **(robot_settings or {})})).create()
         if gripper and self.task.robot.gripper is None:
@@ -186,7 +192,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
     def _reward(self, now: State) -> float:
         complete = self._scene.complete
-        return float(np.asarray(self.task.reward(complete(self._start), complete(now))))
+        return float(np.asarray(reward_of(self.task, complete(self._start), complete(now))))
 
     def _observation(self, world: World) -> Numbers:
         state = world.state()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import inspect
 import math
 import os
 import typing
@@ -45,6 +46,18 @@ class Plugins(Discovery):
     def names(self, kind: str) -> list[str]:
         """Return the names of the parts of a kind, sorted."""
         return sorted(name for of, name in self.offers if of == kind)
+
+    def ready(self, kind: str) -> list[str]:
+        """Return the names of the parts of a kind that can be made without settings, sorted."""
+        signatures = {name: inspect.signature(self.factory(kind, name)) for name in self.names(kind)}
+        return [
+            name
+            for name, signature in signatures.items()
+            if all(
+                p.default is not p.empty or p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
+                for p in signature.parameters.values()
+            )
+        ]
 
     def factory(self, kind: str, name: str) -> Callable[..., Any]:
         """Return the factory of the part ``name`` of a kind.

@@ -6,6 +6,7 @@ their collision shapes is at most what engines leave between things that rest on
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,10 +19,11 @@ import numpy.typing as npt
 from core.design import Tool
 from core.geometry import Array, Mesh
 from core.interfaces import Contact, Recording, Robot
-from core.scene import Scene
+from core.scene import Scene, State, Trace
 from core.simulation.gaps import gap_bounds, may_meet, neighbours
 from core.simulation.sampling import Indices, coarse_samples, subset
 from core.simulation.tracks import Track, body_tracks, robot_tracks
+from core.traces import TRACE_HZ
 
 TOUCH_M, HULL_M = 0.0005, 0.001  # the largest gap of a contact; so much more for each hull: PyBullet's margin
 STRUCK_M_S = 0.3  # a body whose velocity changes by more than this between two samples was struck
@@ -55,11 +57,19 @@ class Contacts:
     @cached_property
     def all(self) -> tuple[Contact, ...]:
         """The contacts, the earliest first, without those of bodies that touched before the motion began."""
-        found = []
+        found, forces = [], self.taken.forces or None
         for key in self.touching.keys() - self.resting:
             first, last = self.taken.times[np.flatnonzero(self.touching[key])[[0, -1]]].tolist()
-            found.append(Contact(*key, first, last, self.depths[key]))  # type: ignore[arg-type]
+            force = None if forces is None else float(self._force(key).max())
+            found.append(Contact(*key, first, last, self.depths[key], force))  # type: ignore[arg-type]
         return tuple(sorted(found, key=lambda contact: (contact.first_s, contact.one, contact.other)))
+
+    def _force(self, key: Key) -> Array:
+        """The normal force of a contact while it lasts, N, (T,); a component has that of the tool."""
+        kind, one, other = key
+        names = ("tool" if kind == "tool" else one, other)
+        forces = self.taken.forces.get(names, self.taken.forces.get(names[::-1], np.zeros(len(self.taken.times))))
+        return forces * self.touching[key]
 
     def with_robot(self, body: str) -> Flags:
         """Report at which samples (T,) the arm or the tool touches a body."""
@@ -87,7 +97,7 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
     struck = _struck(taken)
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
-    pairs = neighbours(own, bodies, TOUCH_M + 2 * HULL_M)
+    pairs = neighbours(own, bodies, TOUCH_M + 2 * HULL_M, scene.joined)
     intervals = _near(pairs, struck, len(taken.times) - 1) if pairs else ((), ())
     for (one, other), near, hit in zip(pairs, *intervals, strict=True):
         if not (near.any() or hit.any()):
@@ -101,6 +111,24 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
     resting = frozenset(key for key, touched in touching.items() if key[0] == "body" and touched[:settled].any())
     missed = {body.name for body in scene.bodies} - {other for kind, _, other in touching if kind != "body"}
     return Contacts(taken, touching, resting, depths, _clearances(own, [t for t in bodies if t.owner in missed]))
+
+
+def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
+    """Make the trace of rollouts in a scene, one world for each."""
+    last = max(float(found.taken.times[-1]) for found in worlds)
+    instants = np.arange(math.ceil(last * TRACE_HZ - 1e-6) + 1) / TRACE_HZ
+    times = [found.taken.times for found in worlds]
+    samples = [np.searchsorted((of[1:] + of[:-1]) / 2, instants) for of in times]  # the nearest
+    films = [subset(found.taken, at).states for found, at in zip(worlds, samples, strict=True)]
+    touching: dict[Key, Flags] = {}
+    forces: dict[tuple[str, str], Array] = {}
+    for number, (found, at) in enumerate(zip(worlds, samples, strict=True)):
+        for key, flags in found.touching.items():
+            touching.setdefault(key, np.zeros((len(worlds), len(instants)), dtype=bool))[number] = flags[at]
+        for pair, values in found.taken.forces.items():
+            forces.setdefault(pair, np.zeros((len(worlds), len(instants))))[number] = values[at]
+    measured = forces or not touching  # an engine that measures none has none where things touch
+    return Trace(instants, scene.complete(State.stack(films)), touching, forces if measured else None)
 
 
 def _near(pairs: Sequence[tuple[Track, Track]], struck: Mapping[str, Flags], count: int) -> tuple[Flags, Flags]:

@@ -6,7 +6,7 @@ Along any direction the gap between two convex solids is no larger than their di
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import coal
 import numpy as np
@@ -23,10 +23,15 @@ _EYE = np.eye(3)
 _SMOOTH = Box | Capsule | Cylinder | Sphere  # whose extents are formulas
 
 
-def neighbours(robot: Sequence[Track], bodies: Sequence[Track], margin: float = 0.0) -> list[tuple[Track, Track]]:
+def neighbours(
+    robot: Sequence[Track],
+    bodies: Sequence[Track],
+    margin: float = 0.0,
+    joined: Collection[frozenset[str]] = (),
+) -> list[tuple[Track, Track]]:
     """Pair solids of different owners, of which one ever is within ``margin`` metres of where the other ever is.
 
-    At least one of them is in motion. Only their bounding boxes are compared.
+    At least one of them is in motion. Only their bounding boxes are compared. Owners that are ``joined`` are no pair.
     """
     moving = [track for track in (*robot, *bodies) if len(track.positions) > 1]
     if not moving or not bodies:
@@ -38,7 +43,9 @@ def neighbours(robot: Sequence[Track], bodies: Sequence[Track], margin: float = 
     return [
         (moving[i], bodies[j])
         for j, i in np.argwhere(met).tolist()
-        if i < order.get(id(bodies[j]), len(moving)) and moving[i].owner != bodies[j].owner  # each pair once
+        if i < order.get(id(bodies[j]), len(moving))
+        and moving[i].owner != bodies[j].owner  # each pair once
+        and frozenset((moving[i].owner, bodies[j].owner)) not in joined
     ]
 
 

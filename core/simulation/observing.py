@@ -23,6 +23,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Sphere
+from core.goals import DONE, progress
 from core.interfaces import Contact, Observation, Outcome, Recording, Task
 from core.observations import Class, Moved, Offset, Point
 from core.robot.trajectory import Motion
@@ -35,7 +36,7 @@ UNYIELDING_M, UNYIELDING_S = 0.005, 0.2  # what moves by no more than this in th
 LIFTED_M, FALLEN_M = 0.02, 0.02
 TIPPED_DEG, FELL_M = 45.0, 0.05
 NUDGED_M = 0.005
-PLACE_M = 0.02  # the tolerance of a goal's place, if the goal names a smaller one
+PLACE_M, PLACE_RAD = 0.02, 0.1  # the tolerance of a goal's place, if the goal names a smaller one
 
 INSTANTS, PATHS, MAX_CONTACTS = 6, 2, 40
 
@@ -51,18 +52,24 @@ def observe(
     """Observe a rollout that came to its end; ``contacts`` are those of its recording."""
     assert outcome.start is not None
     assert outcome.end is not None
-    start, end, taken = outcome.start, outcome.end, contacts.taken
+    start, end, taken = scene.complete(outcome.start), scene.complete(outcome.end), contacts.taken
     there = {body.name for body in scene.bodies}
     goals = [
-        goal.within(scene)
+        part
         for goal in task.goals
-        if goal.bodies and set(goal.bodies) <= set(start.names) and (goal.at is None or goal.at in there)
+        if goal.at in (None, *there) and goal.joint in (None, *scene.placed_joints)
+        for part in goal.within(scene).spread()
+        if part.bodies and set(part.bodies) <= set(start.names)
     ]  # a goal is a hint, and may be wrong
     goal = min(goals, key=lambda goal: _left(goal, start, end), default=None)
     bodies = goal.bodies if goal is not None else start.names
     lags = _lags(motion, taken)
     names = tuple(dict.fromkeys(name for goal in goals for name in goal.bodies)) or start.names
-    left = tuple(n for n in names if not any(_in_place(goal, n, start, end) for goal in goals))
+    enough = all if task.every else any
+    wanted = {name: [goal for goal in goals if name in goal.bodies] for name in names}
+    left = tuple(
+        n for n in names if not (wanted[n] and enough(_in_place(g, n, start, end, contacts) for g in wanted[n]))
+    )
     result, what, at = _judge(task, scene, motion, reward, start, end, names, left, contacts, lags)
     worst = int((motion.misses / (MISSED_M, MISSED_RAD)).max(axis=1).argmax())
     shifts = {name: _moved(start, end, name) for name in start.names}
@@ -204,16 +211,24 @@ def _offset(goal: Goal, position: Array) -> Offset:
     return x, y, z
 
 
-def _in_place(goal: Goal, name: str, start: State, end: State) -> bool:
-    if name not in goal.bodies:
+def _in_place(goal: Goal, name: str, start: State, end: State, contacts: Contacts) -> bool:
+    turned = Goal(
+        (name,), axis=goal.axis, points=goal.points, tolerance_deg=goal.tolerance_deg, rest=goal.rest, keep=(name,)
+    )
+    if progress(turned, start, end) < DONE or (goal.held and not contacts.held(name)[-1]):
         return False
+    if goal.joint is not None:
+        far = PLACE_M if end.joints[goal.joint].joint.kind == "slider" else PLACE_RAD
+        return _left(goal, start, end) <= max(goal.tolerance, far)
     if goal.away is not None:
         return _length(end.position(name) - start.position(name)) >= goal.away
     return _apart(goal, end.position(name)) <= max(goal.tolerance, PLACE_M)
 
 
 def _left(goal: Goal, start: State, end: State) -> float:
-    """How far the goal's bodies are from where it wants them, on average, metres."""
+    """How far the goal's bodies are from where it wants them, on average, metres; or its joint, m or rad."""
+    if goal.joint is not None:
+        return float(np.abs(end.joint(goal.joint).position - (goal.to or 0.0)))
     if goal.away is not None:
         moved = [_length(end.position(name) - start.position(name)) for name in goal.bodies]
         return float(np.mean([max(goal.away - way, 0.0) for way in moved]))

@@ -72,7 +72,7 @@ def findings(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> li
     dense = len(samples) < len(recording.times)
     around, aside = detours(recording, samples) if dense else (None, None)
     own, bodies = robot_tracks(robot, tool, coarse, around), body_tracks(scene, coarse, aside)
-    pairs = neighbours(own, bodies)
+    pairs = neighbours(own, bodies, joined=scene.joined)
     meetings = _meetings(pairs, _moving(pairs)) if pairs and len(samples) > 1 else []
     times = coarse.times
     if meetings and dense:

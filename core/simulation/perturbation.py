@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,8 @@ from core.config.settings import PerturbationRange
 from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.robot.solids import Solid, Solids, body_solids, signed_distance
-from core.scene import Body, Scene, State
+from core.scene import Body, Scene, State, Trace
+from core.task import reward_of
 
 TOGETHER_M = 0.0015  # free bodies nearer to each other than this are moved as one
 CLEAR_M = 0.0002  # the clearance that a move leaves, or what there was if that is less
@@ -29,8 +30,8 @@ class Perturbed(Task):
 
     def __init__(self, task: Task, ranges: PerturbationRange, draw: int) -> None:
         # Class attributes of the wrapped task; an attribute of the object hides the class's.
-        seen = ("name", "description", "goals", "home", "camera", "success_reward", "variations", "variation")
-        names = (*seen, "_robot")
+        seen = ("name", "description", "goals", "every", "home", "camera", "success_reward", "hold_s", "variations")
+        names = (*seen, "variation", "_robot")
         vars(self).update({name: getattr(task, name) for name in names})
         self._task = task
         self._ranges = ranges
@@ -42,8 +43,12 @@ class Perturbed(Task):
             self._scenes[seed] = perturb(self._task.scene(seed), self._ranges, self._draw)
         return self._scenes[seed]
 
-    def reward(self, start: State, end: State) -> Array:
-        return self._task.reward(start, end)
+    @property
+    def reads_trace(self) -> bool:
+        return self._task.reads_trace
+
+    def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
+        return reward_of(self._task, start, end, trace)
 
     def source(self) -> str:
         return self._task.source()
@@ -55,7 +60,8 @@ def perturb(scene: Scene, ranges: PerturbationRange, draw: int) -> Scene:
     Each body's mass and friction change independently, sliding and rolling friction by the same share. A free body
     moves on the level it stands on, together with the free bodies that it touches or nearly touches (a pot with what
     lies in it, a row of books). It neither penetrates anything nor loses a contact; where room is scarce a move is
-    drawn again, and smaller. Fixed bodies and marks stay, since rewards name places in the world.
+    drawn again, and smaller. Fixed bodies and marks stay, since rewards name places in the world, and so do bodies that
+    hang from them or from the world; those that hang from a free one move with it.
     """
     scales = np.random.default_rng([draw, 0]).uniform(-1, 1, (len(scene.bodies), 2)).tolist()
     poses = _moved(scene, ranges, np.random.default_rng([draw, 1]))
@@ -78,7 +84,12 @@ def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) ->
     if ranges.position == ranges.yaw == 0:
         return poses
     solids = {body.name: tuple(body_solids(body)) for body in scene.bodies}
-    for group in together(scene.free, solids):
+    anchored = {body.name for body in scene.bodies if body.fixed} | {None}
+    for placed in scene.hung:
+        if placed.joint.parent in anchored:
+            anchored.add(placed.joint.body)
+    loose = [body for body in scene.free if body.name not in anchored]
+    for group in together(loose, solids, scene.joined):
         members = {body.name for body in group}
         others = Solids(solid for name, own in solids.items() if name not in members for solid in own)
         move = _move(group, [solid for body in group for solid in solids[body.name]], others, ranges, rng)
@@ -88,13 +99,18 @@ def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) ->
     return poses
 
 
-def together(bodies: Sequence[Body], solids: Mapping[str, Sequence[Solid]]) -> list[list[Body]]:
-    """Group bodies that touch or nearly touch, directly or through others; groups are ordered by their first body."""
+def together(
+    bodies: Sequence[Body], solids: Mapping[str, Sequence[Solid]], joined: Collection[frozenset[str]] = ()
+) -> list[list[Body]]:
+    """Group bodies that touch or nearly touch, or are joined, directly or through others.
+
+    Groups are ordered by their first body.
+    """
     near = np.zeros((len(bodies), len(bodies)), dtype=bool)
     for i, body in enumerate(bodies):
         for j in range(i):
             others = Solids(solids[bodies[j].name])
-            near[i, j] = any(
+            near[i, j] = frozenset((body.name, bodies[j].name)) in joined or any(
                 signed_distance(solid, other) < TOGETHER_M
                 for solid in solids[body.name]
                 for other in others.near(solid, TOGETHER_M)

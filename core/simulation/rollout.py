@@ -20,12 +20,14 @@ from core.plugins.blame import PluginError, describe_failure
 from core.robot.self_collision import find_self_collision
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
-from core.scene import Scene, State
-from core.simulation.contacts import find_contacts
+from core.scene import Scene, State, Trace
+from core.simulation.contacts import Contacts, find_contacts, make_trace
 from core.simulation.observing import observe
 from core.simulation.penetration import Explosion, Finding, findings
 from core.simulation.sampling import is_finite, sample_hz, thinnest
+from core.task import reward_of
 from core.text import shorten
+from core.traces import TRACE_HZ
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,8 @@ def prepare(
     if candidate.tool is None:
         raise ValueError(f"candidate {candidate.id} has no tool to try: {candidate.problem}")
     motion = plan_task_motion(resolve(candidate.plan, task, seed, settings, scene), task, settings)
-    job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, settings.hold_s, record_hz)
+    hold_s = max(settings.hold_s, task.hold_s)
+    job = Rollout(candidate.tool, motion.trajectory, seed, settings.settle_s, hold_s, record_hz)
     return motion, job
 
 
@@ -114,7 +117,7 @@ def evaluate_batch(
     jobs: list[Rollout] = []
     crossed: dict[int, tuple[str]] = {}
     scene = task.scene(seed)
-    thin = thinnest(scene)
+    thin, traced = thinnest(scene), task.reads_trace
     for i, candidate in enumerate(candidates):
         if candidate.problem is not None:
             evaluations[i] = Evaluation(candidate, "rejected", reason=candidate.problem)
@@ -137,10 +140,13 @@ def evaluate_batch(
         motions[i] = motion
         if settings.penetration != "ignore" or settings.observe:
             job = replace(job, record_hz=sample_hz(task.robot, job.tool, job.trajectory, thin))
+        if traced:
+            job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
         jobs.append(job)
     outcomes = dict(zip(motions, _outcomes(simulator, task, jobs), strict=True))
     finished: dict[int, tuple[State, State]] = {}
     found: dict[int, list[Finding]] = {}
+    contacts: dict[int, Contacts] = {}
     for i, outcome in outcomes.items():
         tool = candidates[i].tool
         if outcome.recording is not None and tool is not None and settings.penetration != "ignore":
@@ -149,15 +155,22 @@ def evaluate_batch(
             except Explosion as error:
                 evaluations[i] = Evaluation(candidates[i], "failed", reason=f"the simulation blew up: {error}")
                 continue
-        if outcome.error is None and outcome.start is not None and outcome.end is not None:
-            finished[i] = outcome.start, outcome.end
-        else:
+        recording = outcome.recording if outcome.error is None and (traced or settings.observe) else None
+        if recording is not None and tool is not None and is_finite(recording):
+            contacts[i] = find_contacts(scene, task.robot, tool, recording)
+        if outcome.error is not None or outcome.start is None or outcome.end is None:
             reason = outcome.error or "the simulator returned no state"
             evaluations[i] = Evaluation(candidates[i], "failed", reason=reason)
+        elif traced and i not in contacts:
+            reason = "the reward reads a trace, and the simulator returned no recording of finite states"
+            evaluations[i] = Evaluation(candidates[i], "failed", reason=reason)
+        else:
+            finished[i] = outcome.start, outcome.end
     if finished:
         starts, ends = (scene.complete(State.stack(states)) for states in zip(*finished.values(), strict=True))
         shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1)
-        for i, reward, moved in zip(finished, _rewards(task, starts, ends), shifts, strict=True):
+        trace = make_trace(scene, [contacts[i] for i in finished]) if traced else None
+        for i, reward, moved in zip(finished, _rewards(task, starts, ends, trace), shifts, strict=True):
             evaluation = Evaluation(
                 candidates[i],
                 "ok",
@@ -172,19 +185,11 @@ def evaluate_batch(
             if not 0.0 <= reward <= 1.0:
                 reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
                 evaluation = replace(evaluation, status="failed", reward=0.0, reason=reason)
-            if settings.observe:
-                evaluation = replace(evaluation, details=_observed(task, scene, motions[i], outcomes[i], evaluation))
+            if settings.observe and i in contacts:
+                seen = observe(task, scene, motions[i], outcomes[i], evaluation.reward, contacts[i])
+                evaluation = replace(evaluation, details=seen.details())
             evaluations[i] = judged(evaluation, found.get(i, []), forbid=settings.penetration == "forbid")
     return [evaluations[i] for i in range(len(candidates))]
-
-
-def _observed(task: Task, scene: Scene, motion: Motion, outcome: Outcome, evaluation: Evaluation) -> dict[str, Any]:
-    """Observe a rollout, as an evaluation's details; empty if nothing was recorded, or states that are not finite."""
-    tool = evaluation.candidate.tool
-    if outcome.recording is None or tool is None or not is_finite(outcome.recording):
-        return {}
-    contacts = find_contacts(scene, task.robot, tool, outcome.recording)
-    return observe(task, scene, motion, outcome, evaluation.reward, contacts).details()
 
 
 def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
@@ -213,13 +218,13 @@ def judged(evaluation: Evaluation, found: Sequence[Finding], *, forbid: bool) ->
     return replace(evaluation, warnings=warnings, reward=0.0, reason=evaluation.reason or reason)
 
 
-def _rewards(task: Task, starts: State, ends: State) -> Array:
+def _rewards(task: Task, starts: State, ends: State, trace: Trace | None) -> Array:
     """Compute the rewards of many worlds.
 
     Raises:
         PluginError: the task returned something else; names it.
     """
-    count, rewards = len(ends.positions), np.asarray(task.reward(starts, ends), dtype=np.float64)
+    count, rewards = len(ends.positions), np.asarray(reward_of(task, starts, ends, trace), dtype=np.float64)
     if rewards.shape != (count,):
         raise PluginError(
             f"{describe_part(task)}: reward gave an array of shape {rewards.shape} for {count} worlds; "

@@ -64,9 +64,18 @@ def refined_samples(samples: Indices, wanted: Array) -> Indices:
 
 
 def subset(recording: Recording, samples: Indices) -> Recording:
-    """Return only these samples of a recording."""
+    """Return only these samples of a recording, and the mean force since the one before."""
     states = State(recording.states.names, *(array[samples] for array in recording.states.arrays))
-    return Recording(recording.times[samples], recording.arm[samples], recording.fingers[samples], states)
+    forces = {pair: _means(recording.times, values, samples) for pair, values in recording.forces.items()}
+    return Recording(recording.times[samples], recording.arm[samples], recording.fingers[samples], states, forces)
+
+
+def _means(times: Array, values: Array, samples: Indices) -> Array:
+    """Average ``values`` (T,), each a mean since the instant before, over the time since the sample before."""
+    impulses = np.concatenate([[0.0], np.cumsum(values[1:] * np.diff(times))])[samples]
+    means = np.diff(impulses, prepend=0.0) / np.maximum(np.diff(times[samples], prepend=times[0]), 1e-9)
+    means[samples == 0] = values[0]
+    return means
 
 
 def detours(recording: Recording, samples: Indices) -> tuple[Detour, list[Detour]]:

@@ -17,6 +17,7 @@ from plugins.vlms.offline.boxes import Boxes, overlaps
 from plugins.vlms.offline.workspace import Workspace, workspace_of
 
 UP = np.array([0.0, 0.0, 1.0])
+LIFT_M = 0.15  # what is to be held is lifted by this
 _DEEP_M = 0.05
 _SUPPORT_M = 0.006  # bodies are lifted by this for collision checks, since their support does not block them
 
@@ -178,7 +179,8 @@ class Errand:
 class Sight:
     """Bodies with collision shapes, their names, the goals, the end-effector's home, and the arm's workspace.
 
-    Goals are in the world; ``at`` names what each one's place was given by.
+    Goals are in the world; ``at`` names what each one's place was given by. ``groups`` are the numbers of those that
+    must be reached together.
     """
 
     things: tuple[Thing, ...]
@@ -187,6 +189,7 @@ class Sight:
     home: Pose
     space: Workspace
     at: tuple[str | None, ...]
+    groups: tuple[list[int], ...]
     square: bool = False
 
     @classmethod
@@ -202,7 +205,8 @@ class Sight:
         if turn is not None:
             moved = tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies)
             scene, home = replace(scene, bodies=moved), turn @ home
-        goals = tuple(goal.within(scene) for goal in brief.task.goals)
+        parts = [(n, of.at, g) for n, of in enumerate(brief.task.goals) for g in of.within(scene).spread() if g.bodies]
+        goals = tuple(goal for *_, goal in parts)
         if not goals:
             if not scene.free:
                 raise NothingToMove("the task has no goals and no body that can move; give it a Goal")
@@ -210,19 +214,26 @@ class Sight:
         bodies = [body for body in scene.bodies if body.collisions]
         names = tuple(body.name for body in bodies)
         things, space = tuple(Thing.of(body) for body in bodies), workspace_of(brief.task.robot)
-        at = tuple(goal.at for goal in brief.task.goals) or (None,)
-        return cls(things, names, goals, home, space, at, square=turn is not None)
+        at = tuple(at for _, at, _ in parts) or (None,)
+        groups = dict[int, list[int]]()
+        for number, (of, *_) in enumerate(parts):
+            groups.setdefault(0 if brief.task.every else of, []).append(number)
+        return cls(things, names, goals, home, space, at, tuple(groups.values()) or ([0],), square=turn is not None)
 
     @cached_property
     def boxes(self) -> Boxes:
         return Boxes.join(thing.boxes for thing in self.things)
 
     def errands(self, rng: np.random.Generator, alone: bool = False) -> list[Errand]:
-        """Draw errands for a goal at random: all its bodies, in lanes if they are many; one of them if it is enough.
+        """Draw errands for a group of goals at random, in order.
 
-        With ``alone`` each scattered body gets its own.
+        They are for all bodies, in lanes if these are many; for one of them if it is enough. With ``alone`` each
+        scattered body gets its own.
         """
-        number = int(rng.integers(len(self.goals))) if len(self.goals) > 1 else 0
+        group = self.groups[int(rng.integers(len(self.groups)))] if len(self.groups) > 1 else self.groups[0]
+        return [errand for number in group for errand in self._errands(number, rng, alone)]
+
+    def _errands(self, number: int, rng: np.random.Generator, alone: bool) -> list[Errand]:
         goal = self.goals[number]
         things = [self.things[self.names.index(name)] for name in goal.bodies]
         if goal.any and len(things) > 1:
@@ -278,6 +289,8 @@ class Sight:
         return self.name(around[0]) if around else None
 
     def _shift(self, errand: Errand, goal: Goal, rng: np.random.Generator) -> Array:
+        if goal.place is None and goal.held:
+            return LIFT_M * UP
         if goal.place is None:
             return _escape(errand, float(goal.away or 0.1), rng)
         middle: Array = np.mean([thing.position for thing in errand.things], axis=0)

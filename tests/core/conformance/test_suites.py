@@ -17,9 +17,9 @@ from core.geometry import Pose
 from core.hooks import hookimpl
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, GivenTools, Reply, Task, ToolRepresentation
 from core.plugins import KINDS, Offer, Part, installed
-from core.scene import Body, Box, Goal, Scene, Sphere, floor, table
+from core.scene import Body, Box, Goal, Scene, Sphere, floor, goals_reward, table
 
-PARTS = [("task", name) for name in installed().names("task")]
+PARTS = [("task", name) for name in installed().ready("task")]
 PARTS += [("tool", name) for name in installed().names("tool")]
 PARTS += [("evolution", name) for name in installed().names("evolution")]
 PARTS += [("fitness", "nominal"), pytest.param("fitness", "robust", marks=pytest.mark.slow)]
@@ -37,6 +37,11 @@ def test_built_in_parts_conform(kind, name):
     checked = subject(Part(kind, name))
     for check in SUITES[kind]:
         check(checked)
+
+
+def test_a_task_whose_reward_reads_a_trace_conforms():
+    problems = {verdict.check: verdict.problem for verdict in examine("task", Grasp())}
+    assert {check: problem for check, problem in problems.items() if problem is not None} == {}
 
 
 def test_the_local_executor_conforms():
@@ -75,6 +80,21 @@ class RollsHome(Task):
     def reward(self, start, end):
         way = start.position("ball")[..., 0] - end.position("ball")[..., 0]
         return np.clip(way / 0.5, 0.0, 1.0)
+
+
+class Grasp(Task):
+    """Its reward reads a trace."""
+
+    name = "Grasp"
+    description = "A cube on a table must be held at the end, and the table not be touched."
+    goals = (Goal(bodies=("cube",), held=True, rest=True), Goal(untouched=("table",)))
+    every = True
+
+    def scene(self, seed):
+        return Scene((floor(), table(), Body.of("cube", Box((0.1, 0.1, 0.1)), (0.6, 0, 0.05), mass=1, color=GREY)))
+
+    def reward(self, start, end, trace):
+        return goals_reward(self, start, end, trace)
 
 
 class Crammed(Task):

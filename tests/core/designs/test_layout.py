@@ -95,7 +95,7 @@ def test_a_hull_of_points():
     ]
 
 
-@pytest.mark.parametrize("name", installed().names("task"))
+@pytest.mark.parametrize("name", installed().ready("task"))
 def test_every_body_of_a_task_is_there(name):
     task = installed().create("task", name)
     table = layout_table(task, 3)

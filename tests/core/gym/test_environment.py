@@ -14,6 +14,7 @@ from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.plugins import Offer, installed
 from core.simulation.rollout import prepare
+from tasks.bring_cube import BringCube
 from tasks.move_ball import MoveBall
 from tests.panda import ARM, FINGER_OPEN
 from tests.test_docs import ROOT
@@ -40,7 +41,7 @@ def test_tasks_of_other_distributions_have_a_namespace_of_their_own(monkeypatch)
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*observation space m..imum value")  # bodies may be flung anywhere
-@pytest.mark.parametrize("task", installed().names("task"))
+@pytest.mark.parametrize("task", installed().ready("task"))
 def test_gymnasiums_checker_passes(task):
     mode = "end_effector" if task in ("BringCube", "LiftBox") else "joints"
     env = gymnasium.make(
@@ -147,6 +148,12 @@ def test_a_tool_that_breaks_a_rule_is_not_mounted(tmp_path):
 def test_wrong_arguments_are_refused(settings, reason):
     with pytest.raises(UserError, match=reason):
         gymnasium.make("RoboToolBench/BringCube-v0", **settings)
+
+
+def test_a_task_whose_reward_reads_a_trace_is_refused(monkeypatch):
+    monkeypatch.setattr(BringCube, "reads_trace", True)
+    with pytest.raises(UserError, match="the reward of BringCube reads a trace, which steps have none of"):
+        gymnasium.make("RoboToolBench/BringCube-v0")
 
 
 def test_a_tool_weighs_by_its_material():

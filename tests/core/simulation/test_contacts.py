@@ -1,12 +1,15 @@
 """Contacts from recordings made on purpose; in real engines they are in `test_observing.py`."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from core.design import Component, Tool
 from core.geometry import Box, Mesh, Pose, Sphere
-from core.scene import Scene
-from core.simulation.contacts import HULL_M, TOUCH_M, find_contacts
+from core.scene import Joint, Scene
+from core.simulation.contacts import HULL_M, TOUCH_M, find_contacts, make_trace
+from core.simulation.penetration import findings
 from tests.core.simulation.test_penetration import HZ, ROD, body, recording, straight
 from tests.panda import ARM, PANDA
 
@@ -90,3 +93,31 @@ def test_without_motion_or_bodies_nothing_touches():
     assert contacts({"cube": np.zeros((1, 3))}, body("cube", CUBE, (0, 0, 0))).all == ()
     scene = Scene(())
     assert find_contacts(scene, PANDA, ROD, recording(scene, {"nothing": np.zeros((3, 3))})).all == ()
+
+
+def test_bodies_that_a_joint_connects_are_in_no_contact():
+    wall, cube = body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0), body("cube", CUBE, (0.2, 0, 0))
+    film = recording(Scene((wall, cube)), {"cube": there_and_back(-0.08)})
+    assert find_contacts(Scene((wall, cube)), PANDA, ROD, film).all
+    joined = Scene((wall, cube), (Joint("slide", "slider", "cube", "wall", axis=(1, 0, 0)),))
+    assert find_contacts(joined, PANDA, ROD, film).all == ()
+    assert findings(joined, PANDA, ROD, film) == []
+    assert findings(Scene((wall, cube)), PANDA, ROD, film)
+
+
+def test_a_trace_of_worlds_that_end_at_different_times():
+    wall, cube = body("wall", Box((0.1, 1.0, 1.0)), (0.55, 0, 0), mass=0.0), body("cube", CUBE, (0.2, 0, 0))
+    scene = Scene((wall, cube))
+    long, short = (recording(scene, {"cube": there_and_back(0)[:count]}, hz=50) for count in (21, 10))
+    long = replace(long, times=long.times - 0.1, forces={("wall", "cube"): np.linspace(0, 20, 21)})
+    worlds = [find_contacts(scene, PANDA, ROD, film) for film in (long, short)]
+    trace = make_trace(scene, worlds)
+    assert trace.times == pytest.approx(np.arange(9) / 25)
+    assert trace.touched("cube", "wall").tolist() == [True, False]
+    assert trace.first_s("cube") == pytest.approx([0.1, np.inf], abs=0.021)
+    assert trace.states.position("cube")[0, 0, 0] == pytest.approx(long.states.position("cube")[5, 0], abs=0.021)
+    assert np.ptp(trace.states.position("cube")[1, 5:], axis=0).max() == 0
+    assert trace.force_n("cube").tolist() == pytest.approx([19.5, 0])  # the mean of the last two samples
+    (contact,) = worlds[0].all
+    assert contact.force_n == pytest.approx(9.5, abs=1.01)  # while it lasts
+    assert "wall" in trace.states.places

@@ -13,11 +13,12 @@ from core.design import Evaluation
 from core.designs.feedback import describe, elite_feedback
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.interfaces import Observation, RolloutSettings, observation
-from core.scene import Body, Goal, Scene, table
+from core.interfaces import Observation, Outcome, Recording, RolloutSettings, observation
+from core.scene import Body, Box, Goal, Joint, Pose, Scene, State, table
 from core.simulation.rollout import evaluate_batch
 from tasks.bring_cube import BringCube
 from tests.engines import simulator
+from tests.faults import Faulty, candidate
 from tests.panda import PANDA, on_panda
 
 FAILURES = Path(__file__).parents[2] / "failures"  # the names of the strategies say how they fail
@@ -180,3 +181,53 @@ def test_other_engines_name_the_same_failures(engine):
 def test_a_plan_of_one_waypoint_has_one_miss():
     (found,) = (e for e in evaluations(FAILURES / "BringCube.json") if e.candidate.strategy_name == "unreachable")
     assert np.isclose(found.ik_error_m, observation(found).miss[1], atol=1e-4)
+
+
+class Drawer(BringCube):
+    """A drawer to be opened and a cube to be laid on its side, judged by an engine that is told what happens."""
+
+    robot = PANDA
+    goals = (
+        Goal(joint="drawer", to=0.2, tolerance=0.01),
+        Goal(("cube",), axis=(0, 0, 1), points=(0, 1, 0)),
+        Goal(untouched=("case",)),
+    )
+    every = True
+
+    def scene(self, seed):
+        case, box, cube = (
+            Body.of(name, Box((0.1, 0.1, 0.1)), (x, 0.6, 0.05), mass=mass, color=(1, 0, 0, 1))
+            for name, x, mass in (("case", 0.9, 0), ("box", 0.9, 1), ("cube", 0.2, 1))
+        )
+        slide = Joint("drawer", "slider", "box", "case", axis=(-1, 0, 0), lower=0, upper=0.3)
+        return Scene((case, box, cube), (slide,))
+
+    def reward(self, start, end):
+        return 0.5 * np.ones(end.positions.shape[:-2])
+
+
+class Told(Faulty):
+    def __init__(self, opened, tilt):
+        self.opened, self.tilt = opened, tilt
+
+    def one(self, task, job):
+        start = task.scene(0).state()
+        end = replace(start, positions=start.positions.copy(), quaternions=start.quaternions.copy())
+        end.positions[0, 0] -= self.opened
+        end.quaternions[1] = Pose.xyz_rpy((0, 0, 0), (self.tilt, 0, 0)).quaternion
+        arms = np.repeat(job.trajectory.arm[:1], 2, axis=0)
+        return Outcome(
+            start, end, 0.0, recording=Recording(np.arange(2.0), arms, np.zeros((2, 2)), State.stack([start, end]))
+        )
+
+
+@pytest.mark.parametrize(
+    ("opened", "tilt", "left"),
+    [(0.2, -np.pi / 2, ()), (0.19, -1.5, ()), (0.1, -1.5, ("box",)), (0.2, 0.0, ("cube",)), (0, 0, ("box", "cube"))],
+)
+def test_goals_of_joints_and_axes_are_reached_or_not(opened, tilt, left):
+    settings = RolloutSettings(observe=True, penetration="ignore")
+    (evaluation,) = evaluate_batch(Drawer(), Told(opened, tilt), [candidate(0)], 0, settings)
+    found = observation(evaluation)
+    assert found.left == left
+    assert (found.result == "placed") == (left == ())

@@ -21,12 +21,12 @@ from core.geometry import Box, Cylinder, Pose
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.robot.solids import body_solids, signed_distance
-from core.scene import Body, Geom, Scene, table
+from core.scene import Body, Geom, Joint, Scene, table
 from core.simulation.perturbation import CONTACT_M, Perturbed, perturb, together
 from tests.panda import ARM, FINGER_OPEN
 
 ROOT = Path(__file__).parents[3]
-TASKS = installed().names("task")
+TASKS = installed().ready("task")
 GREY = (0.5, 0.5, 0.5, 1.0)
 
 every_task = pytest.mark.parametrize("name", TASKS)
@@ -231,6 +231,21 @@ def test_a_perturbed_task_is_the_task_but_for_its_scenes(name):
         changed.scene(2).state().positions.tolist()
         == perturb(task.scene(2), PerturbationRange(), 1).state().positions.tolist()
     )
+
+
+def test_bodies_move_with_what_they_hang_from_or_not_at_all():
+    bodies = (
+        *(table(), block("case", 0.3, 0.3, 0.025, mass=0), block("pot", 0.8, 0, 0.025)),
+        *(block("drawer", 0.3, 0.3, 0.025), block("knob", 0.3, 0.3, 0.06, 0.02), block("lid", 0.8, 0, 0.2)),
+    )
+    joints = (Joint("pull", "slider", "drawer", "case"), Joint("turn", "hinge", "knob", "drawer"))
+    scene = Scene((*bodies, block("swing", 0.8, 0.4, 0.5)), (*joints, Joint("l", "slider", "lid", "pot")))
+    scene = Scene(scene.bodies, (*scene.joints, Joint("s", "hinge", "swing")))
+    changed = perturb(scene, PerturbationRange(position=0.05, yaw=0.5), 3)
+    assert {b.name for b, old in zip(changed.bodies, scene.bodies, strict=True) if b.pose != old.pose} == {"pot", "lid"}
+    lid = changed["pot"].pose.inverse() @ changed["lid"].pose
+    assert lid.position == pytest.approx([0, 0, 0.175])
+    assert changed.joints == scene.joints
 
 
 @pytest.mark.parametrize(

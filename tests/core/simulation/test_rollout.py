@@ -1,13 +1,20 @@
 """How candidates become evaluations, with an engine that does what a test needs; real ones are in `tests/tasks`."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from core.config.settings import PerturbationRange
 from core.design import Candidate
-from core.interfaces import Outcome, RolloutSettings
+from core.errors import UsageError
+from core.interfaces import Outcome, Recording, RolloutSettings
 from core.plugins.blame import PluginError
+from core.scene import State
+from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import evaluate_batch, prepare
 from tests.faults import Faulty, Slide, candidate
+from tests.panda import ARM
 
 SETTINGS = RolloutSettings(settle_s=0, hold_s=0)
 
@@ -72,3 +79,76 @@ def test_rewards_and_shifts_are_those_of_each_candidate():
     assert together[0].reward != together[1].reward
     for evaluation in together:
         assert evaluation.moved_m["block"] == pytest.approx(evaluation.reward)
+
+
+class Traced(Slide):
+    """Counts the touches of its block."""
+
+    hold_s = 0.4
+
+    def reward(self, start, end, trace):
+        assert trace.states.positions.shape == (*start.positions.shape[:-2], len(trace.times), 1, 3)
+        return trace.touched("block", "robot") * 0.5 + (trace.force_n("block") > 4) * 0.25
+
+
+class Filming(Faulty):
+    """Records a still arm and a block in the tool's way, or far from it, with forces if they are asked for."""
+
+    def rollout(self, task, jobs):
+        self.jobs = jobs
+        return super().rollout(task, jobs)
+
+    def one(self, task, job):
+        outcome = super().one(task, job)
+        count = round((job.trajectory.duration + job.hold_s) * 50) + 1
+        tip = ARM.forward(job.trajectory.arm[0]).apply([0, 0, 0.1])
+        x, y, z = tip if job.tool.components[0].shape.size[2] < 0.105 else (3, 0, 0)
+        arrays = ([x, y, z], [1, 0, 0, 0], np.zeros(3), np.zeros(3))
+        states = State(("block",), *(np.tile(np.array(a, dtype=float), (count, 1, 1)) for a in arrays))
+        arms, forces = np.repeat(job.trajectory.arm[:1], count, axis=0), np.full(count, 8.0)
+        forces[1::2] = 2.0
+        film = Recording(np.arange(count) / 50, arms, np.zeros((count, 2)), states, {("tool", "block"): forces})
+        return replace(outcome, recording=film if job.record_hz else None)
+
+
+LOOSE = RolloutSettings(settle_s=0, hold_s=0, penetration="ignore")
+
+
+def test_a_reward_may_read_a_trace_of_many_worlds():
+    simulator = Filming()
+    near, far = evaluated(candidate(0), candidate(30), task=Traced(), simulator=simulator, settings=LOOSE)
+    assert [(job.record_hz, job.forces, job.hold_s) for job in simulator.jobs] == [(25, True, 0.4)] * 2
+    assert (near.status, near.reward) == ("ok", 0.75)  # 5 N on average since the sample before
+    assert (far.status, far.reward) == ("ok", 0.25)
+    (alone,) = evaluated(candidate(30), task=Traced(), simulator=simulator, settings=LOOSE)
+    assert alone.reward == far.reward
+
+
+def test_who_reads_no_trace_pays_nothing():
+    simulator = Filming()
+    evaluated(candidate(0), simulator=simulator, settings=LOOSE)
+    assert [(job.record_hz, job.forces, job.hold_s) for job in simulator.jobs] == [(0, False, 0)]
+
+
+def test_a_trace_needs_a_recording():
+    (evaluation,) = evaluated(candidate(0), task=Traced(), settings=LOOSE)
+    assert evaluation.status == "failed"
+    assert evaluation.reason.startswith("the reward reads a trace, and the simulator returned no recording")
+
+
+def test_a_perturbed_task_reads_the_trace_of_its_own():
+    for task, reads in ((Slide(), False), (Traced(), True)):
+        changed = Perturbed(task, PerturbationRange(), 0)
+        assert (changed.reads_trace, changed.hold_s) == (reads, task.hold_s)
+    (evaluation,) = evaluated(candidate(0), task=changed, simulator=Filming(), settings=LOOSE)
+    assert evaluation.reward == 0.75
+
+
+class Confused(Slide):
+    def reward(self, start, end, film):
+        return 1.0
+
+
+def test_a_reward_of_another_signature_names_the_task():
+    with pytest.raises(UsageError, match=r"task Slide: reward\(self, start, end, film\) must be reward\(self, start"):
+        evaluated(candidate(0), task=Confused())

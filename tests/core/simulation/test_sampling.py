@@ -1,5 +1,7 @@
 """The rate of recordings, and the samples that are looked at."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -70,3 +72,10 @@ def test_what_happens_between_two_rough_samples_is_found():
     (found,) = findings(scene, PANDA, stick(0.02), film)
     assert "passed through 'wall'" in found.text
     assert findings(scene, PANDA, stick(0.02), subset(film, np.arange(0, 144, round(400 / SAMPLE_HZ)))) == []
+
+
+def test_forces_are_averaged_over_the_time_since_the_sample_before():
+    film = recording(Scene((body("thing", Box((0.03, 0.03, 0.03)), (0.2, 0, 0.25)),)), path(5), hz=100.0)
+    film = replace(film, forces={("tool", "thing"): np.array([1.0, 2.0, 4.0, 8.0, 16.0])})
+    for samples, means in (([0, 2, 4], [1, 3, 12]), ([0, 1, 2, 3, 4], [1, 2, 4, 8, 16]), ([0, 4], [1, 7.5])):
+        assert subset(film, np.array(samples)).forces["tool", "thing"] == pytest.approx(means)

@@ -17,7 +17,7 @@ from core.interfaces import Brief, Material, Request, Task
 from core.plugins import installed
 from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import plan_motion
-from core.scene import Body, Geom, Goal, Scene, floor, table
+from core.scene import Body, Geom, Goal, Joint, Scene, floor, goals_reward, table
 from core.simulation.rollout import RolloutSettings, evaluate_batch
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline import heads
@@ -440,3 +440,40 @@ def test_tools_of_a_soft_material_are_stout_enough(task):
         read[representation] = read_designs(document, soft, SpawnRules(task, 0))
     assert [candidate.problem for candidate in read[soft]] == [None] * 4
     assert any("of pla, 1 N" in str(candidate.problem) for candidate in read[URDF])
+
+
+class DrawerTask(CubeTask):
+    """A drawer is to be opened, and a cube to be lifted."""
+
+    goals = (Goal(joint="drawer", to=0.2), Goal(("cube",), held=True, after=0))
+    every = True
+
+    def scene(self, seed):
+        case = Body.of("case", Box((0.1, 0.2, 0.1)), (1.0, 0.2, 0.05), mass=0.0, color=RED)
+        box = Body.of("box", Box((0.1, 0.2, 0.1)), (0.9, 0.2, 0.05), mass=0.5, color=RED)
+        slide = Joint("drawer", "slider", "box", "case", axis=(-1, 0, 0), lower=0, upper=0.3)
+        return Scene((*super().scene(seed).bodies, case, box), (slide,))
+
+    def reward(self, start, end, trace):
+        return goals_reward(self, start, end, trace)
+
+
+class SortTask(CubeTask):
+    goals = (
+        Goal(("cube", "box"), places=((0.6, 0.1, None), (0.6, -0.3, None))),
+        Goal(("cube",), place=(0.5, None, None)),
+        Goal(untouched=("box",)),
+    )
+
+    def scene(self, seed):
+        box = Body.of("box", Box((0.1, 0.2, 0.1)), (0.9, 0.2, 0.05), mass=0.5, color=RED)
+        return Scene((*super().scene(seed).bodies, box))
+
+
+def test_goals_become_errands():
+    drawer, cube = sight(DrawerTask()).errands(np.random.default_rng(0))
+    assert drawer.shift == pytest.approx([-0.2, 0, 0])
+    assert cube.shift == pytest.approx([0, 0, 0.15])
+    assert {len(sight(SortTask()).errands(np.random.default_rng(seed))) for seed in range(8)} == {1, 2}
+    for task in (DrawerTask(), SortTask()):
+        assert candidates(brief(task))

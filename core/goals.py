@@ -1,0 +1,372 @@
+"""Define a task's goals in a form that programs can read, and the reward that follows from them.
+
+Plugins import it from `core.scene`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Protocol
+
+import numpy as np
+
+from core.geometry import Array, Pose, Vector
+from core.joints import PlacedJoint, Placement, rotate
+from core.states import State
+from core.traces import Trace
+
+Place = tuple[float | None, float | None, float | None]
+
+SLIP_M, SLIP_RAD = 0.1, 0.5  # what is right at the start counts as lost when it is so far off
+STILL_M_S, STILL_RAD_S = 0.02, 0.2  # at rest
+KEPT_M, STRAYED_M = 0.02, 0.1  # a body to keep may move so far; from here on nothing is earned
+DONE = 0.95  # a goal is fulfilled from this progress on, where one instant is compared with another
+
+
+class _Bodies(Protocol):
+    @property
+    def pose(self) -> Pose: ...
+
+
+class Layout(Protocol):
+    """A scene, or what has its bodies and joints."""
+
+    def __getitem__(self, name: str, /) -> _Bodies: ...
+
+    @property
+    def placed_joints(self) -> Mapping[str, PlacedJoint]: ...
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A task's goal in a form that programs can read: which bodies to move, and where.
+
+    At most one of ``place``, ``places``, ``away`` and ``joint`` says how far there is to go. ``place`` is where
+    ``bodies`` must end (metres, world frame; None: that coordinate is free) within ``tolerance`` metres; ``places`` has
+    one for each body; ``away`` is how far each must end from its start, in any direction; and ``joint`` must end at the
+    position ``to`` (m, or rad) within ``tolerance``. With ``at``, places and ``points`` are in the frame of that body
+    or mark, as it stands in the layout; if it may be turned, give both x and y or neither. With ``any`` one of the
+    bodies is enough. The reward is the task's own; goals are a hint for designers that can't read prose, and
+    `goals_reward` makes a reward of them.
+
+    Attributes:
+        keep: bodies to leave in place.
+        axis: an axis of the bodies' frames that must end along the direction ``points``, (3,) each, within
+            ``tolerance_deg`` degrees.
+        rest: the bodies must end at rest, or the joint.
+        held: the robot must carry the bodies at the end: they touch it, and nothing that is fixed.
+        by_s: how long the motion may take until the goal is fulfilled, s.
+        ever: whether it is enough to fulfil it at some time; else it must be fulfilled at the end.
+        after: the ``name``, or the number from 0, of a goal that must be fulfilled before this one is.
+        untouched: bodies that the robot must not touch, or with ``max_force_n`` above 0, not press harder, N.
+        weight: how much it counts where all goals do.
+        name: see ``after``.
+
+    Raises:
+        ValueError: there is nothing to reach, two ways to go, or a number that can't be.
+    """
+
+    bodies: tuple[str, ...] = ()
+    place: Place | None = None
+    away: float | None = None
+    tolerance: float = 0.0
+    any: bool = False
+    keep: tuple[str, ...] = ()
+    at: str | None = None
+    places: tuple[Place, ...] = ()
+    joint: str | None = None
+    to: float | None = None
+    axis: Vector | None = None
+    points: Vector = (0.0, 0.0, 1.0)
+    tolerance_deg: float = 10.0
+    rest: bool = False
+    held: bool = False
+    by_s: float | None = None
+    ever: bool = False
+    after: str | int | None = None
+    untouched: tuple[str, ...] = ()
+    max_force_n: float = 0.0
+    weight: float = 1.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        ways = (self.place is not None or self.joint is not None) + (self.away is not None) + bool(self.places)
+        wanted = (self.axis is not None, self.rest, self.held, self.untouched, self.keep)
+        if ways > 1 or not (ways or any(wanted)) or (self.joint is None) != (self.to is None):
+            raise ValueError(
+                "a goal needs either place or away (the distance from the start), or places, or joint and to, not two "
+                "of these; or one of axis, rest, held, untouched and keep"
+            )
+        if self.joint is not None and self.at is not None:
+            raise ValueError("a goal with a joint has no at: its position is the joint's own")
+        if self.places and len(self.places) != len(self.bodies):
+            raise ValueError(f"a goal's places need one for each of its {len(self.bodies)} bodies")
+        if self.axis is not None and not (np.linalg.norm(self.axis) > 0 and np.linalg.norm(self.points) > 0):
+            raise ValueError("a goal's axis and points need a length")
+        if min(self.tolerance, self.tolerance_deg, self.max_force_n) < 0 or not 0 < self.weight < np.inf:
+            raise ValueError("a goal's tolerances and max_force_n must be 0 or more, its weight above 0")
+        if self.by_s is not None and not self.by_s > 0:
+            raise ValueError(f"a goal's by_s must be above 0, got {self.by_s}")
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is something to reach; else it only says what to leave alone."""
+        return bool(self.joint or self.bodies)
+
+    def within(self, scene: Layout) -> Goal:
+        """Return the goal in a layout: with ``place``, ``places`` and ``points`` in the world.
+
+        A ``joint`` gives its body, and the place where the body's frame must get.
+
+        Raises:
+            KeyError: there is no body ``at``, or no such joint.
+        """
+        if self.joint is not None and self.place is None:
+            placed = scene.placed_joints[self.joint]
+            if placed.joint.kind == "ball":
+                return replace(self, bodies=(placed.joint.body,))
+            parent = scene[placed.joint.parent].pose if placed.joint.parent is not None else Pose()
+            moved = placed.carry(np.asarray(self.to), np.zeros(()), Placement.at_rest(parent)).position
+            return replace(self, bodies=(placed.joint.body,), place=(float(moved[0]), float(moved[1]), float(moved[2])))
+        if self.at is None:
+            return self
+        frame = scene[self.at].pose
+        there = None if self.place is None else _in_world(frame, self.place)
+        points = tuple(float(p) for p in frame.rotation.apply(self.points)) if self.axis is not None else self.points
+        return replace(
+            self, place=there, places=tuple(_in_world(frame, p) for p in self.places), points=points, at=None
+        )
+
+    def spread(self) -> tuple[Goal, ...]:
+        """Split a goal with ``places`` into one with a ``place`` for each body."""
+        if not self.places:
+            return (self,)
+        pairs = zip(self.bodies, self.places, strict=True)
+        return tuple(replace(self, bodies=(body,), place=place, places=()) for body, place in pairs)
+
+
+class Aim(Protocol):
+    """A task, or what has its goals."""
+
+    @property
+    def goals(self) -> Sequence[Goal]: ...
+
+    @property
+    def every(self) -> bool: ...
+
+
+def _in_world(frame: Pose, place: Place) -> Place:
+    there = frame.apply([0.0 if wanted is None else wanted for wanted in place])
+    x, y, z = (None if w is None else float(p) for w, p in zip(place, there, strict=True))
+    return x, y, z
+
+
+def needs_trace(goals: Sequence[Goal]) -> bool:
+    """Report whether the reward of goals needs to know what happened before the end, or what touched."""
+    return any(g.held or g.ever or g.by_s is not None or g.after is not None or g.untouched for g in goals)
+
+
+def goals_reward(task: Aim, start: State, end: State, trace: Trace | None = None) -> Array:
+    """Compute the reward, 0..1, that a task's goals stand for, of one world or of many, (...).
+
+    The progress of a goal rises from 0 at the start to 1 where it is fulfilled, linearly with the distance that is left
+    over (`describe_goals` has the formula in words). With ``every`` the goals' mean counts, by weight, else the best of
+    them. It is 0 where the robot touched what it must not, and less where a body to keep moved.
+
+    Raises:
+        ValueError: the goals need a trace, and there is none; or a goal comes after one that is not there.
+    """
+    if trace is None and needs_trace(task.goals):
+        raise ValueError("the goals need a trace: declare reward(self, start, end, trace), and pass the trace on")
+    judge = _Judge(tuple(task.goals), start, trace)
+    factors = [_left_alone(goal, start, end, trace) for goal in task.goals]
+    earned = [judge.earned(goal, end) for goal in task.goals if goal.moves]
+    shape, moving = end.positions.shape[:-2], [goal.moves for goal in task.goals]
+    guards = [factor for factor, moves in zip(factors, moving, strict=True) if task.every or not moves]
+    total = np.zeros(shape)
+    if task.every and earned:
+        weights = [goal.weight for goal in task.goals if goal.moves]
+        total = np.average(earned, axis=0, weights=weights)
+    elif earned:
+        own = [factor for factor, moves in zip(factors, moving, strict=True) if moves]
+        total = np.max([one * factor for one, factor in zip(earned, own, strict=True)], axis=0)
+    return np.clip(reduce(np.multiply, guards, total), 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Judge:
+    """The goals, and what they are judged by."""
+
+    goals: tuple[Goal, ...]
+    start: State
+    trace: Trace | None
+
+    def earned(self, goal: Goal, end: State) -> Array:
+        """Compute the progress of a goal, (...), with all that it asks of time."""
+        reached = progress(goal, self.start, end, lambda name: self._hold(name)[..., -1])
+        if goal.by_s is not None or goal.ever:
+            in_time = self.film.times <= (np.inf if goal.by_s is None else goal.by_s)
+            best = self.over_time(goal)[..., in_time].max(axis=-1)
+            reached = best if goal.ever else np.minimum(best, reached)
+        if goal.after is not None:
+            first, this = self.over_time(self._named(goal.after)), self.over_time(goal)
+            # Not fulfilled at or after an instant: what comes later can't be before this goal.
+            open_ = np.flip(np.logical_or.accumulate(np.flip(this < DONE, axis=-1), axis=-1), axis=-1)
+            before = np.where(open_, first, 0.0).max(axis=-1)
+            reached = np.minimum(reached, np.where(before >= DONE, 1.0, before))
+        return reached
+
+    def over_time(self, goal: Goal) -> Array:
+        """Compute the progress of a goal at each instant of the trace, (..., T)."""
+        arrays = (array[..., None, :, :] for array in self.start.arrays)
+        start = State(self.start.names, *arrays, places=self.start.places, joints=self.start.joints)
+        return progress(goal, start, self.film.states, self._hold)
+
+    @property
+    def film(self) -> Trace:
+        assert self.trace is not None
+        return self.trace
+
+    def _hold(self, name: str) -> Array:
+        """Report at which instants a body is held: 1, or 0.5 where the robot only touches it, (..., T)."""
+        held: Array = np.maximum(self.film.held(name), self.film.contact(name, "robot") / 2)
+        return held
+
+    def _named(self, which: str | int) -> Goal:
+        if isinstance(which, int) and 0 <= which < len(self.goals):
+            return self.goals[which]
+        for goal in self.goals:
+            if goal.name and goal.name == which:
+                return goal
+        names = ", ".join(goal.name or str(number) for number, goal in enumerate(self.goals))
+        raise ValueError(f"a goal comes after {which!r}, which is no goal; there are: {names}")
+
+
+def progress(goal: Goal, start: State, now: State, held: Callable[[str], Array] | None = None) -> Array:
+    """Compute how far a goal is fulfilled in states, 0..1, (...), whatever it asks of time and of contacts.
+
+    ``held`` says how far the robot holds a body; None: that does not count.
+    """
+    shape = now.positions.shape[:-2]
+    each = []
+    for number, name in enumerate(goal.bodies or (now.joints[goal.joint or ""].joint.body,)):
+        left, before = np.zeros(shape), np.zeros(shape)
+        for distance, slip in _distances(goal, number, name, start):
+            first = np.broadcast_to(distance(start), shape)
+            scale = np.maximum(first, slip)
+            left, before = left + distance(now) / scale, before + first / scale
+        reached = np.clip(1 - left / np.where(before > 0, before, 1.0), 0.0, 1.0)
+        if goal.rest:
+            reached = reached / np.maximum(_unrest(goal, name, now), 1.0)
+        if goal.held and held is not None:
+            reached = reached * held(name)
+        each.append(reached)
+    found: Array = np.max(each, axis=0) if goal.any else np.mean(each, axis=0)
+    return found
+
+
+def _distances(goal: Goal, number: int, name: str, start: State) -> Iterator[tuple[Callable[[State], Array], float]]:
+    """Yield functions that measure what is left of each thing that is asked of a body, and how much of it is a slip."""
+    place = goal.places[number] if goal.places else goal.place
+    if goal.joint is not None:
+        joint, to = goal.joint, goal.to or 0.0
+        slip = SLIP_M if start.joints[joint].joint.kind == "slider" else SLIP_RAD
+        yield lambda state: np.maximum(np.abs(state.joint(joint).position - to) - goal.tolerance, 0.0), slip
+    elif place is not None:
+        there = np.array([0.0 if wanted is None else wanted for wanted in place])
+        there = there if goal.at is None else start.position(goal.at) + rotate(start.quaternion(goal.at), there)
+        free = np.array([float(wanted is not None) for wanted in place])
+        yield lambda state: np.maximum(_length((state.position(name) - there) * free) - goal.tolerance, 0.0), SLIP_M
+    elif goal.away is not None:
+        away, begin = goal.away, start.position(name)
+        yield lambda state: np.maximum(away - _length(state.position(name) - begin), 0.0), SLIP_M
+    if goal.axis is not None:
+        axis = np.divide(goal.axis, np.linalg.norm(goal.axis))
+        points = np.divide(goal.points, np.linalg.norm(goal.points))
+        points = points if goal.at is None else rotate(start.quaternion(goal.at), points)
+        most = np.radians(goal.tolerance_deg)
+
+        def angle(state: State) -> Array:
+            along = (rotate(state.quaternion(name), axis) * points).sum(axis=-1)
+            beyond: Array = np.maximum(np.arccos(np.clip(along, -1.0, 1.0)) - most, 0.0)
+            return beyond
+
+        yield angle, SLIP_RAD
+
+
+def _unrest(goal: Goal, name: str, state: State) -> Array:
+    """Measure how many times as fast as what is at rest a body is, or a joint."""
+    if goal.joint is not None:
+        slider = state.joints[goal.joint].joint.kind == "slider"
+        unrest: Array = np.abs(state.joint(goal.joint).speed) / (STILL_M_S if slider else STILL_RAD_S)
+        return unrest
+    moved = state.placement(name)
+    return np.maximum(_length(moved.linear) / STILL_M_S, _length(moved.angular) / STILL_RAD_S)
+
+
+def _left_alone(goal: Goal, start: State, end: State, trace: Trace | None) -> Array:
+    """Compute the factor, 0..1, of what a goal wants left alone, (...)."""
+    factor: Array = np.ones(end.positions.shape[:-2])
+    for name in goal.keep:
+        moved = _length(end.position(name) - start.position(name))
+        factor = factor * np.clip((STRAYED_M - moved) / (STRAYED_M - KEPT_M), 0.0, 1.0)
+    for name in goal.untouched:
+        assert trace is not None
+        harmed = trace.touched(name, "robot")
+        if goal.max_force_n:
+            harmed = trace.force_n(name, "robot") > goal.max_force_n
+        factor = factor * ~harmed
+    return factor
+
+
+def _length(vectors: Array) -> Array:
+    lengths: Array = np.linalg.norm(vectors, axis=-1)
+    return lengths
+
+
+def describe_goals(goals: Sequence[Goal], every: bool = False) -> list[str]:
+    """Describe goals and the reward that `goals_reward` makes of them, in lines of plain words."""
+    lines = [f"{number}. {goal.name + ': ' if goal.name else ''}{_describe(goal)}" for number, goal in enumerate(goals)]
+    if any(goal.moves for goal in goals):
+        lines.append(
+            "The progress of a goal is max(0, 1 - d / d0). Here d is how far its bodies are from it at the end, beyond "
+            "the tolerance, d0 the same at the start; of several bodies it is the mean, and any one is the best."
+        )
+    count = "the mean of the goals' progress, by weight" if every else "the progress of the best goal"
+    lines.append(f"The reward is {count}." if len(goals) > 1 else "The reward is the progress.")
+    return lines
+
+
+def _describe(goal: Goal) -> str:
+    bodies = (" or " if goal.any else ", ").join(goal.bodies) or f"joint {goal.joint}"
+    frame = f" in the frame of {goal.at}" if goal.at is not None else ""
+    within = f" (within {goal.tolerance:g})" if goal.tolerance else ""
+    axis, points = (tuple(round(float(n), 3) for n in vector) for vector in (goal.axis or (), goal.points))
+    asked = {
+        f"must get to {_place(goal.place or ())}{frame}{within}": goal.place is not None and goal.joint is None,
+        f"must get to {', '.join(map(_place, goal.places))}{frame}, one each{within}": bool(goal.places),
+        f"must get {goal.away or 0:g} m away from where it starts": goal.away is not None,
+        f"must get to {goal.to or 0:g} m or rad{within}": goal.joint is not None,
+        f"axis {axis} must point along {points}{frame}, within {goal.tolerance_deg:g} degrees": bool(axis),
+        "must end at rest": goal.rest,
+        "must end held by the robot, touching nothing fixed (half counts if it is only touched)": goal.held,
+        f"by {goal.by_s or 0:g} s after the motion begins": goal.by_s is not None,
+        "at any time, not at the end": goal.ever,
+        f"after goal {goal.after}": goal.after is not None,
+        f"weight {goal.weight:g}": goal.weight != 1,
+    }
+    parts = [f"{bodies} {'; '.join(text for text, meant in asked.items() if meant)}"] if goal.moves else []
+    if goal.untouched:
+        limit = f"press harder than {goal.max_force_n:g} N on" if goal.max_force_n else "touch"
+        parts.append(f"the robot must not {limit} {', '.join(goal.untouched)}, or nothing is earned")
+    if goal.keep:
+        kept = ", ".join(goal.keep)
+        parts.append(f"leave {kept} in place: less is earned beyond {KEPT_M:g} m, nothing from {STRAYED_M:g} m on")
+    return "; ".join(parts)
+
+
+def _place(place: Sequence[float | None]) -> str:
+    free = zip("xyz", place, strict=False)
+    return "(" + ", ".join(f"any {name}" if wanted is None else f"{wanted:g}" for name, wanted in free) + ")"

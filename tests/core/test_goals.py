@@ -1,0 +1,240 @@
+"""Goals: what they may say, what they mean in a layout, and the rewards that follow from them."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.geometry import Pose
+from core.goals import describe_goals, goals_reward, needs_trace
+from core.scene import Body, Box, Goal, Joint, Scene, State, Trace
+
+RED = (1, 0, 0, 1)
+DRAWER = Joint("drawer", "slider", "box", "case", axis=(-1, 0, 0), lower=0, upper=0.3)
+DOOR = Joint("door", "hinge", "leaf", axis=(0, 0, 1), origin=(0, -0.2, 0), lower=-2, upper=2)
+
+
+def body(name, position, mass=1.0):
+    return Body.of(name, Box((0.1, 0.1, 0.1)), position, mass=mass, color=RED)
+
+
+SCENE = Scene(
+    (
+        body("case", (0.8, 0, 0.1), 0.0),
+        body("box", (0.8, 0, 0.1)),
+        body("leaf", (0.4, 0.4, 0.2)),
+        body("cube", (0.5, -0.3, 0.05)),
+        body("other", (0.7, -0.3, 0.05)),
+        Body.mark("mark", (0.5, 0.1, 0), 0.05, RED),
+    ),
+    (DRAWER, DOOR),
+)
+START = SCENE.state()
+
+
+def at(state=START, **positions):
+    moved = state.positions.copy()
+    for name, position in positions.items():
+        moved[..., state.names.index(name), :] = position
+    return replace(state, positions=moved)
+
+
+def turned(name, **carried):
+    """The start state with a joint at another position."""
+    placed = SCENE.placed_joints[name]
+    there = placed.carry(np.asarray(carried["to"]), np.zeros(()), START.placement(placed.joint.parent))
+    number = START.names.index(placed.joint.body)
+    positions, quaternions = START.positions.copy(), START.quaternions.copy()
+    positions[number], quaternions[number] = there.position, there.quaternion
+    return replace(START, positions=positions, quaternions=quaternions)
+
+
+def reward(goals, end, trace=None, every=False, start=START):
+    task = SimpleNamespace(goals=goals if isinstance(goals, tuple) else (goals,), every=every)
+    return np.round(goals_reward(task, start, end, trace), 9)
+
+
+def shifted(share, name="cube", by=(0.2, 0, 0)):
+    return at(**{name: START.position(name) + share * np.array(by)})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {},
+        {"place": (0, 0, 0), "away": 0.1},
+        {"joint": "drawer"},
+        {"to": 0.1},
+        {"joint": "drawer", "to": 0.1, "away": 0.1},
+        {"joint": "drawer", "to": 0.1, "at": "mark"},
+        {"places": ((0, 0, 0), (1, 0, 0))},
+        {"axis": (0, 0, 0)},
+        {"away": 0.1, "tolerance": -1},
+        {"away": 0.1, "weight": 0},
+        {"away": 0.1, "by_s": 0},
+    ],
+)
+def test_what_a_goal_can_not_be(wrong):
+    with pytest.raises(ValueError, match="goal"):
+        Goal(("cube",), **wrong)
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_progress_rises_from_the_start_to_the_goal(one, other):
+    goal = Goal(("cube",), place=(0.7, None, None), tolerance=0.02)
+    first, second = reward(goal, shifted(min(one, other))), reward(goal, shifted(max(one, other)))
+    assert 0 <= first <= second <= 1
+    assert reward(goal, START) == 0
+    assert reward(goal, shifted(0.9)) == pytest.approx(1)
+    assert reward(goal, shifted(0.45)) == pytest.approx(0.5)
+
+
+def test_rewards_are_of_one_world_or_of_many():
+    goals = (Goal(("cube",), place=(0.7, None, None)), Goal(joint="drawer", to=0.2), Goal(("other",), axis=(1, 0, 0)))
+    ends = [START, shifted(0.5), turned("drawer", to=0.15), at(cube=(9, 9, 9))]
+    for every in (False, True):
+        each = [float(reward(goals, end, every=every)) for end in ends]
+        many = reward(goals, State.stack(ends), every=every, start=State.stack([START] * 4))
+        assert many == pytest.approx(each)
+
+
+def test_places_are_in_the_frame_of_a_mark_and_one_for_each_body():
+    goal = Goal(("cube", "other"), places=((0, 0, 0.05), (0, 0.2, 0.05)), at="mark", tolerance=0.001)
+    assert reward(goal, at(cube=(0.5, 0.1, 0.05), other=(0.5, 0.3, 0.05))) == 1
+    assert reward(goal, at(cube=(0.5, 0.3, 0.05), other=(0.5, 0.1, 0.05))) < 0.6
+    one, other = goal.within(SCENE).spread()
+    assert (one.bodies, one.place) == (("cube",), (0.5, 0.1, 0.05))
+    assert other.place == pytest.approx((0.5, 0.3, 0.05))
+    assert one.at is None
+
+
+def test_a_joint_is_opened_and_a_designer_sees_a_place():
+    goal = Goal(joint="drawer", to=0.2, tolerance=0.01)
+    assert reward(goal, turned("drawer", to=0.095)) == pytest.approx(0.5)
+    assert reward(goal, turned("drawer", to=0.2)) == 1
+    there = goal.within(SCENE)
+    assert there.bodies == ("box",)
+    assert there.place == pytest.approx((0.6, 0, 0.1))
+    door = Goal(joint="door", to=np.pi / 2).within(SCENE)
+    assert door.place == pytest.approx((0.2, 0.2, 0.2))
+    assert reward(Goal(joint="door", to=1.0), turned("door", to=0.5)) == pytest.approx(0.5)
+
+
+def test_an_axis_must_point_somewhere_and_what_was_right_must_stay_so():
+    lying = Pose.xyz_rpy((0, 0, 0), (np.pi / 2, 0, 0)).quaternion
+    quaternions = START.quaternions.copy()
+    quaternions[START.names.index("cube")] = lying
+    tipped = replace(START, quaternions=quaternions)
+    upright = Goal(("cube",), axis=(0, 0, 1))
+    assert reward(upright, tipped) == 0
+    assert reward(upright, START, start=tipped) == pytest.approx(1)
+    both = Goal(("cube",), place=(0.7, None, None), axis=(0, 0, 2))
+    there = shifted(1)
+    assert reward(both, there) == pytest.approx(1)
+    assert reward(both, replace(there, quaternions=quaternions)) == 0
+
+
+def test_at_rest():
+    goal = Goal(("cube",), place=(0.7, None, None), rest=True)
+    speeds = np.zeros_like(START.linear_velocities)
+    speeds[START.names.index("cube")] = (0, 0, 0.04)
+    assert reward(goal, shifted(1)) == 1
+    assert reward(goal, replace(shifted(1), linear_velocities=speeds)) == pytest.approx(0.5)
+
+
+def test_all_goals_count_by_weight_or_one_is_enough():
+    one, other = Goal(("cube",), place=(0.7, None, None), weight=3), Goal(("other",), place=(0.9, None, None))
+    assert reward((one, other), shifted(0.5), every=True) == pytest.approx(0.375)
+    assert reward((one, other), shifted(0.5)) == pytest.approx(0.5)
+    assert reward(replace(one, bodies=("cube", "other"), any=True), shifted(1)) == 1
+
+
+def test_a_body_to_keep_must_stay():
+    goals = (Goal(("cube",), place=(0.7, None, None)), Goal(keep=("other",)))
+    near, far = (at(shifted(1), other=START.position("other") + np.array([0, way, 0])) for way in (0.06, 0.2))
+    for every in (False, True):
+        assert reward(goals, shifted(1), every=every) == 1
+        assert reward(goals, near, every=every) == pytest.approx(0.5)
+        assert reward(goals, far, every=every) == 0
+    assert reward((goals[0], replace(goals[0], keep=("other",))), far) == 1  # the first is enough
+
+
+def film(*states, **touching):
+    """A trace, and which of its instants each pair, as ``cube_tool_blade``, touches at."""
+    flags = np.zeros(len(states), dtype=bool)
+    pairs = {}
+    for name, at_ in touching.items():
+        other, kind, one = name.split("_")
+        pairs[kind, one, other] = flags.copy()
+        pairs[kind, one, other][list(at_)] = True
+    return Trace.of(*states, touching=pairs, forces={("tool", "cube"): np.full(len(states), 3.0)})
+
+
+def test_goals_that_ask_for_the_past_need_a_trace():
+    goal = Goal(("cube",), place=(0.7, None, None), by_s=1.0)
+    assert needs_trace((goal,))
+    assert not needs_trace((replace(goal, by_s=None),))
+    with pytest.raises(ValueError, match="need a trace"):
+        reward(goal, START)
+
+
+def test_held_is_touched_by_the_robot_and_by_nothing_fixed():
+    goal, end = Goal(("cube",), held=True), shifted(1, by=(0, 0, 0.2))
+    assert reward(goal, end, film(START, end)) == 0
+    assert reward(goal, end, film(START, end, cube_tool_blade=[1])) == 1
+    assert reward(goal, end, film(START, end, cube_tool_blade=[0])) == 0
+    assert reward(goal, end, film(START, end, cube_tool_blade=[1], case_body_cube=[1])) == 0.5
+    assert reward(goal, end, film(START, end, other_arm_link=[1], other_body_cube=[1])) == 1
+
+
+def test_in_time_and_at_some_time():
+    goal = Goal(("cube",), place=(0.7, None, None), by_s=0.05)
+    late = film(START, shifted(0.5), START, shifted(1))
+    assert reward(goal, shifted(1), late) == pytest.approx(0.5)
+    assert reward(goal, shifted(1), film(START, shifted(1), shifted(1))) == 1
+    assert reward(goal, START, film(START, shifted(1), START)) == 0
+    assert reward(replace(goal, ever=True), START, film(START, shifted(1), START)) == 1
+
+
+def test_one_after_another():
+    opened, put = turned("drawer", to=0.2), shifted(1)
+    goals = (
+        Goal(joint="drawer", to=0.2, ever=True, name="open"),
+        Goal(("cube",), place=(0.7, None, None), after="open"),
+    )
+    assert reward(goals, put, film(START, opened, put), every=True) == 1
+    assert reward(goals, put, film(START, put, put), every=True) == 0
+    both = at(opened, cube=put.position("cube"))
+    assert reward(goals, both, film(START, put, both, both), every=True) == 0.5  # in the wrong order
+    closed = (goals[0], Goal(joint="drawer", to=0.0, after=0))
+    assert reward(closed, START, film(START, opened, START), every=True) == 1
+    assert reward(closed, START, film(START, START), every=True) == 0
+    with pytest.raises(ValueError, match="comes after 'shut', which is no goal; there are: open, 1"):
+        reward((goals[0], replace(goals[1], after="shut")), put, film(START, put))
+
+
+def test_what_must_not_be_touched():
+    goal = Goal(("other",), place=(0.9, None, None))
+    end, touched = shifted(1, "other"), film(START, START, cube_tool_blade=[0])
+    for every in (False, True):
+        assert reward((goal, Goal(untouched=("cube",))), end, film(START, START), every) == 1
+        assert reward((goal, Goal(untouched=("cube",))), end, touched, every) == 0
+        assert reward((goal, Goal(untouched=("cube",), max_force_n=4)), end, touched, every) == 1
+        assert reward((goal, Goal(untouched=("cube",), max_force_n=2)), end, touched, every) == 0
+
+
+def test_goals_are_described_in_plain_words():
+    goals = (
+        Goal(joint="drawer", to=0.2, by_s=3, name="open"),
+        Goal(("cube", "other"), place=(0.7, None, 0), at="mark", any=True, after="open", rest=True),
+        Goal(untouched=("leaf",), max_force_n=5, keep=("other",)),
+    )
+    first, second, third, formula, count = describe_goals(goals, every=True)
+    assert first == "0. open: joint drawer must get to 0.2 m or rad; by 3 s after the motion begins"
+    assert "cube or other must get to (0.7, any y, 0) in the frame of mark; must end at rest; after goal open" in second
+    assert "must not press harder than 5 N on leaf" in third
+    assert "1 - d / d0" in formula
+    assert "mean" in count

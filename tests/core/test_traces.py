@@ -1,0 +1,102 @@
+"""Traces made by hand; those of engines are in `tests/core/simulation/test_rollout.py`."""
+
+import numpy as np
+import pytest
+
+from core.scene import Body, Box, Scene, State, Trace
+
+RED = (1, 0, 0, 1)
+SCENE = Scene(
+    tuple(
+        Body.of(name, Box((0.1, 0.1, 0.1)), (x, 0, 0), mass=mass, color=RED)
+        for name, x, mass in (("table", 0, 0), ("tray", 1, 1), ("cube", 2, 1))
+    )
+)
+
+
+def flags(*at, count=4):
+    found = np.zeros(count, dtype=bool)
+    found[list(at)] = True
+    return found
+
+
+ONE = Trace.of(
+    *[SCENE.state()] * 4,
+    touching={
+        ("tool", "blade", "cube"): flags(1, 2),
+        ("arm", "link", "tray"): flags(2, 3),
+        ("body", "tray", "table"): flags(0, 1),
+        ("body", "tray", "cube"): flags(0, 3),
+    },
+    forces={("tool", "cube"): np.array([0, 2.0, 5.0, 0]), ("tray", "cube"): np.array([9.0, 0, 0, 1.0])},
+)
+NEVER = Trace.of(*[SCENE.state()] * 4, touching={}, forces={})
+
+
+def both():
+    """Two worlds: the one, and one in which nothing touches."""
+    empty = {key: np.zeros(4, dtype=bool) for key in ONE.touching}
+    still = {key: np.zeros(4) for key in ONE.forces}
+    return Trace(
+        ONE.times,
+        State.stack([ONE.states, NEVER.states]),
+        {key: np.stack([ONE.touching[key], empty[key]]) for key in empty},
+        {key: np.stack([ONE.forces[key], still[key]]) for key in still},
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "by", "instants"),
+    [
+        ("cube", None, [0, 1, 2, 3]),
+        ("cube", "robot", [1, 2]),
+        ("cube", "tool", [1, 2]),
+        ("cube", "blade", [1, 2]),
+        ("cube", "tray", [0, 3]),
+        ("tray", "robot", [2, 3]),
+        ("tray", "tool", []),
+        ("tray", "link", [2, 3]),
+        ("tray", "cube", [0, 3]),
+        ("table", "tray", [0, 1]),
+        ("table", "robot", []),
+    ],
+)
+def test_what_touches_a_body_and_when(body, by, instants):
+    assert np.flatnonzero(ONE.contact(body, by)).tolist() == instants
+    assert ONE.touched(body, by) == bool(instants)
+    assert ONE.touching_at_end(body, by) == (3 in instants)
+    assert ONE.first_s(body, by) == (instants[0] / 25 if instants else np.inf)
+    assert ONE.last_s(body, by) == (instants[-1] / 25 if instants else -np.inf)
+    assert not NEVER.touched(body, by)
+    many = both()
+    assert many.touched(body, by).tolist() == [bool(instants), False]
+    assert many.first_s(body, by).shape == many.force_n(body, by).shape == (2,)
+
+
+def test_the_largest_force_of_one_thing():
+    assert ONE.force_n("cube", "robot") == ONE.force_n("cube", "tool") == ONE.force_n("cube", "blade") == 5
+    assert ONE.force_n("cube", "other component") == 0
+    assert ONE.force_n("cube") == ONE.force_n("tray") == ONE.force_n("cube", "tray") == 9
+    assert ONE.force_n("tray", "robot") == 0
+    assert both().force_n("cube").tolist() == [9, 0]
+    with pytest.raises(ValueError, match="no forces"):
+        Trace.of(SCENE.state()).force_n("cube")
+
+
+def test_held_is_by_the_robot_and_off_all_that_is_fixed():
+    assert np.flatnonzero(ONE.held("cube")).tolist() == [1, 2, 3]  # at last by the tray, which the link carries
+    assert np.flatnonzero(ONE.held("tray")).tolist() == [2, 3]
+    assert both().held("cube").tolist() == [[False, True, True, True], [False] * 4]
+
+
+def test_one_world_of_many():
+    world = both()[0]
+    assert world.shape == (4,)
+    assert world.contact("cube", "robot").tolist() == ONE.contact("cube", "robot").tolist()
+    assert world.force_n("cube") == 9
+
+
+def test_a_body_that_is_not_there():
+    for ask in (ONE.touched, ONE.force_n, ONE.held):
+        with pytest.raises(KeyError, match="no body 'dog' in the trace; there are: tray, cube, table"):
+            ask("dog")
