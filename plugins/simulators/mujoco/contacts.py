@@ -13,7 +13,7 @@ slip. A rolling ball has much of it all the time and would hop all the way, so t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from enum import Enum
 from itertools import combinations
@@ -52,9 +52,13 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Collider:
-    """A geom that collides. ``bearer`` is the name of its body in the spec."""
+    """A geom that collides. ``bearer`` is the name of its body in the spec.
+
+    ``owner`` is what it is part of: a scene's body, a link of the arm, or ``tool``.
+    """
 
     geom: Element
+    owner: str
     bearer: str
     role: Role
     surface: Surface
@@ -66,8 +70,10 @@ def bounces(surfaces: Sequence[Surface]) -> bool:
     return sum(surface.restitution > 0 for surface in surfaces) > 1
 
 
-def set_contacts(spec: Element, colliders: Sequence[Collider], slip_rate: float) -> None:
-    """Set the contact parameters of each geom, and add the pairs that are needed.
+def set_contacts(
+    spec: Element, colliders: Sequence[Collider], slip_rate: float, joined: Set[frozenset[str]] = frozenset()
+) -> None:
+    """Set the contact parameters of each geom, and add the pairs that are needed, without those of ``joined`` bodies.
 
     Each pair costs time in every step, so there are none of fixed geoms with the tool. Instead a fixed geom carries the
     mean of its own friction and the tool's, and has priority.
@@ -77,7 +83,7 @@ def set_contacts(spec: Element, colliders: Sequence[Collider], slip_rate: float)
     reference = [2 * spec.option.timestep, 1.3]  # as stiff as the time step allows, and damped so that nothing rebounds
     for number, one in enumerate(colliders):
         geom = one.geom
-        geom.name = f"geom_{number}"
+        geom.name = f"{number}/{one.owner}"
         geom.contype, geom.conaffinity = one.role.value
         friction = one.surface.friction
         if one.role is Role.SCENE and not one.free:
@@ -93,6 +99,11 @@ def set_contacts(spec: Element, colliders: Sequence[Collider], slip_rate: float)
         free = one.free or other.free
         if not free and partner == others_partner:
             continue
+        if free and (one.bearer, other.bearer) not in covered:  # all their pairs are explicit
+            covered.add((one.bearer, other.bearer))
+            spec.add_exclude(bodyname1=one.bearer, bodyname2=other.bearer)
+        if one.role is other.role is Role.SCENE and frozenset((one.owner, other.owner)) in joined:
+            continue
         friction = _mean(one.surface.friction, other.surface.friction)
         rolling = max(one.surface.rolling, other.surface.rolling)
         spec.add_pair(
@@ -105,9 +116,6 @@ def set_contacts(spec: Element, colliders: Sequence[Collider], slip_rate: float)
             solreffriction=[-1.0, -slip_rate * (_ROLLING_SHARE if rolling > 0 else 1.0)],
             solimp=_IMPEDANCE,
         )
-        if free and (one.bearer, other.bearer) not in covered:  # all their pairs are explicit
-            covered.add((one.bearer, other.bearer))
-            spec.add_exclude(bodyname1=one.bearer, bodyname2=other.bearer)
 
 
 def _mean(one: float, other: float) -> float:

@@ -16,7 +16,7 @@ from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
 FINGER_INERTIA = 0.5  # kg, a guess: a spindle is hard to push back
-_HOLDS = [0.9999, 0.9999, 0.001, 0.5, 2.0]  # the impedance of dry friction in a tool's joint: it hardly creeps
+HOLDS = [0.9999, 0.9999, 0.001, 0.5, 2.0]  # the impedance of dry friction in a joint: it hardly creeps
 _AHEAD = 3.0  # how many times faster a joint's speed converges than its position
 
 
@@ -50,7 +50,8 @@ def load(robot: Robot, tool: Tool, slots: int = 0) -> tuple[Element, list[Collid
         friction = tool.friction if link in tool.borne_on else robot.friction
         if robot.gripper is not None and link in GRIPPER_MOUNTS:
             friction = robot.gripper.friction
-        colliders.append(Collider(geom, geom.parent.name, role, Surface(friction)))
+        owner = "tool" if role is Role.TOOL else link
+        colliders.append(Collider(geom, owner, geom.parent.name, role, Surface(friction)))
     for bearer in tool.bearers:
         body = spec.body(bearer.name)
         spec.add_exclude(bodyname1=body.name, bodyname2=body.parent.name)
@@ -72,7 +73,7 @@ def add_servos(spec: Element, robot: Robot, tool: Tool) -> None:
     for joint in spec.joints:
         joint.solref_limit = [2 * spec.option.timestep, 1.0]
         if joint.parent.name in loose:
-            joint.solref_friction, joint.solimp_friction = joint.solref_limit, _HOLDS
+            joint.solref_friction, joint.solimp_friction = joint.solref_limit, HOLDS
             continue
         joint.actgravcomp = True
         if robot.gripper is not None and joint.name in robot.gripper.joints:

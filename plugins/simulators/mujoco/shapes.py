@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
-from core.scene import Body, Inertia
+from core.scene import Inertia
 from plugins.simulators.mujoco.engine import mujoco
 
 Element = Any  # of an MjSpec
@@ -31,17 +31,15 @@ def add_geom(spec: Element, bearer: Element, shape: Shape, pose: Pose) -> Elemen
     return bearer.add_geom(type=kind, size=size, meshname=mesh, pos=pose.position, quat=pose.quaternion)
 
 
-def add_free_body(spec: Element, name: str, body: Body, inertia: Inertia) -> Element:
-    """Add a free body with its exact inertia; its frame is the joint's, and so that of the state."""
-    element = spec.worldbody.add_body(
+def add_body(bearer: Element, name: str, pose: Pose, inertia: Inertia) -> Element:
+    """Add a body with its exact inertia to another body, without a joint."""
+    return bearer.add_body(
         name=name,
-        pos=body.pose.position,
-        quat=body.pose.quaternion,
+        pos=pose.position,
+        quat=pose.quaternion,
         mass=inertia.mass,
         ipos=inertia.frame.position,
         iquat=inertia.frame.quaternion,
         inertia=inertia.moments,
         explicitinertial=True,
     )
-    element.add_freejoint(name=name)
-    return element

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.geometry import Array
@@ -17,8 +16,10 @@ from core.simulation.playback import LAG_EVERY, record_every, schedule, targets
 from plugins.simulators.mujoco import contacts
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco, rollout, timers_off, warnings_caught
+from plugins.simulators.mujoco.forces import Measured, Meter
+from plugins.simulators.mujoco.moving import Moving, add_bodies
 from plugins.simulators.mujoco.robot import add_servos, load, set_gains
-from plugins.simulators.mujoco.shapes import Element, add_free_body, add_geom
+from plugins.simulators.mujoco.shapes import Element, add_geom
 
 GRAVITY = 9.81
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their speeds: nothing of ours has more
@@ -40,7 +41,12 @@ def compiled(
     tracking_rate: float,
     slip_rate: float,
 ) -> Element:
-    """Compile the model: the arm's joints first, then those of the free bodies, in order."""
+    """Compile the model: the arm's joints first, then those of the free bodies.
+
+    Bodies that hang from moving ones gain energy in proportion to the time step, so theirs is half as long.
+    """
+    if any(joint.parent is not None and not scene[joint.parent].fixed for joint in scene.joints):
+        time_step /= 2
     spec = described(robot, scene, inertias, tool, time_step, slip_rate)
     if len(scene.free) <= 1:  # equal but for rounding, up to a tenth faster; not measured on a GPU
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
@@ -66,15 +72,13 @@ def described(
     surfaces = [Surface(body.friction, body.rolling_friction, body.restitution) for body in scene.bodies]
     contacts.options(spec, time_step, GRAVITY, bouncing=contacts.bounces(surfaces))
     add_servos(spec, robot, tool)
-    for number, (body, surface) in enumerate(zip(scene.bodies, surfaces, strict=True)):
-        if body.fixed:
-            bearer, frame = spec.worldbody, body.pose
-        else:
-            bearer, frame = add_free_body(spec, f"body_{number}", body, inertias[body.name]), None
+    bearers = add_bodies(spec, scene, inertias)
+    for body, surface in zip(scene.bodies, surfaces, strict=True):
+        bearer, frame = bearers[body.name], body.pose if body.fixed else None
         for part in body.collisions:
             geom = add_geom(spec, bearer, part.shape, part.pose if frame is None else frame @ part.pose)
-            colliders.append(Collider(geom, bearer.name, Role.SCENE, surface, not body.fixed))
-    contacts.set_contacts(spec, colliders, slip_rate)
+            colliders.append(Collider(geom, body.name, bearer.name, Role.SCENE, surface, not body.fixed))
+    contacts.set_contacts(spec, colliders, slip_rate, scene.joined)
     return spec
 
 
@@ -115,20 +119,20 @@ class Joints:
 
 @dataclass(frozen=True, eq=False)
 class _Settled:
-    """A world after S steps that held joints (J,): states (S + 1, X), and all data at the end."""
+    """A world after S steps that held joints (J,): states (S + 1, X), all data at the end, and forces if measured."""
 
     joints: Array
     states: Array
     data: Element
+    measured: list[Measured]
 
 
 class World:
     """Play jobs one after another, each from a copy of the settled world, so that no motion affects the next."""
 
     def __init__(self, robot: Robot, scene: Scene, tool: Tool, model: Element) -> None:
-        self._names = tuple(body.name for body in scene.free)
-        self._model = model
-        self._joints = Joints.of(robot, tool, model)
+        self._scene, self._model = scene, model
+        self._joints, self._moving = Joints.of(robot, tool, model), Moving(scene, model)
         self._data = mujoco.MjData(model)
         self._settled: _Settled | None = None
 
@@ -138,24 +142,30 @@ class World:
         if not (np.isfinite(trajectory.arm).all() and np.isfinite(trajectory.fingers).all()):
             return Outcome(None, None, error="the trajectory's targets are not finite")
         settle, times = schedule(job, dt)
+        every = record_every(job, dt)
+        meter = Meter(self._scene, self._model) if every and job.forces else None
         try:
-            qpos, qvel = self._run(trajectory, settle, times)
+            qpos, qvel = self._run(trajectory, settle, times, meter)
         except (mujoco.FatalError, FloatingPointError) as error:
             return Outcome(None, None, error=f"MuJoCo: {error}")
         looks = np.arange(-(-settle // LAG_EVERY) * LAG_EVERY, len(times), LAG_EVERY)
         lag = np.abs(self._joints.read(qpos[looks + 1])[0] - trajectory.sample(times[looks] + dt)[0]).max(initial=0.0)
         recording = None
-        if every := record_every(job, dt):
+        if every:
             at = np.append(np.arange(0, len(times), every), len(times))
             instants = np.append(times, times[-1] + dt)[at]
-            recording = Recording(instants, *self._joints.read(qpos[at]), self._state(qpos[at], qvel[at]))
-        start, end = (self._state(qpos[step], qvel[step]) for step in (settle, -1))
+            forces = meter.means(at) if meter else {}
+            recording = Recording(
+                instants, *self._joints.read(qpos[at]), self._moving.state(qpos[at], qvel[at]), forces
+            )
+        start, end = (self._moving.state(qpos[step], qvel[step]) for step in (settle, -1))
         return Outcome(start, end, float(lag), recording=recording)
 
-    def _run(self, trajectory: JointTrajectory, settle: int, times: Array) -> tuple[Array, Array]:
+    def _run(self, trajectory: JointTrajectory, settle: int, times: Array, meter: Meter | None) -> tuple[Array, Array]:
         """Step the world: joint positions (S + 1, Q) and speeds (S + 1, V) before each step, and after the last.
 
         Steps begin at ``times`` (S,). In the first ``settle`` of them the joints are held where the motion begins.
+        ``meter`` measures the forces in each step.
 
         Raises:
             mujoco.FatalError: MuJoCo refuses to go on.
@@ -163,95 +173,125 @@ class World:
         """
         controls = self._controls(trajectory, times)
         joints = np.append(trajectory.arm[0], [trajectory.fingers[0]] * self._joints.grip)
-        settled = self._settle(joints, controls[:settle])
+        settled = self._settle(joints, controls[:settle], meter)
         mujoco.mj_copyData(self._data, self._model, settled.data)  # which bodies sleep is not part of a state
-        states = self._steps(self._data, settled.states, controls[settle:])
-        _, qpos, qvel = np.split(states, [1, 1 + self._model.nq], axis=1)
+        if meter:
+            meter.steps = [*settled.measured]
+        states = settled.states
+        if self._moving.launches:
+            states = states.copy()
+            self._moving.launch(*self._split(states[-1]))
+        return self._split(self._steps(self._data, states, controls[settle:], meter))
+
+    def _split(self, states: Array) -> tuple[Array, Array]:
+        """Split states (..., X) into positions (..., Q) and speeds (..., V)."""
+        _, qpos, qvel = np.split(states, [1, 1 + self._model.nq], axis=-1)
         return qpos, qvel
 
-    def _settle(self, joints: Array, controls: Array) -> _Settled:
+    def _settle(self, joints: Array, controls: Array, meter: Meter | None) -> _Settled:
         """Settle with ``controls`` (S, 2 J) that hold joints (J,); kept, since many motions begin the same way."""
-        known = self._settled
-        if known is None or len(known.states) != 1 + len(controls) or not np.array_equal(known.joints, joints):
+        known, count = self._settled, len(controls)
+        if (
+            known is None
+            or len(known.states) != 1 + count
+            or (meter is not None and len(known.measured) != count)
+            or not np.array_equal(known.joints, joints)
+        ):
             data = mujoco.MjData(self._model)
             data.qpos[self._joints.driven] = joints
             start = np.empty((1, mujoco.mj_stateSize(self._model, _STATE)))
             mujoco.mj_getState(self._model, data, start[0], _STATE)
-            known = self._settled = _Settled(joints, self._steps(data, start, controls), data)
+            states = self._steps(data, start, controls, meter)
+            known = self._settled = _Settled(joints, states, data, [*meter.steps] if meter else [])
         return known
 
-    def _steps(self, data: Element, states: Array, controls: Array) -> Array:
+    def _steps(self, data: Element, states: Array, controls: Array, meter: Meter | None) -> Array:
         """Append the state after each step with ``controls`` (S, 2 J) to states (T, X): (T + S, X)."""
         if not len(controls):
             return states
         states = np.concatenate([states, np.empty((len(controls), states.shape[1]))])
         now = len(states) - len(controls)
-        warmstart = data.qacc_warmstart.copy()[None]
         with timers_off(), warnings_caught() as warnings:
-            rollout(
-                self._model,
-                data,
-                states[now - 1 : now],
-                controls[None],
-                initial_warmstart=warmstart,
-                state=states[None, now:],
-            )
+            if self._moving.latches or meter:
+                self._one_by_one(data, states[now - 1 :], controls, meter)
+            else:
+                rollout(
+                    self._model,
+                    data,
+                    states[now - 1 : now],
+                    controls[None],
+                    initial_warmstart=data.qacc_warmstart.copy()[None],
+                    state=states[None, now:],
+                )
         if data.warning.number.any():  # the state is not finite, or too large, or there is no more memory
             raise FloatingPointError(" ".join(warnings[0].split()) if warnings else "a warning")
         return states
 
+    def _one_by_one(self, data: Element, states: Array, controls: Array, meter: Meter | None) -> None:
+        """Fill in the states (S + 1, X) after the first, as MuJoCo's rollout does."""
+        model = self._model
+        mujoco.mj_setState(model, data, states[0], _STATE)
+        for after, control in zip(states[1:], controls, strict=True):
+            data.ctrl[:] = control
+            self._moving.pull(model, data)
+            mujoco.mj_step(model, data)
+            mujoco.mj_getState(model, data, after, _STATE)
+            if meter:
+                meter.measure(data)
+
     def _controls(self, trajectory: JointTrajectory, times: Array) -> Array:
-        """Make the controls (S, 2 J): each joint's target position and speed."""
-        arm, fingers, speeds, finger_speeds = targets(trajectory, times, self._model.opt.timestep)
+        """Make the controls (S, 2 J): each joint's target position and speed, and then each drive's."""
+        dt = self._model.opt.timestep
+        arm, fingers, speeds, finger_speeds = targets(trajectory, times, dt)
+        aims = self._moving.aim(np.append(times, times[-1:] + dt))
+        drives = aims[1:]
         if self._model.opt.integrator != mujoco.mjtIntegrator.mjINT_DISCRETE:
             arm, fingers = trajectory.sample(times)  # servos compare them with where joints are when the step begins
-        count = self._joints.arm
-        controls = np.empty((len(times), len(self._joints.driven), 2))
+            drives = aims[:-1]
+        count, own = self._joints.arm, len(self._joints.driven)
+        controls = np.empty((len(times), own + self._moving.drives, 2))
         controls[:, :count, 0], controls[:, :count, 1] = arm, speeds
-        controls[:, count:, 0], controls[:, count:, 1] = fingers[:, None], finger_speeds[:, None]
+        controls[:, count:own, 0], controls[:, count:own, 1] = fingers[:, None], finger_speeds[:, None]
+        controls[:, own:, 0], controls[:, own:, 1] = drives, np.diff(aims, axis=0) / dt
         return controls.reshape(len(times), -1)
-
-    def _state(self, qpos: Array, qvel: Array) -> State:
-        return state(self._names, qpos[..., self._joints.count :], qvel[..., self._joints.count :])
 
     def stepped(self, start: JointTrajectory) -> Stepped:
         """Make the same world for stepping from outside, with the robot at the trajectory's first targets."""
-        return Stepped(self._model, self._names, start, self._joints)
+        return Stepped(self._model, self._moving, start, self._joints)
 
 
 class Stepped:
     """A `core.interfaces.World`."""
 
-    def __init__(self, model: Element, names: tuple[str, ...], start: JointTrajectory, joints: Joints) -> None:
+    def __init__(self, model: Element, moving: Moving, start: JointTrajectory, joints: Joints) -> None:
         self.time_step = float(model.opt.timestep)
-        self._model, self._names, self._data = model, names, mujoco.MjData(model)
-        self._joints = joints
+        self._model, self._data = model, mujoco.MjData(model)
+        self._joints, self._moving = joints, moving
+        self._begun = -np.inf  # steps since the launch
         self._data.qpos[joints.driven] = [*start.arm[0], *([start.fingers[0]] * joints.grip)]
         self._ahead = model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         back = 0.0 if self._ahead else self.time_step  # see `World._controls`
         controls = self._data.ctrl.reshape(-1, 2)
-        count = self._joints.arm
+        count, own = self._joints.arm, len(self._joints.driven)
         controls[:count, 0], controls[:count, 1] = arm - back * speeds, speeds
-        controls[count:] = fingers - back * finger_speed, finger_speed
+        controls[count:own] = fingers - back * finger_speed, finger_speed
+        if self._moving.drives:
+            begin, end = self._moving.aim((self._begun + np.array([0.0, 1.0])) * self.time_step)
+            controls[own:, 0], controls[own:, 1] = end if self._ahead else begin, (end - begin) / self.time_step
+        self._moving.pull(self._model, self._data)
+        self._begun += 1
         with warnings_caught():  # a world that diverges shows it in its state too
             mujoco.mj_step(self._model, self._data)
+
+    def launch(self) -> None:
+        self._begun = 0.0
+        self._moving.launch(self._data.qpos, self._data.qvel)
 
     def joints(self) -> tuple[Array, Array]:
         arm, others = self._joints.read(self._data.qpos[None])
         return arm[0], others[0]
 
     def state(self) -> State:
-        return state(self._names, self._data.qpos[self._joints.count :], self._data.qvel[self._joints.count :])
-
-
-def state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
-    """Convert the free bodies' joint positions (..., 7 B) and speeds (..., 6 B) to a state."""
-    shape = (*qpos.shape[:-1], len(names))
-    poses, speeds = qpos.reshape(*shape, 7), qvel.reshape(*shape, 6)
-    turning = speeds[..., 3:].copy()  # in the body's own axes
-    if turning.size:
-        axes = Rotation.from_quat(poses[..., 3:].reshape(-1, 4), scalar_first=True)
-        turning = axes.apply(turning.reshape(-1, 3)).reshape(turning.shape)
-    return State(names, poses[..., :3].copy(), poses[..., 3:].copy(), speeds[..., :3].copy(), turning)
+        return self._moving.state(self._data.qpos, self._data.qvel)

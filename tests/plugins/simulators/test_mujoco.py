@@ -40,6 +40,7 @@ pytest.importorskip("mujoco")
 
 import mujoco as mj
 
+from plugins.simulators.mujoco.moving import Moving
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.mujoco.world import Joints, Stepped, compiled
 from tests.packages import without
@@ -264,7 +265,7 @@ def test_sparse_factors_give_the_accelerations_of_dense_ones(name):
     scene = task.scene(0)
     made = compiled(PANDA, scene, {body.name: body.inertia() for body in scene.free}, job.tool, 0.0025, 50.0, 100.0)
     joints = Joints.of(PANDA, job.tool, made)
-    world, dt = Stepped(made, scene.state().names, job.trajectory, joints), made.opt.timestep
+    world, dt = Stepped(made, Moving(scene, made), job.trajectory, joints), made.opt.timestep
     compared = 0
     for k in range(int((job.trajectory.duration + 0.2) / dt)):
         arms, fingers = job.trajectory.sample(np.array([k * dt]))

@@ -21,7 +21,7 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
-from core.scene import Body, Scene, table
+from core.scene import Body, Joint, Scene, table
 from core.simulation.rollout import evaluate_batch
 
 pytest.importorskip("mujoco_warp")
@@ -245,3 +245,12 @@ def test_a_run_on_the_processor(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "4 rollouts in" in done.stderr
     assert "Warp" not in done.stderr  # it reports kernels and a missing driver by default
+
+
+def test_what_it_lacks_names_the_engine_that_has_it(warped):
+    thrown = replace(Body.of("ball", Box((0.1, 0.1, 0.1)), (0, 0, 3), mass=1.0, color=GREY), velocity=(1.0, 0.0, 0.0))
+    hung = Bodies(replace(thrown, velocity=(0.0, 0.0, 0.0)), joints=(Joint("pin", "ball", "ball"),))
+    job = Rollout(BARE, still())
+    for task, wanted in ((Bodies(thrown), job), (hung, job), (Bodies(), replace(job, forces=True))):
+        with pytest.raises(UserError, match=r"use sim=mujoco$"):
+            warped.rollout(task, [wanted])

@@ -18,9 +18,10 @@ from core.geometry import Array
 from core.robots import Robot
 from core.scene import Inertia, Scene, State
 from plugins.simulators.mujoco.engine import mujoco
+from plugins.simulators.mujoco.moving import state
 from plugins.simulators.mujoco.robot import set_gains
 from plugins.simulators.mujoco.shapes import Element
-from plugins.simulators.mujoco.world import Joints, described, state
+from plugins.simulators.mujoco.world import Joints, described
 
 PER_WORLD = (  # fields that depend on the tool
     *("geom_size", "geom_pos", "geom_quat", "geom_rbound", "geom_aabb"),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from core.errors import UsageError
+from core.errors import UsageError, UserError
 from core.interfaces import Outcome, Recording, Rollout, Task
 from core.simulation.playback import record_every, schedule
 from core.simulation.rendering import DrawingSimulator
@@ -69,6 +69,8 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         outcomes: dict[int, Outcome] = {}
         groups: dict[str, list[int]] = {}
         mine: dict[int, Figures] = {}
+        if any(job.forces for job in jobs):
+            raise UserError("sim=mujoco_warp can't measure the forces of contacts; use sim=mujoco")
         for i, job in enumerate(jobs):
             if not (np.isfinite(job.trajectory.arm).all() and np.isfinite(job.trajectory.fingers).all()):
                 outcomes[i] = Outcome(None, None, error="the trajectory's targets are not finite")
@@ -87,9 +89,14 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     def _of(self, task: Task, job: Rollout) -> Figures:
         key = (task, job.seed, job.tool.content)
         if key not in self._figures:
+            scene = weighed(task, job.seed)[0]
+            if scene.joints or any(body.launched for body in scene.free):
+                raise UserError(
+                    f"{task.name}: sim=mujoco_warp can't have joints or launched bodies in a scene; use sim=mujoco"
+                )
             made = self._model(task, job)
             joints = Joints.of(task.robot, job.tool, made)
-            self._figures[key] = figures(made, weighed(task, job.seed)[0], joints)
+            self._figures[key] = figures(made, scene, joints)
             if len(self._figures) > _KEPT_FIGURES:
                 self._figures.popitem(last=False)
         self._figures.move_to_end(key)

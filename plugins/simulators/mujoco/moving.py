@@ -1,0 +1,160 @@
+"""Add a scene's bodies and joints to a MuJoCo spec, move what moves by itself, and read states."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.geometry import Array, Pose
+from core.joints import Joint, PlacedJoint, Placement, multiply, rotate
+from core.scene import Inertia, Scene, State
+from plugins.simulators.mujoco.engine import mujoco
+from plugins.simulators.mujoco.robot import HOLDS
+from plugins.simulators.mujoco.shapes import Element, add_body
+
+_KINDS = {
+    "hinge": mujoco.mjtJoint.mjJNT_HINGE,
+    "slider": mujoco.mjtJoint.mjJNT_SLIDE,
+    "ball": mujoco.mjtJoint.mjJNT_BALL,
+}
+_BACK = np.array([1.0, -1.0, -1.0, -1.0])  # makes a quaternion the inverse
+
+
+def add_bodies(spec: Element, scene: Scene, inertias: dict[str, Inertia]) -> dict[str, Element]:
+    """Add the free bodies, each inside of what it hangs from; fixed ones are the world's body."""
+    bearers = {body.name: spec.worldbody for body in scene.bodies if body.fixed}
+    tops: dict[str | None, Element] = {}  # of what hangs together
+    hung = {placed.joint.body: placed.joint for placed in scene.hung}
+    for body in (*(body for body in scene.free if body.name not in hung), *(scene[name] for name in hung)):
+        name, joint = _name(scene, body.name), hung.get(body.name)
+        above = joint.parent if joint else None
+        bearer = spec.worldbody if above is None else bearers[above]
+        outer = scene[above].pose if above is not None and above in tops else Pose()
+        bearers[body.name] = element = add_body(bearer, name, outer.inverse() @ body.pose, inertias[body.name])
+        tops[body.name] = tops.get(above, element)
+        if joint is None:
+            element.add_freejoint(name=name)
+        else:
+            _add_joint(spec, element, joint, name)
+            # A servo's load is known where nothing else could give way to it.
+            element.gravcomp = float(bool(joint.drive) and (above not in tops or bearer.gravcomp > 0))
+        if body.launched or (joint and (joint.drive or joint.latches)):
+            tops[body.name].sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+    return bearers
+
+
+def _name(scene: Scene, body: str) -> str:
+    """Name a body and its joint in the spec."""
+    return f"body_{[one.name for one in scene.bodies].index(body)}"
+
+
+def _add_joint(spec: Element, element: Element, joint: Joint, name: str) -> None:
+    """Add a joint at whose ``start`` the body is where it is, and its servo."""
+    reference = [2 * spec.option.timestep, 1.0]
+    made = element.add_joint(name=name, type=_KINDS[joint.kind], axis=joint.axis, pos=joint.origin, ref=joint.start)
+    if joint.limited:
+        made.range = [joint.lower, joint.upper]
+    made.stiffness[0], made.springref, made.damping[0] = joint.stiffness, joint.rest, joint.damping
+    made.frictionloss = joint.friction
+    made.solref_limit, made.solref_friction, made.solimp_friction = reference, reference, HOLDS
+    if joint.drive:
+        made.actfrcrange, made.actgravcomp = [-joint.drive.force, joint.drive.force], True
+        servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_pid(kp=1.0, kv=1.0)
+
+
+class _Place(NamedTuple):
+    """The slices of a body's joint among positions and among speeds."""
+
+    position: slice
+    speed: slice
+
+
+class Moving:
+    """Read the free bodies from a model's positions and speeds, and move what moves by itself.
+
+    Attributes:
+        drives: how many joints have a drive.
+        launches: whether a body gets a velocity when the motion begins.
+        latches: whether joints have latches: forces that MuJoCo does not have, to be set before each step.
+    """
+
+    def __init__(self, scene: Scene, model: Element) -> None:
+        self._scene, self._names = scene, tuple(body.name for body in scene.free)
+        self._first = model.nq - 7 * len(self._names), model.nv - 6 * len(self._names)
+        self._places: dict[str, _Place] = {}
+        for name in self._names:
+            joint = model.joint(_name(scene, name))
+            q, v = int(joint.qposadr[0]), int(joint.dofadr[0])
+            self._places[name] = _Place(slice(q, q + len(joint.qpos0)), slice(v, v + len(joint.damping)))
+        self._drives = [placed.joint.drive for placed in scene.hung if placed.joint.drive]
+        self._launched = [body for body in scene.free if body.launched]
+        self._latched = [(one, model.joint(_name(scene, one.body)).id) for one in scene.joints if one.latches]
+        self.drives, self.launches, self.latches = len(self._drives), bool(self._launched), bool(self._latched)
+
+    def state(self, qpos: Array, qvel: Array) -> State:
+        """Convert positions (..., Q) and speeds (..., V) to the free bodies' state."""
+        if not self._scene.joints:
+            return state(self._names, qpos[..., self._first[0] :], qvel[..., self._first[1] :])
+        hung = {placed.joint.body for placed in self._scene.hung}
+        found: dict[str | None, Placement] = {None: Placement.at_rest(Pose())}
+        found |= {name: Placement.at_rest(pose) for name, pose in self._scene.places.items()}
+        for name, (q, v) in self._places.items():
+            if name not in hung:
+                one = state((name,), qpos[..., q], qvel[..., v])
+                found[name] = Placement(*(array[..., 0, :] for array in one.arrays))
+        for placed in self._scene.hung:
+            q, v = self._places[placed.joint.body]
+            value, speed = _local(placed, qpos[..., q], qvel[..., v])
+            found[placed.joint.body] = placed.carry(value, speed, found[placed.joint.parent])
+        parts = zip(*(found[name] for name in self._names), strict=True)
+        shape = qpos.shape[:-1]
+        return State(
+            self._names,
+            *(np.stack([np.broadcast_to(one, (*shape, one.shape[-1])) for one in part], axis=-2) for part in parts),
+        )
+
+    def launch(self, qpos: Array, qvel: Array) -> None:
+        """Give bodies their velocities, in speeds (V,)."""
+        for body in self._launched:
+            q, v = self._places[body.name]
+            qvel[v] = [*body.velocity, *rotate(qpos[q][3:] * _BACK, np.asarray(body.spin))]
+
+    def aim(self, times: Array) -> Array:
+        """Sample the drives' positions at instants (S,): (S, D)."""
+        return np.array([drive.sample(times) for drive in self._drives]).reshape(self.drives, len(times)).T
+
+    def pull(self, model: Element, data: Element) -> None:
+        """Set the forces of latches. Where one rises it is a spring, which is stable however stiff."""
+        for joint, number in self._latched:
+            q, v = self._places[joint.body]
+            at = float(data.qpos[q][0])
+            rise = 0.0
+            for latch in joint.latches:
+                if abs(at - latch.at) < latch.width / 2:
+                    turn = math.pi / latch.width
+                    rise += latch.force * turn * math.cos(turn * (at - latch.at))
+            model.jnt_stiffness[number] = joint.stiffness + rise
+            data.qfrc_applied[v] = joint.latch_force(np.array(at)) + rise * (at - joint.rest)
+
+
+def _local(placed: PlacedJoint, qpos: Array, qvel: Array) -> tuple[Array, Array]:
+    """Convert a joint's positions and speeds to those of `PlacedJoint.carry`; MuJoCo's ball turns in its own axes."""
+    if placed.joint.kind != "ball":
+        return qpos[..., 0], qvel[..., 0]
+    turn = multiply(placed.turn, qpos)
+    return multiply(turn, placed.turn * _BACK), rotate(turn, qvel)
+
+
+def state(names: tuple[str, ...], qpos: Array, qvel: Array) -> State:
+    """Convert the positions (..., 7 B) and speeds (..., 6 B) of bodies without a joint to a state."""
+    shape = (*qpos.shape[:-1], len(names))
+    poses, speeds = qpos.reshape(*shape, 7), qvel.reshape(*shape, 6)
+    turning = speeds[..., 3:].copy()  # in the body's own axes
+    if turning.size:
+        axes = Rotation.from_quat(poses[..., 3:].reshape(-1, 4), scalar_first=True)
+        turning = axes.apply(turning.reshape(-1, 3)).reshape(turning.shape)
+    return State(names, poses[..., :3].copy(), poses[..., 3:].copy(), speeds[..., :3].copy(), turning)
