@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
@@ -60,9 +61,13 @@ class PyBulletSimulator(Simulator):
 
     def _one(self, task: Task, job: Rollout) -> Outcome:
         try:
-            return play(self._world(task, job), job)
+            world = self._world(task, job)
+            outcome = play(world, job)
         except pybullet.error as error:
             return Outcome(None, None, error=f"PyBullet: {error}")
+        if world.forces and (taken := outcome.recording):
+            return replace(outcome, recording=replace(taken, forces=world.forces.means(taken.times)))
+        return outcome
 
     def world(self, task: Task, tool: Tool, seed: int = 0) -> World:
         return self._world(task, Rollout(tool, at_home(task), seed))
@@ -81,8 +86,11 @@ class PyBulletSimulator(Simulator):
         robot = task.robot
         if self._robot is None or self._robot[0] != robot or self._robot[1] is not job.tool:
             self._robot = robot, job.tool, robot_file(folder, robot, job.tool, visuals=False)
+        forces = job.forces and job.record_hz > 0
         with intact(folder):
-            return World(self._client, self._scene[2], robot, self._robot[2], job.tool, job.trajectory, self._settings)
+            return World(
+                self._client, self._scene[2], robot, self._robot[2], job.tool, job.trajectory, self._settings, forces
+            )
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
         try:

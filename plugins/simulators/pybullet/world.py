@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import combinations
+from math import ceil
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from core.design import GRIPPER_MOUNTS, Tool
+from core.errors import UsageError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
 from core.robot.description import assemble, joint_name, read_numbers, read_origin, to_text
@@ -20,11 +22,14 @@ from core.robots import Robot
 from core.scene import Inertia, Scene, State
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
+from plugins.simulators.pybullet.forces import Forces, Thing
+from plugins.simulators.pybullet.trees import Mechanism, Place, grown
 
 GRAVITY = 9.81
 # How far bodies may slide before a stored contact point is dropped, as a share of a shape's radius. PyBullet's default,
 # ten times as much, lets stacks creep on outdated points.
 _CONTACT_DRIFT = 0.002
+MAX_STEPS = 16  # that are taken in place of one in scenes with stiff joints
 # Of no body is a moment of inertia larger than the sum of the two others, and PyBullet reads no such file. A link with
 # its motor's inertia is no such body. So files hold these moments, kg m^2, and links get their own once loaded.
 _PLACEHOLDER = np.ones(3)
@@ -43,14 +48,38 @@ class PreparedScene:
     """A scene ready to be placed in one world after another; files go to ``folder``."""
 
     def __init__(self, scene: Scene, folder: Path) -> None:
-        self.bodies = [PreparedBody.of(body, folder) for body in scene.bodies if body.collisions]
+        self.trees = grown(scene, folder) if scene.joints else []
+        hung = {name for tree in self.trees for name in tree.dynamics}
+        self.bodies = [
+            PreparedBody.of(body, folder) for body in scene.bodies if body.collisions and body.name not in hung
+        ]
         self.names = tuple(body.name for body in scene.free)
-        offsets = [body.offset for body in self.bodies if not body.fixed]
+        self.ranks = {body.name: rank for rank, body in enumerate(scene.bodies)}
+        self.launched = [body for body in scene.free if body.launched]
+        self.offsets = {body.name: body.offset for body in self.bodies}
+        self.offsets |= {name: offset for tree in self.trees for name, offset in tree.offsets.items()}
+        offsets = [self.offsets[name] for name in self.names]
         shifted = [(i, offset) for i, offset in enumerate(offsets) if offset is not None]
         self.shifted = [i for i, _ in shifted]  # the free bodies whose frame is not at their centre of mass
         self._positions = np.array([offset.position for _, offset in shifted])
         turns = [offset.rotation.as_quat() for _, offset in shifted]
         self._rotations = np.reshape(turns, (-1, 4))  # x, y, z, w
+
+    def steps(self, time_step: float) -> int:
+        """Count the steps to take in place of one, for joints in a row and stiff ones.
+
+        Raises:
+            UsageError: a joint is far too stiff.
+        """
+        in_a_row = 2 if any(len(tree.dynamics) > 1 for tree in self.trees) else 1
+        count = max([in_a_row, *(ceil(tree.rate * time_step) for tree in self.trees)])
+        if count > MAX_STEPS:
+            most = MAX_STEPS / count * time_step
+            raise UsageError(
+                f"sim=pybullet needs {count} steps in place of one for the scene's stiffest joint, and takes at most "
+                f"{MAX_STEPS}; lower its stiffness or latch force, or set sim.time_step to {most:.2g} s"
+            )
+        return count
 
     def frames(self, centers: Array, quaternions: Array) -> tuple[Array, Array]:
         """Convert positions (T, K, 3) and quaternions (T, K, 4) of centres of mass to the frames of ``shifted`` bodies.
@@ -82,26 +111,35 @@ class World:
         tool: Tool,
         trajectory: JointTrajectory,
         settings: Settings,
+        forces: bool = False,
     ) -> None:
-        """``file`` describes the robot with ``tool``."""
+        """``file`` describes the robot with ``tool``; with ``forces`` contact forces are summed up."""
         self.client = client
-        self.time_step = settings.time_step
+        self.time_step = settings.time_step / scene.steps(settings.time_step)
         self._gain = 1.0 - float(np.exp(-settings.tracking_rate * self.time_step))
+        separation = 1.0 - float(np.exp(-settings.separation_rate * self.time_step))
         p.resetSimulation(physicsClientId=client)
         p.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=client)
         p.setPhysicsEngineParameter(
             fixedTimeStep=self.time_step,
             numSolverIterations=settings.solver_iterations,
             numSubSteps=0,
-            contactERP=1.0 - float(np.exp(-settings.separation_rate * self.time_step)),
+            contactERP=separation,
             contactBreakingThreshold=_CONTACT_DRIFT,
             deterministicOverlappingPairs=1,
             physicsClientId=client,
         )
+        if scene.trees:  # else a joint leaves its limit a fifth as fast as it came
+            p.setPhysicsEngineParameter(erp=separation, physicsClientId=client)
         self._scene = scene
-        numbers = [(body.place(client), body.fixed) for body in scene.bodies]
-        self._free = [number for number, fixed in numbers if not fixed]
+        places = {body.name: (body.place(client), -1) for body in scene.bodies}
+        for tree in scene.trees:
+            places |= tree.place(client, places)
+        self._free = [places[name] for name in scene.names]
         self._load_robot(robot, file, tool, trajectory)
+        self._places = places
+        self._mechanisms = [Mechanism(client, tree, places, self._gain, self.time_step) for tree in scene.trees]
+        self.forces = Forces(client, self._things(tool), self.time_step) if forces else None
 
     def _load_robot(self, robot: Robot, file: Path, tool: Tool, trajectory: JointTrajectory) -> None:
         client = self.client
@@ -179,7 +217,31 @@ class World:
             value = p.getJointState(self.robot, number, physicsClientId=self.client)[0]
             torque = stiffness * (rest - value)
             p.setJointMotorControl2(self.robot, number, p.TORQUE_CONTROL, force=torque, physicsClientId=self.client)
+        for mechanism in self._mechanisms:
+            mechanism.drive()
         p.stepSimulation(physicsClientId=self.client)
+        if self.forces:
+            self.forces.add()
+
+    def launch(self) -> None:
+        """See `core.simulation.playback.Launching`."""
+        for mechanism in self._mechanisms:
+            mechanism.launch()
+        for body in self._scene.launched:
+            number, _ = self._places[body.name]
+            linear = np.array(body.velocity, dtype=np.float64)
+            if offset := self._scene.offsets[body.name]:  # PyBullet takes the velocity of the centre of mass
+                _, quaternion = p.getBasePositionAndOrientation(number, physicsClientId=self.client)
+                linear -= np.cross(body.spin, Rotation.from_quat(quaternion).as_matrix() @ offset.position)
+            p.resetBaseVelocity(number, linear.tolist(), body.spin, physicsClientId=self.client)
+
+    def _things(self, tool: Tool) -> dict[Place, Thing]:
+        """Map all that collides to what contact forces call it."""
+        _, links = joint_numbers(self.client, self.robot)
+        own = {link: "tool" if name in tool.borne_on else name for name, link in links.items()}
+        own[-1] = p.getBodyInfo(self.robot, physicsClientId=self.client)[0].decode()
+        things = {(self.robot, link): (-1, name) for link, name in own.items()}
+        return things | {place: (self._scene.ranks[name], name) for name, place in self._places.items()}
 
     def joints(self) -> tuple[Array, Array]:
         """Read the joint positions: arm (J,) and fingers with the tool's joints (F + K,)."""
@@ -192,6 +254,8 @@ class World:
 
     def note(self) -> tuple[list[float], list[tuple[float, ...]]]:
         """See `core.simulation.playback.Noting`."""
+        if self.forces:
+            self.forces.note()
         return self._angles(), self._bodies()
 
     def read(self, notes: Sequence[Any]) -> tuple[Array, Array, State]:
@@ -206,9 +270,13 @@ class World:
     def _bodies(self) -> list[tuple[float, ...]]:
         """Position, quaternion (x, y, z, w) and velocities of each free body's centre of mass, 13 numbers."""
         found = []
-        for body in self._free:
-            position, quaternion = p.getBasePositionAndOrientation(body, physicsClientId=self.client)
-            linear, angular = p.getBaseVelocity(body, physicsClientId=self.client)
+        for body, link in self._free:
+            if link < 0:
+                position, quaternion = p.getBasePositionAndOrientation(body, physicsClientId=self.client)
+                linear, angular = p.getBaseVelocity(body, physicsClientId=self.client)
+            else:
+                moving = p.getLinkState(body, link, 1, 1, physicsClientId=self.client)
+                position, quaternion, linear, angular = moving[0], moving[1], moving[6], moving[7]
             found.append((*position, *quaternion, *linear, *angular))
         return found
 
