@@ -14,6 +14,7 @@ import numpy.typing as npt
 from core.geometry import Array
 from core.scene import Inertia, Scene, State
 from plugins.simulators.sapien.engine import physx, sapien
+from plugins.simulators.sapien.joints import apart
 from plugins.simulators.sapien.shapes import collision, place, to_sapien
 from plugins.simulators.sapien.surfaces import Surface, Surfaces
 
@@ -72,6 +73,9 @@ class Bodies:
         brakes: list[tuple[int, Any, float]] = []
         self._brake_every = max(1, round(_BRAKE_EVERY / time_step))
         self._steps = 0
+        self.components: dict[str, Any] = {}  # of the free bodies
+        self._launched = [body for body in weighed.scene.free if body.launched]
+        joined = apart(weighed.scene)
         for body in weighed.scene.bodies:
             if not body.collisions:
                 continue
@@ -81,9 +85,11 @@ class Bodies:
             entity.add_component(component)
             if not body.fixed:
                 weigh(component, weighed.inertias[body.name])
+                self.components[body.name] = component
+            mechanism, bits = joined.get(body.name, (0, 0))
             for part in body.collisions:
                 make = partial(collision, part.shape, folder=folder)
-                for shape in surfaces.copies(Surface.of(body), make, fixed=body.fixed):
+                for shape in surfaces.copies(Surface.of(body), make, fixed=body.fixed, apart=bits, mechanism=mechanism):
                     place(shape, part.shape, part.pose)
                     component.attach(shape)
             entity.pose = to_sapien(body.pose)
@@ -106,6 +112,15 @@ class Bodies:
         self._steps += 1
         if self._brakes.each and self._steps % self._brake_every == 0:
             self._brakes.adjust(self._numbers([self.note()])[0, :, 7:10])
+
+    def launch(self) -> None:
+        """Give bodies their velocities; PhysX takes that of the centre of mass."""
+        for body in self._launched:
+            component, spin = self.components[body.name], np.asarray(body.spin)
+            there = component.entity_pose
+            arm = (there * component.cmass_local_pose).p - there.p
+            component.linear_velocity = body.velocity + np.cross(spin, arm)
+            component.angular_velocity = spin
 
     def state(self) -> State:
         """Read the state of the free bodies."""

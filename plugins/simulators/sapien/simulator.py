@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,9 +46,13 @@ class SapienSimulator(DrawingSimulator):
 
     def _one(self, task: Task, job: Rollout) -> Outcome:
         try:
-            return play(self._world(task, job), job)
+            world = self._world(task, job)
+            outcome = play(world, job)
         except RuntimeError as error:  # what PhysX refuses
             return Outcome(None, None, error=f"SAPIEN: {error}")
+        if world.forces and (taken := outcome.recording):
+            return replace(outcome, recording=replace(taken, forces=world.forces.means(taken.times)))
+        return outcome
 
     def world(self, task: Task, tool: Tool, seed: int = 0) -> World:
         return self._world(task, Rollout(tool, at_home(task), seed))
@@ -64,4 +69,5 @@ class SapienSimulator(DrawingSimulator):
     def _built(self, robot: Robot, weighed: Weighed, job: Rollout) -> World:
         folder = Path(self._folder.name)
         with intact(folder):
-            return World(folder, weighed, robot, job.tool, job.trajectory, **self._settings)
+            forces = job.forces and job.record_hz > 0
+            return World(folder, weighed, robot, job.tool, job.trajectory, forces=forces, **self._settings)

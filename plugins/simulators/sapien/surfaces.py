@@ -47,11 +47,17 @@ class Surfaces:
         self._materials: dict[tuple[Surface, int], Any] = {}
 
     def copies(
-        self, surface: Surface, make: Callable[[Any], Any], *, fixed: bool = False, apart: int = 0
+        self,
+        surface: Surface,
+        make: Callable[[Any], Any],
+        *,
+        fixed: bool = False,
+        apart: int = 0,
+        mechanism: int = 0,
     ) -> Iterator[Any]:
         """Make copies of a shape with ``make``, one for each kind of surface that this one can meet.
 
-        Shapes that have a bit of ``apart`` in common don't touch each other.
+        Shapes of one mechanism that have a bit of ``apart`` in common don't touch each other; the robot's is 0.
         """
         own = self._kinds[surface]
         for other in self._moving if fixed else self._all:
@@ -60,7 +66,7 @@ class Surfaces:
             pair = 1 + low * len(self._all) + high
             # Two shapes touch if the first word of one has a bit in common with the second word of the other.
             is_, meets = (1, 1) if own == other else (1, 2) if own == low else (2, 1)
-            shape.set_collision_groups([is_, meets, apart, pair << _HIGH_BITS])
+            shape.set_collision_groups([is_, meets, apart, pair << _HIGH_BITS | mechanism])
             yield shape
 
     def _material(self, surface: Surface, other: int) -> Any:

@@ -15,6 +15,8 @@ from core.robots import Robot as Description
 from core.scene import State
 from plugins.simulators.sapien.bodies import GRAVITY, Bodies, Weighed
 from plugins.simulators.sapien.engine import physx, sapien
+from plugins.simulators.sapien.forces import Forces
+from plugins.simulators.sapien.joints import Joints
 from plugins.simulators.sapien.robot import Robot, surfaces_of
 from plugins.simulators.sapien.surfaces import Surfaces
 
@@ -27,7 +29,10 @@ _SLEEP = 5e-6
 
 
 class World:
-    """A fresh scene: the robot at the trajectory's first targets, free bodies at their initial poses."""
+    """A fresh scene: the robot at the trajectory's first targets, free bodies at their initial poses.
+
+    With ``forces`` the contact forces are measured.
+    """
 
     def __init__(
         self,
@@ -40,6 +45,7 @@ class World:
         time_step: float,
         solver_iterations: int,
         tracking_rate: float,
+        forces: bool = False,
     ) -> None:
         self.time_step = time_step
         # These settings belong to the process, and apply to what is created from here on.
@@ -61,7 +67,9 @@ class World:
         self._scene = sapien.Scene([self._system])
         surfaces = Surfaces(surfaces_of(robot, tool) | weighed.moving, weighed.fixed)
         self._bodies = Bodies(self._scene, surfaces, weighed, folder, time_step)
+        self._joints = Joints(weighed.scene, weighed.inertias, self._bodies.components, time_step, tracking_rate)
         self._robot = Robot(self._scene, surfaces, robot, tool, trajectory, folder, tracking_rate, time_step)
+        self.forces = Forces(self._system, weighed.scene, robot, tool) if forces else None
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
@@ -71,9 +79,17 @@ class World:
         """See `core.simulation.playback.Following`."""
         for orders in self._robot.orders(arm, fingers, speeds, finger_speeds):
             self._robot.drive(orders)
+            self._joints.act()
             self._system.step()
             self._bodies.stepped()
+            if self.forces:
+                self.forces.add()
             yield
+
+    def launch(self) -> None:
+        """See `core.simulation.playback.Launching`."""
+        self._bodies.launch()
+        self._joints.begin()
 
     def joints(self) -> tuple[Array, Array]:
         """Read the joint positions: arm (J,) and fingers (F,)."""
@@ -85,6 +101,8 @@ class World:
 
     def note(self) -> tuple[Any, bytes]:
         """See `core.simulation.playback.Noting`."""
+        if self.forces:
+            self.forces.note()
         return self._robot.note(), self._bodies.note()
 
     def read(self, notes: Sequence[tuple[Any, bytes]]) -> tuple[Array, Array, State]:

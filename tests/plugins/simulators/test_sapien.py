@@ -6,13 +6,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.conformance.worlds import BARE, GRAVITY, GREY, HAND, HOME, Bodies, cube, end, film, slope, stick, wait
+from core.conformance.worlds import (
+    BARE,
+    GRAVITY,
+    GREY,
+    HAND,
+    HOME,
+    Bodies,
+    cube,
+    end,
+    film,
+    motion,
+    slope,
+    stick,
+    still,
+    wait,
+)
 from core.design import Component, Tool
+from core.errors import UsageError
 from core.geometry import Box, Pose, Sphere
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.robot.trajectory import plan_motion
-from core.scene import Body, table
+from core.scene import Body, Drive, Joint, Latch, table
 from core.simulation.playback import play
 
 pytest.importorskip("sapien", exc_type=ImportError)
@@ -123,3 +139,84 @@ def test_render_says_who_drew(tmp_path):
     done = without([], ["core.render", "sim=sapien", "width=32", "height=24"], tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: SAPIEN's own renderer needs Vulkan")
+
+
+# --- joints of the scene ----------------------------------------------------------------------------------------
+
+
+def post_and_flaps(count):
+    flaps = [cube(f"flap{i}", (3.0, 0.0, 1.0 + 0.1 * i), side=0.05) for i in range(count)]
+    return (cube("post", (3.0, 0.0, 1.0), mass=0.0), *flaps), [f.name for f in flaps]
+
+
+def test_mechanism_with_too_many_joints_is_refused():
+    bodies, names = post_and_flaps(33)
+    joints = tuple(Joint(name, "slider", name, "post") for name in names)
+    job = Rollout(BARE, still(), hold_s=0.1)
+    with pytest.raises(UsageError, match="33 joints lead to the body 'post'"):
+        sapien().rollout(Bodies(*bodies, joints=joints), [job])
+    apart = tuple(replace(joint, parent=None) for joint in joints)
+    assert sapien().rollout(Bodies(*bodies, joints=apart), [job])[0].error is None
+
+
+def test_bodies_of_two_mechanisms_collide():
+    """Two sliders overlap their own fixed bodies, and one of them falls onto the other."""
+    shelf = Body.of("shelf", Box((0.4, 0.1, 0.1)), (3.0, 0.0, 1.0), mass=0.0, color=GREY)
+    bodies = (shelf, cube("low", (3.0, 0.0, 1.0)), cube("rail", (3.0, 0.0, 1.6), mass=0.0), cube("high", (3.0, 0, 1.5)))
+    tight = Joint("low", "slider", "low", "shelf", friction=200.0)
+    loose = Joint("high", "slider", "high", "rail")
+    (outcome,) = sapien().rollout(Bodies(*bodies, joints=(tight, loose)), [Rollout(BARE, still(), hold_s=1.5)])
+    state = end(outcome)
+    assert state.position("low")[2] == pytest.approx(1.0, abs=0.005)
+    assert state.position("high")[2] == pytest.approx(1.1, abs=0.005)
+
+
+@pytest.mark.parametrize("kind", ["hinge", "ball"])
+@pytest.mark.parametrize("stiffness", [0.1, 2.0])
+def test_spring_stays_linear_at_large_angles(kind, stiffness):
+    """PhysX's own gives way: it takes twice the sine of half the angle."""
+    joint = Joint("h", kind, "block", axis=(0.0, 0.0, 1.0), stiffness=stiffness, damping=0.3 * stiffness)
+    scenery = Bodies(cube("block", (3.0, 0.0, 1.0)), joints=(joint,))
+    world = sapien().world(scenery, BARE)
+    block = world._bodies.components["block"]
+    arm, _ = world.joints()
+    for _ in range(800):
+        block.add_force_torque(np.zeros(3), np.array([0.0, 0.0, 2.8 * stiffness]))
+        world.step(arm, 0.04, np.zeros_like(arm), 0.0)
+    state = scenery.scene(0).complete(world.state())
+    assert state.joint("h").position == pytest.approx(2.8, rel=0.015)
+
+
+def test_same_bits_with_joints_whatever_ran_before():
+    bodies, names = post_and_flaps(3)
+    drive = Drive((0.0, 0.3), (0.0, 0.2), 50.0, repeats=True)
+    joints = (
+        Joint("driven", "slider", names[0], "post", (1.0, 0.0, 0.0), drive=drive),
+        Joint("latched", "slider", names[1], names[0], latches=(Latch(0.0, 9.0, 0.02),)),
+        Joint("ball", "ball", names[2], "post", origin=(0.1, 0.0, 0.0), stiffness=1.0, friction=0.01),
+    )
+    job = Rollout(BARE, still(), hold_s=0.5, record_hz=50, forces=True)
+    engine = sapien()
+    one = engine.rollout(Bodies(*bodies, joints=joints), [job])[0]
+    engine.rollout(Bodies(cube()), [job])
+    other = engine.rollout(Bodies(*bodies, joints=joints), [job])[0]
+    np.testing.assert_array_equal(one.recording.states.positions, other.recording.states.positions)
+    assert np.ptp(one.recording.states.positions[:, 0, 0]) > 0.1
+
+
+def test_contact_forces_are_weights_and_what_the_tool_presses():
+    small, top = cube("small", (0.9, 0.3, 0.05)), cube("top", (0.9, 0.3, 0.1501), mass=0.5)
+    pressed = cube("pressed", (0.5, 0.0, 0.05))
+    press = motion([[0.5, 0, 0.3, 0, 0, 0], [0.5, 0, 0.299, 0, 0, 0]])
+    job = Rollout(stick(0.2), press, 0, 0.3, 1.0, 50.0, forces=True)
+    (outcome,) = sapien().rollout(Bodies(table(), small, top, pressed), [job])
+    forces = outcome.recording.forces
+    assert set(forces) == {("table", "small"), ("small", "top"), ("table", "pressed"), ("tool", "pressed")}
+    assert all(values[0] == 0 for values in forces.values())
+    assert forces["table", "small"][-1] == pytest.approx(1.5 * GRAVITY, rel=0.01)
+    assert forces["small", "top"][-1] == pytest.approx(0.5 * GRAVITY, rel=0.01)
+    assert forces["tool", "pressed"][-1] > 1
+    assert forces["table", "pressed"][-1] == pytest.approx(forces["tool", "pressed"][-1] + GRAVITY, rel=0.02)
+    (without,) = sapien().rollout(Bodies(table(), small, top, pressed), [replace(job, forces=False)])
+    assert without.recording.forces == {}
+    np.testing.assert_array_equal(without.end.positions, outcome.end.positions)

@@ -1,0 +1,272 @@
+"""Join a scene's bodies in PhysX, and make joints spring, latch and drive.
+
+The bodies stay bodies of their own. PhysX's D6 joints hold them, and its solver (TGS) closes those within micrometres.
+SAPIEN 3.0.3 can't lock the swing of a D6 joint, so hinges and sliders are held at two points of their axis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.errors import UsageError
+from core.geometry import Array, Pose
+from core.scene import Drive, Inertia, Joint, Scene
+from plugins.simulators.sapien.engine import physx, sapien
+from plugins.simulators.sapien.shapes import to_sapien
+
+# So many times the solver's iterations, as for the arm with a hand: a touch doesn't change how often forces act.
+_ITERATIONS = 4
+_STICKS = 1e5  # dry friction is a damper that gives up at 1 / _STICKS m/s or rad/s
+_GIVES_WAY = 0.001  # m or rad off its target: there a motor does all it can, as the arm's
+_LEAST = 1e-9  # N s/m or N m s/rad, of a damper that only carries a force
+_MOST = 0.9  # of what a damper is made stronger by
+_PAIRS = 32  # bits
+_DRIVES = {"hinge": "twist", "slider": "x", "ball": "slerp"}
+_STILL = np.zeros(3)
+
+
+def apart(scene: Scene) -> dict[str, tuple[int, int]]:
+    """Return for each joined body its mechanism's number, and bits: those of one mechanism that share one are joined.
+
+    Raises:
+        UsageError: a mechanism has more joints than there are bits.
+    """
+    roots: dict[str, str] = {}
+    pairs: dict[str, list[tuple[str, str]]] = {}
+    for placed in scene.hung:
+        body, parent = placed.joint.body, placed.joint.parent
+        if parent is not None:
+            roots[body] = roots.setdefault(parent, parent)
+            pairs.setdefault(roots[body], []).append((body, parent))
+    found: dict[str, tuple[int, int]] = {}
+    for number, (root, joined) in enumerate(pairs.items(), start=1):
+        if len(joined) > _PAIRS:
+            raise UsageError(
+                f"sim=sapien: {len(joined)} joints lead to the body {root!r}, and it can handle {_PAIRS}; "
+                "let some of the bodies hang from the world (parent None), or take another engine"
+            )
+        for bit, pair in enumerate(joined):
+            for name in pair:
+                found[name] = number, found.get(name, (number, 0))[1] | 1 << bit
+    return found
+
+
+class _Acting(Protocol):
+    """What acts in a joint and changes from step to step."""
+
+    def act(self, time: float) -> None:
+        """Set it for the time step that ends at ``time``."""
+
+
+class Joints:
+    """The joints of a scene whose bodies are at their initial poses.
+
+    ``components`` are the free bodies by name.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        inertias: Mapping[str, Inertia],
+        components: Mapping[str, Any],
+        time_step: float,
+        tracking_rate: float,
+    ) -> None:
+        self._time_step, self._steps, self._begun = time_step, 0, False
+        poses = {body.name: body.pose for body in scene.bodies}
+        self._acting: list[_Acting] = []
+        for placed in scene.hung:
+            joint = placed.joint
+            child, parent = components[joint.body], components.get(joint.parent or "")
+            child.solver_position_iterations *= _ITERATIONS
+            child.sleep_threshold = 0.0  # a door that falls shut slowly does not stop
+            inside = poses[joint.body]
+            if parent is not None and joint.parent is not None:
+                inside = poses[joint.parent].inverse() @ inside
+            self._acting += _Hung(joint, child, parent, inside, inertias[joint.body], time_step).hold(tracking_rate)
+
+    def begin(self) -> None:
+        """Begin the time of drives."""
+        self._begun = True
+
+    def act(self) -> None:
+        """Set what changes for the next time step."""
+        self._steps += self._begun
+        for each in self._acting:
+            each.act(self._steps * self._time_step)
+
+
+class _Hung:
+    """A body that hangs from a joint; ``inside`` is its pose in its parent, or in the world if that is fixed."""
+
+    def __init__(self, joint: Joint, child: Any, parent: Any, inside: Pose, inertia: Inertia, time_step: float) -> None:
+        self.joint, self.child, self.parent, self.time_step = joint, child, parent, time_step
+        # A joint's frame has the joint's axis as x, and hinges turn from the middle of their range.
+        self.middle = (joint.lower + joint.upper) / 2 if joint.kind == "hinge" and joint.limited else 0.0
+        origin, axis, reach = np.asarray(joint.origin), np.asarray(joint.axis), 0.0
+        self.slack = 0.0 if joint.kind == "slider" else _slack(inertia, origin, axis if joint.kind == "hinge" else None)
+        turned = Rotation.identity()
+        if joint.kind != "ball":
+            turned, _ = Rotation.align_vectors([axis], [[1.0, 0.0, 0.0]])
+            origin = origin + axis * ((inertia.frame.position - origin) @ axis)
+            reach = math.sqrt(float(inertia.moments.max()) / inertia.mass)  # then the two points move independently
+        self._reach, self._in_child = reach, Pose.from_rotation(origin, turned)
+        moved = self.middle - joint.start
+        back = ((moved, 0.0, 0.0), (0.0, 0.0, 0.0))
+        self._in_parent = inside @ self._in_child @ Pose.xyz_rpy(*(back if joint.kind == "slider" else back[::-1]))
+
+    def hold(self, tracking_rate: float) -> Iterator[_Acting]:
+        """Make the joint, and return what acts in it."""
+        joint, main = self.joint, self._connect(0.0)
+        for lock in (main.set_limit_y, main.set_limit_z, *([] if joint.kind == "slider" else [main.set_limit_x])):
+            lock(0.0, 0.0)
+        if joint.kind != "ball":
+            other = self._connect(self._reach)
+            other.set_limit_y(0.0, 0.0)
+            other.set_limit_z(0.0, 0.0)
+        if joint.kind == "slider":
+            main.set_limit_twist(0.0, 0.0)
+        if joint.limited:
+            limit = main.set_limit_x if joint.kind == "slider" else main.set_limit_twist
+            limit(joint.lower - self.middle, joint.upper - self.middle)
+        motor = _Motor(main, self)
+        motor.resist(0.0, joint.damping)
+        if joint.kind == "ball" and joint.stiffness:
+            yield _BallPull(motor, joint)
+        elif joint.latches or (joint.stiffness and joint.kind == "hinge"):
+            yield _Pull(motor, self)
+        elif joint.stiffness:
+            motor.resist(joint.stiffness, joint.damping)
+            motor.aim(joint.rest)
+        if joint.friction:
+            _Motor(self._connect(0.0), self).resist(0.0, joint.friction * _STICKS, joint.friction)
+        if joint.drive is not None:
+            yield _Servo(_Motor(self._connect(0.0), self), joint.drive, tracking_rate, self.time_step)
+
+    def _connect(self, along: float) -> Any:
+        """Make a D6 joint in which everything moves, its frame so far along the axis."""
+        component = physx.PhysxDriveComponent(self.child)
+        if self.parent is not None:
+            component.parent = self.parent
+        at = Pose(np.array([along, 0.0, 0.0]))
+        component.pose_in_parent = to_sapien(self._in_parent @ at)
+        component.pose_in_child = to_sapien(self._in_child @ at)
+        self.child.entity.add_component(component)
+        return component
+
+
+def _slack(inertia: Inertia, origin: Array, axis: Array | None) -> float:
+    """Compute how much easier a body turns about its centre of mass than about a joint, 1/(kg m^2)."""
+    arm, own = inertia.frame.position - origin, float(inertia.moments.max())
+    if axis is not None:
+        arm = arm - axis * (arm @ axis)
+        own = float(inertia.moments @ inertia.frame.rotation.apply(axis, inverse=True) ** 2)
+    return 1 / own - 1 / (own + inertia.mass * float(arm @ arm))
+
+
+class _Motor:
+    """A spring, a damper and a force in a joint, all of which the solver applies in each of its iterations.
+
+    A damper acts once more in the velocity iteration, and a spring damps like stiffness times the time of an iteration.
+    Both are taken off the damper. It also carries the force, as the speed that it aims at. And the solver sees a body
+    that turns about its centre of mass, so it makes all of it too weak.
+    """
+
+    def __init__(self, component: Any, hung: _Hung) -> None:
+        self.component, self._kind, self._middle = component, hung.joint.kind, hung.middle
+        self._set = getattr(component, f"set_drive_property_{_DRIVES[self._kind]}")
+        iterations, self._time_step = hung.child.solver_position_iterations, hung.time_step
+        self._share, self._each = iterations / (iterations + 1), hung.time_step / iterations
+        self._damping, self._slack = _LEAST, hung.slack * self._each
+
+    def resist(self, stiffness: float, damping: float, limit: float = math.inf) -> None:
+        self._damping = max(damping * self._share - stiffness * self._each, _LEAST)
+        scale = 4.0 if self._kind == "ball" and stiffness > 0 else 1.0  # then PhysX works with half angles
+        scale /= 1 - min(self._slack * (self._damping + stiffness * self._each), _MOST)
+        self._set(scale * stiffness, scale * self._damping, limit * self._time_step)
+
+    def push(self, force: float | Array) -> None:
+        speed = force * self._share / self._damping
+        if self._kind == "slider":
+            self.component.set_drive_velocity_target([speed, 0.0, 0.0], _STILL)
+        else:
+            self.component.set_drive_velocity_target(_STILL, [-speed, 0.0, 0.0] if self._kind == "hinge" else speed)
+
+    def aim(self, position: float) -> None:
+        """Put the end of the spring of a hinge or slider somewhere."""
+        away = position - self._middle
+        if self._kind == "slider":
+            self.component.set_drive_target(sapien.Pose([away, 0.0, 0.0]))
+        else:
+            turn = [math.cos(away / 2), math.sin(away / 2), 0.0, 0.0]
+            self.component.set_drive_target(sapien.Pose([0.0, 0.0, 0.0], turn))
+
+    def position(self) -> float:
+        """Read the position of a hinge or slider."""
+        moved = self.component.relative_pose
+        if self._kind == "slider":
+            return float(moved.p[0])
+        w, x, _, _ = moved.q
+        return self._middle + math.remainder(2 * math.atan2(x, w), 2 * math.pi)
+
+
+class _Pull:
+    """The spring and latches of a hinge or slider: a force and how it changes with the position, at where it is."""
+
+    def __init__(self, motor: _Motor, hung: _Hung) -> None:
+        self._motor, self._joint = motor, hung.joint
+        self._turned = hung.joint.start  # with whole turns
+        self._slope = 0.0
+
+    def act(self, time: float) -> None:
+        joint, position = self._joint, self._motor.position()
+        moved = position - self._turned
+        self._turned += math.remainder(moved, 2 * math.pi) if joint.kind == "hinge" else moved
+        slope = joint.stiffness + max(0.0, sum(_slope(position - x.at, x.force, x.width) for x in joint.latches))
+        if slope != self._slope:
+            self._motor.resist(slope, joint.damping)
+            self._slope = slope
+        self._motor.aim(position)
+        force = joint.stiffness * (joint.rest - self._turned) + float(joint.latch_force(np.asarray(position)))
+        self._motor.push(force)
+
+
+def _slope(away: float, force: float, width: float) -> float:
+    return force * math.pi / width * math.cos(math.pi * away / width) if abs(away) < width else 0.0
+
+
+class _BallPull:
+    """The spring of a ball joint."""
+
+    def __init__(self, motor: _Motor, joint: Joint) -> None:
+        self._motor, self._stiffness = motor, joint.stiffness
+        motor.resist(joint.stiffness, joint.damping)
+
+    def act(self, time: float) -> None:
+        turned = self._motor.component.relative_pose
+        self._motor.component.set_drive_target(turned)
+        w, x, y, z = turned.q
+        self._motor.push(-self._stiffness * Rotation.from_quat([x, y, z, w]).as_rotvec())
+
+
+class _Servo:
+    """A motor that follows a schedule as the arm's do; ``time`` is 0 until the robot's motion begins."""
+
+    def __init__(self, motor: _Motor, drive: Drive, tracking_rate: float, time_step: float) -> None:
+        self._motor, self._drive, self._time_step = motor, drive, time_step
+        self._speeds = np.append(np.diff(drive.positions) / np.diff(drive.times), 0.0)
+        self._ahead = 1 / tracking_rate
+        stiffness = drive.force / _GIVES_WAY
+        motor.resist(stiffness, stiffness / tracking_rate, drive.force)
+
+    def act(self, time: float) -> None:
+        drive, middle = self._drive, time - self._time_step / 2  # of the time step
+        if drive.repeats and middle > 0:
+            middle %= drive.times[-1]
+        speed = self._speeds[np.searchsorted(drive.times, middle) - 1]
+        self._motor.aim(float(drive.sample(np.asarray(time)) + self._ahead * speed))
