@@ -47,7 +47,7 @@ def hull_file(mesh: Path, scale: Scale = ONE) -> Path:
         UserError: the mesh can't be read, is too large or flat, or its hull can't be written.
     """
     key = f"{mesh.suffix.lower()} {tuple(map(float, scale))}"
-    return _kept("hulls", "stl", key.encode() + _content(mesh), lambda: _hull(_load(mesh, scale), mesh))
+    return kept("hulls", "stl", key.encode() + _content(mesh), lambda: _hull(_load(mesh, scale), mesh))
 
 
 def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
@@ -65,7 +65,7 @@ def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
         UserError: the mesh can't be read or is too large, or the file can't be written.
     """
     key = f"{mesh.suffix.lower()} {tuple(map(float, scale))} {color}"
-    return _kept("visuals", "dae", key.encode() + _content(mesh), lambda: _collada(_load(mesh, scale), color))
+    return kept("visuals", "dae", key.encode() + _content(mesh), lambda: _collada(_load(mesh, scale), color))
 
 
 def _content(mesh: Path) -> bytes:
@@ -118,8 +118,8 @@ def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
     return parts
 
 
-def _kept(kind: str, suffix: str, content: bytes, make: Callable[[], bytes]) -> Path:
-    """Make a file once for each content.
+def kept(kind: str, suffix: str, content: bytes, make: Callable[[], bytes]) -> Path:
+    """Make a file in the user's cache folder, once for each content.
 
     Raises:
         UserError: it can't be made, or not be written.
@@ -140,14 +140,14 @@ def _kept(kind: str, suffix: str, content: bytes, make: Callable[[], bytes]) -> 
 def _hull(parts: list[trimesh.Trimesh], mesh: Path) -> bytes:
     corners = np.concatenate([part.vertices[part.referenced_vertices] for part in parts])
     try:
-        corners = _farthest(corners[ConvexHull(corners).vertices])
+        corners = farthest(corners[ConvexHull(corners).vertices])
         return bytes(trimesh.Trimesh(corners, process=False).convex_hull.export(file_type="stl"))
     except QhullError as error:
         mend = "a collision shape needs a volume: give it depth, or use a <box>"
         raise UserError(f"mesh {mesh} is flat; {mend}") from error
 
 
-def _farthest(corners: Array) -> Array:
+def farthest(corners: Array) -> Array:
     """Choose at most `MAX_CORNERS` of a hull's corners (V, 3), each the one farthest outside of those before it."""
     if len(corners) <= MAX_CORNERS:
         return corners

@@ -33,7 +33,7 @@ MAX_NUMBER = 1e6  # of any unit; keeps products finite
 MOVING = ("revolute", "continuous", "prismatic")
 _KINDS = (*MOVING, "fixed", "floating", "planar")
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
-_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _OURS = (RIGID_MOUNT, *GRIPPER_MOUNTS, BASE, f"{RIGID_MOUNT}_joint", f"{BASE}_joint")
 _PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
@@ -62,7 +62,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint: its pose in the parent's frame, its axis (3,), and its limits as written; None where there is none."""
+    """A joint: its pose in the parent's frame, its axis (3,), and its limits as written; None where there is none.
+
+    ``damping`` and ``friction`` are those of its ``dynamics``.
+    """
 
     name: str
     kind: str
@@ -72,6 +75,8 @@ class Joint:
     axis: Array
     limits: Mapping[str, float | None]  # lower, upper, effort, velocity
     mimic: bool
+    damping: float = 0.0
+    friction: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -91,20 +96,29 @@ class Description:
         return chain
 
 
+def read_xml(data: bytes, file: Path) -> Element:
+    """Parse XML that lies at ``file``, without DTD and entities.
+
+    Raises:
+        UserError: it is too large, or no plain XML.
+    """
+    if len(data) > MAX_BYTES:
+        raise UserError(f"{file} has {len(data) / 1e6:.0f} MB; at most {MAX_BYTES / 1e6:.0f} MB are read")
+    try:
+        return fromstring(data, forbid_dtd=True)
+    except ParseError as error:
+        raise UserError(f"{file} is malformed XML: {error}") from error
+    except (DefusedXmlException, ValueError, LookupError) as error:  # an encoding that does not exist
+        raise UserError(f"{file} must be plain XML without DOCTYPE and entities ({type(error).__name__})") from error
+
+
 def read_description(data: bytes, file: Path, without: tuple[str, ...] = ()) -> Description:
     """Read a URDF that lies at ``file``, without the links that ``without`` names and all that they bear.
 
     Raises:
         UserError: it is no URDF, or something in it is wrong; says what, where, and how to mend it.
     """
-    if len(data) > MAX_BYTES:
-        raise UserError(f"{file} has {len(data) / 1e6:.0f} MB; at most {MAX_BYTES / 1e6:.0f} MB are read")
-    try:
-        root = fromstring(data, forbid_dtd=True)
-    except ParseError as error:
-        raise UserError(f"{file} is malformed XML: {error}") from error
-    except (DefusedXmlException, ValueError, LookupError) as error:  # an encoding that does not exist
-        raise UserError(f"{file} must be plain XML without DOCTYPE and entities ({type(error).__name__})") from error
+    root = read_xml(data, file)
     if root.tag != "robot":
         raise UserError(f"{file} is no URDF: its root is <{shorten(root.tag)[1:-1]}> instead of <robot>")
     try:
@@ -144,7 +158,7 @@ def _unique(root: Element, tag: str) -> dict[str, Element]:
     found: dict[str, Element] = {}
     for element in root.findall(tag):
         name = _name(element, tag)
-        if not _NAME.fullmatch(name):
+        if not NAME.fullmatch(name):
             raise UserError(f"{tag} name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'; rename it")
         if name in _OURS:
             raise UserError(f"{tag} {name!r} has a name that the program needs itself; rename it")
@@ -228,14 +242,14 @@ def _geometry(element: Element, at: str, file: Path) -> tuple[Box | Sphere | Cyl
 
     match element.tag:
         case "box":
-            x, y, z = (_positive(side, "size", at) for side in _numbers(element, "size", 3, f"{at}: box"))
+            x, y, z = (_positive(side, "size", at) for side in numbers(element, "size", 3, f"{at}: box"))
             return Box((x, y, z)), ONE
         case "sphere":
             return Sphere(size("radius")), ONE
         case "cylinder":
             return Cylinder(size("radius"), size("length")), ONE
         case "mesh":
-            x, y, z = _numbers(element, "scale", 3, f"{at}: mesh", ONE)
+            x, y, z = numbers(element, "scale", 3, f"{at}: mesh", ONE)
             if 0.0 in (x, y, z):
                 raise UserError(f"{at}: mesh scale is {x:g} {y:g} {z:g}; no factor can be 0")
             return find_mesh(element.get("filename") or "", file, at), (x, y, z)
@@ -286,14 +300,18 @@ def _joint(element: Element, parent: str, child: str) -> Joint:
     if kind not in _KINDS:
         raise choices("type", kind, _KINDS, where)
     axis, given = element.find("axis"), element.find("limit")
-    along = np.array([1.0, 0.0, 0.0] if axis is None else _numbers(axis, "xyz", 3, f"{where}: axis"))
+    along = np.array([1.0, 0.0, 0.0] if axis is None else numbers(axis, "xyz", 3, f"{where}: axis"))
     length = float(np.linalg.norm(along))
     if kind in MOVING and length < 1e-6:
         raise UserError(f"{where}: its axis has length 0")
     names = ("lower", "upper", "effort", "velocity")
     limits = {n: None if given is None or given.get(n) is None else _number(given, n, f"{where}: limit") for n in names}
     pose, mimic = _origin(element, where), element.find("mimic") is not None
-    return Joint(name, kind, parent, child, pose, along / max(length, 1e-6), limits, mimic)
+    inside = element.find("dynamics")
+    damping, friction = (
+        0.0 if inside is None else _number(inside, n, f"{where}: dynamics", 0.0) for n in ("damping", "friction")
+    )
+    return Joint(name, kind, parent, child, pose, along / max(length, 1e-6), limits, mimic, damping, friction)
 
 
 def _child(element: Element, tag: str, where: str) -> Element:
@@ -307,23 +325,28 @@ def _origin(element: Element, where: str) -> Pose:
     origin = element.find("origin")
     if origin is None:
         return Pose()
-    xyz, rpy = (_numbers(origin, name, 3, f"{where}: origin", (0.0, 0.0, 0.0)) for name in ("xyz", "rpy"))
+    xyz, rpy = (numbers(origin, name, 3, f"{where}: origin", (0.0, 0.0, 0.0)) for name in ("xyz", "rpy"))
     return Pose.xyz_rpy(xyz, rpy)
 
 
 def _color(material: Element) -> Color:
     where = f"material {shorten(material.get('name', ''))}"
-    red, green, blue, opacity = np.clip(_numbers(_child(material, "color", where), "rgba", 4, where), 0.0, 1.0)
+    red, green, blue, opacity = np.clip(numbers(_child(material, "color", where), "rgba", 4, where), 0.0, 1.0)
     return float(red), float(green), float(blue), float(opacity)
 
 
 def _number(element: Element, name: str, where: str, default: float | None = None) -> float:
-    return _numbers(element, name, 1, where, None if default is None else (default,))[0]
+    return numbers(element, name, 1, where, None if default is None else (default,))[0]
 
 
-def _numbers(
-    element: Element, name: str, count: int, where: str, default: tuple[float, ...] | None = None
+def numbers(
+    element: Element | Mapping[str, str], name: str, count: int, where: str, default: tuple[float, ...] | None = None
 ) -> tuple[float, ...]:
+    """Read finite numbers of an attribute.
+
+    Raises:
+        UserError: it is missing without a default, or not so many numbers.
+    """
     text = element.get(name)
     if text is None:
         if default is None:
