@@ -226,7 +226,7 @@ def tempo(file: Path) -> None:
 def ranges() -> str:
     """Write what the variations of each task draw, as a table."""
     rows = ["", "| task | `near` | `wide` |", "|---|---|---|"]
-    for name in installed().names("task"):
+    for name in installed().ready("task"):
         of = installed().create("task", name).variations
         rows.append(f"| {name} | {' | '.join(describe_ranges(of[variation]) for variation in ('near', 'wide'))} |")
     return "\n".join(rows) + "\n\n"
@@ -273,7 +273,7 @@ def main() -> None:
     parser.add_argument(
         "what", choices=["pictures", "scene", "diagrams", "notebook", "arm", "prompts", "ranges", "tempo", "table"]
     )
-    parser.add_argument("--tasks", nargs="*", default=installed().names("task"))
+    parser.add_argument("--tasks", nargs="*", default=installed().ready("task"))
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
     parser.add_argument("--gripper-seeds", nargs="*", type=int, default=[0, 1, 2])
     parser.add_argument("--output", type=Path, default=Path("table.json"))

@@ -46,6 +46,8 @@ def task_source(task: Task) -> str:
     text = task.source()
     if task.variation != NONE:
         return text
+    if task.language != "python":
+        return re.sub(r"^variations:.*?(?=^[^\s#]|\Z)", "", text, flags=re.MULTILINE | re.DOTALL)
     lines = text.splitlines(keepends=True)
     members = [m for part in ast.parse(text).body if isinstance(part, ast.ClassDef) for m in part.body]
     for member in reversed(members):

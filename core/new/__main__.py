@@ -1,4 +1,4 @@
-"""``python -m core.new KIND NAME``: write a plugin package to start from, or add a part to one.
+"""``python -m core.new KIND NAME``: write a plugin package to start from, or add a part to one; or a scene file.
 
 Covered by `tests/core/new/test_packages.py`.
 """
@@ -11,8 +11,11 @@ from pathlib import Path
 from core.cli import command, say
 from core.errors import UsageError
 from core.new.packages import TEMPLATES, write
+from core.new.scenes import write_scene
 
-USAGE = f"usage: python -m core.new {{{'|'.join(TEMPLATES)}}} NAME [output=NEW_FOLDER_OR_PACKAGE]"
+USAGE = f"""\
+usage: python -m core.new {{{"|".join(TEMPLATES)}}} NAME [output=NEW_FOLDER_OR_PACKAGE]
+       python -m core.new scene NAME [output=NEW_FILE.yaml]"""
 
 
 def main() -> None:
@@ -28,9 +31,19 @@ def main() -> None:
     outputs = [word.removeprefix("output=") for word in words if word.startswith("output=")]
     named = [word for word in words if not word.startswith("output=")]
     if len(named) != 2 or len(outputs) > 1 or any(word.startswith("-") or "=" in word for word in named):
-        raise UsageError(f"a kind and a name are needed; {USAGE}")
+        raise UsageError(f"a kind and a name are needed; {' '.join(USAGE.split())}")
     kind, name = named
-    (folder, code), template = write(kind, name, Path(outputs[0]) if outputs else None), TEMPLATES[kind]
+    output = Path(outputs[0]) if outputs else None
+    if kind == "scene":
+        file = write_scene(name, output)
+        say(
+            f"{file}: a scene, ready to be changed",
+            f"  python -m core.render task=file task.file={file}",
+            f"  python -m core.conformance task=file task.file={file}",
+            f"  python -m core.run task=file task.file={file}",
+        )
+        return
+    (folder, code), template = write(kind, name, output), TEMPLATES[kind]
     say(
         f"{code}: {template.what}, ready to be changed",
         f"  pip install -e '{folder}[test]'",

@@ -56,9 +56,9 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
         UserError: an unknown kind, a name that can't be used, or a folder to which the part can't be added.
     """
     if kind not in TEMPLATES:
-        raise choices("kind", kind, TEMPLATES, "core.new")
+        raise choices("kind", kind, (*TEMPLATES, "scene"), "core.new")
     template = TEMPLATES[kind]
-    snake = _check_name(template.group, name)
+    snake = check_name(template.group, name)
     folder = output or Path(snake)
     project = folder / "pyproject.toml"
     cls = template.cls.format(name[0].upper() + re.sub(r"_+(\w)", lambda found: found[1].upper(), name[1:]))
@@ -71,17 +71,17 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
     else:
         if importlib.util.find_spec(snake) is not None:
             raise UsageError(f"{name!r} can't be a name: a module {snake!r} is there already; choose another name")
-        code, changed = folder / snake, _render("pyproject.toml", values)
+        code, changed = folder / snake, render("pyproject.toml", values)
     module = code / f"{template.module}.py"
     new = {
-        code / "__init__.py": _render("init.py", values),
-        module: _render(f"{kind}.py", values),
+        code / "__init__.py": render("init.py", values),
+        module: render(f"{kind}.py", values),
         code / "conf/__init__.py": "",
-        code / "conf" / template.group / f"{name}.yaml": _render(f"{kind}.yaml", values),
-        folder / "tests" / f"test_{snake}.py": _render(template.test, values),
+        code / "conf" / template.group / f"{name}.yaml": render(f"{kind}.yaml", values),
+        folder / "tests" / f"test_{snake}.py": render(template.test, values),
     }
     if template.data is not None:
-        new[code / template.data] = _render(f"{kind}{Path(template.data).suffix}", values)
+        new[code / template.data] = render(f"{kind}{Path(template.data).suffix}", values)
     for file in (*new, code, code.with_suffix(".py")):
         if file.exists():
             raise UserError(f"{file} is there already; choose another name, or another folder with output=DIR")
@@ -94,8 +94,12 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
     return folder, module
 
 
-def _check_name(group: str, name: str) -> str:
-    """The name in small letters with underscores, for modules."""
+def check_name(group: str, name: str) -> str:
+    """Return the name in small letters with underscores, for modules.
+
+    Raises:
+        UserError: it can't be a name, or is taken.
+    """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or keyword.iskeyword(name):
         raise UsageError(f"{name!r} can't be a name: letters, digits and underscores are possible, a letter first")
     snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
@@ -107,7 +111,8 @@ def _check_name(group: str, name: str) -> str:
     return snake
 
 
-def _render(source: str, values: dict[str, str]) -> str:
+def render(source: str, values: dict[str, str]) -> str:
+    """Fill in a template."""
     text = (files("core.new") / "templates" / f"{source}.jinja").read_text(encoding="utf-8")
     # Nothing is escaped: it is code, of names that were checked.
     template = jinja2.Template(text, undefined=jinja2.StrictUndefined, keep_trailing_newline=True)

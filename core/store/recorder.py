@@ -26,7 +26,7 @@ from core.errors import UserError
 from core.events import Generation, Result, Run
 from core.files import write_whole
 from core.hooks import hookimpl
-from core.interfaces import Picture, Reply, Request, Text
+from core.interfaces import Picture, Reply, Request, Task, Text
 from core.secrets import scrub
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
 from core.store.progress import FIGURES, StoredProgress, digest
@@ -117,6 +117,7 @@ class RunStore:
             if names:
                 changes = ", ".join(f"{name} {before.get(name)} -> {found.get(name)}" for name in names)
                 _log.warning("versions have changed since this run began (%s): it may come to something else", changes)
+        self._keep_task(run.task)
         with self._database.transaction():
             for request, (generation, agent) in self.past.again.items():
                 self._database.delete("replies", request_id=request)
@@ -131,6 +132,22 @@ class RunStore:
             )
             # A session that is killed leaves no result of an earlier one behind.
             self._database.update("run", config=json.dumps(run.config), result=None)
+
+    def _keep_task(self, task: Task) -> None:
+        """Keep the text of a task that is no program.
+
+        Raises:
+            UserError: it is not what it was when the run began.
+        """
+        if task.language == "python":
+            return
+        file, text = self.folder / f"task.{task.language}", scrub(task.source())
+        with writing(self.folder):
+            if not file.exists():
+                _write(file, text)
+            elif file.read_text(encoding="utf-8") != text:
+                what = f"the file of the task {task.name} has changed since the run in {self.folder} began"
+                raise UserError(f"{what}; put it back from {file}, or begin a new run")
 
     @hookimpl
     def request_composed(self, request: Request) -> None:

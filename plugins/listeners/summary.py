@@ -18,9 +18,8 @@ from core.config.sources import defaults
 from core.design import best_tools
 from core.errors import UserError
 from core.hooks import hookimpl
-from core.layouts import NONE
 from core.materials import PAPER
-from core.plugins import installed
+from core.plugins import NOT_SETTINGS, installed
 from core.report.formats import number
 from core.text import clean
 
@@ -131,12 +130,20 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
     yield f"python -m core.report {folder}"
     yield f"python -m core.gallery {folder}"
     words = [f"{kind}={run.parts[kind]}" for kind in ("task", "sim", "tool")]
-    words += [f"task.variation={run.task.variation}"] if run.task.variation != NONE else []
-    parts = shlex.join([*words, *_robot_words(run), *_material_words(run)])
+    parts = shlex.join([*words, *_task_words(run), *_robot_words(run), *_material_words(run)])
     design = _short(run.folder / "best" / "design.json").replace("\\", "\\\\").replace('"', '\\"')
     if not re.fullmatch(r"[\w./-]+", design):
         design = f'"{design}"'  # as Hydra wants it, beside what the shell wants
     yield f"python -m core.evaluate {parts} seed={run.seed} {shlex.quote(f'designs={design}')}"
+
+
+def _task_words(run: Run) -> Iterable[str]:
+    """Overrides that set what of the run's task is not the default."""
+    from core.experiment import hydra_word
+
+    chosen, usual = run.config.get("task") or {}, defaults("task", run.parts["task"])
+    settings = {key: value for key, value in chosen.items() if key not in ("name", *NOT_SETTINGS["task"])}
+    yield from (f"task.{key}={hydra_word(value)}" for key, value in settings.items() if usual.get(key) != value)
 
 
 def _robot_words(run: Run) -> Iterable[str]:

@@ -78,7 +78,7 @@ def tasks(names: Sequence[str]) -> list[str]:
     Raises:
         UsageError: no task has such a name.
     """
-    there = installed().names("task")
+    there = installed().ready("task")
     for name in names:
         if name not in there:
             raise choices("task", name, there)

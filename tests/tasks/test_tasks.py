@@ -34,7 +34,7 @@ from tests.engines import every_simulator, simulator
 from tests.panda import ARM, FINGER_OPEN
 
 ROOT = Path(__file__).parents[2]
-TASKS = installed().names("task")
+TASKS = installed().ready("task")
 RANDOM_LAYOUT = {"CleanTable", "GatherSpheres", "SnatchCookie", "TurkeyLegs"}
 
 # n_agent, n_tool, n_action, k_top, reward_save, n_iteration

@@ -1,0 +1,160 @@
+"""Build the scene that a checked file describes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from core.errors import UserError, choices
+from core.geometry import Box, Pose, Shape
+from core.joints import Placement
+from core.scene import Body, Geom, Scene, floor, table
+from plugins.tasks.file.files import Files
+from plugins.tasks.file.spec import HEAVIEST, LIGHTEST, BodySpec, ImportSpec, SceneSpec, ShapeSpec, rgba
+from plugins.tasks.file.tree import Tree, Where
+
+GREY = "#b3b3b3"
+
+
+def build_scene(tree: Tree, spec: SceneSpec, files: Files) -> Scene:
+    """Build the scene.
+
+    Raises:
+        UserError: a file can't be used; or bodies, joints or goals don't fit together.
+    """
+    around = [floor(spec.floor_height)] * spec.floor + [table()] * spec.table
+    marks = [Body.mark(mark.name, mark.position, mark.radius, rgba(mark.color)) for mark in spec.marks]
+    bodies, joints = list[Body](), list(spec.joints)
+    for number, of in enumerate(spec.bodies):
+        with _located(tree, ("bodies", number)):
+            body = _body(of, files)
+            bodies.append(replace(body, pose=_frame(of.at, (*marks, *bodies)) @ body.pose))
+    for number, other in enumerate(spec.imports):
+        with _located(tree, ("imports", number)):
+            found = files.bodies(other.file, other.prefix, fixed=other.fixed)
+            pose = _frame(other.at, (*marks, *bodies)) @ _pose(other)
+        bodies += [replace(body, pose=pose @ body.pose) for body in found.bodies]
+        joints += found.joints
+    _check_names(tree, spec, [body.name for body in around])
+    try:
+        scene = Scene((*around, *marks, *bodies), tuple(joints))
+    except ValueError as error:
+        known = (("joints", n) for n, joint in enumerate(spec.joints) if f"joint {joint.name!r}:" in str(error))
+        raise tree.error(next(known, ()), str(error)) from error
+    if not scene.free:
+        raise tree.error(("bodies",), "nothing can move, so nothing can be earned; give a body a mass")
+    _check_goals(tree, spec, scene)
+    return scene
+
+
+def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
+    """Return a scene whose joints, by name, start elsewhere; bodies that hang from them go along.
+
+    Raises:
+        ValueError: a joint can't start there.
+    """
+    poses = {body.name: body.pose for body in scene.bodies}
+    for placed in scene.hung:
+        joint, ball = placed.joint, placed.joint.kind == "ball"
+        value = np.array([1.0, 0.0, 0.0, 0.0] if ball else starts.get(joint.name, joint.start))
+        parent = Placement.at_rest(poses[joint.parent] if joint.parent is not None else Pose())
+        moved = placed.carry(value, np.zeros(3 if ball else ()), parent)
+        poses[joint.body] = Pose(moved.position, moved.quaternion)
+    return Scene(
+        tuple(replace(body, pose=poses[body.name]) for body in scene.bodies),
+        tuple(replace(joint, start=starts.get(joint.name, joint.start)) for joint in scene.joints),
+    )
+
+
+@contextmanager
+def _located(tree: Tree, where: Where) -> Iterator[None]:
+    """Say where in the file it is that can't be."""
+    try:
+        yield
+    except (UserError, ValueError) as error:
+        raise tree.error(where, str(error)) from error
+
+
+def _body(spec: BodySpec, files: Files) -> Body:
+    own = rgba(spec.color or GREY)
+    if spec.file is not None:
+        (read,) = files.mesh(spec.file, spec.scale).bodies
+        visuals, collisions, volume = read.visuals, read.collisions, read.mass
+        if spec.color is not None:
+            visuals = tuple(replace(geom, color=own) for geom in visuals)
+    elif spec.parts is not None:
+        parts = spec.parts
+        visuals = collisions = tuple(Geom(_shape(p), _pose(p), rgba(p.color) if p.color else own) for p in parts)
+        volume = sum(geom.shape.volume for geom in visuals)
+    else:
+        visuals = collisions = (Geom(_shape(spec), color=own),)
+        volume = visuals[0].shape.volume
+    mass = (spec.mass or 0.0) if spec.density is None else spec.density * volume
+    if spec.density is not None and not LIGHTEST <= mass <= HEAVIEST:
+        raise ValueError(f"its mass would be {mass:.3g} kg, beyond {LIGHTEST:g} to {HEAVIEST:g}; change its density")
+    names = ("friction", "rolling_friction", "restitution", "velocity", "spin")
+    given = {name: getattr(spec, name) for name in names}
+    return Body(spec.name, _pose(spec), mass, visuals, collisions, **given)
+
+
+def _shape(spec: ShapeSpec) -> Shape:
+    shape = spec.sphere or spec.cylinder or spec.capsule
+    if shape is not None:
+        return shape
+    assert spec.box is not None  # the spec has one of them
+    return Box(spec.box)
+
+
+def _pose(spec: ShapeSpec | ImportSpec) -> Pose:
+    roll, pitch, yaw = np.radians(spec.rpy_deg)
+    return Pose.xyz_rpy(spec.position, (roll, pitch, yaw))
+
+
+def _frame(at: str | None, above: Sequence[Body]) -> Pose:
+    """Return the pose of the body or mark that another one is placed at.
+
+    Raises:
+        UsageError: there is none of that name.
+    """
+    if at is None:
+        return Pose()
+    frames = {body.name: body.pose for body in above}
+    if at not in frames:
+        raise choices("body or mark", at, frames, "what the file has before it")
+    return frames[at]
+
+
+def _check_names(tree: Tree, spec: SceneSpec, taken: list[str]) -> None:
+    """Refuse a name that two bodies or marks have.
+
+    Raises:
+        UserError: says where the second is.
+    """
+    for kind, names in (("marks", [mark.name for mark in spec.marks]), ("bodies", [body.name for body in spec.bodies])):
+        for number, name in enumerate(names):
+            if name in taken:
+                raise tree.error((kind, number, "name"), f"{name!r} is there already; choose another name")
+            taken.append(name)
+
+
+def _check_goals(tree: Tree, spec: SceneSpec, scene: Scene) -> None:
+    """Refuse goals that name what is not there.
+
+    Raises:
+        UserError: says which name.
+    """
+    bodies, free = [body.name for body in scene.bodies], [body.name for body in scene.free]
+    for number, goal in enumerate(spec.goals):
+        named = [(name, "body that can move", free) for name in (*goal.bodies, *goal.keep)]
+        named += [(name, "body", bodies) for name in (*goal.untouched, *([goal.at] if goal.at is not None else []))]
+        named += [(goal.joint, "joint", [joint.name for joint in scene.joints])] if goal.joint is not None else []
+        if isinstance(goal.after, str):
+            named += [(goal.after, "goal", [other.name for other in spec.goals if other.name])]
+        elif goal.after is not None and not 0 <= goal.after < len(spec.goals):
+            raise tree.error(("goals", number, "after"), f"goals have numbers from 0 to {len(spec.goals) - 1}")
+        for name, what, possible in named:
+            if name not in possible:
+                raise tree.error(("goals", number), str(choices(what, name, possible)))

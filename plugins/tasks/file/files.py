@@ -1,0 +1,58 @@
+"""Read the files that a scene names: meshes, URDF and MJCF of its own folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from core.errors import UserError
+from core.imports import Imported, read_mesh, read_mjcf, read_urdf
+
+HOLDING = (".urdf", ".xml", ".mjcf")
+
+
+class Files:
+    """The files of a folder, each read once, so that all layouts have the same."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._read: dict[tuple[object, ...], Imported] = {}
+
+    def mesh(self, name: str, scale: float) -> Imported:
+        """Read a mesh as a body of 1 kg/m^3 at the origin.
+
+        Raises:
+            UserError: it can't be used.
+        """
+        self._check(name)
+        if Path(name).suffix.lower() in HOLDING:
+            raise UserError(f"{name} holds bodies of its own; name it under imports, not as the shape of a body")
+        if (name, scale) not in self._read:
+            found = read_mesh(self.folder / name, density=1.0, name="body", scale=scale, folder=self.folder)
+            self._read[name, scale] = found
+        return self._read[name, scale]
+
+    def bodies(self, name: str, prefix: str, *, fixed: bool) -> Imported:
+        """Read the bodies and joints of a URDF or MJCF file, at the origin.
+
+        Raises:
+            UserError: it can't be used.
+        """
+        self._check(name)
+        file, kind = self.folder / name, Path(name).suffix.lower()
+        if kind not in HOLDING:
+            raise UserError(f"{name} is no {', '.join(HOLDING)}; a mesh is the `file` of a body, not an import")
+        if (name, prefix, fixed) not in self._read:
+            if kind == ".urdf":
+                found = read_urdf(file, fixed=fixed, prefix=prefix, folder=self.folder)
+            else:
+                found = read_mjcf(file, prefix=prefix, folder=self.folder)
+            self._read[name, prefix, fixed] = found
+        return self._read[name, prefix, fixed]
+
+    def _check(self, name: str) -> None:
+        try:
+            inside = (self.folder / name).resolve().is_relative_to(self.folder.resolve())
+        except (OSError, ValueError, RuntimeError) as error:  # a zero byte, links in a circle
+            raise UserError(f"{name!r} can't be a file's name: {error}") from error
+        if not inside:
+            raise UserError(f"{name} is not in the scene's folder; put it there")

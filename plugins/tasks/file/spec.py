@@ -1,0 +1,275 @@
+"""What a scene file may say, and one line for what it may not.
+
+A number's unit is that of `core.scene`: metres, kilograms, seconds, radians; degrees only where a key ends in ``_deg``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from functools import cache
+from typing import Annotated, Any, Self, get_type_hints
+
+import numpy as np
+from PIL import ImageColor
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetPydanticSchema, ValidationError, create_model
+from pydantic import model_validator as check_whole
+from pydantic_core import ErrorDetails, core_schema
+
+from core.errors import choices
+from core.geometry import Capsule, Cylinder, Sphere
+from core.layouts import NONE
+from core.scene import Camera, Color, Goal, Joint
+from plugins.tasks.file.tree import Tree, Where
+
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+MAX_BODIES, MAX_PARTS, MAX_IMPORTS, MAX_GOALS, MAX_RANGES = 100, 100, 20, 50, 200
+UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
+_LIST, _OBJECT = "must be a list, such as [0, 0, 0.1]", "must be an object of keys and values, such as {radius: 0.1}"
+WORDS = {
+    "bool_type": "must be true or false",
+    "string_type": "must be a text; put it in quotes",
+    "float_type": "must be a number",
+    "tuple_type": _LIST,
+    "dict_type": _OBJECT,
+    "model_type": _OBJECT,
+    "dataclass_type": _OBJECT,
+    "string_pattern_mismatch": "must be a name of letters, digits and '_', a letter first",
+    "json_invalid": "it holds a character that is no text, such as half of a pair; leave it out",
+}
+LIGHTEST, HEAVIEST = 1e-5, 1e4  # kg
+
+Length = Annotated[float, Field(gt=0, le=20)]
+Coordinate = Annotated[float, Field(ge=-20, le=20)]
+Place = tuple[Coordinate, Coordinate, Coordinate]
+Wanted = tuple[Coordinate | None, Coordinate | None, Coordinate | None]
+Angle = Annotated[float, Field(ge=-3600, le=3600)]
+Turn = tuple[Angle, Angle, Angle]
+Rate = Annotated[float, Field(ge=-100, le=100)]
+Rates = tuple[Rate, Rate, Rate]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_-]{0,59}$")]
+FileName = Annotated[str, Field(min_length=1, max_length=200)]
+Fov = Annotated[float, Field(ge=1, le=170)]
+Range = tuple[float, float]
+
+
+Most = Annotated[float, Field(ge=0, le=1e4)]
+
+GOAL: dict[str, Any] = {"place": Wanted | None, "places": tuple[Wanted, ...], "axis": Place | None, "points": Place}
+GOAL |= {"to": Rate | None, "away": Most | None, "by_s": Most | None}
+GOAL |= dict.fromkeys(("tolerance", "tolerance_deg", "max_force_n", "weight"), Most)
+
+
+def _color(text: str) -> str:
+    try:
+        ImageColor.getrgb(text)
+    except ValueError:
+        raise ValueError("must be a colour such as red, seagreen or '#3366cc'") from None
+    return text
+
+
+ColorName = Annotated[str, AfterValidator(_color)]
+
+
+def rgba(color: str) -> Color:
+    """Read a colour such as ``red`` or ``#3366cc``; four numbers from 0 to 1."""
+    red, green, blue, *opacity = ImageColor.getrgb(color)
+    return red / 255, green / 255, blue / 255, (opacity[0] if opacity else 255) / 255
+
+
+def _made(of: type, **types: Any) -> GetPydanticSchema:
+    """Read a dataclass of the core by its fields, of these ``types`` where given; it checks itself."""
+    hints = get_type_hints(of) | types
+    names = [field.name for field in fields(of)]
+    entries: dict[str, Any] = {
+        field.name: (hints[field.name], ... if field.default is MISSING else field.default) for field in fields(of)
+    }
+    model = create_model(of.__name__, __config__=STRICT, **entries)
+
+    def make(spec: BaseModel) -> Any:
+        return of(**{name: getattr(spec, name) for name in names})
+
+    return GetPydanticSchema(
+        lambda _source, handler: core_schema.no_info_after_validator_function(make, handler(model))
+    )
+
+
+def _looks(camera: Camera) -> Camera:
+    if np.allclose(camera.position, camera.target, atol=1e-3):
+        raise ValueError("the camera's position and target are one point; move one of them")
+    return camera
+
+
+def _named(variations: dict[str, Any]) -> dict[str, Any]:
+    if NONE in variations:
+        raise ValueError(f"the variation {NONE!r} draws nothing; give it another name")
+    return variations
+
+
+class _Spec(BaseModel):
+    model_config = STRICT
+
+
+class ShapeSpec(_Spec):
+    """One shape, and where it is in the body's frame. ``file`` is for a body of its own."""
+
+    box: tuple[Length, Length, Length] | None = None
+    sphere: Annotated[Sphere, _made(Sphere, radius=Length)] | None = None
+    cylinder: Annotated[Cylinder, _made(Cylinder, radius=Length, length=Length)] | None = None
+    capsule: Annotated[Capsule, _made(Capsule, radius=Length, length=Length)] | None = None
+    position: Place = (0.0, 0.0, 0.0)
+    rpy_deg: Turn = (0.0, 0.0, 0.0)
+    color: ColorName | None = None
+
+    @check_whole(mode="after")
+    def _one_shape(self) -> Self:
+        self._check_one("box", "sphere", "cylinder", "capsule")
+        return self
+
+    def _check_one(self, *names: str) -> None:
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"needs one of {', '.join(names)}; there {_are(given)}")
+
+
+class BodySpec(ShapeSpec):
+    """A body: one shape, several ``parts``, or what a file holds; its mass, its density, or ``fixed``.
+
+    Its pose is in the frame of the body or mark ``at``, which the file has before it; else in the world.
+    """
+
+    name: Name
+    at: Name | None = None
+    parts: Annotated[tuple[ShapeSpec, ...], Field(min_length=1, max_length=MAX_PARTS)] | None = None
+    file: FileName | None = None
+    scale: Length = 1.0
+    mass: Annotated[float, Field(ge=LIGHTEST, le=HEAVIEST)] | None = None
+    density: Annotated[float, Field(ge=1, le=3e4)] | None = None
+    fixed: bool | None = None
+    friction: Annotated[float, Field(ge=0, le=10)] = 0.5
+    rolling_friction: Annotated[float, Field(ge=0, le=1)] = 0.0
+    restitution: Annotated[float, Field(ge=0, le=1)] = 0.0
+    velocity: Rates = (0.0, 0.0, 0.0)
+    spin: Rates = (0.0, 0.0, 0.0)
+
+    @check_whole(mode="after")
+    def _one_shape(self) -> Self:
+        self._check_one("box", "sphere", "cylinder", "capsule", "parts", "file")
+        if self.fixed is False:
+            raise ValueError("fixed: false says nothing; leave it out, and give a mass or a density")
+        self._check_one("mass", "density", "fixed")
+        if self.scale != 1 and self.file is None:
+            raise ValueError("scale is for a body with a file")
+        return self
+
+
+class ImportSpec(_Spec):
+    """The bodies and joints of a URDF or MJCF file; a URDF's root is ``fixed`` to the world, or not."""
+
+    file: FileName
+    at: Name | None = None
+    prefix: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{0,30}$")] = ""
+    position: Place = (0.0, 0.0, 0.0)
+    rpy_deg: Turn = (0.0, 0.0, 0.0)
+    fixed: bool = True
+
+
+class MarkSpec(_Spec):
+    """A flat round mark that nothing touches."""
+
+    name: Name
+    position: Place
+    radius: Length = 0.05
+    color: ColorName = "royalblue"
+
+
+class HomeSpec(_Spec):
+    """The end-effector's pose at the start."""
+
+    position: Place = (0.5, 0.0, 0.5)
+    rpy_deg: Turn = (0.0, 0.0, 0.0)
+
+
+class SceneSpec(_Spec):
+    """A scene file."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,59}$")]
+    description: Annotated[str, Field(min_length=20, max_length=4000)]
+    table: bool = True
+    floor: bool = True
+    floor_height: Coordinate = -0.625
+    bodies: Annotated[tuple[BodySpec, ...], Field(max_length=MAX_BODIES)] = ()
+    imports: Annotated[tuple[ImportSpec, ...], Field(max_length=MAX_IMPORTS)] = ()
+    marks: Annotated[tuple[MarkSpec, ...], Field(max_length=MAX_BODIES)] = ()
+    joints: Annotated[
+        tuple[Annotated[Joint, _made(Joint, name=Name, axis=Place, origin=Place)], ...], Field(max_length=MAX_BODIES)
+    ] = ()
+    goals: Annotated[tuple[Annotated[Goal, _made(Goal, **GOAL)], ...], Field(min_length=1, max_length=MAX_GOALS)]
+    every: bool = False
+    hold_s: Annotated[float, Field(ge=0, le=60)] = 0.0
+    success_reward: Annotated[float, Field(gt=0, le=1)] = 0.95
+    home: HomeSpec = HomeSpec()
+    camera: Annotated[
+        Camera, _made(Camera, position=Place, target=Place, fov_deg=Fov, height_m=Length | None), AfterValidator(_looks)
+    ] = Camera()
+    variations: Annotated[
+        dict[Name, Annotated[dict[str, Range], Field(min_length=1, max_length=MAX_RANGES)]], AfterValidator(_named)
+    ] = {}
+
+
+def read_spec(tree: Tree, data: Mapping[str, Any]) -> SceneSpec:
+    """Check a scene file's ``data``, that of its ``tree`` or with other numbers.
+
+    Raises:
+        UserError: the first thing that is wrong: the line, the way to it, and how to mend it.
+    """
+    try:
+        return SceneSpec.model_validate_json(json.dumps(data))  # strictly, but a list is a tuple
+    except ValidationError as error:
+        first = min(error.errors(include_url=False), key=lambda e: e["type"] not in UNKNOWN)
+        where: Where = tuple(first["loc"])
+        raise tree.error(where, _explain(where, first)) from error
+
+
+def _explain(where: Where, error: ErrorDetails) -> str:
+    kind, given = error["type"], error["input"]
+    if kind in UNKNOWN:
+        return str(choices("key", str(where[-1]), keys_at(where[:-1])))
+    if kind == "missing":
+        return "is missing; add it"
+    message = WORDS.get(kind) or re.sub(r"^(Input|Tuple|Dictionary|List|String) should", "must", error["msg"])
+    message = message.removeprefix("Value error, ").replace(" after validation", "")
+    shown = f", got {given!r}" if isinstance(given, str | int | float) and "got" not in message else ""
+    return f"{message}{shown if len(shown) < 100 else ''}"
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    return SceneSpec.model_json_schema()
+
+
+def keys_at(where: Where) -> list[str]:
+    """The keys that are possible in the object at ``where``."""
+    found = [_schema()]
+    for step in (None, *where):
+        if step is not None:
+            found = [inner for node in found for inner in _below(node, step)]
+        found = [inner for node in found for inner in _alternatives(node)]
+    return sorted({key for node in found for key in node.get("properties", {})})
+
+
+def _alternatives(node: Mapping[str, Any]) -> list[dict[str, Any]]:
+    if "$ref" in node:
+        return _alternatives(_schema()["$defs"][node["$ref"].rpartition("/")[2]])
+    return [inner for choice in node["anyOf"] for inner in _alternatives(choice)] if "anyOf" in node else [dict(node)]
+
+
+def _below(node: Mapping[str, Any], step: str | int) -> list[dict[str, Any]]:
+    inner = node.get("items") if isinstance(step, int) else node.get("properties", {}).get(step)
+    return [inner] if isinstance(inner, dict) else []
+
+
+def _are(given: list[str]) -> str:
+    return f"are {', '.join(given)}" if given else "is none"

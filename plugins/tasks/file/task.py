@@ -1,0 +1,122 @@
+"""A task from a YAML file: its scene, its goals, and the reward that follows from them."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core import goals as core_goals
+from core.errors import UserError
+from core.geometry import Array, Pose
+from core.interfaces import Task
+from core.layouts import NONE
+from core.scene import Scene, State, Trace
+from plugins.tasks.file import building, files, tree
+from plugins.tasks.file import spec as schema
+
+VARYING = ("bodies", "imports", "marks", "joints")
+
+
+class FileTask(Task):
+    """A task that a YAML file describes; `python -m core.new scene NAME` writes one that works.
+
+    Args:
+        file: the scene file, relative to the working directory.
+        variation: what differs between layouts: ``none``, or one of the file's ``variations``.
+
+    Raises:
+        UserError: the file can't be used; says what is wrong in it, where, and how to mend it.
+    """
+
+    language = "yaml"
+
+    def __init__(self, file: str, variation: str = NONE) -> None:
+        path = Path(file).expanduser()
+        self._text, self._tree = tree.Tree.read(path)
+        self._files = files.Files(path.absolute().parent)
+        spec = schema.read_spec(self._tree, self._tree.data)
+        home = spec.home
+        # Attributes of the object hide those of the class.
+        own: dict[str, Any] = {
+            "name": spec.name,
+            "description": " ".join(spec.description.split()),
+            "goals": spec.goals,
+            "home": Pose.xyz_rpy(home.position, np.radians(home.rpy_deg)),
+            "camera": spec.camera,
+            "success_reward": spec.success_reward,
+            "every": spec.every,
+            "hold_s": spec.hold_s,
+            "variations": spec.variations,
+        }
+        vars(self).update(own)
+        super().__init__(variation)
+        self._scene = building.build_scene(self._tree, spec, self._files)
+        self._check_variations()
+
+    def scene(self, seed: int) -> Scene:
+        if self.variation == NONE:
+            return self._scene
+        draw = self.draw(seed)
+        return self._with({path: draw(path, 0.0) for path in self.ranges})
+
+    def _with(self, numbers: dict[str, float]) -> Scene:
+        """Build the scene with other numbers.
+
+        Raises:
+            UserError: they can't be.
+        """
+        data, starts = deepcopy(self._tree.data), dict[str, float]()
+        for path, number in numbers.items():
+            holder, key = tree.follow(data, path)
+            if path.startswith("joints.") and key == "start":
+                starts[holder["name"]] = number
+            else:
+                holder[key] = number
+        scene = building.build_scene(self._tree, schema.read_spec(self._tree, data), self._files)
+        try:
+            return building.with_starts(scene, starts) if starts else scene
+        except ValueError as error:
+            raise UserError(str(error)) from error
+
+    def _check_variations(self) -> None:
+        """Refuse ranges of what is no number of the file, or that lead to a scene that can't be.
+
+        Raises:
+            UserError: says which.
+        """
+        for name, ranges in self.variations.items():
+            for path, (low, high) in ranges.items():
+                where = ("variations", name, path)
+                if path.partition(".")[0] not in VARYING:
+                    hint = (
+                        "to vary a goal, put it `at` a mark" if path.startswith("goals") else "such as bodies.cup.mass"
+                    )
+                    raise self._tree.error(where, f"only numbers of {', '.join(VARYING)} can vary; {hint}")
+                if low > high:
+                    raise self._tree.error(
+                        where, f"its range is from {low:g} to {high:g}; write the lower number first"
+                    )
+                try:
+                    tree.follow(self._tree.data, path)
+                except (LookupError, TypeError, ValueError):
+                    hint = "a range needs a number that is written in the file, such as bodies.cup.position.x"
+                    raise self._tree.error(where, f"there is no such number; {hint}") from None
+                for number in (low, high):
+                    try:
+                        self._with({path: number})
+                    except UserError as error:
+                        raise self._tree.error(where, f"{number:g} can't be: {error}") from error
+
+    @property
+    def reads_trace(self) -> bool:
+        return core_goals.needs_trace(self.goals)
+
+    def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
+        """Compute the reward that the goals stand for."""
+        return core_goals.goals_reward(self, start, end, trace)
+
+    def source(self) -> str:
+        return self._text

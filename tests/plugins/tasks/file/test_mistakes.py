@@ -1,0 +1,138 @@
+"""A scene file with a mistake gives one line that says where it is; any other text does no harm."""
+
+import random
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.errors import UserError
+from core.layouts import NONE
+from plugins.tasks.file.task import FileTask
+from plugins.tasks.file.tree import MAX_BYTES
+from tests.plugins.tasks.file.mistakes import GOOD, MISTAKES
+
+
+@pytest.fixture
+def file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "my_scene.yaml"
+
+
+def refused(file, text):
+    """The one line about a file of this text."""
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(UserError) as caught:
+        FileTask(file.name)
+    line = str(caught.value)
+    assert len(line.splitlines()) == 1
+    assert line.startswith("my_scene.yaml")
+    return line.removeprefix("my_scene.yaml").removeprefix(", ")
+
+
+def test_the_file_without_mistakes_is_read(file):
+    file.write_text(GOOD)
+    assert FileTask(file.name).name == "OpenDoor"
+
+
+@pytest.mark.parametrize(("old", "new", "line"), MISTAKES, ids=range(len(MISTAKES)))
+def test_a_mistake_gives_one_line(file, old, new, line):
+    assert old in GOOD
+    assert refused(file, GOOD.replace(old, new, 1)).startswith(line)
+
+
+def test_there_are_many_mistakes():
+    assert len({line for *_, line in MISTAKES}) >= 60
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", ": a scene is an object of keys and values"),
+        ("- a\n- b\n", ": a scene is an object of keys and values"),
+        (f"{GOOD}---\nname: Second\n", "line 41: this is no YAML: but found another document"),
+        ("a: " + "x" * MAX_BYTES, " is too large: at most 100000 bytes are read"),
+    ],
+)
+def test_what_is_no_scene_is_refused(file, text, line):
+    assert refused(file, text).startswith(line)
+
+
+def test_a_file_that_is_not_there_or_no_text_is_named(file):
+    with pytest.raises(UserError, match=r"scene file my_scene.yaml can't be read: No such file"):
+        FileTask(file.name)
+    file.write_bytes(b"name: \xff")
+    with pytest.raises(UserError, match=r"my_scene.yaml is not UTF-8 text \(byte 6\)"):
+        FileTask(file.name)
+
+
+def test_a_link_that_leads_out_of_the_folder_is_not_followed(file, tmp_path_factory):
+    outside = tmp_path_factory.mktemp("outside") / "ball.stl"
+    outside.write_bytes(b"solid")
+    (file.parent / "ball.stl").symlink_to(outside)
+    text = GOOD.replace("sphere: {radius: 0.04}", "file: ball.stl")
+    assert refused(file, text) == "line 15: bodies[2]: ball.stl is not in the scene's folder; put it there"
+
+
+@pytest.fixture(scope="module")
+def wild(tmp_path_factory):
+    return tmp_path_factory.mktemp("wild") / "wild.yaml"
+
+
+def places(node, at=()):
+    """The ways to all entries of a tree."""
+    yield at
+    for key, inner in node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ():
+        yield from places(inner, (*at, key))
+
+
+def changed(node, at, value):
+    if not at:
+        return value
+    copy = dict(node) if isinstance(node, dict) else list(node)
+    copy[at[0]] = changed(node[at[0]], at[1:], value)
+    return copy
+
+
+WORDS = ("ball", "door", "post", "hinge", "name", "mass", "box", "file", "at", "bodies.ball.mass", "..", "1e3", "none")
+SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.sampled_from(WORDS)
+TREES = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5) | st.sampled_from(WORDS), inner),
+    max_leaves=10,
+)
+GOOD_TREE = yaml.safe_load(GOOD)
+PLACES = list(places(GOOD_TREE))
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(PLACES), TREES), min_size=1, max_size=3), st.booleans())
+def test_wild_trees_are_read_or_refused(wild, edits, flow):
+    tree = GOOD_TREE
+    for at, value in edits:
+        try:
+            tree = changed(tree, at, value)
+        except (LookupError, TypeError):  # an edit before took the place away
+            continue
+    wild.write_text(yaml.safe_dump(tree, default_flow_style=flow, allow_unicode=False), encoding="utf-8")
+    read_or_refused(wild)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode), st.integers(0, 2**32))
+def test_wild_bytes_are_read_or_refused(wild, noise, seed):
+    at, rng = sorted(random.Random(seed).choices(range(len(GOOD)), k=2)), GOOD.encode()
+    wild.write_bytes(rng[: at[0]] + noise + rng[at[1] :])
+    read_or_refused(wild)
+
+
+def read_or_refused(file):
+    problem, task = "", None
+    try:
+        task = FileTask(str(file))
+    except UserError as error:
+        problem = str(error)
+    assert len(problem.splitlines()) <= 1
+    for variation in (NONE, *task.variations) if task is not None else ():
+        FileTask(str(file), variation).scene(1)

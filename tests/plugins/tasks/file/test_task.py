@@ -1,0 +1,140 @@
+"""The scene that `core.new scene` writes, from the file to rollouts, pictures and prompts; and what files can say."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from core.conformance.suites import SUITES, examine
+from core.design import Tool
+from core.designs.excerpts import helpers, task_source
+from core.errors import UsageError, UserError
+from core.geometry import Box, Capsule, Mesh
+from core.interfaces import JointTrajectory, Rollout
+from core.new.scenes import write_scene
+from core.plugins import TaskPart
+from core.robot.kinematics import arm_of
+from plugins.tasks.file.task import FileTask
+from tests.engines import every_simulator, simulator
+from tests.plugins.tasks.file.mistakes import GOOD
+
+URDF = """<robot name="lever"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>
+<box size="0.1 0.1 0.1"/></geometry></collision></link><joint name="pin" type="revolute"><parent link="base"/>
+<child link="arm"/><axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.fixture(scope="module")
+def scaffold(tmp_path_factory):
+    return str(write_scene("PushBlock", tmp_path_factory.mktemp("scene") / "push.yaml"))
+
+
+def task_of(folder, text, variation="none"):
+    (folder / "scene.yaml").write_text(text)
+    return FileTask(str(folder / "scene.yaml"), variation)
+
+
+def test_the_scaffold_keeps_the_rules_for_tasks(scaffold):
+    verdicts = list(examine("task", FileTask(scaffold)))
+    assert [v for v in verdicts if v.problem is not None] == []
+    assert len(verdicts) == len(SUITES["task"])
+
+
+@every_simulator
+def test_the_scaffold_is_simulated_and_drawn(scaffold, engine):
+    task = FileTask(scaffold, "near")
+    still = JointTrajectory(np.zeros(1), arm_of(task.robot).home_for(task.home)[None], np.zeros(1))
+    (outcome,) = simulator(engine).rollout(task, [Rollout(Tool(), still, 1, settle_s=0.2, hold_s=0.2)])
+    assert outcome.error is None
+    start, end = (task.scene(1).complete(state) for state in (outcome.start, outcome.end))
+    assert task.reward(start, end) < 0.01
+    index = end.names.index("block")
+    there = end.positions.copy()
+    there[index] = [0.7, 0.1, 0.04]
+    assert task.reward(start, replace(end, positions=there)) == pytest.approx(1)
+    picture = simulator(engine).render(task, seed=0, width=64, height=48)
+    assert picture.shape == (48, 64, 3)
+    assert picture.std() > 1
+
+
+def test_a_variation_draws_layouts_and_none_ignores_the_seed(scaffold):
+    usual, near = FileTask(scaffold), FileTask(scaffold, "near")
+    assert usual.scene(0) == usual.scene(7)
+    assert near.scene(3)["block"] == near.scene(3)["block"]
+    places = {tuple(near.scene(seed)["block"].pose.position) for seed in range(20)}
+    assert len(places) == 20
+    assert all(0.97 <= x <= 1.03 and 0.07 <= y <= 0.13 and z == 0.04 for x, y, z in places)
+    with pytest.raises(UsageError, match=r"no variation 'nar' in the task PushBlock \(did you mean 'near'\?\)"):
+        FileTask(scaffold, "nar")
+
+
+def test_a_model_is_shown_the_file(scaffold, tmp_path):
+    usual, near = (task_source(FileTask(scaffold, name)) for name in ("none", "near"))
+    assert "box: [0.08, 0.08, 0.08]" in usual
+    assert "variations:" not in usual
+    assert "bodies.block.position.x: [0.97, 1.03]" in near
+    assert usual.rstrip().endswith("drawn anew in each layout, from the lowest to the highest.")
+    assert "\nhome: {" in task_source(task_of(tmp_path, GOOD + "home: {position: [0.5, 0, 0.5]}\n"))
+    assert helpers(FileTask(scaffold)) == ""
+
+
+def test_workers_make_the_same_task(scaffold):
+    part = pickle.loads(pickle.dumps(TaskPart("task", "file", (("file", scaffold), ("variation", "wide")))))
+    task, again = part.create(), pickle.loads(pickle.dumps(part.create()))
+    assert task.name == again.name == "PushBlock"
+    assert task.scene(5) == again.scene(5)
+
+
+def test_a_drawn_start_moves_what_hangs_from_the_joint(tmp_path):
+    usual, near = (task_of(tmp_path, GOOD, name).scene(4) for name in ("none", "near"))
+    (joint,) = near.joints
+    assert 0 < joint.start <= 0.2
+    assert near.state().joint("hinge").position == pytest.approx(joint.start)
+    turned = near["door"].pose.rpy[2] - usual["door"].pose.rpy[2]
+    assert turned == pytest.approx(joint.start)
+    hinge = [scene["door"].pose.apply([0.16, 0, 0]) for scene in (usual, near)]
+    np.testing.assert_allclose(*hinge, atol=1e-12)
+
+
+def test_a_body_may_be_of_parts_with_a_density(tmp_path):
+    door = task_of(tmp_path, GOOD).scene(0)["door"]
+    assert [type(geom.shape).__name__ for geom in door.collisions] == ["Box", "Sphere"]
+    assert door.mass == pytest.approx(600 * sum(geom.shape.volume for geom in door.collisions))
+    assert door.pose.rpy[2] == pytest.approx(np.pi / 2)
+    text = GOOD.replace("sphere: {radius: 0.04}", "capsule: {radius: 0.04, length: 0.1}").replace(
+        "mass: 0.2", "density: 9"
+    )
+    (geom,) = task_of(tmp_path, text).scene(0)["ball"].collisions
+    assert geom.shape == Capsule(0.04, 0.1)
+
+
+def test_a_body_may_be_a_mesh(tmp_path):
+    trimesh.creation.box((40, 20, 10)).export(tmp_path / "brick.stl")
+    text = GOOD.replace("sphere: {radius: 0.04}", "file: brick.stl\n    scale: 0.001")
+    body = task_of(tmp_path, text.replace("mass: 0.2", "density: 1000")).scene(0)["ball"]
+    assert body.mass == pytest.approx(0.008)
+    assert isinstance(body.collisions[0].shape, Mesh)
+    np.testing.assert_allclose(body.collisions[0].shape.bounds[1], [0.04, 0.02, 0.01])
+    assert task_of(tmp_path, text).scene(0)["ball"].mass == 0.2
+
+
+def test_a_urdf_brings_bodies_and_joints(tmp_path):
+    (tmp_path / "lever.urdf").write_text(URDF)
+    found = "\nimports:\n  - {file: lever.urdf, prefix: a_, position: [0.3, 0.4, 0.5], rpy_deg: [0, 0, 90]}\n"
+    task = task_of(tmp_path, GOOD.replace("joint: hinge", "joint: a_pin") + found)
+    scene = task.scene(0)
+    assert scene["a_arm"].collisions[0].shape == Box((0.1, 0.1, 0.1))
+    np.testing.assert_allclose(scene["a_arm"].pose.position, [0.3, 0.4, 0.5])
+    assert {joint.name for joint in scene.joints} == {"hinge", "a_pin"}
+
+
+def test_files_are_read_once(tmp_path):
+    trimesh.creation.box((0.04, 0.02, 0.01)).export(tmp_path / "brick.stl")
+    text = GOOD.replace("sphere: {radius: 0.04}", "file: brick.stl")
+    task = task_of(tmp_path, text, "near")
+    (tmp_path / "brick.stl").unlink()
+    assert task.scene(3)["ball"].mass == 0.2
+    with pytest.raises(UserError, match=r"there is no mesh"):
+        FileTask(str(tmp_path / "scene.yaml"))
