@@ -1,0 +1,56 @@
+"""The tasks without code: each has a reference solution that every engine agrees on."""
+
+from pathlib import Path
+
+import pytest
+
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.interfaces import RolloutSettings
+from core.plugins import installed
+from core.simulation.rollout import evaluate_batch
+from tests.engines import every_simulator, simulator
+
+ROOT = Path(__file__).parents[2]
+SCENES = sorted((ROOT / "tasks/scenes").glob("*.yaml"))
+every_scene = pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.stem)
+
+
+def tried(scene, engine, variation="none", seeds=(0,)):
+    """What the reference solution earns in some layouts."""
+    task = installed().create("task", "file", file=str(scene), variation=variation)
+    designs = load_designs(ROOT / "tests/tasks/scenes" / f"{scene.stem}.json")
+    boxes = installed().create("tool", "boxes")
+    return [
+        evaluate_batch(
+            task, simulator(engine), read_designs(designs, boxes, SpawnRules(task, seed)), seed, RolloutSettings()
+        )[0]
+        for seed in seeds
+    ]
+
+
+@every_simulator
+@every_scene
+def test_the_reference_solution_earns_all(scene, engine):
+    (found,) = tried(scene, engine)
+    assert found.status == "ok", found.reason
+    assert found.reward >= 0.95
+    assert not found.warnings
+
+
+@pytest.mark.slow
+@every_scene
+def test_it_fits_other_layouts(scene):
+    for found in tried(scene, "mujoco", "wide", range(5)):
+        assert found.reward >= 0.95, found.reason
+
+
+def test_the_glass_must_stay_untouched(tmp_path):
+    """The same motion earns nothing where the glass stands in its way."""
+    text = (ROOT / "tasks/scenes/turn_valve.yaml").read_text()
+    moved = text.replace("[0.68, -0.1, 0.0701]", "[0.66, -0.065, 0.0701]")
+    assert moved != text
+    scene = tmp_path / "turn_valve.yaml"
+    scene.write_text(moved)
+    (found,) = tried(scene, "mujoco")
+    assert (found.status, found.reward) == ("ok", 0.0)
