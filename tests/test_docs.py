@@ -19,12 +19,13 @@ import yaml
 from PIL import Image
 
 from core.config.compose import load
+from core.conformance.suites import examine
 from core.errors import UsageError
 from core.geometry import Cylinder, Mesh, Sphere
 from core.interfaces import Seen
 from core.new.packages import write as write_package
 from core.plugins import Plugins, installed
-from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State
+from core.scene import Body, Box, Camera, Geom, Goal, Joint, Pose, Scene, State
 from docs import build, prompt_page
 from docs.diagrams import DRAWINGS
 from tests.core.run_folders import write_run
@@ -116,9 +117,10 @@ def test_each_kind_of_block_is_looked_at():
         "prompts.md": {"json": 1, "python": 3},
         "layouts.md": {"json": 1},
         "python.md": {"python": 2},
+        "scene_files.md": {"yaml": 3},
         "store.md": {"python": 1},
         "strategy_tutorial.md": {"python": 1, "yaml": 1},
-        "writing_a_scene.md": {"python": 5, "py": 1},  # the last a part of a class
+        "writing_a_scene.md": {"python": 5, "py": 3},  # the last are parts of a class
     }
 
 
@@ -308,7 +310,29 @@ def test_the_scene_of_the_page_becomes_a_part(tmp_path):
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("of", [Body, Box, Camera, Cylinder, Geom, Goal, Mesh, Pose, Scene, Sphere, State])
+def test_the_scene_files_of_the_page_are_tasks(tmp_path):
+    whole, joints, imports = blocks(ROOT / "docs/scene_files.md", "yaml")
+    (tmp_path / "whole.yaml").write_text(whole)
+    verdicts = [*examine("task", installed().create("task", "file", file=str(tmp_path / "whole.yaml")))]
+    assert verdicts
+    assert [verdict.problem for verdict in verdicts if verdict.problem] == []
+    bodies = "".join(
+        f"  - {{name: {name}, box: [0.1, 0.1, 0.1], position: [0.5, {y}, 0.3], mass: 1}}\n"
+        for name, y in (("cabinet", 0), ("drawer", 0), ("button", 0.2), ("door", -0.3))
+    )
+    goal = "goals:\n  - {joint: runner, to: 0.2}\n"
+    text = f"name: Moving\ndescription: Each joint that the page shows, on a cube.\nbodies:\n{bodies}{joints}{goal}"
+    (tmp_path / "cupboard.urdf").write_text(
+        '<robot name="c"><link name="box"><collision><geometry>'
+        '<box size="1 1 1"/></geometry></collision></link></robot>'
+    )
+    (tmp_path / "moving.yaml").write_text(text + imports)
+    scene = installed().create("task", "file", file=str(tmp_path / "moving.yaml")).scene(0)
+    assert [joint.name for joint in scene.joints] == ["runner", "click", "gate"]
+    assert "cupboard_box" in [body.name for body in scene.bodies]
+
+
+@pytest.mark.parametrize("of", [Body, Box, Camera, Cylinder, Geom, Goal, Joint, Mesh, Pose, Scene, Sphere, State])
 def test_the_tables_have_every_field_and_its_default(of):
     text = SCENE_PAGE.read_text().partition("## What each type takes")[2]
     if f"### {of.__name__}\n" in text:
