@@ -124,3 +124,32 @@ def _read(world: World, notes: Sequence[Any]) -> tuple[Array, Array, State]:
         return world.read(notes)
     arms, fingers, states = zip(*notes, strict=True)
     return np.array(arms), np.array(fingers), State.stack(states)
+
+
+Thing = tuple[int, str]  # a rank, and a name; the robot's things have rank -1, bodies theirs in the scene
+
+
+class Impulses:
+    """The normal impulses since a world began, of each two things that touched; an engine adds those of each step."""
+
+    def __init__(self) -> None:
+        self._sums: dict[tuple[str, str], float] = {}
+        self._noted: list[dict[tuple[str, str], float]] = []
+
+    def add(self, one: Thing, other: Thing, impulse: float) -> None:
+        """Add the impulse of a contact, N s; contacts within the robot or a body don't count."""
+        (rank, first), (others_rank, second) = sorted((one, other))
+        if impulse > 0 and others_rank > rank:
+            self._sums[first, second] = self._sums.get((first, second), 0.0) + impulse
+
+    def note(self) -> None:
+        """Note the sums at an instant of the recording."""
+        self._noted.append(dict(self._sums))
+
+    def means(self, times: Array) -> dict[tuple[str, str], Array]:
+        """Compute the mean forces between instants (T,), see `core.interfaces.Recording`."""
+        found = {}
+        for pair in self._sums:
+            sums = np.array([noted.get(pair, 0.0) for noted in self._noted])
+            found[pair] = np.append(0.0, np.diff(sums) / np.diff(times))
+        return found

@@ -20,9 +20,10 @@ from core.interfaces import JointTrajectory
 from core.robot.description import assemble, joint_name, read_numbers, read_origin, to_text
 from core.robots import Robot
 from core.scene import Inertia, Scene, State
+from core.simulation.playback import Thing
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
-from plugins.simulators.pybullet.forces import Forces, Thing
+from plugins.simulators.pybullet.forces import Forces
 from plugins.simulators.pybullet.trees import Mechanism, Place, grown
 
 GRAVITY = 9.81
@@ -221,7 +222,7 @@ class World:
             mechanism.drive()
         p.stepSimulation(physicsClientId=self.client)
         if self.forces:
-            self.forces.add()
+            self.forces.add_step()
 
     def launch(self) -> None:
         """See `core.simulation.playback.Launching`."""

@@ -83,7 +83,7 @@ class World:
             self._system.step()
             self._bodies.stepped()
             if self.forces:
-                self.forces.add()
+                self.forces.add_step()
             yield
 
     def launch(self) -> None:
