@@ -46,8 +46,6 @@ class Body:
     of several convex parts; a body without collision parts is a mark that nothing touches. In every engine the
     friction coefficient of a contact is the geometric mean of the two bodies' ``friction``, and its restitution the
     product of theirs; the arm and its tools have none. ``rolling_friction`` is the torsional arm in metres.
-    ``velocity`` (3,) in m/s, of the body's origin, and ``spin`` (3,) in rad/s, along the world's axes, are what a free
-    body gets when the robot's motion begins; until then it rests.
 
     Raises:
         ValueError: a negative mass, a free body without collision parts, or a fixed one with a velocity.
@@ -61,8 +59,8 @@ class Body:
     friction: float = 0.5
     rolling_friction: float = 0.0
     restitution: float = 0.0
-    velocity: Vector = (0.0, 0.0, 0.0)
-    spin: Vector = (0.0, 0.0, 0.0)
+    velocity: Vector = (0.0, 0.0, 0.0)  # of its origin when the robot's motion begins, m/s; until then it rests
+    spin: Vector = (0.0, 0.0, 0.0)  # likewise, rad/s along the world's axes
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):

@@ -86,8 +86,8 @@ class Task(ABC):
         """Compute rewards from 0 to 1, of one world or of many: from states (..., B, 3) of B bodies, rewards (...).
 
         ``start`` is after settling and before the motion, ``end`` is after it. Both have the places of marks and fixed
-        bodies too: take goals from there, since they differ between layouts. A reward that has a third parameter,
-        ``trace``, also gets what happened in between (`Trace`): the states at 25 Hz, and the contacts.
+        bodies too: take goals from there, since they differ between layouts. With a third parameter, ``trace``,
+        it gets what happened in between too (`Trace`).
         """
 
     def source(self) -> str:

@@ -88,7 +88,7 @@ def _parts(whole: trimesh.Trimesh, max_parts: int, threshold: float) -> list[Arr
     try:
         import coacd
     except ImportError as error:
-        raise UserError("is not convex; to cut it into parts, pip install 'coacd>=1.0.14'") from error
+        raise UserError("is not convex; to cut it into parts, pip install 'coacd>=1.0.14,<2'") from error
     coacd.set_log_level("error")
     mesh = coacd.Mesh(whole.vertices, whole.faces.astype(np.int32))
     limits = {"max_convex_hull": max_parts, "decimate": True, "max_ch_vertex": MAX_CORNERS // 2}
