@@ -1,6 +1,6 @@
 """Gather bodies and joints, with notes on what was left out.
 
-Covered by `tests/core/imports/test_urdf.py` and `tests/core/imports/test_mjcf.py`.
+Covered by `tests/core/imports/test_urdf.py` and `tests/plugins/tasks/file/test_mjcf.py`.
 """
 
 from __future__ import annotations

@@ -1,16 +1,11 @@
-"""Read a mesh file and cut it into convex parts: run as a process of its own, with a limit on memory.
+"""Read a mesh file and cut it into convex parts: called in a process of its own.
 
-Readers of meshes and CoACD may take any time and memory, or crash, on a file that was made to do so.
 Covered by `tests/core/imports/test_mesh.py`.
 """
 
 from __future__ import annotations
 
-import contextlib
 import io
-import resource
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +17,6 @@ from core.geometry import Array
 from core.robot.meshes import MAX_CORNERS, farthest
 
 MAX_FACES = 200_000
-MEMORY = 8_000_000_000  # bytes of addresses
 _CONVEX = 0.97  # of its hull's volume
 
 
@@ -103,20 +97,7 @@ def _is_convex(mesh: trimesh.Trimesh) -> bool:
 
 
 def cut_bytes(data: bytes, kind: str, max_parts: str, threshold: str) -> bytes:
-    """Return what `cut_mesh` does as an .npz file; in it ``error`` says what can't be."""
-    try:
-        found = cut_mesh(data, kind, int(max_parts), float(threshold))
-    except UserError as error:
-        found = {"error": np.array(str(error))}
-    except MemoryError:
-        found = {"error": np.array("needs too much memory; reduce its triangles")}
+    """Return what `cut_mesh` does as an .npz file."""
     stream = io.BytesIO()
-    np.savez_compressed(stream, **found)
+    np.savez_compressed(stream, **cut_mesh(data, kind, int(max_parts), float(threshold)))
     return stream.getvalue()
-
-
-if __name__ == "__main__":
-    with contextlib.suppress(ValueError, OSError):  # a system that has no such limit, or a lower one
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    *_words, _out = sys.argv[1:]
-    Path(_out).write_bytes(cut_bytes(sys.stdin.buffer.read(), *_words))

@@ -5,12 +5,11 @@ Covered by `tests/core/imports/test_mesh.py`.
 
 from __future__ import annotations
 
-import io
 import os
 import subprocess
 import sys
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -21,6 +20,7 @@ from scipy.spatial import ConvexHull
 
 from core.errors import UserError
 from core.geometry import Array, Mesh
+from core.imports.convex import cut_bytes
 from core.robot.meshes import kept
 from core.scene import Color
 from core.scratch import temporary_folder
@@ -31,6 +31,7 @@ MAX_PARTS = 32
 THRESHOLD = 0.05
 LIMIT_S = 600
 _LARGEST_M = 5.0
+REFUSED = "refused: "  # before what `core.imports.alone` has against a file
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,8 @@ def _hull(corners: Array) -> Mesh:
 @lru_cache(maxsize=64)
 def _cut(data: bytes, kind: str, max_parts: int, threshold: float, name: str) -> dict[str, Array]:
     words = [kind, str(max_parts), str(threshold)]
-    file = kept("imports", "npz", " ".join([*words, ""]).encode() + data, lambda: _run(data, words, name))
+    key = " ".join([*words, ""]).encode() + data
+    file = kept("imports", "npz", key, lambda: isolated(cut_bytes, f"mesh {name}", data, *words))
     try:
         with np.load(file) as found:
             return dict(found)
@@ -130,33 +132,32 @@ def _cut(data: bytes, kind: str, max_parts: int, threshold: float, name: str) ->
         raise UserError(f"what mesh {name} was cut into can't be read; delete {file}") from error
 
 
-def _run(data: bytes, words: list[str], name: str) -> bytes:
-    made = _isolated(data, words, name)
-    with np.load(io.BytesIO(made)) as found:
-        if "error" in found:
-            raise UserError(f"mesh {name} {found['error']}")
-    return made
+def isolated(function: Callable[..., bytes], what: str, data: bytes, *words: str) -> bytes:
+    """Call a module's function with untrusted data, and words, in a process of its own: `core.imports.alone`.
 
-
-def _isolated(data: bytes, words: list[str], name: str) -> bytes:
-    """Run `core.imports.convex` as a process."""
+    Raises:
+        UserError: the function raises one, takes too long, or ends otherwise; it begins with ``what``.
+    """
     with temporary_folder() as folder:
-        out = Path(folder) / "parts.npz"
-        paths = os.pathsep.join(path or str(Path.cwd()) for path in sys.path)
+        out = Path(folder) / "made"
+        called = ["core.imports.alone", function.__module__, function.__name__, *words, str(out)]
         try:
             done = subprocess.run(  # noqa: S603  # our own module
-                [sys.executable, "-P", "-m", "core.imports.convex", *words, str(out)],
+                [sys.executable, "-P", "-m", *called],
                 input=data,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
                 timeout=LIMIT_S,
-                env={**os.environ, "PYTHONPATH": paths},
+                cwd=folder,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in sys.path)},
                 check=False,
             )
         except subprocess.TimeoutExpired as error:
             mend = "reduce its triangles, or cut it into convex pieces yourself"
-            raise UserError(f"mesh {name} takes more than {LIMIT_S:g} s to cut into convex parts; {mend}") from error
+            raise UserError(f"{what} takes more than {LIMIT_S:g} s to read; {mend}") from error
+        last = " ".join(done.stderr.decode("utf-8", "replace").splitlines()[-1:])
+        if last.startswith(REFUSED):
+            raise UserError(f"{what} {last.removeprefix(REFUSED)}")
         if done.returncode or not out.exists():
-            last = " ".join(done.stderr.decode("utf-8", "replace").splitlines()[-1:])[:200]
-            raise UserError(f"mesh {name} can't be cut: the process ended with {done.returncode} {last}; repair it")
+            raise UserError(f"{what} can't be read: the process ended with {done.returncode} {last[:200]}; repair it")
         return out.read_bytes()

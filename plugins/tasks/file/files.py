@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from core.errors import UserError
-from core.imports import Imported, read_mesh, read_mjcf, read_urdf
+from core.imports import Imported, read_mesh, read_urdf
 
 HOLDING = (".urdf", ".xml", ".mjcf")
 
@@ -45,6 +45,8 @@ class Files:
             if kind == ".urdf":
                 found = read_urdf(file, fixed=fixed, prefix=prefix, folder=self.folder)
             else:
+                from plugins.tasks.file.mjcf import read_mjcf  # imports MuJoCo
+
                 found = read_mjcf(file, prefix=prefix, folder=self.folder)
             self._read[name, prefix, fixed] = found
         return self._read[name, prefix, fixed]

@@ -1,4 +1,4 @@
-"""What is imported moves as formulas say, in every engine: a mesh, a URDF and an MJCF file."""
+"""What is imported moves as formulas say, in every engine: a mesh and a URDF."""
 
 import math
 
@@ -9,7 +9,7 @@ from scipy.special import ellipk
 
 from core.conformance.worlds import BARE, FAR, GRAVITY, Bodies, slope, still
 from core.geometry import Pose
-from core.imports import read_mesh, read_mjcf, read_urdf
+from core.imports import read_mesh, read_urdf
 from core.interfaces import Rollout
 from core.scene import Scene
 from tests.engines import every_simulator, simulator
@@ -23,15 +23,6 @@ PENDULUM = """<robot name="pendulum">
   </link>
   <joint name="pivot" type="continuous"><parent link="post"/><child link="rod"/><axis xyz="1 0 0"/></joint>
 </robot>"""
-
-DAMPED = """<mujoco>
-  <worldbody>
-    <body name="block" pos="0 0 2">
-      <joint name="rail" type="slide" axis="0 0 1" damping="20" range="-1.5 1.5" limited="true"/>
-      <geom type="box" size="0.05 0.05 0.05" mass="1"/>
-    </body>
-  </worldbody>
-</mujoco>"""
 
 
 def played(engine, scene, seconds):
@@ -55,16 +46,6 @@ def test_a_pendulum_from_urdf_swings_in_its_period(engine, tmp_path):
     inertia = 0.5 * (0.4**2 + 0.02**2) / 12 + 0.5 * 0.2**2
     due = 4 * math.sqrt(inertia / (0.5 * GRAVITY * 0.2)) * float(ellipk(math.sin(0.5) ** 2))
     assert 2 * np.diff(crossings).mean() == pytest.approx(due, rel=0.02)
-
-
-@every_simulator
-def test_a_damped_block_from_mjcf_sinks_at_its_speed(engine, tmp_path):
-    file = tmp_path / "rail.xml"
-    file.write_text(DAMPED)
-    read = read_mjcf(file, pose=Pose(np.array([*FAR[:2], 0.0])))
-    times, states = played(engine, Scene(read.bodies, read.joints), 1.0)
-    speed = np.polyfit(times[-50:], states.joint("rail").position[-50:], 1)[0]  # SAPIEN's own is a damper's kick less
-    assert speed == pytest.approx(-GRAVITY / 20, rel=0.02)
 
 
 @every_simulator

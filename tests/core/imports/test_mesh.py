@@ -81,7 +81,7 @@ def test_a_hollow_is_cut_into_convex_parts_once(tmp_path, monkeypatch, isolated)
     assert not any(_inside(geom, [0.16, 0.16, 0.05]) for geom in body.collisions)
 
     solids._cut.cache_clear()
-    monkeypatch.setattr(solids, "_run", None)
+    monkeypatch.setattr(solids, "isolated", None)
     (tmp_path / "other.stl").write_bytes((tmp_path / "step.stl").read_bytes())
     assert len(read_mesh(tmp_path / "other.stl", density=1000).bodies[0].collisions) == len(body.collisions)
 
