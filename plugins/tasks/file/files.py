@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import logging
+from functools import cache
+from multiprocessing import parent_process
 from pathlib import Path
 
 from core.errors import UserError
 from core.imports import Imported, read_mesh, read_urdf
 
 HOLDING = (".urdf", ".xml", ".mjcf")
+
+_log = logging.getLogger(__name__)
+
+
+@cache
+def _warn_once(text: str) -> None:
+    """Report what was left out of a file, once; workers stay silent, since the main process reports it."""
+    if parent_process() is None:
+        _log.warning(text)
 
 
 class Files:
@@ -28,7 +40,7 @@ class Files:
             raise UserError(f"{name} holds bodies of its own; name it under imports, not as the shape of a body")
         if (name, scale) not in self._read:
             found = read_mesh(self.folder / name, density=1.0, name="body", scale=scale, folder=self.folder)
-            self._read[name, scale] = found
+            self._keep((name, scale), found)
         return self._read[name, scale]
 
     def bodies(self, name: str, prefix: str, *, fixed: bool) -> Imported:
@@ -48,8 +60,13 @@ class Files:
                 from plugins.tasks.file.mjcf import read_mjcf  # imports MuJoCo
 
                 found = read_mjcf(file, prefix=prefix, folder=self.folder)
-            self._read[name, prefix, fixed] = found
+            self._keep((name, prefix, fixed), found)
         return self._read[name, prefix, fixed]
+
+    def _keep(self, key: tuple[object, ...], found: Imported) -> None:
+        self._read[key] = found
+        for note in found.notes:
+            _warn_once(f"{self.folder / str(key[0])}: {note}")
 
     def _check(self, name: str) -> None:
         try:

@@ -130,6 +130,15 @@ def test_a_urdf_brings_bodies_and_joints(tmp_path):
     assert {joint.name for joint in scene.joints} == {"hinge", "a_pin"}
 
 
+def test_what_is_left_out_of_a_file_is_reported_once(tmp_path, caplog):
+    (tmp_path / "lever.urdf").write_text(URDF.replace("</robot>", "<gazebo/></robot>"))
+    text = GOOD + "\nimports:\n  - {file: lever.urdf, position: [0.3, 0.4, 0.5]}\n"
+    task_of(tmp_path, text)
+    task_of(tmp_path, text)
+    lines = [record.getMessage() for record in caplog.records]
+    assert lines.count(f"{tmp_path / 'lever.urdf'}: left out: 1 <gazebo>") == 1
+
+
 def test_files_are_read_once(tmp_path):
     trimesh.creation.box((0.04, 0.02, 0.01)).export(tmp_path / "brick.stl")
     text = GOOD.replace("sphere: {radius: 0.04}", "file: brick.stl")
