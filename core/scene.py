@@ -198,7 +198,7 @@ class Scene:
         return {j.name: PlacedJoint.of(j, poses[j.body], poses[j.parent] if j.parent else Pose()) for j in self.joints}
 
     @cached_property
-    def hung(self) -> tuple[PlacedJoint, ...]:
+    def ordered_joints(self) -> tuple[PlacedJoint, ...]:
         """The joints in an order in which a parent's own joint comes first."""
         waiting, done = list(self.placed_joints.values()), list[PlacedJoint]()
         while waiting:

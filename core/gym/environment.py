@@ -24,7 +24,7 @@ from core.layouts import NONE
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import State
-from core.simulation.playback import begun
+from core.simulation.playback import begin_motion
 from core.task import reward_of
 
 ControlMode = Literal["joints", "end_effector"]
@@ -142,7 +142,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._joints, self._fingers = self._arm.home_for(self.task.home), self._opening
         self._pose = self._arm.forward(self._joints)
         self._drive(world, self._joints, self._fingers, SETTLE_S)
-        self._start = begun(world)
+        self._start = begin_motion(world)
         self._earned = self._reward(self._start)
         return self._observation(world), {"reward": self._earned}
 

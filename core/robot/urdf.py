@@ -242,14 +242,14 @@ def _geometry(element: Element, at: str, file: Path) -> tuple[Box | Sphere | Cyl
 
     match element.tag:
         case "box":
-            x, y, z = (_positive(side, "size", at) for side in numbers(element, "size", 3, f"{at}: box"))
+            x, y, z = (_positive(side, "size", at) for side in _numbers(element, "size", 3, f"{at}: box"))
             return Box((x, y, z)), ONE
         case "sphere":
             return Sphere(size("radius")), ONE
         case "cylinder":
             return Cylinder(size("radius"), size("length")), ONE
         case "mesh":
-            x, y, z = numbers(element, "scale", 3, f"{at}: mesh", ONE)
+            x, y, z = _numbers(element, "scale", 3, f"{at}: mesh", ONE)
             if 0.0 in (x, y, z):
                 raise UserError(f"{at}: mesh scale is {x:g} {y:g} {z:g}; no factor can be 0")
             return find_mesh(element.get("filename") or "", file, at), (x, y, z)
@@ -300,7 +300,7 @@ def _joint(element: Element, parent: str, child: str) -> Joint:
     if kind not in _KINDS:
         raise choices("type", kind, _KINDS, where)
     axis, given = element.find("axis"), element.find("limit")
-    along = np.array([1.0, 0.0, 0.0] if axis is None else numbers(axis, "xyz", 3, f"{where}: axis"))
+    along = np.array([1.0, 0.0, 0.0] if axis is None else _numbers(axis, "xyz", 3, f"{where}: axis"))
     length = float(np.linalg.norm(along))
     if kind in MOVING and length < 1e-6:
         raise UserError(f"{where}: its axis has length 0")
@@ -325,28 +325,23 @@ def _origin(element: Element, where: str) -> Pose:
     origin = element.find("origin")
     if origin is None:
         return Pose()
-    xyz, rpy = (numbers(origin, name, 3, f"{where}: origin", (0.0, 0.0, 0.0)) for name in ("xyz", "rpy"))
+    xyz, rpy = (_numbers(origin, name, 3, f"{where}: origin", (0.0, 0.0, 0.0)) for name in ("xyz", "rpy"))
     return Pose.xyz_rpy(xyz, rpy)
 
 
 def _color(material: Element) -> Color:
     where = f"material {shorten(material.get('name', ''))}"
-    red, green, blue, opacity = np.clip(numbers(_child(material, "color", where), "rgba", 4, where), 0.0, 1.0)
+    red, green, blue, opacity = np.clip(_numbers(_child(material, "color", where), "rgba", 4, where), 0.0, 1.0)
     return float(red), float(green), float(blue), float(opacity)
 
 
 def _number(element: Element, name: str, where: str, default: float | None = None) -> float:
-    return numbers(element, name, 1, where, None if default is None else (default,))[0]
+    return _numbers(element, name, 1, where, None if default is None else (default,))[0]
 
 
-def numbers(
-    element: Element | Mapping[str, str], name: str, count: int, where: str, default: tuple[float, ...] | None = None
+def _numbers(
+    element: Element, name: str, count: int, where: str, default: tuple[float, ...] | None = None
 ) -> tuple[float, ...]:
-    """Read finite numbers of an attribute.
-
-    Raises:
-        UserError: it is missing without a default, or not so many numbers.
-    """
     text = element.get(name)
     if text is None:
         if default is None:

@@ -85,7 +85,7 @@ def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) ->
         return poses
     solids = {body.name: tuple(body_solids(body)) for body in scene.bodies}
     anchored = {body.name for body in scene.bodies if body.fixed} | {None}
-    for placed in scene.hung:
+    for placed in scene.ordered_joints:
         if placed.joint.parent in anchored:
             anchored.add(placed.joint.body)
     loose = [body for body in scene.free if body.name not in anchored]

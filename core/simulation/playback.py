@@ -58,7 +58,7 @@ def play(world: World, job: Rollout) -> Outcome:
 
     instants, notes = [], []
     note = world.note if isinstance(world, Noting) else lambda: (*world.joints(), world.state())
-    start = begun(world) if settle == 0 else None
+    start = begin_motion(world) if settle == 0 else None
     reached: list[Array] = []
     steps = _steps(world, arm, fingers, speeds, finger_speeds)
     for k in range(len(times)):
@@ -67,7 +67,7 @@ def play(world: World, job: Rollout) -> Outcome:
             notes.append(note())
         next(steps)
         if k == settle - 1:
-            start = begun(world)
+            start = begin_motion(world)
         if k >= settle and k % LAG_EVERY == 0:
             reached.append(world.joints()[0])
     if every:
@@ -82,7 +82,7 @@ def play(world: World, job: Rollout) -> Outcome:
     return Outcome(start, end, lag, recording=recording)
 
 
-def begun(world: World) -> State:
+def begin_motion(world: World) -> State:
     """Begin the motion, and return the state there."""
     if isinstance(world, Launching):
         world.launch()

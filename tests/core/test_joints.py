@@ -93,7 +93,7 @@ def test_many_worlds_are_read_at_once():
 def test_a_chain_is_listed_from_its_root_and_travels():
     chain = (Joint("tip", "hinge", "c", "b"), Joint("root", "hinge", "a"), Joint("middle", "hinge", "b", "a"))
     scene = Scene((body("a"), body("b"), body("c")), chain)
-    assert [placed.joint.name for placed in scene.hung] == ["root", "middle", "tip"]
+    assert [placed.joint.name for placed in scene.ordered_joints] == ["root", "middle", "tip"]
     assert pickle.loads(pickle.dumps(scene)).joints == chain
 
 

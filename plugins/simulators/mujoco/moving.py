@@ -27,7 +27,7 @@ def add_bodies(spec: Element, scene: Scene, inertias: dict[str, Inertia]) -> dic
     """Add the free bodies, each inside of what it hangs from; fixed ones are the world's body."""
     bearers = {body.name: spec.worldbody for body in scene.bodies if body.fixed}
     tops: dict[str | None, Element] = {}  # of what hangs together
-    hung = {placed.joint.body: placed.joint for placed in scene.hung}
+    hung = {placed.joint.body: placed.joint for placed in scene.ordered_joints}
     for body in (*(body for body in scene.free if body.name not in hung), *(scene[name] for name in hung)):
         name, joint = _name(scene, body.name), hung.get(body.name)
         above = joint.parent if joint else None
@@ -90,7 +90,7 @@ class Moving:
             joint = model.joint(_name(scene, name))
             q, v = int(joint.qposadr[0]), int(joint.dofadr[0])
             self._places[name] = _Place(slice(q, q + len(joint.qpos0)), slice(v, v + len(joint.damping)))
-        self._drives = [placed.joint.drive for placed in scene.hung if placed.joint.drive]
+        self._drives = [placed.joint.drive for placed in scene.ordered_joints if placed.joint.drive]
         self._launched = [body for body in scene.free if body.launched]
         self._latched = [(one, model.joint(_name(scene, one.body)).id) for one in scene.joints if one.latches]
         self.drives, self.launches, self.latches = len(self._drives), bool(self._launched), bool(self._latched)
@@ -99,14 +99,14 @@ class Moving:
         """Convert positions (..., Q) and speeds (..., V) to the free bodies' state."""
         if not self._scene.joints:
             return state(self._names, qpos[..., self._first[0] :], qvel[..., self._first[1] :])
-        hung = {placed.joint.body for placed in self._scene.hung}
+        hung = {placed.joint.body for placed in self._scene.ordered_joints}
         found: dict[str | None, Placement] = {None: Placement.at_rest(Pose())}
         found |= {name: Placement.at_rest(pose) for name, pose in self._scene.places.items()}
         for name, (q, v) in self._places.items():
             if name not in hung:
                 one = state((name,), qpos[..., q], qvel[..., v])
                 found[name] = Placement(*(array[..., 0, :] for array in one.arrays))
-        for placed in self._scene.hung:
+        for placed in self._scene.ordered_joints:
             q, v = self._places[placed.joint.body]
             value, speed = _local(placed, qpos[..., q], qvel[..., v])
             found[placed.joint.body] = placed.carry(value, speed, found[placed.joint.parent])

@@ -115,11 +115,11 @@ class PreparedTree:
         p.setCollisionFilterPair(body, body_b, link, link_b, int(touch), physicsClientId=client)
 
 
-def grown(scene: Scene, folder: Path) -> list[PreparedTree]:
+def prepare_trees(scene: Scene, folder: Path) -> list[PreparedTree]:
     """Prepare all trees of a scene."""
     roots: dict[str, str] = {}
     trees: dict[str, list[Joint]] = {}
-    for placed in scene.hung:
+    for placed in scene.ordered_joints:
         joint = placed.joint
         loose = joint.parent is not None and not scene[joint.parent].fixed
         roots[joint.body] = roots.get(joint.parent, joint.parent) if loose and joint.parent else joint.body

@@ -24,7 +24,7 @@ from core.simulation.playback import Thing
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.forces import Forces
-from plugins.simulators.pybullet.trees import Mechanism, Place, grown
+from plugins.simulators.pybullet.trees import Mechanism, Place, prepare_trees
 
 GRAVITY = 9.81
 # How far bodies may slide before a stored contact point is dropped, as a share of a shape's radius. PyBullet's default,
@@ -49,7 +49,7 @@ class PreparedScene:
     """A scene ready to be placed in one world after another; files go to ``folder``."""
 
     def __init__(self, scene: Scene, folder: Path) -> None:
-        self.trees = grown(scene, folder) if scene.joints else []
+        self.trees = prepare_trees(scene, folder) if scene.joints else []
         hung = {name for tree in self.trees for name in tree.dynamics}
         self.bodies = [
             PreparedBody.of(body, folder) for body in scene.bodies if body.collisions and body.name not in hung

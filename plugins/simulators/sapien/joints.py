@@ -38,7 +38,7 @@ def apart(scene: Scene) -> dict[str, tuple[int, int]]:
     """
     roots: dict[str, str] = {}
     pairs: dict[str, list[tuple[str, str]]] = {}
-    for placed in scene.hung:
+    for placed in scene.ordered_joints:
         body, parent = placed.joint.body, placed.joint.parent
         if parent is not None:
             roots[body] = roots.setdefault(parent, parent)
@@ -80,7 +80,7 @@ class Joints:
         self._time_step, self._steps, self._begun = time_step, 0, False
         poses = {body.name: body.pose for body in scene.bodies}
         self._acting: list[_Acting] = []
-        for placed in scene.hung:
+        for placed in scene.ordered_joints:
             joint = placed.joint
             child, parent = components[joint.body], components.get(joint.parent or "")
             child.solver_position_iterations *= _ITERATIONS

@@ -57,7 +57,7 @@ def with_starts(scene: Scene, starts: Mapping[str, float]) -> Scene:
         ValueError: a joint can't start there.
     """
     poses = {body.name: body.pose for body in scene.bodies}
-    for placed in scene.hung:
+    for placed in scene.ordered_joints:
         joint, ball = placed.joint, placed.joint.kind == "ball"
         value = np.array([1.0, 0.0, 0.0, 0.0] if ball else starts.get(joint.name, joint.start))
         parent = Placement.at_rest(poses[joint.parent] if joint.parent is not None else Pose())
