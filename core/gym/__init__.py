@@ -5,7 +5,8 @@
 
     env = gymnasium.make("RoboToolBench/BringCube-v0")
 
-RoboToolBench's tasks have its name as their namespace, a plugin package's tasks the name of their distribution.
+Tasks of RoboToolBench and HardToolBench have these names as their namespaces, a plugin package's tasks the name of
+their distribution.
 Gymnasium has had no entry points of its own since its version 1.0; ``make("core.gym:RoboToolBench/BringCube-v0")``
 imports this by itself. Covered by `tests/core/gym/test_environment.py`.
 """
@@ -17,14 +18,14 @@ from gymnasium.envs.registration import register
 from core.hooks import PROJECT
 from core.plugins import Offer, installed
 
-NAMESPACE = "RoboToolBench"
+NAMESPACES = {name.lower(): name for name in ("RoboToolBench", "HardToolBench")}  # by entry point
 MAX_STEPS = 500  # of 0.05 s; then an episode is truncated
 
 
 def environment_id(offer: Offer) -> str:
     """Gymnasium's name for a task: namespace, name, version. Characters that Gymnasium refuses become hyphens."""
-    built_in = (offer.distribution, offer.entry_point) == (PROJECT, NAMESPACE.lower())
-    namespace = NAMESPACE if built_in else offer.distribution.replace(".", "-")
+    given = NAMESPACES.get(offer.entry_point) if offer.distribution == PROJECT else None
+    namespace = given or offer.distribution.replace(".", "-")
     return "/".join(re.sub(r"[^\w:.-]+", "-", name) for name in (namespace, offer.name)) + "-v0"
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from core.cli import command
+from core.config.compose import load, tool_part
 from core.design import Candidate
 from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
@@ -33,20 +34,24 @@ from tests.benchmarks import measuring
 
 USAGE = (
     "usage: python -m tests.benchmarks.layouts solutions|cost [tasks=NAME,...] [sims=NAME,...] [layouts=N] "
-    "[position=METRES] [yaw=RADIANS] [repeats=N] [workers=N] [folder=FOLDER] [page=FILE.md]"
+    "[position=METRES] [yaw=RADIANS] [material=NAME] [repeats=N] [workers=N] [folder=FOLDER] [page=FILE.md]"
 )
-SOLUTIONS = Path(__file__).parents[1] / "tasks" / "anchored"
+TASKS = Path(__file__).parents[1] / "tasks"
+SOLUTIONS = {file.stem: file for place in ("anchored", "hardtoolbench") for file in (TASKS / place).glob("*.json")}
 
 
 @dataclass
 class Settings:
-    """``position``, ``yaw``: noise in what plans see. ``folder``: keeps the rewards of ``solutions``, task by task."""
+    """``position``, ``yaw``: noise in what plans see. ``material``: of the tools. ``folder``: keeps the rewards of
+    ``solutions``, task by task.
+    """
 
     tasks: list[str] = field(default_factory=list)
     sims: list[str] = field(default_factory=lambda: ["pybullet", "sapien", "mujoco"])
     layouts: int = 50
     position: float = 0.0
     yaw: float = 0.0
+    material: str = "paper"
     repeats: int = 5
     workers: int = 2
     folder: str = "layouts"
@@ -59,7 +64,7 @@ def main() -> None:
             sys.stdout.write(f"{USAGE}\n")
         case [("solutions" | "cost") as what, *words]:
             given = measuring.settings(words, Settings)
-            given.tasks = given.tasks or sorted(file.stem for file in SOLUTIONS.glob("*.json"))
+            given.tasks = given.tasks or sorted(SOLUTIONS)
             table = solutions(given) if what == "solutions" else cost(given)
             sys.stdout.write(table)
             mark = "noise" if what == "solutions" and given.position + given.yaw > 0 else what
@@ -69,19 +74,20 @@ def main() -> None:
             raise UsageError(USAGE)
 
 
-def designs(name: str, settings: RolloutSettings) -> dict[str, Candidate]:
+def designs(name: str, settings: RolloutSettings, material: str = "paper") -> dict[str, Candidate]:
     """Return the anchored solution of a task, and the same tool with the plan's waypoints of the usual layout."""
     usual = installed().create("task", name)
-    file = SOLUTIONS / f"{name}.json"
-    (anchored,) = read_designs(load_designs(file), representation(file), SpawnRules(usual, 0))[:1]
+    file = SOLUTIONS[name]
+    (anchored,) = read_designs(load_designs(file), representation(file, material), SpawnRules(usual, 0))[:1]
     literal = resolve(anchored.plan, usual, 0, replace(settings, perception=Perception()))
     return {"anchored": anchored, "literal": replace(anchored, plan=literal)}
 
 
-def representation(file: Path) -> ToolRepresentation:
+def representation(file: Path, material: str = "paper") -> ToolRepresentation:
     """Make the representation that a designs file was written for, by its fields."""
     written = load_designs(file)["strategies"][0]
-    tools = [installed().create("tool", name) for name in ("urdf", "boxes", "solids")]
+    words = [[f"tool={name}", f"material={material}"] for name in ("urdf", "boxes", "solids")]
+    tools = [tool_part(load("render", of)).create() for of in words]
     return next(tool for tool in tools if {*tool.schema()} <= {*written})
 
 
@@ -99,7 +105,7 @@ def solutions(given: Settings) -> str:
                 exact = given.position == given.yaw == 0  # what a literal plan sees makes no difference
                 ways = [*(("anchored", sim) for sim in given.sims), *[("literal", given.sims[-1])] * exact]
                 jobs = [(*way, number) for way in ways for number in range(given.layouts)]
-                trial = _Trial(task, designs(name, settings), settings)
+                trial = _Trial(task, designs(name, settings, given.material), settings)
                 earned = {job: reward for (job,), reward in executor.map(trial, [[job] for job in jobs])}
                 rewards: dict[str, dict[str, list[float]]] = {"anchored": {}, "literal": {}}
                 for way, sim in ways:

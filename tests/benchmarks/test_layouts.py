@@ -6,7 +6,7 @@ from tests.tasks.test_tasks import PAPER
 
 
 def test_there_is_a_solution_for_each_task_of_the_paper():
-    assert {file.stem for file in SOLUTIONS.glob("*.json")} == set(PAPER)
+    assert set(PAPER) <= set(SOLUTIONS)
 
 
 def test_a_literal_plan_is_the_anchored_one_in_the_usual_layout():

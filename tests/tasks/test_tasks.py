@@ -1,4 +1,4 @@
-"""Requirements for every installed task, of any origin."""
+"""Requirements for every task of RoboToolBench."""
 
 import hashlib
 import itertools
@@ -34,7 +34,9 @@ from tests.engines import every_simulator, simulator
 from tests.panda import ARM, FINGER_OPEN
 
 ROOT = Path(__file__).parents[2]
-TASKS = installed().ready("task")
+TASKS = [
+    name for (kind, name), of in installed().offers.items() if kind == "task" and of.entry_point == "robotoolbench"
+]
 RANDOM_LAYOUT = {"CleanTable", "GatherSpheres", "SnatchCookie", "TurkeyLegs"}
 
 # n_agent, n_tool, n_action, k_top, reward_save, n_iteration

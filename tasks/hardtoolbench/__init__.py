@@ -1,0 +1,10 @@
+"""The tasks of HardToolBench, which a plan for one known layout doesn't solve."""
+
+from collections.abc import Mapping
+
+from core.hooks import hookimpl
+
+
+@hookimpl
+def tasks() -> Mapping[str, str]:
+    return {}
