@@ -24,16 +24,17 @@ from core.designs.rules import (
     MIN_SIDE_M,
     MIN_TOOL_KG,
 )
+from core.designs.varying import VariedTools
 from core.designs.weight import describe_weight
 from core.errors import UsageError, choices
-from core.interfaces import Brief, ToolRepresentation
+from core.interfaces import Brief
 from core.robot.description import tool_urdf
 from core.text import kind, short_numbers
 from plugins.tools.urdf.building import SHAPES, build_tool
 from plugins.tools.urdf.parsing import parse_xml
 
 
-class UrdfTools(ToolRepresentation):
+class UrdfTools(VariedTools):
     """A tool is one field, ``tool_urdf``: URDF links and joints of boxes that hang from the mount.
 
     ``shapes`` may add cylinder, sphere and capsule, which URDF lacks, to the box. With ``joints`` links may hang on
