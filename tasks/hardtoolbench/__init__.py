@@ -9,4 +9,5 @@ from core.hooks import hookimpl
 def tasks() -> Mapping[str, str]:
     return {
         "HangRing": "tasks.hardtoolbench.hang_ring:HangRing",
+        "InsertPlug": "tasks.hardtoolbench.insert_plug:InsertPlug",
     }
