@@ -8,6 +8,7 @@ from core.hooks import hookimpl
 @hookimpl
 def tasks() -> Mapping[str, str]:
     return {
+        "AroundCorner": "tasks.hardtoolbench.around_corner:AroundCorner",
         "HangRing": "tasks.hardtoolbench.hang_ring:HangRing",
         "InsertPlug": "tasks.hardtoolbench.insert_plug:InsertPlug",
     }
