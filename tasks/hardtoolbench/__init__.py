@@ -11,4 +11,5 @@ def tasks() -> Mapping[str, str]:
         "AroundCorner": "tasks.hardtoolbench.around_corner:AroundCorner",
         "HangRing": "tasks.hardtoolbench.hang_ring:HangRing",
         "InsertPlug": "tasks.hardtoolbench.insert_plug:InsertPlug",
+        "TwoStations": "tasks.hardtoolbench.two_stations:TwoStations",
     }
