@@ -7,4 +7,9 @@ from core.hooks import hookimpl
 
 @hookimpl
 def tasks() -> Mapping[str, str]:
-    return {}
+    return {
+        "AroundCorner": "tasks.hardtoolbench.around_corner:AroundCorner",
+        "HangRing": "tasks.hardtoolbench.hang_ring:HangRing",
+        "InsertPlug": "tasks.hardtoolbench.insert_plug:InsertPlug",
+        "TwoStations": "tasks.hardtoolbench.two_stations:TwoStations",
+    }
