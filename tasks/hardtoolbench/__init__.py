@@ -9,4 +9,5 @@ from core.hooks import hookimpl
 def tasks() -> Mapping[str, str]:
     return {
         "PastGlasses": "tasks.hardtoolbench.past_glasses:PastGlasses",
+        "StopCart": "tasks.hardtoolbench.stop_cart:StopCart",
     }
