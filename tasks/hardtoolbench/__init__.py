@@ -11,5 +11,7 @@ def tasks() -> Mapping[str, str]:
         "AroundCorner": "tasks.hardtoolbench.around_corner:AroundCorner",
         "HangRing": "tasks.hardtoolbench.hang_ring:HangRing",
         "InsertPlug": "tasks.hardtoolbench.insert_plug:InsertPlug",
+        "PastGlasses": "tasks.hardtoolbench.past_glasses:PastGlasses",
+        "StopCart": "tasks.hardtoolbench.stop_cart:StopCart",
         "TwoStations": "tasks.hardtoolbench.two_stations:TwoStations",
     }
