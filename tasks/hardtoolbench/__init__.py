@@ -7,4 +7,6 @@ from core.hooks import hookimpl
 
 @hookimpl
 def tasks() -> Mapping[str, str]:
-    return {}
+    return {
+        "TurnDisc": "tasks.hardtoolbench.turn_disc:TurnDisc",
+    }
