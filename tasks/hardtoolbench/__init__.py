@@ -8,5 +8,6 @@ from core.hooks import hookimpl
 @hookimpl
 def tasks() -> Mapping[str, str]:
     return {
+        "LeverStone": "tasks.hardtoolbench.lever_stone:LeverStone",
         "TurnDisc": "tasks.hardtoolbench.turn_disc:TurnDisc",
     }
