@@ -11,7 +11,9 @@ def tasks() -> Mapping[str, str]:
         "AroundCorner": "tasks.hardtoolbench.around_corner:AroundCorner",
         "HangRing": "tasks.hardtoolbench.hang_ring:HangRing",
         "InsertPlug": "tasks.hardtoolbench.insert_plug:InsertPlug",
+        "LeverStone": "tasks.hardtoolbench.lever_stone:LeverStone",
         "PastGlasses": "tasks.hardtoolbench.past_glasses:PastGlasses",
         "StopCart": "tasks.hardtoolbench.stop_cart:StopCart",
+        "TurnDisc": "tasks.hardtoolbench.turn_disc:TurnDisc",
         "TwoStations": "tasks.hardtoolbench.two_stations:TwoStations",
     }
