@@ -81,10 +81,11 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
 
 def _whole(config: Mapping[str, Any]) -> dict[str, Any]:
     """Add what runs of earlier versions did not name."""
-    before = {"material": asdict(PAPER), "action": {"name": Waypoints.action}}
+    action = {"name": Waypoints.action}
+    material = {**asdict(PAPER), **config.get("material", {})}
     rollout = {"perception": asdict(Perception()), **config.get("rollout", {})}
     task = {"variation": NONE, **config["task"]} if "task" in config else {}
-    return {**before, **config, "task": task, "robot": robot_of(config), "rollout": rollout}
+    return {"action": action, **config, "material": material, "task": task, "robot": robot_of(config), "rollout": rollout}
 
 
 def robot_of(config: Mapping[str, Any]) -> Mapping[str, Any]:
