@@ -53,12 +53,15 @@ class ProtocolConfig:
     """What all entries of a benchmark have in common.
 
     ``fixed``: the settings that an entry may not change. ``tracks``: the plugin that offers the tasks of each.
+    ``engines`` and ``layouts``: how many unseen layouts the best candidate is tried in, in each engine.
     """
 
     name: str = "none"
     version: int = 0
     fixed: list[str] = field(default_factory=list)
     tracks: dict[str, str] = field(default_factory=dict)
+    engines: list[str] = field(default_factory=list)
+    layouts: int = 0
 
 
 @dataclass
@@ -161,12 +164,15 @@ class ReportConfig:
     """Settings of ``python -m core.report``.
 
     ``formats``: the figures' file formats; ``confidence`` and ``resamples`` belong to the bootstrap intervals.
+    ``name``: of what is an entry of a benchmark; ``entries``: results files to compare it with.
     """
 
     output: str = "report"
     formats: list[str] = field(default_factory=lambda: ["png", "svg"])
     confidence: float = 0.95
     resamples: int = 10_000
+    name: str = ""
+    entries: list[str] = field(default_factory=list)
 
 
 @dataclass
