@@ -25,7 +25,7 @@ from core.designs.rules import (
     MIN_TOOL_KG,
 )
 from core.designs.varying import VariedTools
-from core.designs.weight import describe_weight
+from core.designs.weight import describe_weight, mass_limit
 from core.errors import UsageError, choices
 from core.interfaces import Brief
 from core.robot.description import tool_urdf
@@ -79,7 +79,7 @@ class UrdfTools(VariedTools):
         if self.shapes != ("box",):
             shapes = _SEVERAL.format(shapes=", ".join(map(_tag, self.shapes)))
         if self.material.density_kg_m3 is None:
-            parts, weight = _INERTIAL, _MASSES.format(payload=f"{robot.payload_kg:g}")
+            parts, weight = _INERTIAL, _MASSES.format(payload=f"{mass_limit(robot, self.material)[0]:g}")
             bend = "even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length"
         else:
             parts, weight = "a collision element", describe_weight(self.material, robot)
