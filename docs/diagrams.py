@@ -57,7 +57,7 @@ FLOORS = {
     ),
 }
 PARTS = {
-    "task": "RoboToolBench's twelve, file",
+    "task": "RoboToolBench, HardToolBench, file",
     "robot": "panda, ur5, ...",
     "sim": "pybullet, sapien, mujoco",
     "vlm": "gemini, openai, ... or offline",
