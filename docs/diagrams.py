@@ -20,6 +20,7 @@ FLOORS = {
         "text",
         "secrets",
         "geometry",
+        "numbers",
         "shapes",
         "joints",
         "states",
