@@ -9,5 +9,6 @@ from core.hooks import hookimpl
 def tasks() -> Mapping[str, str]:
     return {
         "LeverStone": "tasks.hardtoolbench.lever_stone:LeverStone",
+        "OpenLatch": "tasks.hardtoolbench.open_latch:OpenLatch",
         "TurnDisc": "tasks.hardtoolbench.turn_disc:TurnDisc",
     }

@@ -42,11 +42,11 @@ class LeverStone(Task):
 
     name = "LeverStone"
     description = (
-        "A block of granite, 0.28 m x 0.28 m and 0.18 m high, 32 to 44 kg, lies on a slab of 50 mm height on the table. "
-        "Its near edge sticks out 50 mm over the slab, so that there is a gap of 50 mm below it. In front of it, parallel "
-        "to the edge and 40 to 60 mm away, is the fulcrum: a fixed round bar of 0.2 m length whose top is at z = 0.03. "
-        "The arm alone can't lift the edge, since that takes 160 N or more. Raise the near edge by 25 to 40 mm and hold "
-        "it there at rest until the end, without letting the stone slide."
+        "A block of granite, 0.28 m x 0.28 m and 0.18 m high, 32 to 44 kg, lies on a slab of 50 mm height on the "
+        "table. Its near edge sticks out 50 mm over the slab, so that there is a gap of 50 mm below it. In front of "
+        "it, parallel to the edge and 40 to 60 mm away, is the fulcrum: a fixed round bar of 0.2 m length whose top "
+        "is at z = 0.03. The arm alone can't lift the edge, since that takes 155 N or more. Raise the near edge by "
+        "25 to 40 mm and hold it there at rest until the end, without letting the stone slide."
     )
     goals = (
         Goal(bodies=("stone",), axis=(0.0, 0.0, 1.0), points=(0.115, 0.0, 0.993), at="fulcrum", tolerance_deg=1.5),
