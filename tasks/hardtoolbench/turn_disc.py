@@ -49,11 +49,11 @@ class TurnDisc(Task):
 
     name = "TurnDisc"
     description = (
-        "A board of 16 mm height is fixed on the table, with a strip across it, 6 mm high and 10 mm wide. On the side "
-        "toward the robot a stone disc of 0.16 m diameter, 14 to 20 mm thick and 0.3 to 0.6 kg heavy, lies on the "
-        "board: its far rim is next to the strip, its near rim sticks out 26 to 33 mm over the board's edge. Beyond "
-        "the strip is a green mark. Turn the disc upside down, so that its red side is on top, and leave it at rest on "
-        "the mark: its axis within 15 degrees of straight down, its middle within 1.5 cm of the mark's."
+        "A board of 16 mm height is fixed on the table, with a strip across it, 6 mm high and 10 mm wide. On the "
+        "side toward the robot a stone disc of 0.16 m diameter, 14 to 20 mm thick and 0.3 to 0.6 kg heavy, lies on "
+        "the board: its far rim is next to the strip, its near rim sticks out 26 to 33 mm over the board's edge. "
+        "Beyond the strip is a green mark. Turn the disc upside down, so that its red side is on top, and leave it "
+        "at rest on the mark: its axis within 15 degrees of straight down, its middle within 1.5 cm of the mark's."
     )
     goals = (
         Goal(
