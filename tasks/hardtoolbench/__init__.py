@@ -10,4 +10,5 @@ def tasks() -> Mapping[str, str]:
     return {
         "PastGlasses": "tasks.hardtoolbench.past_glasses:PastGlasses",
         "StopCart": "tasks.hardtoolbench.stop_cart:StopCart",
+        "SweepCards": "tasks.hardtoolbench.sweep_cards:SweepCards",
     }
