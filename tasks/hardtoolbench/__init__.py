@@ -15,6 +15,7 @@ def tasks() -> Mapping[str, str]:
         "OpenLatch": "tasks.hardtoolbench.open_latch:OpenLatch",
         "PastGlasses": "tasks.hardtoolbench.past_glasses:PastGlasses",
         "StopCart": "tasks.hardtoolbench.stop_cart:StopCart",
+        "SweepCards": "tasks.hardtoolbench.sweep_cards:SweepCards",
         "TurnDisc": "tasks.hardtoolbench.turn_disc:TurnDisc",
         "TwoStations": "tasks.hardtoolbench.two_stations:TwoStations",
     }

@@ -1,0 +1,42 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.scene import Trace
+from tasks.hardtoolbench.sweep_cards import BY_S, CARDS, SweepCards
+
+TASK = SweepCards(variation="wide")
+SCENE = TASK.scene(3)
+START = SCENE.complete(SCENE.state())
+IN_TRAY = SCENE["tray"].pose.apply([0.0, 0.1, 0.012])
+
+
+def earned(cards, touched=(), press=0.0, seconds=5.0, vase=0.0):
+    """The reward where some cards are in the tray from an instant on, and the vase has moved by some metres."""
+    positions = START.positions.copy()
+    for name in cards:
+        positions[START.names.index(name)] = IN_TRAY
+    positions[START.names.index("vase"), 0] += vase
+    end = replace(START, positions=positions)
+    touching = {("tool", "blade", name): np.array([True, False]) for name in touched}
+    forces = {("tool", "board"): np.array([press, 0.0])}
+    trace = Trace.of(START, end, touching=touching, forces=forces)
+    return float(TASK.reward(START, end, replace(trace, times=np.array([0.0, seconds]))))
+
+
+@pytest.mark.parametrize("count", [0, 1, 6, len(CARDS)])
+def test_each_card_in_the_tray_counts_the_same(count):
+    assert earned(CARDS[:count]) == pytest.approx(count / len(CARDS))
+
+
+def test_cards_that_come_too_late_do_not_count():
+    assert earned(CARDS, seconds=BY_S + 0.1) == 0.0
+
+
+def test_the_board_bears_a_touch_but_no_pressure_and_the_vase_not_even_a_touch():
+    assert earned(CARDS, touched=["board", *CARDS], press=10.0) == 1.0
+    assert earned(CARDS, press=20.0) == 0.0
+    assert earned(CARDS, touched=["vase"]) == 0.0
+    assert earned(CARDS, vase=0.005) == 1.0
+    assert earned(CARDS, vase=0.02) == 0.0
