@@ -9,6 +9,7 @@ from core.hooks import hookimpl
 def tasks() -> Mapping[str, str]:
     return {
         "LeverStone": "tasks.hardtoolbench.lever_stone:LeverStone",
+        "LidAndBall": "tasks.hardtoolbench.lid_and_ball:LidAndBall",
         "OpenLatch": "tasks.hardtoolbench.open_latch:OpenLatch",
         "TurnDisc": "tasks.hardtoolbench.turn_disc:TurnDisc",
     }
