@@ -11,10 +11,10 @@ from core.layouts import around
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
 from tasks.assets import board, round_wall
 
-POT_RADIUS, POT_HEIGHT, WALL, FLOOR = 0.12, 0.11, 0.006, 0.006
+POT_RADIUS, POT_HEIGHT, WALL, FLOOR = 0.105, 0.16, 0.006, 0.006
 CUP_RADIUS, CUP_HEIGHT = 0.009, 0.04  # of the post in the pot, above its floor; its top is a ring
 BALL_RADIUS = 0.026
-LID_RADIUS, LID_THICKNESS = 0.132, 0.008
+LID_RADIUS, LID_THICKNESS = 0.118, 0.008
 BRIDGE, BRIDGE_HEIGHT = 0.08, 0.04  # the lid's handle, a bar on two posts
 BOWL_RADIUS, BOWL_HEIGHT = 0.045, 0.035
 GENTLE = (0.4, 0.8)  # m/s; up to the first the lid was put down, from the second on dropped
@@ -60,7 +60,7 @@ class LidAndBall(Task):
     """Take the lid off a pot, put it down, and bring the ball that stands inside to a bowl.
 
     Task: the lid must be put down on the table, and the ball end in the bowl.
-    Layouts: in ``near`` the pot moves and turns a little; in ``wide`` pot and bowl stand anywhere in front of the robot,
+    Layouts: in ``near`` the pot moves and turns a little; in ``wide`` pot and bowl stand anywhere before the robot,
     the lid is turned, and lid and ball are lighter or heavier, smoother or rougher.
     Success: the lid lies flat on the table, clear of the pot, and never fell faster than 0.4 m/s; the ball rests in the
     bowl.
@@ -68,14 +68,19 @@ class LidAndBall(Task):
 
     name = "LidAndBall"
     description = (
-        "A pot is fixed on the table, 0.24 m wide inside and 0.11 m high, with a loose flat lid on it, 0.264 m across. "
-        "The lid, 0.25 to 0.5 kg, has a bridge as handle: a bar of 80 mm length and 8 mm square along the lid's y axis, "
-        "on two posts, with 32 mm of room below it. Inside the pot a ball of 52 mm diameter stands on a post 18 mm thick, "
-        "whose top is 46 mm above the table. Take the lid off and put it down flat on the table, clear of the pot; it must "
-        "not fall faster than 0.4 m/s. Then take the ball out and leave it in the clay bowl, 90 mm wide and 35 mm high."
+        "A pot is fixed on the table, 0.21 m wide inside, too narrow for the hand, and 0.16 m high, with a loose "
+        "flat lid on it, 0.236 m across. The lid, 0.25 to 0.5 kg, has a bridge as handle: a bar of 80 mm length and "
+        "8 mm square along the lid's y axis, on two posts, with 32 mm of room below it. Inside the pot a ball of 52 "
+        "mm diameter stands on a post 18 mm thick, whose top is 46 mm above the table. Take the lid off and put it "
+        "down flat on the table, clear of the pot; it must not fall faster than 0.4 m/s. Then take the ball out and "
+        "leave it in the clay bowl, 90 mm wide and 35 mm high."
     )
     goals = (
-        Goal(bodies=("lid",), at="pot", away=0.25, keep=()),
+        Goal(
+            bodies=("lid",),
+            at="pot",
+            away=0.25,
+        ),
         Goal(bodies=("ball",), at="bowl", place=(0.0, 0.0, None), tolerance=0.02, rest=True),
     )
     every = True
@@ -116,14 +121,15 @@ class LidAndBall(Task):
         )
 
     def reward(self, start: State, end: State, trace: Trace) -> Array:
-        """0.4 for the lid put down, and as much more for the ball's way to the bowl as the lid is worth."""
+        """0.25 for the lid put down; the rest for the way of a ball that is out of the pot, if the lid counts."""
         aside = np.linalg.norm((end.position("lid") - end.position("pot"))[..., :2], axis=-1)
         flat = rotate(end.quaternion("lid"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.99
-        down = end.position("lid")[..., 2] < LID_THICKNESS / 2 + 0.003
+        down = np.abs(end.position("lid")[..., 2] - LID_THICKNESS / 2) < 0.003
         fell = (-trace.states.linear_velocity("lid")[..., 2]).max(axis=-1)
         off = np.interp(aside, (0.13, 0.25), (0.0, 1.0)) * flat * down * np.interp(fell, GENTLE, (1.0, 0.0))
         left, way = (np.linalg.norm(state.position("ball") - state.position("bowl"), axis=-1) for state in (end, start))
-        speed = np.linalg.norm(end.linear_velocity("ball"), axis=-1)
-        there = np.clip(1 - np.maximum(left - BOWL_RADIUS, 0.0) / way, 0.0, 1.0) * (speed < 0.05)
-        reward: Array = off * (0.4 + 0.6 * there)
+        out = np.linalg.norm((end.position("ball") - end.position("pot"))[..., :2], axis=-1) > POT_RADIUS + WALL
+        still = np.linalg.norm(end.linear_velocity("ball"), axis=-1) < 0.05
+        there = np.clip(1 - np.maximum(left - BOWL_RADIUS, 0.0) / way, 0.0, 1.0) * out * still
+        reward: Array = off * (0.25 + 0.75 * there)
         return reward
