@@ -12,6 +12,7 @@ def tasks() -> Mapping[str, str]:
         "HangRing": "tasks.hardtoolbench.hang_ring:HangRing",
         "InsertPlug": "tasks.hardtoolbench.insert_plug:InsertPlug",
         "LeverStone": "tasks.hardtoolbench.lever_stone:LeverStone",
+        "LidAndBall": "tasks.hardtoolbench.lid_and_ball:LidAndBall",
         "OpenLatch": "tasks.hardtoolbench.open_latch:OpenLatch",
         "PastGlasses": "tasks.hardtoolbench.past_glasses:PastGlasses",
         "StopCart": "tasks.hardtoolbench.stop_cart:StopCart",
