@@ -300,9 +300,9 @@ class EvolutionStrategy(ABC):
         self.budget = budget
         self.tie = tie
 
-    def goes_on(self, generation: int) -> bool:
+    def goes_on(self, generation: int, budget: Budget) -> bool:
         """Report whether there is a generation of this number, from 0; by default up to ``budget.n_iteration``."""
-        return generation <= self.budget.n_iteration
+        return generation <= budget.n_iteration
 
     @abstractmethod
     def ask(self) -> Iterator[Candidate]:

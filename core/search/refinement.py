@@ -11,7 +11,7 @@ from cmaes import SepCMA
 from core.design import Candidate, Evaluation, best_first, best_tools
 from core.errors import UsageError
 from core.geometry import Array
-from core.interfaces import Designer, EvolutionStrategy, Numbers
+from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers
 
 POPULATION = 12  # candidates that a start is given at a time
 STARTS = (4, 2, 1)  # candidates that are refined side by side, and go on: the best half of them each time
@@ -58,10 +58,10 @@ class Refinement(EvolutionStrategy):
         self._searches: list[_Search] | None = None  # until the other strategy has come to its end
         self._spent, self._generation = 0, 0
 
-    def goes_on(self, generation: int) -> bool:
+    def goes_on(self, generation: int, budget: Budget) -> bool:
         """Report whether the other strategy goes on, or rollouts are left."""
         if self._searches is None:
-            return self._strategy.goes_on(generation)
+            return self._strategy.goes_on(generation, budget)
         return bool(self._searches) and self._spent + POPULATION * len(self._searches) <= self._rollouts
 
     def ask(self) -> Iterator[Candidate]:
@@ -76,7 +76,7 @@ class Refinement(EvolutionStrategy):
         if self._searches is None:
             self._earlier += evaluations
             self._strategy.tell(evaluations)
-            if not self._strategy.goes_on(self._generation):
+            if not self._strategy.goes_on(self._generation, self.budget):
                 self._searches = self._started()
             return
         self._spent += len(evaluations)
