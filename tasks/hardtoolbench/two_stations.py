@@ -14,13 +14,8 @@ BAY_WIDTH, BAY_HEIGHT, BAY_LENGTH = 0.11, 0.095, 0.22  # inside
 HANDLE, TOP, GAP, BAR = 0.09, 0.05, 0.024, 0.012  # x and height of the handle; behind it; thickness
 PULLED, END = 0.08, 0.1  # of the drawer's way, m
 
-STEEL, GLASS, RED, BLUE, WOOD = (
-    (0.48, 0.50, 0.54, 1.0),
-    (0.62, 0.80, 0.86, 0.35),
-    (0.80, 0.20, 0.17, 1.0),
-    (0.20, 0.38, 0.70, 1.0),
-    (0.66, 0.47, 0.29, 1.0),
-)
+STEEL, GLASS, WOOD = (0.48, 0.50, 0.54, 1.0), (0.62, 0.80, 0.86, 0.35), (0.66, 0.47, 0.29, 1.0)
+RED, BLUE = (0.80, 0.20, 0.17, 1.0), (0.20, 0.38, 0.70, 1.0)
 
 
 def tube(mouth: Pose) -> Body:
@@ -50,10 +45,10 @@ def cabinet(pose: Pose) -> Body:
 
 
 def drawer(pose: Pose, mass: float) -> Body:
-    """A block with two arms that bear the roller; its frame is on top of the roller, in its middle."""
-    front, height = BAR / 2 + GAP, 0.07
+    """A block with two arms below the roller; its frame is on top of the roller, in its middle."""
+    front, height = BAR / 2 + GAP, BAY_HEIGHT - 0.007  # nothing gets between it and the canopy
     parts = (
-        *(board((BAR + GAP, 0.008, BAR), (GAP / 2, side * 0.036, -BAR / 2), BLUE) for side in (-1, 1)),
+        *(board((front, 0.008, 0.02), (front / 2, side * 0.03, -BAR - 0.012), BLUE) for side in (-1, 1)),
         board((0.09, 0.1, height), (front + 0.045, 0.0, height / 2 + 0.003 - TOP), RED),
     )
     return Body("drawer", pose, mass, parts, parts)
@@ -61,7 +56,7 @@ def drawer(pose: Pose, mass: float) -> Body:
 
 def roller(drawer: Pose) -> Body:
     """The handle, which turns freely, so that friction on top of it pulls nothing."""
-    shape = Geom(Cylinder(BAR / 2, 0.062), Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi / 2, 0.0, 0.0)), BLUE)
+    shape = Geom(Cylinder(BAR / 2, 0.1), Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi / 2, 0.0, 0.0)), BLUE)
     return Body("roller", drawer @ Pose.xyz_rpy((0.0, 0.0, -BAR / 2)), 0.05, (shape,), (shape,))
 
 
@@ -79,7 +74,7 @@ class TwoStations(Task):
         "At the robot's left a square tube is fixed on a post, 24 mm wide and 30 mm high inside; its frame is in its "
         "mouth, its axis along x of the frame, away from the robot. A button is 60 to 90 mm deep in it; its frame is "
         "in the middle of its face. Press it in by 25 mm: it stays. At the robot's right stands a cabinet. The handle "
-        "of its drawer is a roller that turns freely, 12 mm thick and 60 mm long along y, 24 mm in front of the "
+        "of its drawer is a roller that turns freely, 12 mm thick and 100 mm long along y, 24 mm in front of the "
         "drawer; the drawer's frame is on top of the roller, in its middle, 50 mm above the table. The roller's axis "
         "is 90 mm behind the front edge of the cabinet's walls, which are 110 mm apart, and of its canopy, 95 mm "
         "above the table. Pull the drawer by 80 mm toward the robot, along -x of its frame. Each needs 3 to 8 N. One "
@@ -112,31 +107,18 @@ class TwoStations(Task):
         draw = self.draw(seed)
         mouth = draw.pose("tube", (0.56, 0.2, 0.0)) @ Pose.xyz_rpy((0.0, 0.0, draw("tube.height", 0.18)))
         stands = draw.pose("cabinet", (0.54, -0.2, 0.0))
+        depth, mass = draw("button.depth", 0.075), draw("drawer.mass", 0.5)
+        stiff, heavy = draw("button.friction", 5.0), draw("drawer.friction", 5.0)
         face = board((0.03, 0.022, 0.028), (0.015, 0.0, 0.0), RED)
-        depth = draw("button.depth", 0.075)
         button = Body("button", mouth @ Pose.xyz_rpy((depth, 0.0, 0.0)), 0.03, (face,), (face,))
-        drawn = drawer(stands @ Pose.xyz_rpy((HANDLE, 0.0, TOP)), draw("drawer.mass", 0.5))
-        ways = {
-            "button": ("tube", (1.0, 0.0, 0.0), STOP),
-            "drawer": ("cabinet", (-1.0, 0.0, 0.0), END),
-        }
-        joints = tuple(
-            Joint(
-                name,
-                "slider",
-                name,
-                parent=parent,
-                axis=axis,
-                lower=0.0,
-                upper=upper,
-                damping=5.0,
-                friction=draw(f"{name}.friction", 5.0),
-            )
-            for name, (parent, axis, upper) in ways.items()
+        drawn = drawer(stands @ Pose.xyz_rpy((HANDLE, 0.0, TOP)), mass)
+        forward, back = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
+        joints = (
+            Joint("button", "slider", "button", "tube", forward, upper=STOP, lower=0.0, damping=5.0, friction=stiff),
+            Joint("drawer", "slider", "drawer", "cabinet", back, upper=END, lower=0.0, damping=5.0, friction=heavy),
+            Joint("roller", "hinge", "roller", "drawer", (0.0, 1.0, 0.0), damping=1e-4),
         )
-        turns = Joint("roller", "hinge", "roller", parent="drawer", axis=(0.0, 1.0, 0.0), damping=1e-4)
-        bodies = (tube(mouth), button, cabinet(stands), drawn, roller(drawn.pose))
-        return Scene((floor(), table(), *bodies), (*joints, turns))
+        return Scene((floor(), table(), tube(mouth), button, cabinet(stands), drawn, roller(drawn.pose)), joints)
 
     def reward(self, start: State, end: State) -> Array:
         """Half for each: the share of the way of the button, and of the drawer."""
