@@ -11,10 +11,10 @@ from core.layouts import around
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
 from tasks.assets import board, round_wall
 
-POT_RADIUS, POT_HEIGHT, WALL, FLOOR = 0.105, 0.16, 0.006, 0.006
+POT_RADIUS, POT_HEIGHT, WALL, FLOOR = 0.095, 0.16, 0.006, 0.006
 CUP_RADIUS, CUP_HEIGHT = 0.009, 0.04  # of the post in the pot, above its floor; its top is a ring
-BALL_RADIUS = 0.026
-LID_RADIUS, LID_THICKNESS = 0.118, 0.008
+BALL_RADIUS = 0.022
+LID_RADIUS, LID_THICKNESS = 0.108, 0.008
 BRIDGE, BRIDGE_HEIGHT = 0.08, 0.04  # the lid's handle, a bar on two posts
 BOWL_RADIUS, BOWL_HEIGHT = 0.045, 0.035
 GENTLE = (0.4, 0.8)  # m/s; up to the first the lid was put down, from the second on dropped
@@ -68,8 +68,8 @@ class LidAndBall(Task):
 
     name = "LidAndBall"
     description = (
-        "A pot is fixed on the table, 0.21 m wide inside, too narrow for the hand, and 0.16 m high, with a loose "
-        "flat lid on it, 0.236 m across. The lid, 0.25 to 0.5 kg, has a bridge as handle: a bar of 80 mm length and "
+        "A pot is fixed on the table, 0.19 m wide inside, too narrow for the hand, and 0.16 m high, with a loose "
+        "flat lid on it, 0.216 m across. The lid, 0.25 to 0.5 kg, has a bridge as handle: a bar of 80 mm length and "
         "8 mm square along the lid's y axis, on two posts, with 32 mm of room below it. Inside the pot a ball of 52 "
         "mm diameter stands on a post 18 mm thick, whose top is 46 mm above the table. Take the lid off and put it "
         "down flat on the table, clear of the pot; it must not fall faster than 0.4 m/s. Then take the ball out and "
