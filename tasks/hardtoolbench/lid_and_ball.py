@@ -120,8 +120,9 @@ class LidAndBall(Task):
             )
         )
 
-    def reward(self, start: State, end: State, trace: Trace) -> Array:
+    def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """0.25 for the lid put down; the rest for the way of a ball that is out of the pot, if the lid counts."""
+        assert trace is not None
         aside = np.linalg.norm((end.position("lid") - end.position("pot"))[..., :2], axis=-1)
         flat = rotate(end.quaternion("lid"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.99
         down = np.abs(end.position("lid")[..., 2] - LID_THICKNESS / 2) < 0.003
