@@ -34,7 +34,7 @@ def call(folder, command, *words):
 # --- mistakes ---------------------------------------------------------------------------------------------------
 
 MISTAKES = [
-    ("run", ["task=OneBok"], "no task 'OneBok' (did you mean 'OneBook'?); possible: BringCube, "),
+    ("run", ["task=OneBok"], "no task 'OneBok' (did you mean 'OneBook'?); possible: AroundCorner, "),
     ("run", ["sim=bullet"], "no sim 'bullet' (did you mean 'pybullet'?); possible: "),
     ("run", ["task.tool_kinds=[rigd]"], "no tool kind 'rigd' in task.tool_kinds (did you mean 'rigid'?); possible: "),
     ("run", ["vlm=oracle"], "no vlm 'oracle'; possible: anthropic, "),
