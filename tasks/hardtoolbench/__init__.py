@@ -11,4 +11,5 @@ def tasks() -> Mapping[str, str]:
         "PastGlasses": "tasks.hardtoolbench.past_glasses:PastGlasses",
         "StopCart": "tasks.hardtoolbench.stop_cart:StopCart",
         "SweepCards": "tasks.hardtoolbench.sweep_cards:SweepCards",
+        "PourGrains": "tasks.hardtoolbench.pour_grains:PourGrains",
     }
