@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -75,15 +76,15 @@ class Result:
     """The result of a run: its generations, and how long it took.
 
     ``stopped`` says what cut the run short, a limit that was reached or `INTERRUPTED`; then the last generation may
-    lack candidates. None: it came to its end. ``tie`` is as in `Generation`. ``unseen`` are the rewards of the best
-    candidate in trials that the search never saw, if the fitness has any.
+    lack candidates. None: it came to its end. ``tie`` is as in `Generation`. ``unseen`` are, by engine, the rewards of
+    the best candidate in trials that the search never saw, if the fitness has any.
     """
 
     generations: tuple[Generation, ...]
     wall_time_s: float
     stopped: str | None = None
     tie: float = TIE
-    unseen: tuple[float, ...] = ()
+    unseen: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @cached_property
     def ranking(self) -> list[Evaluation]:

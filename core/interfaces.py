@@ -35,6 +35,8 @@ from core.messages import Message as Message
 from core.messages import Picture as Picture
 from core.messages import Reply as Reply
 from core.messages import Text as Text
+from core.numbers import Numbers as Numbers
+from core.numbers import Variable
 from core.observations import Contact as Contact
 from core.observations import Observation as Observation
 from core.observations import observation as observation
@@ -166,7 +168,7 @@ class VLM(ABC):
         """
 
 
-class ToolRepresentation(ABC):
+class ToolRepresentation(Variable[Tool], ABC):
     """How a model writes a tool: the fields of a design that describe the tool, and how they are read."""
 
     robot: Robot | None = None  # the arm that tools are for; the program sets it before `parse`
@@ -206,7 +208,7 @@ class ToolRepresentation(ABC):
         return None
 
 
-class ActionRepresentation(ABC):
+class ActionRepresentation(Variable[ActionPlan], ABC):
     """How a model writes an action plan, and how that is read."""
 
     @abstractmethod
@@ -297,6 +299,10 @@ class EvolutionStrategy(ABC):
         self.designer = designer
         self.budget = budget
         self.tie = tie
+
+    def goes_on(self, generation: int, budget: Budget) -> bool:
+        """Report whether there is a generation of this number, from 0; by default up to ``budget.n_iteration``."""
+        return generation <= budget.n_iteration
 
     @abstractmethod
     def ask(self) -> Iterator[Candidate]:

@@ -25,6 +25,7 @@ class Material:
         friction: of a rigid tool; None: what the tool has, by default 0.5.
         young_pa: Young's modulus, by which tools bend.
         strength_pa: the largest stress that is allowed; None: any.
+        most_g: the budget of material: how much a tool may weigh in all; None: what the arm carries.
 
     Raises:
         UsageError: a number is not finite, or out of its range.
@@ -37,9 +38,10 @@ class Material:
     friction: float | None = None
     young_pa: float = STEEL_PA
     strength_pa: float | None = None
+    most_g: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("density_kg_m3", "young_pa", "strength_pa"):
+        for name in ("density_kg_m3", "young_pa", "strength_pa", "most_g"):
             value = getattr(self, name)
             if value is not None and not 0 < value < math.inf:
                 raise UsageError(f"material.{name} must be positive and finite, got {value}")

@@ -1,11 +1,12 @@
 """Make the contents of the pages: ``python docs/build.py pictures``, ``scene``, ``diagrams``, ``notebook``, ``arm``,
-``prompts``, ``ranges``, ``tempo``, ``table``.
+``prompts``, ``ranges``, ``strips``, ``tempo``, ``table``.
 
 Pictures: a still and a film of the reference solution for each task, and a sheet of all stills. Scene: the pictures of
 ``docs/writing_a_scene.md``, from the task in its code. Diagrams: those of ``docs/diagrams.py``. Notebook: runs
 ``docs/example.ipynb`` and keeps the outputs of its cells. Arm: the sheet of ``docs/arm.md``. Prompts: the
-sizes and the whole prompt of ``docs/prompts.md``. Ranges: the table of ``docs/layouts.md``. Tempo: peak speeds in a
-strike and a throw, for ``docs/designs.md``. Table (takes hours): the
+sizes and the whole prompt of ``docs/prompts.md``. Ranges: the tables of what varies, of both sets of tasks. Strips: a
+picture for each task of HardToolBench, six instants of the reference solution. Tempo: peak speeds in a strike and a
+throw, for ``docs/designs.md``. Table (takes hours): the
 rewards of doing nothing, the reference solution, the embedded designer and the bare gripper, written into
 ``docs/tasks.md``.
 """
@@ -31,17 +32,19 @@ from core.design import Candidate, Tool
 from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.interfaces import RolloutSettings, Waypoints
+from core.interfaces import Perception, RolloutSettings, Waypoints
 from core.layouts import describe_ranges
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
-from core.simulation.pictures import save_film
+from core.simulation.pictures import draw_strip, save_film
 from core.simulation.rollout import evaluate_batch
 from docs import prompt_page
 from docs.diagrams import DRAWINGS
+from plugins.fitness.layouts.fitness import UNSEEN
+from tests.benchmarks import layouts
 from tests.panda import on_panda
 from tests.plugins.actions.test_strike import Strike, swing
 from tests.plugins.actions.test_throw import Throw, throw
@@ -223,10 +226,25 @@ def tempo(file: Path) -> None:
     figure.savefig(file)
 
 
-def ranges() -> str:
+def tasks_of(plugin: str) -> list[str]:
+    """List the tasks that a plugin offers."""
+    return [name for (kind, name), of in installed().offers.items() if kind == "task" and of.entry_point == plugin]
+
+
+def strips(names: list[str]) -> None:
+    """Draw the reference solutions of HardToolBench in a layout of the test."""
+    simulator, settings = installed().create("sim", "mujoco"), RolloutSettings(perception=Perception(0.002, 0.01))
+    for name in names:
+        task, candidate = installed().create("task", name, variation="wide"), layouts.designs(name, settings, "pla")
+        strip = draw_strip(task, simulator, candidate["anchored"], UNSEEN, settings)
+        Image.fromarray(strip).quantize(128).save(IMAGES / f"{name}.png", optimize=True)
+        print(name, flush=True)
+
+
+def ranges(plugin: str) -> str:
     """Write what the variations of each task draw, as a table."""
     rows = ["", "| task | `near` | `wide` |", "|---|---|---|"]
-    for name in installed().ready("task"):
+    for name in tasks_of(plugin):
         of = installed().create("task", name).variations
         rows.append(f"| {name} | {' | '.join(describe_ranges(of[variation]) for variation in ('near', 'wide'))} |")
     return "\n".join(rows) + "\n\n"
@@ -271,15 +289,30 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "what", choices=["pictures", "scene", "diagrams", "notebook", "arm", "prompts", "ranges", "tempo", "table"]
+        "what",
+        choices=[
+            "pictures",
+            "scene",
+            "diagrams",
+            "notebook",
+            "arm",
+            "prompts",
+            "ranges",
+            "strips",
+            "tempo",
+            "table",
+        ],
     )
-    parser.add_argument("--tasks", nargs="*", default=installed().ready("task"))
+    parser.add_argument("--tasks", nargs="*")
     parser.add_argument("--seeds", nargs="*", type=int, default=[0, 1, 2])
     parser.add_argument("--gripper-seeds", nargs="*", type=int, default=[0, 1, 2])
     parser.add_argument("--output", type=Path, default=Path("table.json"))
     given = parser.parse_args()
+    tasks = given.tasks or tasks_of("robotoolbench")
     if given.what == "pictures":
-        pictures(given.tasks)
+        pictures(tasks)
+    elif given.what == "strips":
+        strips(given.tasks or tasks_of("hardtoolbench"))
     elif given.what == "scene":
         scene(DOCS / "images" / "scene")
     elif given.what == "diagrams":
@@ -293,11 +326,12 @@ def main() -> None:
     elif given.what == "tempo":
         tempo(DOCS / "images" / "tempo.png")
     elif given.what == "ranges":
-        fill(DOCS / "layouts.md", ranges())
+        fill(DOCS / "layouts.md", ranges("robotoolbench"))
+        fill(DOCS / "hardtoolbench.md", ranges("hardtoolbench"))
     elif given.what == "notebook":
         notebook(DOCS / "example.ipynb")
     else:
-        table(given.tasks, given.seeds, given.gripper_seeds, given.output)
+        table(tasks, given.seeds, given.gripper_seeds, given.output)
 
 
 if __name__ == "__main__":

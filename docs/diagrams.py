@@ -20,6 +20,7 @@ FLOORS = {
         "text",
         "secrets",
         "geometry",
+        "numbers",
         "shapes",
         "joints",
         "states",
@@ -57,7 +58,7 @@ FLOORS = {
     ),
 }
 PARTS = {
-    "task": "RoboToolBench's twelve, file",
+    "task": "RoboToolBench, HardToolBench, file",
     "robot": "panda, ur5, ...",
     "sim": "pybullet, sapien, mujoco",
     "vlm": "gemini, openai, ... or offline",

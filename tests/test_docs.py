@@ -182,9 +182,10 @@ def test_the_prompt_in_the_docs_is_what_is_sent():
     assert int(sizes["first sampling"].replace(",", "")) <= 6500
 
 
-def test_the_ranges_in_the_docs_are_those_of_the_tasks():
-    text = (ROOT / "docs/layouts.md").read_text()
-    assert text.partition("<!-- table -->\n")[2].startswith(build.ranges()), "python docs/build.py ranges"
+@pytest.mark.parametrize(("page", "plugin"), [("layouts", "robotoolbench"), ("hardtoolbench", "hardtoolbench")])
+def test_the_ranges_in_the_docs_are_those_of_the_tasks(page, plugin):
+    text = (ROOT / f"docs/{page}.md").read_text()
+    assert text.partition("<!-- table -->\n")[2].startswith(build.ranges(plugin)), "python docs/build.py ranges"
 
 
 @pytest.mark.slow

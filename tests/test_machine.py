@@ -19,34 +19,16 @@ from core.scratch import scratch
 from core.simulation.rollout import evaluate_batch
 from tests.disks import mount
 from tests.engines import every_simulator, simulator
+from tests.processes import SMALL, family, finished, go_on, left_in, start, stored, temporary_in, wait_until
 from tests.test_resume import assert_same_run
-from tests.test_signals import SMALL, all_gone, family, finished, go_on, start, stored, wait_until
 
 pytestmark = pytest.mark.slow
 
 
 def begin(folder, temporary, *words):
     """Start a run whose temporary files go to another folder."""
-    temporary.mkdir(exist_ok=True)
     words = [*SMALL, f"hydra.run.dir={folder}", "executor.workers=2", *words]
-    return start(folder.parent, "run", *words, env=os.environ | {"TMPDIR": str(temporary)})
-
-
-def left_in(folder):
-    """Return what is still there after a while."""
-    deadline = time.monotonic() + 20
-    while (found := list(folder.iterdir())) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return found
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("whole")
-    code, _, err = finished(begin(folder / "run", folder / "temporary"))
-    assert code == 0, err
-    assert not list((folder / "temporary").iterdir())
-    return folder / "run"
+    return start(folder.parent, "run", *words, env=temporary_in(temporary))
 
 
 def emptied(folder):
@@ -54,14 +36,14 @@ def emptied(folder):
         shutil.rmtree(entry, ignore_errors=True)
 
 
-def test_a_temporary_folder_that_is_cleaned_changes_nothing(whole, tmp_path):
+def test_a_temporary_folder_that_is_cleaned_changes_nothing(undisturbed, tmp_path):
     run = begin(tmp_path / "run", tmp_path / "temporary")
     wait_until(lambda: stored(tmp_path / "run") > 0, run)
     emptied(tmp_path / "temporary")
     code, _, err = finished(run)
     assert code == 0, err
     assert not left_in(tmp_path / "temporary")
-    assert_same_run(tmp_path / "run", whole)
+    assert_same_run(tmp_path / "run", undisturbed)
 
 
 @every_simulator
@@ -86,7 +68,7 @@ def test_an_engine_whose_files_are_deleted_writes_them_again(engine):
     assert tried() == first
 
 
-def test_a_disk_that_is_full_ends_the_run_and_it_goes_on(whole, disk):
+def test_a_disk_that_is_full_ends_the_run_and_it_goes_on(undisturbed, disk):
     folder = disk.parent / "run"
     mount("-t", "tmpfs", "-o", "size=2m", "tests", str(disk))
     run = begin(folder, disk)
@@ -102,7 +84,7 @@ def test_a_disk_that_is_full_ends_the_run_and_it_goes_on(whole, disk):
     assert line.endswith(f"to go on: python -m core.run resume={folder}")
     assert "failed" not in statuses(folder)
     go_on(folder)
-    assert_same_run(folder, whole)
+    assert_same_run(folder, undisturbed)
 
 
 def statuses(folder):
@@ -110,7 +92,7 @@ def statuses(folder):
     return [status for (status,) in sqlite3.connect(file).execute("SELECT status FROM evaluations")]
 
 
-def test_a_worker_that_is_killed_changes_nothing(whole, tmp_path):
+def test_a_worker_that_is_killed_changes_nothing(undisturbed, tmp_path):
     folder = tmp_path / "run"
     run = begin(folder, tmp_path / "temporary")
     wait_until(lambda: stored(folder) > 0, run)
@@ -120,7 +102,7 @@ def test_a_worker_that_is_killed_changes_nothing(whole, tmp_path):
     if code != 0:  # killed at every start
         assert "something else sent it SIGKILL" in err
         go_on(folder)
-    assert_same_run(folder, whole)
+    assert_same_run(folder, undisturbed)
     assert not left_in(tmp_path / "temporary")
 
 
@@ -129,15 +111,3 @@ def workers(run):
     ours = set(family(run))
     rows = [line.split(maxsplit=1) for line in done.stdout.splitlines()]
     return [int(pid) for pid, words in rows if int(pid) in ours and "spawn_main" in words]
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_a_run_that_is_ended_leaves_no_temporary_files(number, tmp_path):
-    run = begin(tmp_path / "run", tmp_path / "temporary")
-    wait_until(lambda: stored(tmp_path / "run") > 0, run)
-    processes = family(run)
-    assert list((tmp_path / "temporary").iterdir())
-    run.send_signal(number)
-    finished(run)
-    assert all_gone(processes)
-    assert not left_in(tmp_path / "temporary")

@@ -1,4 +1,4 @@
-"""Real runs that are interrupted, terminated and killed: their messages, leftover processes, and how they go on."""
+"""Real runs that are interrupted, terminated and killed: their messages, what they leave, and how they go on."""
 
 import contextlib
 import json
@@ -7,102 +7,32 @@ import pty
 import re
 import shlex
 import signal
-import sqlite3
 import subprocess
 import sys
 import threading
-import time
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from tests.processes import (
+    PATIENCE_S,
+    SMALL,
+    all_gone,
+    family,
+    finished,
+    go_on,
+    left_in,
+    start,
+    stored,
+    temporary_in,
+    wait_until,
+)
 from tests.test_resume import assert_same_run
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
-SMALL = [
-    "task=BringCube",
-    "budget.n_agent=1",
-    "budget.n_tool=2",
-    "budget.n_action=3",
-    "budget.n_iteration=1",
-    "film=false",
-    "seed=5",
-    "listener=[progress]",
-]
 POINTS = int(os.environ.get("VLMGINEER_REAL_KILLS", "0"))
-PATIENCE_S = 180
-
-
-def start(folder, command, *words, **settings):
-    """Start ``python -m core.COMMAND words...`` in its own process group."""
-    words = [sys.executable, "-m", f"core.{command}", *words]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **settings}
-    return subprocess.Popen(words, cwd=folder, text=True, start_new_session=True, **pipes)
-
-
-def stored(folder):
-    """Return the number of stored candidates."""
-    try:
-        with closing(sqlite3.connect(f"file:{folder / 'run.sqlite'}?mode=ro", uri=True)) as database:
-            return database.execute("SELECT count(*) FROM evaluations").fetchone()[0]
-    except sqlite3.Error:
-        return 0
-
-
-def wait_until(what, process):
-    deadline = time.monotonic() + PATIENCE_S
-    while not what():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-
-
-def living():
-    """Return the parent of every process that is no zombie."""
-    done = subprocess.run(["ps", "-A", "-o", "pid=,ppid=,stat="], capture_output=True, text=True, check=True)
-    rows = [line.split() for line in done.stdout.splitlines()]
-    return {int(own): int(parent) for own, parent, state in rows if state[0] != "Z"}
-
-
-def family(process):
-    """Return a process and its descendants."""
-    parents, found = living(), [process.pid]
-    for one in found:
-        found += [own for own, parent in parents.items() if parent == one]
-    return found
-
-
-def all_gone(pids):
-    """Wait for processes to end; report whether they did within 20 s."""
-    deadline = time.monotonic() + 20
-    while set(pids) & set(living()) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return not set(pids) & set(living())
-
-
-def finished(process):
-    """Wait for the end; return exit code, standard output and standard error."""
-    out, err = process.communicate(timeout=PATIENCE_S)
-    assert "Traceback" not in err
-    return process.returncode, out, err
-
-
-def go_on(folder, *words):
-    code, out, err = finished(start(folder.parent, "run", f"resume={folder}", *words))
-    assert code == 0, err
-    return out
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """A run without interruption."""
-    folder = tmp_path_factory.mktemp("whole") / "run"
-    code, _, err = finished(start(folder.parent, "run", *SMALL, f"hydra.run.dir={folder}"))
-    assert code == 0, err
-    return folder
 
 
 # --- Ctrl-C -----------------------------------------------------------------------------------------------------
@@ -114,7 +44,7 @@ class Terminal:
     def __init__(self, folder, *words):
         self.ours, theirs = pty.openpty()
         command = [sys.executable, "-m", "core.run", *words]
-        environment = os.environ | {"TERM": "xterm", "COLUMNS": "200"}
+        environment = temporary_in(folder / "temporary") | {"TERM": "xterm", "COLUMNS": "200"}
         self.run = subprocess.Popen(command, cwd=folder, env=environment, preexec_fn=lambda: os.login_tty(theirs))
         os.close(theirs)
         self.said = b""
@@ -137,16 +67,18 @@ class Terminal:
         return code, self.said.decode()
 
 
-def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(whole, tmp_path):
-    folder = tmp_path / "a run"
+def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(undisturbed, tmp_path):
+    folder, temporary = tmp_path / "a run", tmp_path / "temporary"
     terminal = Terminal(tmp_path, *SMALL, f"hydra.run.dir='{folder}'")
     wait_until(lambda: stored(folder) > 0, terminal.run)
     processes = family(terminal.run)
     assert len(processes) > 1
+    assert list(temporary.iterdir())
     terminal.type(b"\x03")
     code, said = terminal.end()
     assert code == 130
     assert all_gone(processes)
+    assert not left_in(temporary)
     assert "Traceback" not in said
     assert "generation 0" in said  # the bar; it is wiped out, and the cursor is given back
     assert said.rindex("\x1b[?25h") > said.rindex("\x1b[?25l")
@@ -158,9 +90,11 @@ def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(whole, tmp_path):
 
     command = shlex.split(last.partition("python -m ")[2])
     assert command == ["core.run", f"resume={folder}"]
-    kill(start(tmp_path, "run", *command[1:], "executor.workers=1"), folder, stored(folder))
+    run = start(tmp_path, "run", *command[1:], "executor.workers=1", env=temporary_in(temporary))
+    kill(run, folder, stored(folder))
+    assert not left_in(temporary)
     assert go_on(folder).splitlines()[-1] == str(folder / "best")
-    assert_same_run(folder, whole)
+    assert_same_run(folder, undisturbed)
 
 
 # --- kill -------------------------------------------------------------------------------------------------------
@@ -177,12 +111,12 @@ def kill(run, folder, more_than):
 
 @pytest.mark.skipif(POINTS == 0, reason="takes a minute for every two; VLMGINEER_REAL_KILLS says how many")
 @pytest.mark.parametrize("point", range(POINTS or 1))
-def test_a_run_whose_process_is_killed_leaves_no_process_and_goes_on(whole, tmp_path, point):
+def test_a_run_whose_process_is_killed_leaves_no_process_and_goes_on(undisturbed, tmp_path, point):
     """With real workers, a real engine and the embedded designer, at different numbers of evaluations."""
     folder = tmp_path / "run"
     kill(start(tmp_path, "run", *SMALL, f"hydra.run.dir={folder}", "executor.workers=2"), folder, point * 12 // POINTS)
     go_on(folder, "executor.workers=2")
-    assert_same_run(folder, whole)
+    assert_same_run(folder, undisturbed)
 
 
 # --- SIGTERM ----------------------------------------------------------------------------------------------------
@@ -210,9 +144,13 @@ def test_an_evaluation_that_is_terminated(tmp_path):
     plans = [[[x + 1e-4 * i, *others] for x, *others in plan] for i in range(400)]
     document["strategies"][0]["action_sets"] = plans
     (tmp_path / "designs.json").write_text(json.dumps(document))
-    run = start(tmp_path, "evaluate", "task=BringCube", "designs=designs.json", "executor.workers=2")
+    temporary = tmp_path / "temporary"
+    words = ["task=BringCube", "designs=designs.json", "executor.workers=2"]
+    run = start(tmp_path, "evaluate", *words, env=temporary_in(temporary))
     wait_until(lambda: len(family(run)) > 2, run)
+    assert list(temporary.iterdir())
     processes = family(run)
     run.send_signal(signal.SIGTERM)
     assert finished(run) == (130, "", "interrupted\n")
     assert all_gone(processes)
+    assert not left_in(temporary)

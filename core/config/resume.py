@@ -19,7 +19,7 @@ from core.errors import UsageError, UserError
 
 GROUPS = ("executor", "listener")
 PARTS = ("executor.", "listener.", "vlm.")
-KEYS = ("film", "budget.n_iteration", "budget.stop_reward")
+KEYS = ("film", "budget.n_iteration", "budget.stop_reward", "evolution.refine")
 
 
 def hydra_config(folder: Path) -> dict[str, Any]:
@@ -60,6 +60,11 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
     if after.budget.n_iteration < before.budget.n_iteration:
         what = "budget.n_iteration of a run that goes on can only be raised"
         raise UsageError(f"{what}; it is {before.budget.n_iteration}")
+    refined = before.evolution.get("refine", 0)
+    if refined and after.evolution.refine != refined:
+        raise UsageError(f"evolution.refine of a run that goes on can't change any more; it is {refined}")
+    if refined and after.budget.n_iteration != before.budget.n_iteration:
+        raise UsageError("budget.n_iteration of a run with evolution.refine can't change: refinement comes last")
     return after
 
 

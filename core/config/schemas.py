@@ -49,31 +49,56 @@ class SceneConfig:
 
 
 @dataclass
-class RunConfig(SceneConfig):
-    """Settings of ``python -m core.run``."""
+class ProtocolConfig:
+    """What all entries of a benchmark have in common.
 
-    vlm: dict[str, Any] = MISSING
+    ``fixed``: the settings that an entry may not change. ``tracks``: the plugin that offers the tasks of each.
+    ``engines`` and ``layouts``: how many unseen layouts the best candidate is tried in, in each engine.
+    """
+
+    name: str = "none"
+    version: int = 0
+    fixed: list[str] = field(default_factory=list)
+    tracks: dict[str, str] = field(default_factory=dict)
+    engines: list[str] = field(default_factory=list)
+    layouts: int = 0
+
+
+@dataclass
+class TrialConfig(SceneConfig):
+    """How candidates are read, tried and judged."""
+
     tool: dict[str, Any] = MISSING
     action: dict[str, Any] = field(default_factory=lambda: {"name": "waypoints"})
-    evolution: dict[str, Any] = MISSING
     fitness: dict[str, Any] = field(default_factory=lambda: {"name": "nominal"})
     executor: dict[str, Any] = MISSING
-    listener: dict[str, Any] = field(default_factory=dict)
+    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    protocol: ProtocolConfig = field(default_factory=ProtocolConfig)
+
+
+@dataclass
+class SearchConfig(TrialConfig):
+    """How candidates are asked for."""
+
+    vlm: dict[str, Any] = MISSING
+    evolution: dict[str, Any] = MISSING
     prompt: PromptConfig = field(default_factory=PromptConfig)
     budget: BudgetConfig = field(default_factory=BudgetConfig)
     sampling: Sampling = field(default_factory=Sampling)
-    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+
+
+@dataclass
+class RunConfig(SearchConfig):
+    """Settings of ``python -m core.run``."""
+
+    listener: dict[str, Any] = field(default_factory=dict)
     film: bool = True
 
 
 @dataclass
-class EvaluateConfig(SceneConfig):
+class EvaluateConfig(TrialConfig):
     """Settings of ``python -m core.evaluate``. ``output``: a JSON file to write as well."""
 
-    tool: dict[str, Any] = MISSING
-    fitness: dict[str, Any] = field(default_factory=lambda: {"name": "nominal"})
-    executor: dict[str, Any] = MISSING
-    rollout: RolloutSettings = field(default_factory=RolloutSettings)
     designs: str = MISSING
     output: str | None = None
 
@@ -122,23 +147,13 @@ ConformanceConfig = make_dataclass(
 
 
 @dataclass
-class ComposeConfig(SceneConfig):
+class ComposeConfig(SearchConfig):
     """Settings of ``python -m core.prompt``.
 
     ``designs``: the file of the elites; ``agent``: the number of the agent that sends the request; ``output``: the
     folder to write.
     """
 
-    vlm: dict[str, Any] = MISSING
-    tool: dict[str, Any] = MISSING
-    action: dict[str, Any] = field(default_factory=lambda: {"name": "waypoints"})
-    evolution: dict[str, Any] = MISSING
-    fitness: dict[str, Any] = MISSING
-    executor: dict[str, Any] = MISSING
-    prompt: PromptConfig = field(default_factory=PromptConfig)
-    budget: BudgetConfig = field(default_factory=BudgetConfig)
-    sampling: Sampling = field(default_factory=Sampling)
-    rollout: RolloutSettings = field(default_factory=RolloutSettings)
     designs: str | None = None
     agent: int = 0
     output: str = "prompt"
@@ -149,12 +164,15 @@ class ReportConfig:
     """Settings of ``python -m core.report``.
 
     ``formats``: the figures' file formats; ``confidence`` and ``resamples`` belong to the bootstrap intervals.
+    ``name``: of what is an entry of a benchmark; ``entries``: results files to compare it with.
     """
 
     output: str = "report"
     formats: list[str] = field(default_factory=lambda: ["png", "svg"])
     confidence: float = 0.95
     resamples: int = 10_000
+    name: str = ""
+    entries: list[str] = field(default_factory=list)
 
 
 @dataclass

@@ -29,7 +29,7 @@ from core.designs.rules import (
     MIN_DENSITY,
     MIN_TOOL_KG,
 )
-from core.designs.weight import describe_weight
+from core.designs.weight import describe_weight, mass_limit
 from core.geometry import Compound, Pose, Shape
 from core.interfaces import Robot
 from core.materials import Material
@@ -81,7 +81,7 @@ def component_rules(robot: Robot, gripper: bool, material: Material, joints: boo
     mounts = Tool(gripper=gripper).mounts
     frame = " or ".join(f"`{mount}`" for mount in mounts)
     if material.density_kg_m3 is None:
-        weight = _MASSES.format(payload=f"{robot.payload_kg:g}")
+        weight = _MASSES.format(payload=f"{mass_limit(robot, material)[0]:g}")
         bend = "even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length"
     else:
         weight = f"{describe_weight(material, robot)}\n- `mass`: 0"

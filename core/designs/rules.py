@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.loose import check_joints
 from core.designs.stiffness import bending, corners
-from core.designs.weight import check_weight
+from core.designs.weight import check_weight, mass_limit
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Robot, Task, ToolRepresentation
@@ -70,9 +70,9 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         if material.density_kg_m3 is None:
             _check_mass(component)
     if material.density_kg_m3 is not None:
-        check_weight(tool, robot)
-    elif tool.mass > robot.payload_kg:
-        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; the arm carries at most {robot.payload_kg:g} kg")
+        check_weight(tool, robot, material)
+    elif tool.mass > (limit := mass_limit(robot, material))[0]:
+        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; {limit[1]}")
     if tool.mass < MIN_TOOL_KG:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed")
     _check_extent(tool)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from core.design import DesignError, Tool
 from core.geometry import mass_properties
 from core.interfaces import Robot
-from core.materials import Material
+from core.materials import PAPER, Material
 from core.robot.frames import open_mounts
 from core.robot.kinematics import arm_of
 
@@ -32,17 +34,25 @@ def flange_moment(tool: Tool, robot: Robot) -> float:
     return GRAVITY * float(np.linalg.norm(weights))
 
 
-def check_weight(tool: Tool, robot: Robot) -> None:
-    """Refuse a tool that is too heavy for an arm, or too far out for its weight.
+def mass_limit(robot: Robot, material: Material) -> tuple[float, str]:
+    """Return how much a tool may weigh, kg, and the reason in words."""
+    most_kg = math.inf if material.most_g is None else material.most_g / 1000
+    if most_kg < robot.payload_kg:
+        return most_kg, f"the budget of material is {most_kg:g} kg"
+    return robot.payload_kg, f"the arm carries at most {robot.payload_kg:g} kg"
+
+
+def check_weight(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
+    """Refuse a tool that is too heavy for an arm or its material's budget, or too far out for its weight.
 
     Raises:
         DesignError: with the figures, and the component that weighs most.
     """
     heaviest = max(tool.components, key=lambda component: component.mass)
     mend = f"component {heaviest.name!r} weighs most, {heaviest.mass:.3g} kg: make parts thinner, shorter or fewer"
-    if tool.mass > robot.payload_kg:
-        most_kg = f"the arm carries at most {robot.payload_kg:g} kg"
-        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; {most_kg}; {mend}")
+    most_kg, why = mass_limit(robot, material)
+    if tool.mass > most_kg:
+        raise DesignError(f"the tool weighs {tool.mass:.3g} kg; {why}; {mend}")
     moment, most = flange_moment(tool, robot), moment_limit(robot)
     if moment > most:
         raise DesignError(
@@ -54,7 +64,7 @@ def check_weight(tool: Tool, robot: Robot) -> None:
 
 def describe_weight(material: Material, robot: Robot) -> str:
     """Write the part of a prompt that says what tools of a real material weigh, and what they may; a list item."""
-    payload, moment = f"{robot.payload_kg:g} kg", f"{moment_limit(robot):g} N m"
+    payload, moment = f"{mass_limit(robot, material)[0]:g} kg", f"{moment_limit(robot):g} N m"
     return f"""\
 - Tools are made of {material.name}, {material.density_kg_m3:g} kg/m^3, {material.filling}. What a component
   weighs follows from its volume; a mass that you write is ignored. The tool may weigh {payload}, and turn the wrist

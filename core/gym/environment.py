@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -19,13 +20,15 @@ from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
-from core.interfaces import Image, Simulator, Task, ToolRepresentation, World
+from core.interfaces import Image, Recording, Simulator, Task, ToolRepresentation, World
 from core.layouts import NONE
 from core.plugins import installed
 from core.robot.kinematics import arm_of
-from core.scene import State
+from core.scene import State, Trace
+from core.simulation.contacts import find_contacts, make_trace
 from core.simulation.playback import begin_motion
 from core.task import reward_of
+from core.traces import TRACE_HZ
 
 ControlMode = Literal["joints", "end_effector"]
 Numbers = npt.NDArray[np.float64]
@@ -50,8 +53,8 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
     quaternions of its M marks and fixed bodies.
 
     The reward of a step is the growth of the task's reward in it, so their sum over an episode is the task's reward at
-    its end. ``info["reward"]`` is the task's reward now. An episode terminates at success. A task whose reward reads a
-    trace can't be stepped.
+    its end. ``info["reward"]`` is the task's reward now. An episode terminates at success. A reward may read the trace
+    of the episode until now, but no forces: steps measure none.
 
     Args:
         task: the task's name.
@@ -103,10 +106,6 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
         self.task: Task = installed().create("task", task, task_settings)
-        if self.task.reads_trace:
-            raise UserError(
-                f"the reward of {task} reads a trace, which steps have none of; use python -m core.evaluate"
-            )
         if robot is not None:
             self.task.robot = robot_part(OmegaConf.create({"name": robot, **(robot_settings or {})})).create()
         if gripper and self.task.robot.gripper is None:
@@ -141,9 +140,13 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         self._world = world = self.simulator.world(self.task, self.tool, self._layout)
         self._joints, self._fingers = self._arm.home_for(self.task.home), self._opening
         self._pose = self._arm.forward(self._joints)
+        self._film, self._elapsed = list[Recording](), -SETTLE_S
         self._drive(world, self._joints, self._fingers, SETTLE_S)
         self._start = begin_motion(world)
-        self._earned = self._reward(self._start)
+        try:
+            self._earned = self._reward(self._start)
+        except ValueError as error:
+            raise UserError(f"{self.task.name} can't be stepped: {error}; use python -m core.evaluate") from error
         return self._observation(world), {"reward": self._earned}
 
     def step(self, action: Numbers) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
@@ -185,14 +188,30 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         span = steps * world.time_step
         speeds, finger_speed = (joints - self._joints) / span, (fingers - self._fingers) / span
         for k in range(1, steps + 1):
+            if self.task.reads_trace and (self._elapsed + SETTLE_S) * TRACE_HZ >= len(self._film):
+                self._film.append(self._instant(world))
             left = span - k * world.time_step
             world.step(joints - speeds * left, fingers - finger_speed * left, speeds, finger_speed)
+            self._elapsed += world.time_step
         self._joints, self._fingers = joints, fingers
         self._pose = self._arm.forward(joints)  # where the arm can't follow, the target doesn't run away
 
     def _reward(self, now: State) -> float:
         complete = self._scene.complete
-        return float(np.asarray(reward_of(self.task, complete(self._start), complete(now))))
+        trace = self._trace() if self.task.reads_trace else None
+        return float(np.asarray(reward_of(self.task, complete(self._start), complete(now), trace)))
+
+    def _trace(self) -> Trace:
+        """Make the trace of the episode until now, without forces."""
+        assert self._world is not None
+        film = [*self._film, self._instant(self._world)]
+        times, arm, fingers = (np.array([getattr(at, name) for at in film]) for name in ("times", "arm", "fingers"))
+        recording = Recording(times, arm, fingers, State.stack([at.states for at in film]))
+        found = find_contacts(self._scene, self.task.robot, self.tool, recording)
+        return replace(make_trace(self._scene, [found])[0], forces=None)
+
+    def _instant(self, world: World) -> Recording:
+        return Recording(np.array(self._elapsed), *world.joints(), world.state())
 
     def _observation(self, world: World) -> Numbers:
         state = world.state()

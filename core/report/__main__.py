@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from core.cli import command, folders_and_overrides, say, write_bytes
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
+from core.report.entries import find_entries, read_entry
 from core.report.figures import pictures
 from core.report.formats import Table, to_csv, to_markdown
 from core.report.page import figure_address, in_viewer, render
@@ -21,7 +24,8 @@ from core.report.tools import Tools, collect
 
 USAGE = (
     "usage: python -m core.report FOLDER [FOLDER ...] [output=DIR] [formats=[png,svg]] [confidence=0.95] "
-    "[resamples=10000]; FOLDER, or runs=FOLDER, is a run's or holds runs, as a multirun's does"
+    "[resamples=10000] [name=NAME] [entries=[FILE.json,...]]; FOLDER, or runs=FOLDER, is a run's or holds runs, as a "
+    "multirun's does"
 )
 DATA = "data"  # the folder of tables and figures, beside the page
 
@@ -36,14 +40,25 @@ class Section:
     tables: tuple[str, ...] = ()
 
 
-def report(folders: list[Path], output: Path, formats: list[str], how: Resampling) -> Results:
+def report(
+    folders: list[Path], output: Path, formats: list[str], how: Resampling, name: str = "", others: Sequence[Path] = ()
+) -> Results:
     """Read the runs in ``folders``; write the page, the tables and the figures to ``output``.
 
+    What is an entry of a benchmark becomes a results file, called ``name`` or by its method, and is compared with
+    ``others``.
+
     Raises:
-        UserError: a folder holds no run, or nothing can be written.
+        UserError: a folder holds no run, a results file can't be used, or nothing can be written.
     """
+    theirs = [read_entry(file) for file in others]
     finished, left_out = find_runs(folders)
-    results = Results(tuple(finished), tuple(left_out), how)
+    entries, problems = find_entries(finished, left_out, name)
+    for entry in entries:
+        file = re.sub(r"[^\w.=-]+", "_", f"{entry.protocol}_{entry.track}_{entry.name}")[:100]
+        write_bytes(output / DATA / f"{file}.json", entry.dump())
+    say(*problems)
+    results = Results(tuple(finished), tuple(left_out), how, (*entries, *theirs))
     shown = collect(results)
     listed, drawn = tables(results, shown), pictures(results, shown)
     for table in listed:
@@ -67,6 +82,7 @@ def page(
         if first is not None and winner.generation > 0:
             tools.append(in_viewer(first, f"{task}, {method}, before evolution: {first.name}"))
     sections = (
+        Section("entries", "Entries of the benchmark", (), ("entries", "entries_by_task")),
         Section("results", "Rewards", ("rewards", "deviations"), ("rewards",)),
         Section("methods", "Over all tasks", ("intervals",), ("methods", "improvements")),
         Section("given", "Given tools and designed ones", ("given_tools",)),
@@ -103,7 +119,7 @@ def _several(count: int, what: str) -> str:
 def main() -> None:
     folders, overrides = folders_and_overrides(USAGE)
     cfg = load("report", overrides)
-    if not folders:
+    if not folders and not cfg.entries:
         raise UsageError(f"no folder given; {USAGE}")
     formats = [str(name) for name in cfg.formats]
     for name in formats:
@@ -113,8 +129,9 @@ def main() -> None:
         raise UsageError(f"confidence must be between 0 and 1, got {cfg.confidence}")
     if cfg.resamples < 1:
         raise UsageError(f"resamples must be at least 1, got {cfg.resamples}")
-    results = report(folders, Path(cfg.output), formats, Resampling(cfg.confidence, cfg.resamples))
-    if not results.runs:
+    how, others = Resampling(cfg.confidence, cfg.resamples), [Path(file) for file in cfg.entries]
+    results = report(folders, Path(cfg.output), formats, how, cfg.name, others)
+    if not results.runs and results.left_out:
         (first, *_), listed = results.left_out, Path(cfg.output) / "index.html"
         why = f"{first.status}: {short(str(first.folder))}: {first.reason}"
         raise UserError(f"no run is finished; {len(results.left_out)} are listed in {listed}; the first, {why}")

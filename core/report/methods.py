@@ -17,7 +17,7 @@ from core.report.runs import FinishedRun, LeftOutRun, short
 CHOICES = ("tool", "evolution", "vlm", "action", "robot", "material", "prompt", "sim", "budget")
 """The choices that describe a method best, in this order; others follow."""
 
-_NO_METHOD = ("seed", "film", "listener", "executor", "task.name", "task.paper")
+_NO_METHOD = ("seed", "film", "listener", "executor", "protocol", "task.name", "task.paper")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +81,11 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
 
 def _whole(config: Mapping[str, Any]) -> dict[str, Any]:
     """Add what runs of earlier versions did not name."""
-    before = {"material": asdict(PAPER), "action": {"name": Waypoints.action}}
-    rollout = {"perception": asdict(Perception()), **config.get("rollout", {})}
-    task = {"variation": NONE, **config["task"]} if "task" in config else {}
-    return {**before, **config, "task": task, "robot": robot_of(config), "rollout": rollout}
+    found = {"action": {"name": Waypoints.action}, **config, "robot": robot_of(config)}
+    found["material"] = {**asdict(PAPER), **config.get("material", {})}
+    found["rollout"] = {"perception": asdict(Perception()), **config.get("rollout", {})}
+    found["task"] = {"variation": NONE, **config["task"]} if "task" in config else {}
+    return found
 
 
 def robot_of(config: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from core.report.entries import Entry
 from core.report.methods import Group, group
 from core.report.runs import FinishedRun, LeftOutRun
 from core.report.statistics import Resampling
@@ -13,11 +14,12 @@ from core.report.statistics import Resampling
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Finished runs, which are counted; runs that are left out; and how bootstrap intervals are drawn."""
+    """Finished runs, which are counted; runs that are left out; how bootstrap intervals are drawn; entries."""
 
     runs: tuple[FinishedRun, ...]
     left_out: tuple[LeftOutRun, ...] = ()
     how: Resampling = field(default_factory=Resampling)
+    entries: tuple[Entry, ...] = ()
 
     @cached_property
     def groups(self) -> list[Group]:

@@ -213,7 +213,7 @@ def _why_nothing(store: Path) -> str:
     return "no candidate could be tried" + (short(f"; the first reason: {row['reason']}") if row else "")
 
 
-def spending(run: FinishedRun) -> Spending | None:
+def spending(run: FinishedRun | LeftOutRun) -> Spending | None:
     """The requests of a run and their cost; None if its store is missing."""
     if not (run.folder / STORE).exists():
         return None

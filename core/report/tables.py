@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from core.report.entries import entry_tables
 from core.report.formats import Cell, Column, Link, Table, columns
 from core.report.methods import label, robot_of
 from core.report.results import Results
@@ -36,6 +37,7 @@ def tables(results: Results, shown: Tools) -> list[Table]:
             generations(results),
             tools(results, shown),
         ),
+        *entry_tables(results.entries, results.how),
         *(runs(results), left_out(results), parameters(results), costs(results), versions(results)),
     ]
     return [table for table in every if table.rows]

@@ -6,7 +6,8 @@ import sys
 from typing import TextIO
 
 from core.cli import print_table, say
-from core.report.formats import number
+from core.report.entries import entry_tables
+from core.report.formats import number, printed
 from core.report.results import Results
 from core.report.runs import short
 from core.report.statistics import deviation, mean
@@ -25,5 +26,9 @@ def show(results: Results, file: TextIO | None = None) -> None:
     ]
     if rows:
         print_table(("task", "method", *numbers), rows, numbers, file)
+    for table in entry_tables(results.entries, results.how)[:1]:
+        cells = [[printed(*pair) for pair in zip(row, table.columns, strict=True)] for row in table.rows]
+        digits = [column.name for column in table.columns if column.digits is not None]
+        print_table([column.name for column in table.columns], cells, digits, file)
     for run in results.left_out:
         say(f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}", file=file)

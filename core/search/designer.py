@@ -15,18 +15,20 @@ from core.config.settings import Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
 from core.designs.feedback import last_generation, most_instructive
-from core.designs.planning import NO_PLAN
-from core.designs.reading import parse_reply, read_designs
+from core.designs.planning import NO_PLAN, guarded
+from core.designs.reading import dump_design, parse_reply, read_designs
 from core.designs.review import review
 from core.designs.rules import SpawnRules, given_tool
 from core.errors import NoPicture, UserError, choices
 from core.events import Generation
+from core.geometry import Array
 from core.hooks import hookimpl
 from core.interfaces import (
     VLM,
     ActionRepresentation,
     Brief,
     Budget,
+    Numbers,
     Picture,
     Reply,
     Request,
@@ -110,6 +112,30 @@ class ModelDesigner:
             drawn = {evaluation.candidate.id: self.show(evaluation) for evaluation in shown}
             pictures = {name: picture for name, picture in drawn.items() if picture is not None}
         return [self._request(generation, agent, elites, pictures) for agent in agents]
+
+    def parameters(self, candidate: Candidate) -> Numbers:
+        """See `core.search.refinement.Varies`."""
+        assert candidate.tool is not None
+        found = Numbers() if self._given is not None else self.representation.parameters(candidate.tool)
+        return found + self.actions.parameters(candidate.plan)
+
+    def vary(self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]) -> Candidate:
+        """See `core.search.refinement.Varies`."""
+        assert candidate.tool is not None
+        generation, agent, strategy, _ = key
+        count = len(values) - len(self.actions.parameters(candidate.plan))
+        named = replace(candidate, generation=generation, agent=agent, strategy=strategy, action=0)
+        varied = replace(named, parents=(candidate.id,))
+        try:
+            with guarded(self.representation, "with_parameters"):
+                tool = self.representation.with_parameters(candidate.tool, values[:count]) if count else candidate.tool
+            with guarded(self.actions, "with_parameters"):
+                plan = self.actions.with_parameters(candidate.plan, values[count:])
+            document = {"strategies": [dump_design(replace(candidate, tool=tool, plan=plan), self.representation)]}
+            (read,) = read_designs(document, self.representation, self._spawn, actions=self.actions)
+        except DesignError as error:
+            return replace(varied, problem=str(error))
+        return replace(varied, tool=read.tool, plan=read.plan, problem=read.problem)
 
     def _candidates(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import queue
 import threading
 import time
@@ -37,7 +38,7 @@ def evolve(
     known: Known | None = None,
     robot: Robot | None = None,
 ) -> Result:
-    """Run ``budget.n_iteration`` + 1 generations, fewer if the highest reward reaches ``budget.stop_reward``.
+    """Run the generations of a strategy, fewer if the highest reward reaches ``budget.stop_reward``.
 
     ``evaluate`` is called in the executor's workers with candidates of one tool. If it has a ``batch`` above 1, it is
     called with all candidates that have arrived. Candidates whose evaluation is ``known`` are not evaluated. Tools must
@@ -50,7 +51,7 @@ def evolve(
     arrived: list[list[Evaluation]] = []  # by generation
     generations: list[Generation] = []
     try:
-        for index in range(budget.n_iteration + 1):
+        for index in itertools.takewhile(lambda number: strategy.goes_on(number, budget), itertools.count()):
             events.hook.generation_started(index=index)
             arrived.append([])
             for evaluation in trials(candidates):

@@ -28,7 +28,7 @@ from core.designs.composer import PromptComposer
 from core.designs.planning import resolve
 from core.errors import UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
-from core.interfaces import Budget, Executor, RolloutSettings, Simulator
+from core.interfaces import Budget, EvolutionStrategy, Executor, RolloutSettings, Simulator
 from core.plugins import event_hub, installed
 from core.plugins.blame import describe_failure
 from core.robot.kinematics import arm_of
@@ -36,6 +36,7 @@ from core.robot.tempo import plan_task_motion
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
 from core.search.listeners import add_listener
+from core.search.refinement import Refinement
 from core.search.unseen import try_unseen
 from core.simulation.pictures import report_missing, save_film
 from core.simulation.rollout import Evaluator
@@ -90,9 +91,11 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         tool_kinds=config["task"].get("tool_kinds") or DEFAULT_KINDS,
         events=events,
     )
-    strategy = part("evolution", cfg.evolution).create(designer=designer, budget=budget)
+    strategy: EvolutionStrategy = part("evolution", cfg.evolution).create(designer=designer, budget=budget)
     if strategy.learns:
         events.register(designer, "designer")
+    if (refine := config["evolution"].get("refine", 0)) != 0:
+        strategy = Refinement(strategy, designer, refine)
     for name, options in config["listener"].items():
         add_listener(events, installed().create("listener", name, options or {}), name)
     store = store or RunStore.create(folder, config)  # from here on the folder is this run's
@@ -174,6 +177,7 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
         cfg = changed(store.config, overrides)
         ended, before = store.result, store.config["budget"]
         more = any(cfg.budget[key] != before[key] for key in ("n_iteration", "stop_reward"))
+        more |= cfg.evolution.get("refine", 0) != store.config["evolution"].get("refine", 0)
         if ended is not None and ended["stopped"] is None and not more:
             say(f"{folder} holds a run that has come to its end")
             print_best(ended["best"], folder, unseen=ended.get("unseen"))

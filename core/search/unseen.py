@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from core.design import Candidate, Evaluation
 from core.errors import UserError, fault
 from core.interfaces import Evaluate, Executor, Fitness
@@ -25,10 +23,8 @@ class _Trials:
         return [self.trials[engine][number]([self.candidate])[0] for engine, number in jobs]
 
 
-def try_unseen(best: Evaluation, fitness: Fitness, executor: Executor) -> tuple[float, ...]:
-    """Return the rewards of the best candidate in the fitness's unseen trials, in the engine with the lowest mean.
-
-    A trial that fails counts 0. Without such trials there are no rewards.
+def try_unseen(best: Evaluation, fitness: Fitness, executor: Executor) -> dict[str, tuple[float, ...]]:
+    """Return the rewards of the best candidate in the fitness's unseen trials, by engine. A trial that fails counts 0.
 
     Raises:
         UserError: the machine is at fault for a trial that failed.
@@ -40,5 +36,4 @@ def try_unseen(best: Evaluation, fitness: Fitness, executor: Executor) -> tuple[
         if isinstance(result, Exception) and (machine := fault(result)) is not None:
             raise UserError(f"the best candidate can't be tried in unseen layouts: {machine}")
         earned[job] = 0.0 if isinstance(result, Exception) else float(result[0].reward)
-    rewards = [tuple(earned[engine, number] for number in range(len(of))) for engine, of in trials.items()]
-    return min(rewards, key=np.mean, default=())
+    return {engine: tuple(earned[engine, number] for number in range(len(of))) for engine, of in trials.items()}

@@ -9,6 +9,7 @@ import importlib.metadata
 import json
 import logging
 import math
+import statistics
 import sys
 import time
 from collections.abc import Sequence
@@ -299,11 +300,12 @@ def best_figures(result: Result) -> dict[str, Any] | None:
 
 def unseen_figures(result: Result) -> dict[str, Any] | None:
     """Return what the best candidate earned in unseen layouts, as in ``result.json``; None: it was tried in none."""
-    rewards = result.unseen
-    if not rewards:
+    if not result.unseen:
         return None
-    mean = sum(rewards) / len(rewards)
-    return {"layouts": len(rewards), "mean": mean, "worst": min(rewards), "rewards": list(rewards)}
+    rewards = min(result.unseen.values(), key=statistics.fmean)
+    mean = statistics.fmean(rewards)
+    engines = {engine: list(of) for engine, of in result.unseen.items()}
+    return {"layouts": len(rewards), "mean": mean, "worst": min(rewards), "rewards": list(rewards), "engines": engines}
 
 
 def versions() -> dict[str, str]:

@@ -131,12 +131,15 @@ class GenerationFigures:
 
 @dataclass(frozen=True)
 class Unseen:
-    """What the best candidate earned in layouts that the search never saw."""
+    """What the best candidate earned in layouts that the search never saw: in the engine with the lowest mean, and in
+    each.
+    """
 
     layouts: Count
     mean: Reward
     worst: Reward
     rewards: tuple[Reward, ...]
+    engines: dict[str, tuple[Reward, ...]] = field(default_factory=dict)  # of runs before they were kept
 
 
 @dataclass(frozen=True)

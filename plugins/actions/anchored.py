@@ -18,11 +18,13 @@ from pydantic.dataclasses import dataclass
 from core.design import DesignError
 from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, MAX_WAYPOINTS
 from core.errors import choices
-from core.geometry import Pose
-from core.interfaces import ActionPlan, ActionRepresentation, Anchor, Brief, Seen, Tempo, Waypoints
+from core.geometry import Array, Pose
+from core.interfaces import ActionPlan, ActionRepresentation, Anchor, Brief, Numbers, Seen, Tempo, Waypoints
 from core.text import kind, shorten
+from plugins.actions.waypoints import STEP_M, STEP_RAD
 
 WORLD = "world"
+STEP_LOG = 0.2  # a small change of a speed or time, as a logarithm
 MAX_SPEED, MAX_SECONDS = 10.0, 60.0  # the arm's limits are lower, and slow the motion
 _INSTRUCTIONS = """\
 - An action plan is a list of waypoints. Each waypoint is an object that says where the frame `tool_mount` (the
@@ -40,6 +42,7 @@ _INSTRUCTIONS = """\
 {grip}- The plan is used in every layout: anchor it to what moves between layouts, not to the world.
 """
 _DIGITS = 5  # hundredths of a millimetre
+_LEAST = 0.001  # m/s or s
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
 
 Length = Annotated[float, Strict(), Field(ge=-MAX_REACH_M, le=MAX_REACH_M, allow_inf_nan=False)]
@@ -176,6 +179,35 @@ class AnchoredActions(ActionRepresentation):
                 row = np.round([*pose.position, *pose.rpy], _DIGITS) + 0.0
             steps.append(replace(step, offset=tuple(row[:3].tolist()), rpy=tuple(row[3:6].tolist())).dump())
         return steps
+
+    def parameters(self, plan: ActionPlan) -> Numbers:
+        """Return offsets and angles of all steps, and the logarithms of speeds, times and waits that are given."""
+        if not isinstance(plan, AnchoredPlan):
+            return Numbers()
+        offsets, angles = np.array([step.offset for step in plan.steps]), np.array([step.rpy for step in plan.steps])
+        found = Numbers.near(offsets, STEP_M, MAX_REACH_M) + Numbers.near(angles, STEP_RAD, MAX_ANGLE_RAD)
+        for _, name, value in _tempi(plan):
+            most = np.log(MAX_SPEED if name == "speed" else MAX_SECONDS)
+            found += Numbers(*(np.array([n]) for n in (np.log(value), STEP_LOG, np.log(_LEAST), most)))
+        return found
+
+    def with_parameters(self, plan: ActionPlan, values: Array) -> AnchoredPlan:
+        assert isinstance(plan, AnchoredPlan)
+        count = 3 * len(plan.steps)
+        rows = np.round(values[: 2 * count], _DIGITS).reshape(2, -1, 3).swapaxes(0, 1).tolist()
+        placed: list[dict[str, Any]] = [{"offset": tuple(offset), "rpy": tuple(rpy)} for offset, rpy in rows]
+        steps = [replace(step, **at) for step, at in zip(plan.steps, placed, strict=True)]
+        for (number, name, _), value in zip(_tempi(plan), np.exp(values[2 * count :]).tolist(), strict=True):
+            tempo: dict[str, Any] = {name: round(value, _DIGITS)}
+            steps[number] = replace(steps[number], **tempo)
+        return replace(plan, steps=tuple(steps))
+
+
+def _tempi(plan: AnchoredPlan) -> list[tuple[int, str, float]]:
+    """The speeds, times and waits of a plan that are above 0: number of the step, name, value."""
+    names = ("speed", "seconds", "wait")
+    found = ((n, name, getattr(step, name)) for n, step in enumerate(plan.steps) for name in names)
+    return [(number, name, value) for number, name, value in found if value > _LEAST]
 
 
 def _step(data: object, where: str, gripper: bool) -> Step:

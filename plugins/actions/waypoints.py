@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 
-from core.designs.rules import WAYPOINT, check_plan
-from core.interfaces import ActionRepresentation, Brief, Waypoints
+import numpy as np
+
+from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, WAYPOINT, check_plan
+from core.geometry import Array
+from core.interfaces import ActionPlan, ActionRepresentation, Brief, Numbers, Waypoints
+
+STEP_M, STEP_RAD = 0.01, 0.05  # small changes, of a search without a model
+DIGITS = 5  # hundredths of a millimetre
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
@@ -37,6 +44,18 @@ class WaypointActions(ActionRepresentation):
 
     def dump(self, waypoints: Waypoints) -> list[Any]:
         return waypoints.dump()
+
+    def parameters(self, plan: ActionPlan) -> Numbers:
+        """Return the coordinates and angles of all waypoints."""
+        if not isinstance(plan, Waypoints):
+            return Numbers()
+        position, angles = plan.poses[:, :3], plan.poses[:, 3:6]
+        return Numbers.near(position, STEP_M, MAX_REACH_M) + Numbers.near(angles, STEP_RAD, MAX_ANGLE_RAD)
+
+    def with_parameters(self, plan: ActionPlan, values: Array) -> Waypoints:
+        assert isinstance(plan, Waypoints)
+        position, angles = values.reshape(2, -1, 3)
+        return replace(plan, poses=np.hstack([np.round(position, DIGITS), np.round(angles, DIGITS), plan.poses[:, 6:]]))
 
 
 def _with_numbers(plan: object) -> object:

@@ -36,7 +36,9 @@ class ProgressListener:
         names = " ".join(f"{kind}={name}" for kind, name in run.parts.items())
         self._print(f"{names} seed={run.seed}", style="bold")
         self._print(f"model: {run.model}")
-        self._print(f"{run.budget.n_iteration + 1} generations of {self._population} candidates")
+        refined = run.config["evolution"].get("refine", 0)
+        last = f", then {refined} of refinement" if refined else ""
+        self._print(f"{run.budget.n_iteration + 1} generations of {self._population} candidates{last}")
         self._print(f"folder: {run.folder}")
 
     @hookimpl

@@ -94,10 +94,10 @@ def _tied(result: Result) -> Iterable[str]:
 
 def _unseen(result: Result) -> Iterable[str]:
     """Say what the best candidate earned in unseen layouts, if it was tried in any."""
-    if rewards := result.unseen:
+    for engine, rewards in result.unseen.items():
         yield (
             f"in {len(rewards)} unseen layouts the best earned {number(statistics.fmean(rewards), 3)} on the mean, "
-            f"{number(min(rewards), 3)} in the worst"
+            f"{number(min(rewards), 3)} in the worst ({engine})"
         )
 
 

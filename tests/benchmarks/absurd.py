@@ -105,7 +105,7 @@ def random_start(task: Task, seed: int, random: np.random.Generator, *, flat: bo
     tool = Tool(tuple(parts), gripper)
     tip = task.home.inverse().apply(robot_tracks(PANDA, tool, _still(at_home(task)))[-1].positions[0])
     goal, scene = task.goals[int(random.integers(len(task.goals)))], task.scene(seed)
-    body = scene[str(random.choice(goal.bodies))]
+    body = scene[str(random.choice(goal.bodies or [body.name for body in scene.bodies]))]
     start = body_tracks(Scene((body,)), _still(at_home(task), Scene((body,))))
     low = min(track.low[0, 2] for track in start)
     through = body.pose.position + random.normal(0, 0.02, 3)

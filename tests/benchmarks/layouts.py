@@ -105,7 +105,7 @@ def solutions(given: Settings) -> str:
                 exact = given.position == given.yaw == 0  # what a literal plan sees makes no difference
                 ways = [*(("anchored", sim) for sim in given.sims), *[("literal", given.sims[-1])] * exact]
                 jobs = [(*way, number) for way in ways for number in range(given.layouts)]
-                trial = _Trial(task, designs(name, settings, given.material), settings)
+                trial = Trial(task, designs(name, settings, given.material), settings)
                 earned = {job: reward for (job,), reward in executor.map(trial, [[job] for job in jobs])}
                 rewards: dict[str, dict[str, list[float]]] = {"anchored": {}, "literal": {}}
                 for way, sim in ways:
@@ -117,7 +117,7 @@ def solutions(given: Settings) -> str:
 
 
 @dataclass(frozen=True)
-class _Trial:
+class Trial:
     """A picklable function of jobs: way, engine, number of the layout."""
 
     task: Part[Task]

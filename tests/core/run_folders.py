@@ -38,6 +38,7 @@ def write_run(
     finish: bool = True,
     name: str = "a way",
     cost_usd: float | None = None,
+    unseen=None,
     stopped: str | None = None,
 ) -> Path:
     """A run of ``rewards`` by generation and candidate; a reward of None is a rejected candidate.
@@ -101,7 +102,7 @@ def write_run(
     if not finish:
         write_run.open.append(events)
         return folder
-    events.hook.run_finished(run=run, result=Result(tuple(generations), 12.5, stopped))
+    events.hook.run_finished(run=run, result=Result(tuple(generations), 12.5, stopped, unseen=unseen or {}))
     events.hook.run_ended()
     return folder
 

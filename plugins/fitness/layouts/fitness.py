@@ -11,8 +11,9 @@ import numpy as np
 
 from core.design import Candidate, Evaluation
 from core.errors import UsageError, choices
-from core.interfaces import Fitness, Task
+from core.interfaces import Fitness, Simulator, Task
 from core.layouts import NONE, describe_ranges
+from core.plugins import Part
 from core.simulation.robustness import CheckedEvaluator, engines, mean, worst
 from core.simulation.rollout import Evaluator
 
@@ -43,6 +44,7 @@ class Layouts(Fitness):
         combine: ``mean``, ``worst`` or ``worst_quarter`` of the rewards.
         sims: see `core.simulation.robustness.engines`; none: the run's engine.
         unseen: how many other layouts the best candidate is tried in at the end.
+        unseen_sims: the engines for those, with their own settings; none: the engines of the search.
 
     Raises:
         UserError: a setting or an engine that can't be used, or a task whose layouts are all the same.
@@ -55,6 +57,7 @@ class Layouts(Fitness):
         combine: str = "mean",
         sims: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
         unseen: int = 20,
+        unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
     ) -> None:
         for name, count, least in (("layouts", layouts, 1), ("unseen", unseen, 0)):
             if count < least:
@@ -70,26 +73,34 @@ class Layouts(Fitness):
             raise UsageError(f"fitness=layouts: all layouts of {task.name} are the same; {mend}")
         self._evaluator, self._combine, self._unseen = evaluator, combine, unseen
         self._sims = engines(sims, evaluator.sim) if sims else {evaluator.sim.name: evaluator.sim}
+        self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(evaluator.seed, evaluator.seed + layouts)
-        self._evaluators = self._in_layouts(self._seeds)
+        self._evaluators = self._in_layouts(self._seeds, self._sims)
 
-    def _in_layouts(self, seeds: Sequence[int]) -> dict[str, list[Evaluator]]:
+    def _in_layouts(self, seeds: Sequence[int], sims: Mapping[str, Part[Simulator]]) -> dict[str, list[Evaluator]]:
         base = self._evaluator
         return {
             name: [CheckedEvaluator(base.task, sim, seed, base.settings) for seed in seeds]
-            for name, sim in self._sims.items()
+            for name, sim in sims.items()
         }
 
     def instructions(self) -> str:
         task, many = self._evaluator.task.create(), len(self._sims) > 1
         drawn = f" In each, these numbers are drawn at random: {describe_ranges(task.ranges)}." if task.ranges else ""
+        noise = self._evaluator.settings.perception
+        if noise.position or noise.yaw:
+            drawn += (
+                " What a plan sees of a body's pose differs from the truth by normal noise: the standard deviations "
+                f"are {noise.position:g} in x and in y, and {noise.yaw:g} of yaw."
+            )
         where = f" in each of the engines {', '.join(self._sims)}" if many else ""
+        elsewhere = f", in each of {', '.join(self._unseen_sims)}" if self._unseen_sims is not self._sims else ""
         lowest = ", in the engine where that is the lowest" if many else ""
         return (
             f"A plan is tried with its tool in {len(self._seeds)} layouts{where}. The one that is shown here is the "
-            f"first; at the end the best plan is tried in {self._unseen} others.{drawn} Lengths are in metres, angles "
-            f"in radians, masses in kilograms. What counts is {COMBINE[self._combine][1]}{lowest}; a layout where the "
-            "trial fails counts 0. So tool and plan must fit layouts that differ by as much as that."
+            f"first; at the end the best plan is tried in {self._unseen} others{elsewhere}.{drawn} Lengths are in "
+            f"metres, angles in radians, masses in kilograms. What counts is {COMBINE[self._combine][1]}{lowest}; a "
+            "layout where the trial fails counts 0. So tool and plan must fit layouts that differ by as much as that."
         )
 
     @property
@@ -102,7 +113,8 @@ class Layouts(Fitness):
             evaluators[0].prepare()
 
     def unseen(self) -> dict[str, list[Evaluator]]:
-        return self._in_layouts(range(UNSEEN, UNSEEN + self._unseen)) if self._unseen else {}
+        seeds = range(UNSEEN, UNSEEN + self._unseen)
+        return self._in_layouts(seeds, self._unseen_sims) if self._unseen else {}
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         tried = {engine: [evaluate(candidates) for evaluate in each] for engine, each in self._evaluators.items()}

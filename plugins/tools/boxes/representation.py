@@ -21,8 +21,9 @@ from core.designs.components import (
 )
 from core.designs.mounting import describe_mount, first_box
 from core.designs.rules import MAX_COMPONENTS, MAX_SIDE_M, MIN_SIDE_M
+from core.designs.varying import VariedTools
 from core.geometry import Box, Capsule, Compound, Cylinder, Pose, Shape, Sphere
-from core.interfaces import Brief, ToolRepresentation
+from core.interfaces import Brief
 from core.text import shorten
 
 FIELD = "tool_components"
@@ -30,7 +31,7 @@ _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radiu
 _KEYS = ("shape", "size", "radius", "length")
 
 
-class BoxTools(ToolRepresentation):
+class BoxTools(VariedTools):
     """A tool is one field, ``tool_components``: boxes and round shapes with their poses in the mount's frame.
 
     With ``joints`` components may move against their parents.

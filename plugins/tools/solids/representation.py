@@ -17,8 +17,9 @@ from core.designs.components import (
 )
 from core.designs.mounting import describe_mount, first_box
 from core.designs.rules import MAX_COMPONENTS, MIN_SIDE_M
+from core.designs.varying import VariedTools
 from core.geometry import Box, Compound, Pose, Shape
-from core.interfaces import Brief, ToolRepresentation
+from core.interfaces import Brief
 from plugins.tools.solids.building import MAX_TRIANGLES, count_triangles
 from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
 from plugins.tools.solids.reading import MAX_NODES, MAX_POINTS, MAX_SIZE_M, SIZES, Node, TreeReader, dump_node
@@ -26,7 +27,7 @@ from plugins.tools.solids.reading import MAX_NODES, MAX_POINTS, MAX_SIZE_M, SIZE
 FIELD = "tool_solids"
 
 
-class SolidTools(ToolRepresentation):
+class SolidTools(VariedTools):
     """A tool is one field, ``tool_solids``: components, each with a tree of shapes as JSON text.
 
     The tree is a text because no schema of a tree is accepted everywhere. A tree needs a schema that refers to itself:

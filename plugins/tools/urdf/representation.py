@@ -24,16 +24,17 @@ from core.designs.rules import (
     MIN_SIDE_M,
     MIN_TOOL_KG,
 )
-from core.designs.weight import describe_weight
+from core.designs.varying import VariedTools
+from core.designs.weight import describe_weight, mass_limit
 from core.errors import UsageError, choices
-from core.interfaces import Brief, ToolRepresentation
+from core.interfaces import Brief
 from core.robot.description import tool_urdf
 from core.text import kind, short_numbers
 from plugins.tools.urdf.building import SHAPES, build_tool
 from plugins.tools.urdf.parsing import parse_xml
 
 
-class UrdfTools(ToolRepresentation):
+class UrdfTools(VariedTools):
     """A tool is one field, ``tool_urdf``: URDF links and joints of boxes that hang from the mount.
 
     ``shapes`` may add cylinder, sphere and capsule, which URDF lacks, to the box. With ``joints`` links may hang on
@@ -78,7 +79,7 @@ class UrdfTools(ToolRepresentation):
         if self.shapes != ("box",):
             shapes = _SEVERAL.format(shapes=", ".join(map(_tag, self.shapes)))
         if self.material.density_kg_m3 is None:
-            parts, weight = _INERTIAL, _MASSES.format(payload=f"{robot.payload_kg:g}")
+            parts, weight = _INERTIAL, _MASSES.format(payload=f"{mass_limit(robot, self.material)[0]:g}")
             bend = "even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length"
         else:
             parts, weight = "a collision element", describe_weight(self.material, robot)

@@ -1,17 +1,21 @@
 """The rules for tools of a real material: weight, moment, stiffness and strength, with figures."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from core.config.compose import load
 from core.design import Component, DesignError, Tool
+from core.designs.composer import as_markdown
 from core.designs.rules import check_tool
 from core.designs.stiffness import bending
 from core.designs.weight import check_weight, describe_weight, flange_moment, moment_limit
 from core.geometry import Box, Pose
 from core.materials import PAPER, STEEL_PA, Material
 from core.plugins import installed
+from core.prompt import compose
 from core.robot.kinematics import arm_of
 from tests.core.designs.test_rules import box, rigid
 from tests.panda import PANDA
@@ -52,6 +56,18 @@ def test_what_is_too_heavy_is_refused_with_the_figures():
         "the tool weighs 3.1 kg; the arm carries at most 3 kg; component 'b' weighs most, 2.1 kg: make parts thinner, "
         "shorter or fewer"
     )
+
+
+@pytest.mark.parametrize("material", [PAPER, SOLID])
+def test_a_budget_of_material_is_a_limit_too_and_the_prompt_names_it(material):
+    tool = rigid(box(at=(0, 0, -0.05), size=(0.05, 0.05, 0.1), mass=0.31))
+    check_tool(tool, PANDA, replace(material, most_g=310))
+    with pytest.raises(DesignError, match=r"the tool weighs 0.31 kg; the budget of material is 0.3 kg"):
+        check_tool(tool, PANDA, replace(material, most_g=300))
+    words = [f"material={'paper' if material is PAPER else 'pla'}", "material.most_g=300"]
+    for name in ("urdf", "boxes", "solids"):
+        prompt = compose(load("prompt", [f"tool={name}", "prompt.views=[]", *words])).messages[-1]
+        assert re.search(r"0\.3\s+kg(,| for the tool)", as_markdown(prompt))
 
 
 def test_what_turns_the_wrist_is_refused_with_the_figures():

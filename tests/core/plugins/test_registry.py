@@ -90,7 +90,7 @@ def test_the_description_of_a_part(found):
 
 def test_a_name_that_no_plugin_offers():
     with pytest.raises(
-        UserError, match=r"no task 'OneBok' \(did you mean 'OneBook'\?\); possible: BringCube, .*OneBook"
+        UserError, match=r"no task 'OneBok' \(did you mean 'OneBook'\?\); possible: AroundCorner, .*OneBook"
     ):
         installed().create("task", "OneBok")
     with pytest.raises(UserError, match=r"no sim 'unreal'; possible: .*pybullet"):

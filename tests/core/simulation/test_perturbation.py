@@ -24,9 +24,9 @@ from core.robot.solids import body_solids, signed_distance
 from core.scene import Body, Geom, Joint, Scene, table
 from core.simulation.perturbation import CONTACT_M, Perturbed, perturb, together
 from tests.panda import ARM, FINGER_OPEN
+from tests.tasks.test_tasks import TASKS
 
 ROOT = Path(__file__).parents[3]
-TASKS = installed().ready("task")
 GREY = (0.5, 0.5, 0.5, 1.0)
 
 every_task = pytest.mark.parametrize("name", TASKS)

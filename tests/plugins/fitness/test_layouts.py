@@ -14,7 +14,7 @@ from core.config.compose import load, part
 from core.design import Candidate, Component, Tool
 from core.errors import UserError
 from core.geometry import Box, Pose
-from core.interfaces import RolloutSettings, Waypoints
+from core.interfaces import Perception, RolloutSettings, Waypoints
 from core.report.runs import read_run
 from core.search.orchestration import resume, run
 from core.simulation.rollout import Evaluator, Part
@@ -97,6 +97,21 @@ def test_unseen_layouts_are_none_of_the_search_and_the_same_for_every_run():
     assert pickle.loads(pickle.dumps(made)).unseen() == made.unseen()
 
 
+def test_unseen_layouts_may_be_in_engines_of_their_own():
+    set_up = replace(WIDE, sim=Part("sim", "mujoco", (("time_step", 0.001),)))
+    made = fitness(set_up, unseen=1, unseen_sims=["mujoco", "sapien"])
+    assert {engine: of[0].sim.name for engine, of in made.unseen().items()} == {"mujoco": "mujoco", "sapien": "sapien"}
+    assert dict(made.unseen()["mujoco"][0].sim.settings)["time_step"] > 0.001
+    assert "tried in 1 others, in each of mujoco, sapien." in made.instructions()
+    assert "in each" not in fitness(unseen=1).instructions().replace("In each", "")
+
+
+def test_the_prompt_says_how_exactly_plans_see():
+    noisy = replace(WIDE, settings=replace(QUICK, perception=Perception(0.002, 0.01)))
+    assert "the standard deviations are 0.002 in x and in y, and 0.01 of yaw" in fitness(noisy).instructions()
+    assert "standard deviations" not in fitness().instructions()
+
+
 def test_the_prompt_says_what_varies_and_what_counts():
     text = fitness(layouts=4, combine="worst", sims=["mujoco", "pybullet"]).instructions()
     assert "in 4 layouts in each of the engines mujoco, pybullet" in text
@@ -113,8 +128,8 @@ def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):
     ]
     result = run(load("config", words), tmp_path / "run")
     stored = json.loads((tmp_path / "run/result.json").read_text())["unseen"]
-    assert stored["rewards"] == list(result.unseen)
-    assert (stored["layouts"], stored["worst"]) == (3, min(result.unseen))
+    assert stored["engines"] == {"mujoco": list(result.unseen["mujoco"])}
+    assert (stored["layouts"], stored["worst"]) == (3, min(result.unseen["mujoco"]))
     again = [evaluate([result.best.candidate])[0].reward for evaluate in _unseen(words)]
     assert again == stored["rewards"]
     assert read_run(tmp_path / "run").figures.unseen.mean == pytest.approx(stored["mean"])

@@ -91,7 +91,7 @@ def test_doing_nothing_earns_nothing(name, engine):
     task = task_of(name)
     home = Waypoints(np.array([[*task.home.position, *task.home.rpy]]))
     (found,) = evaluate_batch(task, simulator(engine), [Candidate(Tool(), home)], 0, SETTINGS)
-    assert (found.status, found.reason) == ("ok", None)
+    assert (found.status, found.reason) == ("ok", "")
     assert 0 <= found.reward < 0.02
 
 

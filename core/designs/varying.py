@@ -1,0 +1,77 @@
+"""Vary the numbers of a tool: the sizes of its components, and how each lies on its parent."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.design import Component, Tool
+from core.geometry import Array, Compound, Pose
+from core.interfaces import Numbers, ToolRepresentation
+from core.robot.solids import Solid, contact, solid_geometry
+from core.shapes import resized
+
+GROWTH, MOST_GROWTH = 0.1, 1.0  # of a side, as a logarithm
+SLIDE_M, MOST_SLIDE_M = 0.01, 0.2  # along the parent's surface, or into it
+TURN_RAD, MOST_TURN_RAD = 0.05, 0.5
+
+
+class VariedTools(ToolRepresentation):
+    """A representation that can write tools of any sizes and poses."""
+
+    def parameters(self, design: Tool) -> Numbers:
+        return tool_numbers(design)
+
+    def with_parameters(self, design: Tool, values: Array) -> Tool:
+        return vary_tool(design, values)
+
+
+def tool_numbers(tool: Tool) -> Numbers:
+    """List the changes of a tool that `vary_tool` makes, all 0 as it is: nine for each component.
+
+    A tool with joints has none.
+    """
+    if tool.bearers:
+        return Numbers()
+    kinds = ((GROWTH, MOST_GROWTH), (SLIDE_M, MOST_SLIDE_M), (TURN_RAD, MOST_TURN_RAD))
+    return sum((Numbers.near(np.zeros(3), *kind) for _ in tool.components for kind in kinds), Numbers())
+
+
+def vary_tool(tool: Tool, values: Array) -> Tool:
+    """Return the tool with changes ``values`` (N,), see `tool_numbers`.
+
+    A component grows about the point where it touches its parent, slides on the parent with that point, and turns
+    about it; so the two go on touching. On the mount it does not slide. Compounds don't grow. Densities stay.
+    """
+    changed: dict[str, Component] = {}
+    old = {component.name: component for component in tool.components}
+    for component, (growth, slide, turn) in zip(tool.components, values.reshape(-1, 3, 3), strict=True):
+        shape = old_shape = component.shape
+        if growth.any() and not isinstance(shape, Compound):
+            shape = resized(shape, shape.bounds[1] * np.exp(growth))
+        at = there = np.zeros(3)
+        if component.parent in changed:
+            at = _touching(component, old[component.parent])
+            before, after = old[component.parent].shape.bounds, changed[component.parent].shape.bounds
+            half = after[1] / 2
+            share = np.clip((at - before[0]) / before[1] * 2, -1.0, 1.0)
+            there = after[0] + np.clip(share * half + slide, -half, half)
+        (middle, sides), (new_middle, new_sides) = old_shape.bounds, shape.bounds
+        own = new_middle + (component.pose.inverse().apply(at) - middle) * new_sides / sides
+        rotation = component.pose.rotation * Rotation.from_rotvec(turn)
+        pose = Pose.from_rotation(there - rotation.apply(own), rotation)
+        mass = component.mass * shape.volume / old_shape.volume
+        changed[component.name] = replace(component, pose=pose, shape=shape, mass=mass)
+    return replace(tool, components=tuple(changed.values()))
+
+
+def _touching(component: Component, parent: Component) -> Array:
+    """The point (3,) in the parent's frame where the two are closest."""
+    ours, theirs = (
+        [Solid(c.name, solid_geometry(part), pose) for part in c.shape.convex_parts()]
+        for c, pose in ((component, component.pose), (parent, Pose()))
+    )
+    return min((contact(*pair) for pair in itertools.product(ours, theirs)), key=lambda found: found[0])[1]

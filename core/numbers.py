@@ -1,0 +1,64 @@
+"""Define the numbers of a tool or an action plan that a search may vary.
+
+Plugins import it from `core.interfaces`. Covered by `tests/core/designs/test_varying.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from core.geometry import Array
+
+D = TypeVar("D")
+
+
+def _none() -> Array:
+    return np.empty(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """N numbers, each array (N,); by default none.
+
+    Attributes:
+        values: what they are now.
+        steps: a small change of each, which a search begins with.
+        lower: with ``upper`` their bounds.
+    """
+
+    values: Array = field(default_factory=_none)
+    steps: Array = field(default_factory=_none)
+    lower: Array = field(default_factory=_none)
+    upper: Array = field(default_factory=_none)
+
+    @classmethod
+    def near(cls, values: Array, step: float, most: float) -> Numbers:
+        """Numbers of one kind, with the same step, from -``most`` to ``most``."""
+        same = np.ones(np.size(values))
+        return cls(np.ravel(values).astype(np.float64), step * same, -most * same, most * same)
+
+    def __add__(self, other: Numbers) -> Numbers:
+        ours, theirs = ((n.values, n.steps, n.lower, n.upper) for n in (self, other))
+        return Numbers(*(np.concatenate(pair) for pair in zip(ours, theirs, strict=True)))
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+class Variable(Generic[D]):
+    """A representation whose designs have numbers that a search may vary without asking a model; by default none."""
+
+    def parameters(self, design: D) -> Numbers:
+        """Return the N numbers of a design that may vary."""
+        return Numbers()
+
+    def with_parameters(self, design: D, values: Array) -> D:
+        """Return the design with ``values`` (N,) of its `parameters`; it is read and checked as a model's afterwards.
+
+        Raises:
+            DesignError: there is no such design.
+        """
+        return design

@@ -1,0 +1,123 @@
+"""Refine the numbers of good candidates by CMA-ES, without asking a model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Protocol
+
+import numpy as np
+from cmaes import SepCMA
+
+from core.design import Candidate, Evaluation, best_first, best_tools
+from core.errors import UsageError
+from core.geometry import Array
+from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers
+
+POPULATION = 12  # candidates that a start is given at a time
+STARTS = (4, 2, 1)  # candidates that are refined side by side, and go on: the best half of them each time
+SHARES = (0.25, 0.5, 1.0)  # of the rollouts, after which that is so
+SPREAD = 0.5  # at the beginning, in steps
+TRIES = 20  # draws for a candidate that keeps the rules
+
+
+class Varies(Designer, Protocol):
+    """A designer that can vary the numbers of candidates."""
+
+    def parameters(self, candidate: Candidate) -> Numbers:
+        """Return the N numbers of a candidate's tool and plan that may vary."""
+
+    def vary(self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]) -> Candidate:
+        """Make a candidate with ``values`` (N,) of its `parameters`, and ``key`` (`Candidate.key`).
+
+        One that breaks a rule has a `Candidate.problem`.
+        """
+
+
+class Refinement(EvolutionStrategy):
+    """After the generations of another strategy, refine its best candidates.
+
+    The best candidates of different tools start side by side, each with a search of its own, the separable CMA-ES of
+    R. Ros and N. Hansen ("A simple modification in CMA-ES achieving linear time and space complexity", PPSN 2008).
+    After a quarter of the rollouts the better half goes on, and after a half of them the best one.
+
+    Args:
+        strategy: gives the first generations.
+        designer: varies the candidates.
+        rollouts: the number of candidates that are tried here, at most.
+
+    Raises:
+        UsageError: ``rollouts`` is no whole number, or too small for one population.
+    """
+
+    def __init__(self, strategy: EvolutionStrategy, designer: Varies, rollouts: int) -> None:
+        if type(rollouts) is not int or rollouts < POPULATION:
+            raise UsageError(f"evolution.refine must be 0, or a whole number from {POPULATION} on; got {rollouts!r}")
+        super().__init__(designer, strategy.budget, strategy.tie)
+        self._strategy, self._varies, self._rollouts = strategy, designer, rollouts
+        self._earlier: list[Evaluation] = []
+        self._searches: list[_Search] | None = None  # until the other strategy has come to its end
+        self._spent, self._generation = 0, 0
+
+    def goes_on(self, generation: int, budget: Budget) -> bool:
+        """Report whether the other strategy goes on, or rollouts are left."""
+        if self._searches is None:
+            return self._strategy.goes_on(generation, budget)
+        return bool(self._searches) and self._spent + POPULATION * len(self._searches) <= self._rollouts
+
+    def ask(self) -> Iterator[Candidate]:
+        """Yield the other strategy's candidates, and later the varied ones."""
+        if self._searches is None:
+            return self._strategy.ask()
+        return (candidate for search in self._searches for candidate in search.ask(self._generation))
+
+    def tell(self, evaluations: Sequence[Evaluation]) -> None:
+        """Pass the evaluations on to where their candidates came from."""
+        self._generation += 1
+        if self._searches is None:
+            self._earlier += evaluations
+            self._strategy.tell(evaluations)
+            if not self._strategy.goes_on(self._generation, self.budget):
+                self._searches = self._started()
+            return
+        self._spent += len(evaluations)
+        for search in self._searches:
+            search.tell([e for e in evaluations if e.candidate.agent == search.number])
+        count = next((n for n, share in zip(STARTS, SHARES, strict=True) if self._spent < share * self._rollouts), 1)
+        self._searches = sorted(self._searches, key=lambda search: search.best, reverse=True)[:count]
+
+    def _started(self) -> list[_Search]:
+        best = [e for e in best_tools(best_first(self._earlier, self.tie)) if e.reward > 0]
+        found = [(e, self._varies.parameters(e.candidate)) for e in best]
+        varied = [(e, numbers) for e, numbers in found if len(numbers) > 1][: STARTS[0]]
+        return [_Search(number, self._varies, *start) for number, start in enumerate(varied)]
+
+
+class _Search:
+    """The search that begins at one evaluation; ``number`` stands in its candidates' ids as that of an agent."""
+
+    def __init__(self, number: int, designer: Varies, start: Evaluation, numbers: Numbers) -> None:
+        self.number, self.best = number, start.reward
+        self._designer, self._start, self._numbers = designer, start.candidate, numbers
+        self._asked: dict[str, Array] = {}
+        bounds = [(end - numbers.values) / numbers.steps for end in (numbers.lower, numbers.upper)]
+        seed = int(start.candidate.content[:8], 16)
+        self._cma = SepCMA(
+            np.zeros(len(numbers)), SPREAD, np.column_stack(bounds), seed=seed, population_size=POPULATION
+        )
+
+    def ask(self, generation: int) -> Iterator[Candidate]:
+        """Yield a population; what breaks a rule is drawn again."""
+        for strategy in range(POPULATION):
+            for _ in range(TRIES):
+                drawn = self._cma.ask()
+                values = self._numbers.values + self._numbers.steps * drawn
+                candidate = self._designer.vary(self._start, values, (generation, self.number, strategy, 0))
+                if candidate.problem is None:
+                    break
+            self._asked[candidate.id] = drawn
+            yield candidate
+
+    def tell(self, evaluations: Sequence[Evaluation]) -> None:
+        """Take the rewards of the whole population."""
+        self._cma.tell([(self._asked.pop(e.candidate.id), -e.reward) for e in evaluations])
+        self.best = max(self.best, *(e.reward for e in evaluations))

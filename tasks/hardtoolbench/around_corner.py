@@ -1,0 +1,109 @@
+"""AroundCorner: bring a cube out of a roofed box that opens away from the robot, onto a mark."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.joints import rotate
+from core.layouts import around
+from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor, table
+from tasks.assets import board
+
+LENGTH, WIDTH, HEIGHT, WALL = 0.18, 0.13, 0.105, 0.008  # inside the box
+MAT = 0.002  # thickness
+OPENING = LENGTH / 2  # x of it in the box's frame
+OUT = OPENING + 0.03  # x of a cube's middle that is out
+TOLERANCE, NEAR = 0.02, 0.08  # of the cube's middle, m
+
+RUBBER = (0.20, 0.21, 0.23, 1.0)
+WOOD, GLASS, RED, GREEN = (
+    (0.66, 0.47, 0.29, 1.0),
+    (0.62, 0.80, 0.86, 0.35),
+    (0.80, 0.20, 0.17, 1.0),
+    (0.25, 0.62, 0.35, 1.0),
+)
+
+
+def garage(pose: Pose) -> Body:
+    """A fixed box with a roof, without a wall at +x, on a mat; its frame is on the table, in its middle."""
+    side, back = (LENGTH + WALL, WALL, HEIGHT), (WALL, WIDTH, HEIGHT)
+    parts = (
+        board(side, (-WALL / 2, (WIDTH + WALL) / 2, HEIGHT / 2), WOOD),
+        board(side, (-WALL / 2, -(WIDTH + WALL) / 2, HEIGHT / 2), GLASS),
+        board(back, (-(LENGTH + WALL) / 2, 0.0, HEIGHT / 2), WOOD),
+        board((LENGTH + WALL, WIDTH + 2 * WALL, WALL), (-WALL / 2, 0.0, HEIGHT + WALL / 2), GLASS),
+    )
+    mat = board((0.46, 0.25, MAT), (0.23 - LENGTH / 2, 0.0, MAT / 2), RUBBER)
+    return Body("box", pose, 0.0, (*parts, mat), (*parts, mat), friction=1.2)
+
+
+class AroundCorner(Task):
+    """Bring a cube out of a roofed box that opens away from the robot, onto a mark.
+
+    Task: the cube must come out of the box, and end on the mark beside its opening.
+    Layouts: in ``near`` the box moves and turns a little, with all that belongs to it; in ``wide`` it stands anywhere
+    in front of the robot, turned, the cube lies elsewhere in it and is smaller or larger, lighter or heavier, smoother
+    or rougher, and the mark is elsewhere before the opening.
+    Success: the cube's middle is within 2 cm of the mark's.
+    """
+
+    name = "AroundCorner"
+    description = (
+        "A box with a roof is fixed on the table. Inside it is 180 mm long (along x of its frame, which is in its "
+        "middle on the table), 130 mm wide and 105 mm high; walls and roof are 8 mm thick. It is open at its +x end "
+        "alone, which points away from the robot. Its floor is a rubber mat of 2 mm, which goes on beyond the "
+        "opening. A cube with sides of 36 to 46 mm lies on it, its middle 55 to 75 mm from the closed end and up to "
+        "15 mm aside. A mark lies on the mat outside, 130 to 190 mm beyond the opening and up to 60 mm aside. Bring "
+        "the cube out and leave its middle within 2 cm of the mark's."
+    )
+    goals = (Goal(bodies=("cube",), at="mark", place=(0.0, 0.0, None), tolerance=TOLERANCE),)
+    variations = {
+        "near": around("box", (0.46, 0.0), 0.03, 0.2),
+        "wide": {
+            "box.x": (0.42, 0.5),
+            "box.y": (-0.2, 0.2),
+            "box.yaw": (-0.5, 0.5),
+            "cube.gap": (0.055, 0.075),
+            "cube.y": (-0.015, 0.015),
+            "cube.yaw": (-0.25, 0.25),
+            "cube.side": (0.036, 0.046),
+            "cube.mass": (0.05, 0.2),
+            "cube.friction": (0.2, 0.5),
+            "mark.x": (OPENING + 0.13, OPENING + 0.19),
+            "mark.y": (-0.06, 0.06),
+        },
+    }
+    camera = Camera(position=(1.05, -0.85, 0.6), target=(0.52, 0.0, 0.1))
+
+    def scene(self, seed: int) -> Scene:
+        draw = self.draw(seed)
+        pose, side = draw.pose("box", (0.46, 0.0, 0.0)), draw("cube.side", 0.04)
+        x, y = draw("cube.gap", 0.065) - LENGTH / 2, draw("cube.y", 0.0)
+        lies = pose @ Pose.xyz_rpy((x, y, MAT + side / 2), (0.0, 0.0, draw("cube.yaw", 0.0)))
+        cube = Body.of(
+            "cube",
+            Box((side, side, side)),
+            tuple(lies.position),
+            mass=draw("cube.mass", 0.1),
+            color=RED,
+            rpy=tuple(lies.rpy),
+            friction=draw("cube.friction", 0.35),
+        )
+        there = pose @ Pose.xyz_rpy((draw("mark.x", OPENING + 0.16), draw("mark.y", 0.03), MAT))
+        mark = replace(Body.mark("mark", (0.0, 0.0, 0.0), TOLERANCE, GREEN), pose=there)
+        return Scene((floor(), table(), garage(pose), mark, cube))
+
+    def reward(self, start: State, end: State) -> Array:
+        """Up to 0.3 on the way out of the box, then up to 1 near the mark."""
+        back = end.quaternion("box") * [1.0, -1.0, -1.0, -1.0]
+        cube, begin, mark = (
+            rotate(back, at - end.position("box"))
+            for at in (end.position("cube"), start.position("cube"), end.position("mark"))
+        )
+        left = np.maximum(np.linalg.norm((cube - mark)[..., :2], axis=-1) - TOLERANCE, 0.0)
+        beyond = 0.3 + 0.7 * np.clip(1 - left / NEAR, 0.0, 1.0)
+        inside = 0.3 * np.clip((cube - begin)[..., 0] / (OUT - begin[..., 0]), 0.0, 1.0)
+        reward: Array = np.where(cube[..., 0] > OUT, beyond, inside) * (cube[..., 2] > 0.0)
+        return reward

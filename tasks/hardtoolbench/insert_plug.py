@@ -1,0 +1,111 @@
+"""InsertPlug: carry a plug with a large head from its stand to a socket, and put it in."""
+
+import numpy as np
+import trimesh
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.joints import rotate
+from core.layouts import around
+from core.scene import Body, Box, Camera, Color, Geom, Goal, Mesh, Pose, Scene, State, floor, table
+from tasks.assets import board
+
+SIDE, STEM = 0.028, 0.05  # of the plug's stem: square section and height
+NECK, NECK_HEIGHT = 0.014, 0.02
+HEAD, HEAD_HEIGHT = 0.15, 0.09
+DEPTH, BOTTOM = 0.04, 0.01  # of the socket's hole, and the thickness of its bottom
+CHAMFER, SLOPE = 0.004, 0.007  # of the hole's mouth: width and height
+OUTER = 0.1  # side of the socket
+DEEP = 0.035  # the plug is in
+
+BLUE, GREY, DARK = (0.20, 0.38, 0.70, 1.0), (0.62, 0.64, 0.67, 1.0), (0.30, 0.32, 0.35, 1.0)
+GREEN = (0.30, 0.60, 0.38, 1.0)
+
+
+def plug(pose: Pose, mass: float, friction: float) -> Body:
+    """A square stem, a thinner neck and a large head; its frame is below, in the middle of the stem's end."""
+    parts = (
+        board((SIDE, SIDE, STEM), (0.0, 0.0, STEM / 2), BLUE),
+        board((NECK, NECK, NECK_HEIGHT), (0.0, 0.0, STEM + NECK_HEIGHT / 2), BLUE),
+        board((HEAD, HEAD, HEAD_HEIGHT), (0.0, 0.0, STEM + NECK_HEIGHT + HEAD_HEIGHT / 2), BLUE),
+    )
+    return Body("plug", pose, mass, parts, parts, friction)
+
+
+def block(name: str, pose: Pose, hole: float, depth: float, chamfer: float, color: Color) -> Body:
+    """A fixed block with a square hole, down to the table; its frame is in the middle of the hole's mouth."""
+    height, slope = pose.position[2], SLOPE * chamfer / CHAMFER
+    wall = (OUTER - hole) / 2 - chamfer
+    parts = [board((OUTER, OUTER, height - depth), (0.0, 0.0, -(depth + height) / 2), color)]
+    for side in range(4):
+        turn = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, side * np.pi / 2))
+        length = OUTER if side % 2 else hole + 2 * chamfer
+        place = turn @ Pose.xyz_rpy(((OUTER - wall) / 2, 0.0, -depth / 2))
+        parts.append(Geom(Box((wall, length, depth)), place, color))
+        if chamfer:
+            near, far = hole / 2, hole / 2 + chamfer
+            outline = ((near, -depth), (far, -depth), (far, 0.0), (near, -slope))
+            points = np.array([(x, y, z) for x, z in outline for y in (-far, far)])
+            parts.append(Geom(Mesh.from_trimesh(trimesh.convex.convex_hull(points)), turn, DARK))
+    return Body(name, pose, 0.0, tuple(parts), tuple(parts), friction=0.8)
+
+
+class InsertPlug(Task):
+    """Carry a plug with a large head from its stand to a socket, and put it in.
+
+    Task: the plug must end in the socket's hole, upright, down to its bottom.
+    Layouts: in ``near`` stand and socket move and turn a little; in ``wide`` they are anywhere on their side, turned,
+    lower or higher, the hole is narrower or wider, the plug lighter or heavier, smoother or rougher.
+    Success: the stem is 35 mm deep in the hole of 40 mm.
+    """
+
+    name = "InsertPlug"
+    description = (
+        "A plug stands upright in a fixed stand; its frame is at the lower end of its stem. The stem is 28 mm square "
+        "and 50 mm high, then comes a neck, 14 mm square and 20 mm high, then a head, 150 mm square and 90 mm high. "
+        "The plug weighs 0.4 to 0.8 kg. The stand's hole is 40 mm deep. A fixed socket has a square hole, 40 mm deep "
+        "and 4 to 8 mm wider than the stem; its mouth, where the socket's frame is, has chamfers that are 4 mm wide. "
+        "Stem and hole have the axes of plug and socket. Put the stem at least 35 mm deep into the hole, upright."
+    )
+    goals = (Goal(bodies=("plug",), at="socket", place=(0.0, 0.0, -DEPTH), tolerance=0.005, axis=(0.0, 0.0, 1.0)),)
+    variations = {
+        "near": {**around("stand", (0.62, -0.2), 0.03, 0.2), **around("socket", (0.62, 0.2), 0.03, 0.2)},
+        "wide": {
+            "stand.x": (0.57, 0.7),
+            "stand.y": (-0.3, -0.15),
+            "stand.yaw": (-0.5, 0.3),
+            "stand.height": (0.05, 0.12),
+            "socket.x": (0.57, 0.7),
+            "socket.y": (0.15, 0.3),
+            "socket.yaw": (-0.3, 0.5),
+            "socket.height": (0.05, 0.13),
+            "clearance": (0.002, 0.004),
+            "plug.mass": (0.4, 0.8),
+            "plug.friction": (0.4, 0.7),
+        },
+    }
+    camera = Camera(position=(1.15, -0.35, 0.55), target=(0.52, 0.0, 0.1))
+
+    def scene(self, seed: int) -> Scene:
+        draw = self.draw(seed)
+        stand = draw.pose("stand", (0.62, -0.2, 0.0)) @ Pose.xyz_rpy((0.0, 0.0, draw("stand.height", 0.08)))
+        socket = draw.pose("socket", (0.62, 0.2, 0.0)) @ Pose.xyz_rpy((0.0, 0.0, draw("socket.height", 0.08)))
+        fixed = (
+            block("stand", stand, SIDE + 0.006, DEPTH, 0.0, GREY),
+            block("socket", socket, SIDE + 2 * draw("clearance", 0.003), DEPTH, CHAMFER, GREEN),
+        )
+        stands = stand @ Pose.xyz_rpy((0.0, 0.0, -DEPTH))
+        return Scene((floor(), table(), *fixed, plug(stands, draw("plug.mass", 0.6), draw("plug.friction", 0.55))))
+
+    def reward(self, start: State, end: State) -> Array:
+        """Up to 0.15 for the way to above the hole, the rest by depth in it; nothing for a plug that is not upright."""
+        there, plug = end.position("socket"), end.position("plug")
+        off = np.linalg.norm((plug - there)[..., :2], axis=-1)
+        whole = np.linalg.norm((start.position("plug") - there)[..., :2], axis=-1)
+        depth = (there - plug)[..., 2]
+        upright = rotate(end.quaternion("plug"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.95
+        inside = off < 0.007  # its end can't be at such a place in any other way, below the mouth
+        above = 0.15 * np.clip(1 - off / whole, 0.0, 1.0) * (depth < 0.001)
+        sunk = 0.15 + 0.85 * np.clip(depth / DEEP, 0.0, 1.0)
+        reward: Array = np.where(inside & (depth > 0), sunk, above) * upright
+        return reward

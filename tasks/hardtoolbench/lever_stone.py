@@ -1,0 +1,93 @@
+"""LeverStone: raise the edge of a stone that is too heavy for the arm, with a lever."""
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.joints import rotate
+from core.layouts import around
+from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
+
+LENGTH, WIDTH, HEIGHT = 0.28, 0.28, 0.18  # of the stone
+SLAB = 0.05  # height of the slab that it lies on
+OVERHANG = 0.05  # of the stone's near edge
+BAR_TOP, BAR_RADIUS = 0.03, 0.012  # of the fulcrum
+RAISED = (0.025, 0.04)  # how far the near edge must be raised, m
+KEPT = 0.02  # how far the far edge may slide, m
+
+GRANITE, SLATE, STEEL = (0.62, 0.58, 0.56, 1.0), (0.36, 0.38, 0.42, 1.0), (0.25, 0.42, 0.62, 1.0)
+
+
+def fulcrum(pose: Pose) -> Body:
+    """A fixed round bar across the way to the stone, on a foot; its frame is on the table below the bar."""
+    foot = Geom(Box((0.03, 0.2, BAR_TOP - BAR_RADIUS)), Pose.xyz_rpy((0.0, 0.0, (BAR_TOP - BAR_RADIUS) / 2)), STEEL)
+    lies = Pose.xyz_rpy((0.0, 0.0, BAR_TOP - BAR_RADIUS), (np.pi / 2, 0.0, 0.0))
+    return Body("fulcrum", pose, 0.0, (foot, bar := Geom(Cylinder(BAR_RADIUS, 0.2), lies, STEEL)), (foot, bar))
+
+
+def edges(state: State, side: float) -> Array:
+    """Return the ends (..., 2, 3) of the stone's lower edge toward the robot (-1) or away from it (1)."""
+    ends = np.array([(side * LENGTH / 2, y, -HEIGHT / 2) for y in (-WIDTH / 2, WIDTH / 2)])
+    return state.position("stone")[..., None, :] + rotate(state.quaternion("stone")[..., None, :], ends)
+
+
+class LeverStone(Task):
+    """Raise the edge of a stone that is too heavy for the arm, with a lever.
+
+    Task: raise the near edge of the stone, and hold it there.
+    Layouts: in ``near`` stone and fulcrum move and turn a little together; in ``wide`` they stand anywhere in front of
+    the robot, turned, the fulcrum nearer to the stone or farther, and the stone is lighter or heavier.
+    Success: at the end, at rest, all of the near edge is 2.5 to 4 cm higher, and the far edge slid by 2 cm at most.
+    """
+
+    name = "LeverStone"
+    description = (
+        "A block of granite, 0.28 m x 0.28 m and 0.18 m high, 32 to 44 kg, lies on a slab of 50 mm height on the "
+        "table. Its near edge sticks out 50 mm over the slab, so that there is a gap of 50 mm below it. In front of "
+        "it, parallel to the edge and 40 to 60 mm away, is the fulcrum: a fixed round bar of 0.2 m length whose top "
+        "is at z = 0.03. The arm alone can't lift the edge, since that takes 155 N or more. Raise the near edge by "
+        "25 to 40 mm and hold it there at rest until the end, without letting the stone slide."
+    )
+    goals = (
+        Goal(bodies=("stone",), axis=(0.0, 0.0, 1.0), points=(0.115, 0.0, 0.993), at="fulcrum", tolerance_deg=1.5),
+    )
+    variations = {
+        "near": around("fulcrum", (0.75, 0.0), 0.03, 0.15),
+        "wide": {
+            "fulcrum.x": (0.7, 0.8),
+            "fulcrum.y": (-0.2, 0.2),
+            "fulcrum.yaw": (-0.3, 0.3),
+            "gap": (0.04, 0.06),
+            "stone.y": (-0.03, 0.03),
+            "stone.mass": (32.0, 44.0),
+            "stone.friction": (0.6, 0.9),
+        },
+    }
+    camera = Camera(position=(0.95, -1.1, 0.55), target=(0.62, 0.0, 0.12))
+
+    def scene(self, seed: int) -> Scene:
+        draw = self.draw(seed)
+        pose = draw.pose("fulcrum", (0.75, 0.0, 0.0))
+        x, y = draw("gap", 0.05) + LENGTH / 2, draw("stone.y", 0.0)
+        lies, under = pose @ Pose.xyz_rpy((x, y, SLAB + HEIGHT / 2)), pose @ Pose.xyz_rpy((x + OVERHANG, y, SLAB / 2))
+        mass, friction = draw("stone.mass", 38.0), draw("stone.friction", 0.75)
+        stone = Geom(Box((LENGTH, WIDTH, HEIGHT)), color=GRANITE)
+        slab = Geom(Box((LENGTH, WIDTH, SLAB)), color=SLATE)
+        return Scene(
+            (
+                floor(),
+                table(),
+                fulcrum(pose),
+                Body("slab", under, 0.0, (slab,), (slab,), friction),
+                Body("stone", lies, mass, (stone,), (stone,), friction),
+            )
+        )
+
+    def reward(self, start: State, end: State) -> Array:
+        """The share of the way up; less above the range, where the stone slid, and in motion."""
+        raised = (edges(end, -1) - edges(start, -1))[..., 2].min(axis=-1)
+        slid = np.linalg.norm((edges(end, 1) - edges(start, 1))[..., :2], axis=-1).max(axis=-1)
+        speed = np.linalg.norm(end.linear_velocity("stone"), axis=-1)
+        up = np.interp(raised, (0.002, *RAISED, 2 * RAISED[1]), (0.0, 1.0, 1.0, 0.0))
+        reward: Array = up * np.interp(slid, (KEPT, 4 * KEPT), (1.0, 0.0)) * np.interp(speed, (0.02, 0.1), (1.0, 0.0))
+        return reward

@@ -1,0 +1,136 @@
+"""LidAndBall: take the lid off a pot, put it down, and bring the ball that stands inside to a bowl."""
+
+from functools import cache
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.joints import rotate
+from core.layouts import around
+from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
+from tasks.assets import board, round_wall
+
+POT_RADIUS, POT_HEIGHT, WALL, FLOOR = 0.095, 0.16, 0.006, 0.006
+CUP_RADIUS, CUP_HEIGHT = 0.009, 0.04  # of the post in the pot, above its floor; its top is a ring
+BALL_RADIUS = 0.022
+LID_RADIUS, LID_THICKNESS = 0.108, 0.008
+BRIDGE, BRIDGE_HEIGHT = 0.08, 0.04  # the lid's handle, a bar on two posts
+BOWL_RADIUS, BOWL_HEIGHT = 0.045, 0.035
+GENTLE = (0.4, 0.8)  # m/s; up to the first the lid was put down, from the second on dropped
+
+IRON, TIN, YELLOW, CLAY = (
+    (0.30, 0.34, 0.40, 1.0),
+    (0.62, 0.65, 0.70, 1.0),
+    (0.93, 0.72, 0.20, 1.0),
+    (0.72, 0.42, 0.30, 1.0),
+)
+
+
+@cache
+def vessel(radius: float, height: float, color: Color) -> tuple[Geom, ...]:
+    """A round bottom and a wall; the frame is below, in the middle."""
+    bottom = Geom(Cylinder(radius + WALL, FLOOR), Pose.xyz_rpy((0.0, 0.0, FLOOR / 2)), color)
+    outer = radius + WALL
+    return bottom, *round_wall((radius, radius), (outer, outer), FLOOR, height, color, 20)
+
+
+@cache
+def cup() -> tuple[Geom, ...]:
+    """The post that the ball stands on, with a ring on top; its frame is that of the pot."""
+    top, ring = FLOOR + CUP_HEIGHT, 0.004
+    post = Geom(Cylinder(CUP_RADIUS, CUP_HEIGHT - ring), Pose.xyz_rpy((0.0, 0.0, (FLOOR + top - ring) / 2)), TIN)
+    return post, *round_wall((0.007, 0.007), (CUP_RADIUS, CUP_RADIUS), top - ring, top, TIN, 8)
+
+
+def lid(pose: Pose, mass: float, friction: float) -> Body:
+    """A flat lid with a bridge across its middle, along y; its frame is in the middle of the plate."""
+    thick, post = 0.008, BRIDGE_HEIGHT - 0.008
+    plate = Geom(Cylinder(LID_RADIUS, LID_THICKNESS), color=TIN)
+    posts = (
+        board((thick, thick, post), (0.0, side * (BRIDGE - thick) / 2, (LID_THICKNESS + post) / 2), IRON)
+        for side in (-1, 1)
+    )
+    bar = board((thick, BRIDGE, thick), (0.0, 0.0, LID_THICKNESS / 2 + post + thick / 2), IRON)
+    parts = (plate, *posts, bar)
+    return Body("lid", pose, mass, parts, parts, friction)
+
+
+class LidAndBall(Task):
+    """Take the lid off a pot, put it down, and bring the ball that stands inside to a bowl.
+
+    Task: the lid must be put down on the table, and the ball end in the bowl.
+    Layouts: in ``near`` the pot moves and turns a little; in ``wide`` pot and bowl stand anywhere before the robot,
+    the lid is turned, and lid and ball are lighter or heavier, smoother or rougher.
+    Success: the lid lies flat on the table, clear of the pot, and never fell faster than 0.4 m/s; the ball rests in the
+    bowl.
+    """
+
+    name = "LidAndBall"
+    description = (
+        "A pot is fixed on the table, 0.19 m wide inside, too narrow for the hand, and 0.16 m high, with a loose "
+        "flat lid on it, 0.216 m across. The lid, 0.25 to 0.5 kg, has a bridge as handle: a bar of 80 mm length and "
+        "8 mm square along the lid's y axis, on two posts, with 32 mm of room below it. Inside the pot a ball of 52 "
+        "mm diameter stands on a post 18 mm thick, whose top is 46 mm above the table. Take the lid off and put it "
+        "down flat on the table, clear of the pot; it must not fall faster than 0.4 m/s. Then take the ball out and "
+        "leave it in the clay bowl, 90 mm wide and 35 mm high."
+    )
+    goals = (
+        Goal(
+            bodies=("lid",),
+            at="pot",
+            away=0.25,
+        ),
+        Goal(bodies=("ball",), at="bowl", place=(0.0, 0.0, None), tolerance=0.02, rest=True),
+    )
+    every = True
+    variations = {
+        "near": around("pot", (0.54, 0.0), 0.03, 0.2),
+        "wide": {
+            "pot.x": (0.48, 0.58),
+            "pot.y": (-0.06, 0.06),
+            "pot.yaw": (-0.3, 0.3),
+            "bowl.x": (0.4, 0.54),
+            "bowl.y": (-0.36, -0.29),
+            "lid.yaw": (-0.3, 0.3),
+            "lid.mass": (0.25, 0.5),
+            "lid.friction": (0.3, 0.6),
+            "ball.mass": (0.03, 0.09),
+        },
+    }
+    camera = Camera(position=(1.15, -0.75, 0.7), target=(0.48, 0.03, 0.08))
+
+    def scene(self, seed: int) -> Scene:
+        draw = self.draw(seed)
+        pose = draw.pose("pot", (0.54, 0.0, 0.0))
+        turned = Pose.xyz_rpy((0.0, 0.0, POT_HEIGHT + LID_THICKNESS / 2), (0.0, 0.0, draw("lid.yaw", 0.0)))
+        parts, bowl = (*vessel(POT_RADIUS, POT_HEIGHT, IRON), *cup()), vessel(BOWL_RADIUS, BOWL_HEIGHT, CLAY)
+        stands = pose.apply((0.0, 0.0, FLOOR + CUP_HEIGHT + np.sqrt(BALL_RADIUS**2 - 0.007**2) + 1e-4))
+        ball = Body.of(
+            "ball", Sphere(BALL_RADIUS), stands, mass=draw("ball.mass", 0.05), color=YELLOW, rolling_friction=5e-4
+        )
+        return Scene(
+            (
+                floor(),
+                table(),
+                Body("pot", pose, 0.0, parts, parts),
+                Body("bowl", draw.pose("bowl", (0.47, -0.32, 0.0)), 0.0, bowl, bowl),
+                lid(pose @ turned, draw("lid.mass", 0.35), draw("lid.friction", 0.4)),
+                ball,
+            )
+        )
+
+    def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
+        """0.25 for the lid put down; the rest for the way of a ball that is out of the pot, if the lid counts."""
+        assert trace is not None
+        aside = np.linalg.norm((end.position("lid") - end.position("pot"))[..., :2], axis=-1)
+        flat = rotate(end.quaternion("lid"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.99
+        down = np.abs(end.position("lid")[..., 2] - LID_THICKNESS / 2) < 0.003
+        fell = (-trace.states.linear_velocity("lid")[..., 2]).max(axis=-1)
+        off = np.interp(aside, (0.13, 0.25), (0.0, 1.0)) * flat * down * np.interp(fell, GENTLE, (1.0, 0.0))
+        left, way = (np.linalg.norm(state.position("ball") - state.position("bowl"), axis=-1) for state in (end, start))
+        out = np.linalg.norm((end.position("ball") - end.position("pot"))[..., :2], axis=-1) > POT_RADIUS + WALL
+        still = np.linalg.norm(end.linear_velocity("ball"), axis=-1) < 0.05
+        there = np.clip(1 - np.maximum(left - BOWL_RADIUS, 0.0) / way, 0.0, 1.0) * out * still
+        reward: Array = off * (0.25 + 0.75 * there)
+        return reward

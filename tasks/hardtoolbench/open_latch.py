@@ -1,0 +1,115 @@
+"""OpenLatch: open a latched door by the slot of its recessed handle, and leave the glass beside it standing."""
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.joints import rotate
+from core.layouts import around
+from core.scene import Body, Camera, Cylinder, Goal, Joint, Latch, Pose, Scene, State, floor, table
+from tasks.assets import board
+
+WIDTH, BOTTOM, TOP = 0.21, 0.014, 0.186  # of the door, and the heights of its lower and upper edge
+DEPTH, WALL, GAP = 0.2, 0.012, 0.002  # of the cabinet, and its clearance round the door
+FRONT, CAVITY, BACK = 0.006, 0.016, 0.004  # the door's layers, from its face
+SLOT_WIDTH, SLOT_HEIGHT, UNDERCUT = 0.06, 0.014, 0.014  # of the slot, and how far the cavity goes up behind its edge
+OPEN = 0.9  # rad
+GLASS_RADIUS, GLASS_HEIGHT = 0.028, 0.11
+
+OAK, PINE, BLUE = (0.55, 0.38, 0.24, 1.0), (0.80, 0.64, 0.44, 1.0), (0.55, 0.80, 0.90, 0.5)
+
+
+def cabinet(pose: Pose) -> Body:
+    """A fixed cabinet whose walls frame the door; its frame is on the table below the hinge."""
+    middle, wide, inside = -WIDTH / 2, WIDTH + 2 * (GAP + WALL), TOP - BOTTOM + 2 * GAP
+    parts = (
+        *(board((DEPTH, wide, WALL), (DEPTH / 2, middle, z), OAK) for z in (WALL / 2, TOP + GAP + WALL / 2)),
+        *(
+            board((DEPTH, WALL, inside), (DEPTH / 2, middle + side * (wide - WALL) / 2, (TOP + BOTTOM) / 2), OAK)
+            for side in (-1, 1)
+        ),
+        board((WALL, wide - 2 * WALL, inside), (DEPTH - WALL / 2, middle, (TOP + BOTTOM) / 2), OAK),
+    )
+    return Body("cabinet", pose, 0.0, parts, parts)
+
+
+def door(pose: Pose, mass: float, radius: float, height: float) -> Body:
+    """A door with a slot into a cavity that is higher; its frame is in the middle of the slot, at the face."""
+    right, left, low, high = radius - WIDTH, radius, BOTTOM - height, TOP - height
+    parts = [board((BACK, WIDTH, high - low), (FRONT + CAVITY + BACK / 2, (left + right) / 2, (low + high) / 2), PINE)]
+    for at, depth, top in ((0.0, FRONT, SLOT_HEIGHT / 2), (FRONT, CAVITY, SLOT_HEIGHT / 2 + UNDERCUT)):
+        x, half = at + depth / 2, SLOT_WIDTH / 2
+        rows = ((low, -SLOT_HEIGHT / 2), (top, high))
+        parts += [board((depth, WIDTH, b - a), (x, (left + right) / 2, (a + b) / 2), PINE) for a, b in rows]
+        sides, a, b = ((right, -half), (half, left)), -SLOT_HEIGHT / 2, top
+        parts += [board((depth, r - q, b - a), (x, (q + r) / 2, (a + b) / 2), PINE) for q, r in sides]
+    return Body("door", pose, mass, tuple(parts), tuple(parts), friction=0.2)
+
+
+class OpenLatch(Task):
+    """Open a latched door by the slot of its recessed handle, and leave the glass beside it standing.
+
+    Task: open the door of the cabinet by 0.9 rad.
+    Layouts: in ``near`` the cabinet moves and turns a little, with the glass; in ``wide`` it stands anywhere before
+    the robot, turned, the slot is elsewhere in the door, the glass nearer to the door's way or farther, the latch and
+    the hinge are weaker or stronger, and the door is lighter or heavier.
+    Success: the door rests at 0.9 rad or more, and the glass moved by 1 cm at most.
+    """
+
+    name = "OpenLatch"
+    description = (
+        "A low cabinet, 0.24 m wide and 0.2 m high, is fixed on the table with its door toward the robot, flush with "
+        "its walls. The door turns about a vertical hinge at its left edge, and has no handle but a slot in its "
+        "face, 0.15 to 0.17 m from the hinge, 60 mm wide and 14 mm high, too low for a finger; the door's frame is "
+        "in its middle. Behind the face of 6 mm is a cavity, 16 mm deep, that goes 14 mm higher than the slot. A "
+        "latch holds the door shut with 6 to 10 N m. Open the door by at least 0.9 rad. A glass stands where the "
+        "door would be at 1.55 to 1.75 rad; leave it there."
+    )
+    goals = (Goal(joint="hinge", to=1.0, tolerance=0.1, keep=("glass",), rest=True),)
+    variations = {
+        "near": around("cabinet", (0.64, 0.0), 0.03, 0.15),
+        "wide": {
+            "cabinet.x": (0.58, 0.68),
+            "cabinet.y": (-0.15, 0.15),
+            "cabinet.yaw": (-0.35, 0.35),
+            "slot.radius": (0.15, 0.17),
+            "slot.z": (0.1, 0.13),
+            "glass.angle": (1.55, 1.75),
+            "latch.force": (6.0, 10.0),
+            "hinge.friction": (0.05, 0.3),
+            "door.mass": (0.7, 1.4),
+        },
+    }
+    camera = Camera(position=(0.12, -0.6, 0.5), target=(0.56, 0.06, 0.1))
+
+    def scene(self, seed: int) -> Scene:
+        draw = self.draw(seed)
+        pose = draw.pose("cabinet", (0.64, 0.0, 0.0)) @ Pose.xyz_rpy((0.0, WIDTH / 2, 0.0))
+        radius, height, angle = draw("slot.radius", 0.16), draw("slot.z", 0.115), draw("glass.angle", 1.65)
+        leaf = door(pose @ Pose.xyz_rpy((0.0, -radius, height)), draw("door.mass", 1.0), radius, height)
+        stands = pose.apply((-0.19 * np.sin(angle), -0.19 * np.cos(angle), GLASS_HEIGHT / 2 + 1e-4))
+        glass = Body.of("glass", Cylinder(GLASS_RADIUS, GLASS_HEIGHT), stands, mass=0.15, color=BLUE)
+        hinge = Joint(
+            "hinge",
+            "hinge",
+            "door",
+            parent="cabinet",
+            axis=(0.0, 0.0, -1.0),
+            origin=(0.0, radius, 0.0),
+            lower=0.0,
+            upper=2.0,
+            damping=0.1,
+            friction=draw("hinge.friction", 0.15),
+            latches=(Latch(at=0.0, force=draw("latch.force", 8.0), width=0.08),),
+        )
+        return Scene((floor(), table(), cabinet(pose), leaf, glass), (hinge,))
+
+    def reward(self, start: State, end: State) -> Array:
+        """The share of the angle; less for a glass that moved or tilts, and for a door in motion."""
+        hinge = end.joint("hinge")
+        still = np.interp(np.abs(hinge.speed), (0.1, 0.5), (1.0, 0.0))
+        moved = np.linalg.norm(end.position("glass") - start.position("glass"), axis=-1)
+        upright = rotate(end.quaternion("glass"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.98
+        opened = np.interp(hinge.position, (0.08, OPEN), (0.0, 1.0))
+        reward: Array = opened * still * np.interp(moved, (0.01, 0.05), (1.0, 0.0)) * upright
+        return reward

@@ -1,0 +1,104 @@
+"""TurnDisc: turn a stone disc upside down over a strip, and push it onto a mark."""
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.joints import rotate
+from core.layouts import around
+from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
+
+RADIUS = 0.08
+TOP = 0.016  # of the board, above the table
+STRIP, STRIP_HEIGHT = 0.01, 0.006  # its width, and its height above the board
+NEAR_EDGE = -0.14  # of the board, from the middle of the strip
+FAR_EDGE, WIDTH = 0.32, 0.34
+TOLERANCE = 0.015  # of the disc's middle, m
+
+WOOD, DARK = (0.76, 0.56, 0.36, 1.0), (0.34, 0.24, 0.16, 1.0)
+BLUE, RED, GREEN = (0.20, 0.38, 0.70, 1.0), (0.78, 0.22, 0.18, 1.0), (0.25, 0.62, 0.35, 1.0)
+
+
+def board(pose: Pose) -> Body:
+    """A fixed board with a strip across it; its frame is on the table below the strip."""
+    plank = Geom(
+        Box((FAR_EDGE - NEAR_EDGE, WIDTH, TOP)), Pose.xyz_rpy(((FAR_EDGE + NEAR_EDGE) / 2, 0.0, TOP / 2)), WOOD
+    )
+    strip = Geom(Box((STRIP, WIDTH, STRIP_HEIGHT)), Pose.xyz_rpy((0.0, 0.0, TOP + STRIP_HEIGHT / 2)), DARK)
+    return Body("board", pose, 0.0, (plank, strip), (plank, strip))
+
+
+def disc(pose: Pose, thickness: float, mass: float, friction: float) -> Body:
+    """A stone disc, blue above and red below."""
+    halves = (
+        Geom(Cylinder(RADIUS, thickness / 2), Pose.xyz_rpy((0.0, 0.0, side * thickness / 4)), color)
+        for side, color in ((1, BLUE), (-1, RED))
+    )
+    return Body("disc", pose, mass, tuple(halves), (Geom(Cylinder(RADIUS, thickness)),), friction)
+
+
+class TurnDisc(Task):
+    """Turn a stone disc upside down over a strip, and push it onto a mark.
+
+    Task: the disc must end upside down, with its middle on the mark.
+    Layouts: in ``near`` the board moves and turns a little, with all that is on it; in ``wide`` it lies anywhere in
+    front of the robot, turned, the disc lies elsewhere before the strip, the mark elsewhere behind it, and the disc is
+    thinner or thicker, lighter or heavier, smoother or rougher.
+    Success: the disc's axis points down within 15 degrees, its middle is within 1.5 cm of the mark, and it rests.
+    """
+
+    name = "TurnDisc"
+    description = (
+        "A board of 16 mm height is fixed on the table, with a strip across it, 6 mm high and 10 mm wide. On the "
+        "side toward the robot a stone disc of 0.16 m diameter, 14 to 20 mm thick and 0.3 to 0.6 kg heavy, lies on "
+        "the board: its far rim is next to the strip, its near rim sticks out 26 to 33 mm over the board's edge. "
+        "Beyond the strip is a green mark. Turn the disc upside down, so that its red side is on top, and leave it "
+        "at rest on the mark: its axis within 15 degrees of straight down, its middle within 1.5 cm of the mark's."
+    )
+    goals = (
+        Goal(
+            bodies=("disc",),
+            at="mark",
+            place=(0.0, 0.0, None),
+            tolerance=TOLERANCE,
+            axis=(0.0, 0.0, 1.0),
+            points=(0.0, 0.0, -1.0),
+            tolerance_deg=15.0,
+            rest=True,
+        ),
+    )
+    variations = {
+        "near": around("board", (0.55, 0.0), 0.03, 0.2),
+        "wide": {
+            "board.x": (0.52, 0.62),
+            "board.y": (-0.15, 0.15),
+            "board.yaw": (-0.4, 0.4),
+            "gap": (0.001, 0.008),
+            "disc.y": (-0.05, 0.05),
+            "disc.thickness": (0.014, 0.02),
+            "disc.mass": (0.3, 0.6),
+            "disc.friction": (0.35, 0.7),
+            "mark.x": (0.13, 0.2),
+            "mark.y": (-0.03, 0.03),
+        },
+    }
+    camera = Camera(position=(1.15, -0.75, 0.6), target=(0.48, 0.0, 0.08))
+
+    def scene(self, seed: int) -> Scene:
+        draw = self.draw(seed)
+        pose, thickness = draw.pose("board", (0.55, 0.0, 0.0)), draw("disc.thickness", 0.016)
+        x, y = -STRIP / 2 - draw("gap", 0.004) - RADIUS, draw("disc.y", 0.0)
+        lies = pose @ Pose.xyz_rpy((x, y, TOP + thickness / 2))
+        stone = disc(lies, thickness, draw("disc.mass", 0.45), draw("disc.friction", 0.5))
+        there = pose.apply((draw("mark.x", 0.16), y + draw("mark.y", 0.0), TOP))
+        return Scene((floor(), table(), board(pose), Body.mark("mark", there, 0.03, GREEN), stone))
+
+    def reward(self, start: State, end: State) -> Array:
+        """0.1 for a disc on its rim, 1 for one upside down; less away from the mark, or in motion."""
+        axis = rotate(end.quaternion("disc"), np.array([0.0, 0.0, 1.0]))
+        turned = np.interp(np.degrees(np.arccos(np.clip(axis[..., 2], -1.0, 1.0))), (20, 90, 165), (0.0, 0.1, 1.0))
+        away = np.linalg.norm((end.position("disc") - end.position("mark"))[..., :2], axis=-1)
+        speed = np.linalg.norm(end.linear_velocity("disc"), axis=-1)
+        near = np.interp(away, (TOLERANCE, 0.05, 0.2), (1.0, 0.5, 0.1))
+        reward: Array = turned * near * np.interp(speed, (0.02, 0.1), (1.0, 0.0))
+        return reward

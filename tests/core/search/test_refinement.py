@@ -1,0 +1,114 @@
+"""The last stage of a search: numbers of the best candidates are varied, without a model."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.design import Candidate, Evaluation, Tool
+from core.errors import UsageError
+from core.experiment import Experiment
+from core.interfaces import Budget, Numbers, Waypoints
+from core.plugins import installed
+from core.search.orchestration import resume
+from core.search.refinement import POPULATION, Refinement
+
+BUDGET = Budget(1, 3, 1, 0, 5, 0.0)
+GOAL = np.array([0.3, -0.1, 0.2, 0.0, 0.0, 0.0])
+
+
+class Plans:
+    """A designer whose tools have plans of one waypoint."""
+
+    def __init__(self, offsets=(0.1, 0.2, 0.3, 0.4, 0.5)):
+        self.offsets = offsets
+
+    def design(self, generation, elites=()):
+        for strategy, offset in enumerate(self.offsets):
+            yield Candidate(Tool(name=str(strategy)), (GOAL + offset)[None], generation, 0, strategy)
+
+    def parameters(self, candidate):
+        return Numbers.near(candidate.plan.poses, 0.02, 3.0)
+
+    def vary(self, candidate, values, key):
+        generation, agent, strategy, action = key
+        new = replace(candidate, plan=Waypoints(values[None]), parents=(candidate.id,))
+        problem = "too far" if values[0] > 1 else None
+        return replace(new, generation=generation, agent=agent, strategy=strategy, action=action, problem=problem)
+
+
+def earned(candidate):
+    return float(np.exp(-np.abs(candidate.plan.poses[0] - GOAL).sum()))
+
+
+def search(rollouts, designer=None, earns=earned):
+    """The rewards of each generation, and the candidates' ids."""
+    designer = designer or Plans()
+    inner = installed().create("evolution", "sampling", designer=designer, budget=BUDGET)
+    strategy, generations = Refinement(inner, designer, rollouts), []
+    while strategy.goes_on(len(generations), BUDGET):
+        candidates = list(strategy.ask())
+        generations.append([Evaluation(c, "ok", reward=earns(c), distance_m=1.0) for c in candidates])
+        strategy.tell(generations[-1])
+    return generations
+
+
+def test_it_comes_close_to_the_best_numbers():
+    generations = search(600)
+    best = [max(e.reward for e in generation) for generation in generations]
+    assert best[0] == pytest.approx(np.exp(-0.6))
+    assert best[-1] > 0.9
+
+
+def test_the_better_half_goes_on_and_no_more_rollouts_are_spent_than_allowed():
+    generations = search(240)[1:]
+    starts = [len({e.candidate.agent for e in generation}) for generation in generations]
+    assert starts[0] == 4
+    assert starts[-1] == 1
+    assert starts == sorted(starts, reverse=True)
+    spent = sum(map(len, generations))
+    assert 240 - 4 * POPULATION < spent <= 240
+    last = {e.candidate.agent for e in generations[-1]}
+    assert {parent for e in generations[-1] for parent in e.candidate.parents} == {f"g0-a0-s{min(last)}-p0"}
+
+
+def test_ids_are_new_and_the_same_again():
+    first, again = ([(e.candidate.id, e.candidate.content, e.reward) for g in search(120) for e in g] for _ in range(2))
+    assert first == again
+    assert len({name for name, *_ in first}) == len(first)
+
+
+def test_what_breaks_a_rule_is_drawn_again():
+    near_the_limit = Plans(offsets=(0.69,))
+    assert all(e.candidate.problem is None for generation in search(60, near_the_limit)[1:] for e in generation)
+
+
+def test_nothing_is_refined_where_nothing_earned_anything():
+    assert len(search(120, earns=lambda _: 0.0)) == 1
+
+
+@pytest.mark.parametrize("rollouts", [-1, 11, 12.0, "12", True])
+def test_rollouts_that_mean_nothing(rollouts):
+    with pytest.raises(UsageError, match=r"evolution\.refine must be 0, or a whole number from 12 on"):
+        search(rollouts)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("action", ["waypoints", "anchored"])
+def test_a_run_is_refined_alike_from_the_start_and_once_it_is_finished(tmp_path, action):
+    """With one worker, and with two."""
+    words = ["task=BringCube", "sim=mujoco", f"action={action}", "evolution=sampling", "listener=[]", "film=false"]
+    words += ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=0"]
+    whole = Experiment(*words, "evolution.refine=24", "executor.workers=1").run(tmp_path / "whole")
+    refined = [e.candidate for e in whole.generations[1].evaluations]
+    assert all(candidate.parents and candidate.problem is None for candidate in refined)
+    for found in ({c.tool.content for c in refined}, {c.plan.content for c in refined}):
+        assert len(found) == len(refined)
+
+    Experiment(*words, "executor.workers=2").run(tmp_path / "later")
+    resume(tmp_path / "later", ["evolution.refine=24"])
+    stored = [json.loads((tmp_path / name / "result.json").read_text()) for name in ("whole", "later")]
+    assert stored[0]["generations"] == stored[1]["generations"]
+    assert stored[0]["best"] == stored[1]["best"]
+    assert stored[0]["best"]["reward"] == pytest.approx(whole.best.reward)

@@ -1,0 +1,45 @@
+"""Requirements for AroundCorner's reward."""
+
+from dataclasses import replace
+
+import pytest
+
+from core.scene import Pose
+from tasks.hardtoolbench.around_corner import LENGTH, OPENING, TOLERANCE, AroundCorner
+
+TASK = AroundCorner(variation="wide")
+SCENE = TASK.scene(3)
+START = SCENE.state()
+
+
+def reward(at, frame="box"):
+    """The reward of a cube that ends at a place in a body's frame."""
+    pose = SCENE[frame].pose @ Pose.xyz_rpy((*at, 0.02))
+    return float(TASK.reward(START, replace(START, positions=pose.position[None])))
+
+
+def test_a_cube_on_the_mark_is_done():
+    assert reward((0.0, 0.9 * TOLERANCE), "mark") == 1.0
+    assert 0.5 < reward((0.0, 2 * TOLERANCE), "mark") < 1.0
+
+
+def test_progress_rises_all_the_way():
+    inside = [reward((x, 0.0)) for x in (0.03 - LENGTH / 2, 0.0, OPENING, OPENING + 0.029)]
+    outside = [reward((x, 0.0), "mark") for x in (-0.1, -0.06, -0.03, 0.0)]
+    assert inside + outside == sorted(inside + outside)
+    assert inside[0] == 0.0
+    assert inside[-1] < 0.3 <= outside[0]
+
+
+@pytest.mark.parametrize("at", [(-0.2, 0.0), (-0.1, 0.1), (0.02, -0.2)])
+def test_a_cube_elsewhere_is_not_out(at):
+    assert reward(at) < 0.3
+
+
+def test_a_cube_far_beyond_the_mark_earns_no_more_than_one_that_just_came_out():
+    assert reward((0.4, 0.3), "mark") == pytest.approx(0.3)
+
+
+def test_a_cube_that_fell_off_the_table_earns_nothing():
+    end = replace(START, positions=SCENE["mark"].pose.position[None] - [0.0, 0.0, 0.6])
+    assert TASK.reward(START, end) == 0.0

@@ -1,0 +1,49 @@
+"""The reward of LidAndBall."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.geometry import Array
+from core.scene import Trace
+from tasks.hardtoolbench.lid_and_ball import LID_THICKNESS, POT_RADIUS, LidAndBall
+
+TASK = LidAndBall()
+SCENE = TASK.scene(0)
+START = SCENE.complete(SCENE.state())
+POT, BOWL = START.position("pot"), START.position("bowl")
+ASIDE = POT + np.array([0.0, 0.28, LID_THICKNESS / 2])
+
+
+def reward(lid: Array = ASIDE, ball: Array = BOWL, fall: float = 0.1) -> float:
+    """The reward of a lid and a ball that end elsewhere, after the lid fell at most so fast."""
+    end = replace(START, positions=np.stack([lid, ball]))
+    falling = replace(START, linear_velocities=np.array([[0.0, 0.0, -fall], [0.0, 0.0, 0.0]]))
+    return float(TASK.reward(START, end, Trace.of(START, falling, end)))
+
+
+def test_both_count() -> None:
+    assert reward() == 1.0
+    assert reward(ball=START.position("ball")) == pytest.approx(0.25)
+    assert reward(lid=START.position("lid")) == 0.0
+
+
+def test_the_reward_rises_on_the_ball_s_way() -> None:
+    out = POT + np.array([0.0, -POT_RADIUS - 0.01, 0.0])
+    rewards = [reward(ball=out + share * (BOWL - out)) for share in np.linspace(0.0, 1.0, 11)]
+    assert (np.diff(rewards) >= 0).all()
+    assert rewards[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("case", "most"),
+    [
+        pytest.param({"fall": 1.2}, 0.0, id="the lid was dropped"),
+        pytest.param({"lid": ASIDE + np.array([0.0, 0.0, 0.1])}, 0.0, id="the lid is held"),
+        pytest.param({"lid": POT + np.array([0.1, 0.0, 0.1])}, 0.0, id="the lid was pushed aside"),
+        pytest.param({"lid": ASIDE - np.array([0.0, 0.0, 0.6])}, 0.0, id="the lid is on the floor"),
+    ],
+)
+def test_what_earns_nothing(case: dict[str, Array], most: float) -> None:
+    assert reward(**case) <= most  # type: ignore[arg-type]
