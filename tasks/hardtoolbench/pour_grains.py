@@ -27,6 +27,7 @@ MAIZE: Color = (0.93, 0.72, 0.22, 1.0)
 
 
 def ring(inner: float, outer: float, bottom: float, top: float, color: Color) -> tuple[Geom, ...]:
+    """Collision shapes of an upright ring."""
     return round_wall((inner, inner), (outer, outer), bottom, top, color, 12)
 
 
