@@ -15,6 +15,7 @@ def tasks() -> Mapping[str, str]:
         "LidAndBall": "tasks.hardtoolbench.lid_and_ball:LidAndBall",
         "OpenLatch": "tasks.hardtoolbench.open_latch:OpenLatch",
         "PastGlasses": "tasks.hardtoolbench.past_glasses:PastGlasses",
+        "PourGrains": "tasks.hardtoolbench.pour_grains:PourGrains",
         "StopCart": "tasks.hardtoolbench.stop_cart:StopCart",
         "SweepCards": "tasks.hardtoolbench.sweep_cards:SweepCards",
         "TurnDisc": "tasks.hardtoolbench.turn_disc:TurnDisc",

@@ -1,0 +1,118 @@
+"""PourGrains: pour grains from a heavy, oiled crucible into a bowl."""
+
+from functools import cache
+
+import numpy as np
+
+from core.geometry import Array
+from core.interfaces import Task
+from core.layouts import around
+from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
+from tasks.assets import board, revolved, round_wall
+
+CRUCIBLE, BOWL = (0.74, -0.18), (0.73, 0.15)  # x and y of their middles
+STAND, SEAT = 0.13, 0.008  # height of the block under the crucible, and of the rim around its foot
+INSIDE, OUTSIDE, HEIGHT, WALL = 0.042, 0.05, 0.06, 0.006
+COLLAR, COLLAR_LOW, COLLAR_TOP = 0.072, 0.034, 0.042  # of the crucible: radius, lower and upper face
+BOWL_INSIDE, BOWL_RADIUS, BOWL_HEIGHT, CHINA_WALL = 0.05, 0.075, 0.055, 0.005  # radius at the bottom and at the top
+GRAIN = 0.007
+RINGS = ((0.0, 1), (0.0152, 6), (0.0298, 12))  # of grains on the crucible's bottom: radius and number
+GRAINS = tuple(f"grain_{i}" for i in range(1, sum(count for _, count in RINGS) + 1))
+STILL_M_S = 0.05
+
+IRON: Color = (0.22, 0.23, 0.25, 1.0)
+STONE: Color = (0.66, 0.64, 0.60, 1.0)
+CHINA: Color = (0.80, 0.88, 0.93, 1.0)
+MAIZE: Color = (0.93, 0.72, 0.22, 1.0)
+
+
+def ring(inner: float, outer: float, bottom: float, top: float, color: Color) -> tuple[Geom, ...]:
+    """Collision shapes of an upright ring."""
+    return round_wall((inner, inner), (outer, outer), bottom, top, color, 12)
+
+
+@cache
+def crucible() -> tuple[tuple[Geom, ...], tuple[Geom, ...]]:
+    """What is drawn, and what collides; the frame is below, in the middle of the bottom."""
+    bottom = Geom(Cylinder(OUTSIDE, WALL), Pose(np.array([0.0, 0.0, WALL / 2])), IRON)
+    outside = [(OUTSIDE, 0.0), (OUTSIDE, COLLAR_LOW), (COLLAR, COLLAR_LOW), (COLLAR, COLLAR_TOP), (OUTSIDE, COLLAR_TOP)]
+    outline = [(0.0, 0.0), *outside, (OUTSIDE, HEIGHT), (INSIDE, HEIGHT), (INSIDE, WALL), (0.0, WALL)]
+    wall, collar = ring(INSIDE, OUTSIDE, WALL, HEIGHT, IRON), ring(INSIDE, COLLAR, COLLAR_LOW, COLLAR_TOP, IRON)
+    return (revolved(outline, IRON),), (bottom, *wall, *collar)
+
+
+@cache
+def stand() -> tuple[Geom, ...]:
+    """A block with a low rim that keeps the crucible from being pushed off; the frame is where the crucible stands."""
+    width, rim = 2 * (OUTSIDE + 0.009), OUTSIDE + 0.006  # of the block, and the middle of the rim's bars
+    along = [board((width, 0.006, SEAT), (0.0, side * rim, SEAT / 2), STONE) for side in (-1, 1)]
+    across = [board((0.006, width, SEAT), (side * rim, 0.0, SEAT / 2), STONE) for side in (-1, 1)]
+    return (board((width, width, STAND), (0.0, 0.0, -STAND / 2), STONE), *along, *across)
+
+
+@cache
+def bowl() -> tuple[tuple[Geom, ...], tuple[Geom, ...]]:
+    outer = (BOWL_INSIDE + CHINA_WALL, BOWL_RADIUS + CHINA_WALL)
+    bottom = Geom(Cylinder(outer[0], CHINA_WALL), Pose(np.array([0.0, 0.0, CHINA_WALL / 2])), CHINA)
+    wall = round_wall((BOWL_INSIDE, BOWL_RADIUS), outer, CHINA_WALL, BOWL_HEIGHT, CHINA, 12)
+    outside, inside = [(0.0, 0.0), (outer[0], 0.0), (outer[1], BOWL_HEIGHT)], [(BOWL_RADIUS, BOWL_HEIGHT)]
+    return (revolved([*outside, *inside, (BOWL_INSIDE, CHINA_WALL), (0.0, CHINA_WALL)], CHINA),), (bottom, *wall)
+
+
+class PourGrains(Task):
+    """Pour grains from a heavy, oiled crucible into a bowl.
+
+    Task: get the grains out of the crucible into the bowl, without the crucible.
+    Layouts: in ``near`` crucible and bowl move a little; in ``wide`` both stand elsewhere, and weight and friction of
+    crucible and grains differ.
+    Success: all grains at rest in the bowl, which the crucible doesn't touch.
+    """
+
+    name = "PourGrains"
+    description = (
+        "A round iron crucible of about 1.5 kg stands on a stone block 0.13 m high, to the robot's right, in a seat "
+        "with a rim 8 mm high. It is open on top, 0.1 m wide and 0.06 m high; its frame is in the middle of its "
+        "underside. A collar of 0.144 m diameter surrounds it, 0.034 to 0.042 m above its underside. All of it is "
+        "oiled, so that fingers don't hold it. On its bottom lie nineteen round grains, 0.014 m in diameter. To the "
+        "robot's left a bowl, 0.15 m wide inside at its rim and 0.055 m high, is fixed to the table. Pour the grains "
+        "into the bowl: each that is at rest in it counts the same. Nothing counts while the crucible touches the bowl."
+    )
+    goals = (Goal(bodies=GRAINS, place=(0.0, 0.0, 0.02), tolerance=0.06, at="bowl", rest=True),)
+    variations = {
+        "near": {**around("crucible", CRUCIBLE, 0.03), **around("bowl", BOWL, 0.03)},
+        "wide": {
+            "crucible.x": (0.68, 0.78),
+            "crucible.y": (-0.27, -0.12),
+            "crucible.mass": (1.3, 1.7),
+            "crucible.friction": (0.01, 0.03),
+            "grain.mass": (0.0015, 0.003),
+            "grain.friction": (0.2, 0.5),
+            "bowl.x": (0.68, 0.78),
+            "bowl.y": (0.1, 0.22),
+        },
+    }
+    camera = Camera(position=(0.95, -0.72, 0.62), target=(0.62, 0.0, 0.14))
+
+    def scene(self, seed: int) -> Scene:
+        draw = self.draw(seed)
+        place, mass = draw.pose("crucible", (*CRUCIBLE, STAND)), draw("grain.mass", 0.002)
+        friction, looks, grains = draw("grain.friction", 0.3), (Geom(Sphere(GRAIN), color=MAIZE),), []
+        for radius, count in RINGS:
+            for angle in np.arange(count) * 2 * np.pi / count:
+                pose = place @ Pose.xyz_rpy((radius * np.cos(angle), radius * np.sin(angle), WALL + GRAIN))
+                name = GRAINS[len(grains)]
+                grains.append(Body(name, pose, mass, looks, looks, friction, rolling_friction=0.0005))
+        iron = Body("crucible", place, draw("crucible.mass", 1.5), *crucible(), draw("crucible.friction", 0.02))
+        dish = Body("bowl", draw.pose("bowl", (*BOWL, 0.0)), 0.0, *bowl())
+        return Scene((floor(), table(), Body("stand", place, 0.0, stand(), stand()), dish, iron, *grains))
+
+    def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
+        """The share of the grains that are at rest in the bowl; nothing while the crucible touches it."""
+        assert trace is not None
+        inside = []
+        for name in GRAINS:
+            x, y, z = np.moveaxis(end.relative(name, "bowl"), -1, 0)
+            slow = np.linalg.norm(end.linear_velocity(name), axis=-1) < STILL_M_S
+            inside.append((np.hypot(x, y) < BOWL_RADIUS) & (z > 0) & (z < BOWL_HEIGHT) & slow)
+        reward: Array = np.mean(inside, axis=0) * ~trace.touching_at_end("crucible", "bowl")
+        return reward
