@@ -96,7 +96,8 @@ class PourGrains(Task):
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
         place, mass = draw.pose("crucible", (*CRUCIBLE, STAND)), draw("grain.mass", 0.002)
-        friction, looks, grains = draw("grain.friction", 0.3), (Geom(Sphere(GRAIN), color=MAIZE),), []
+        friction, looks = draw("grain.friction", 0.3), (Geom(Sphere(GRAIN), color=MAIZE),)
+        grains: list[Body] = []
         for radius, count in RINGS:
             for angle in np.arange(count) * 2 * np.pi / count:
                 pose = place @ Pose.xyz_rpy((radius * np.cos(angle), radius * np.sin(angle), WALL + GRAIN))
