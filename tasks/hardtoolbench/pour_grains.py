@@ -11,7 +11,7 @@ from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, S
 from tasks.assets import board, revolved, round_wall
 
 CRUCIBLE, BOWL = (0.74, -0.18), (0.73, 0.15)  # x and y of their middles
-STAND, SEAT = 0.13, 0.008  # height of the block under the crucible, and of the rim around its foot
+STAND, SEAT = 0.135, 0.008  # height of the block under the crucible, and of the rim around its foot
 INSIDE, OUTSIDE, HEIGHT, WALL = 0.042, 0.05, 0.06, 0.006
 COLLAR, COLLAR_LOW, COLLAR_TOP = 0.072, 0.034, 0.042  # of the crucible: radius, lower and upper face
 BOWL_INSIDE, BOWL_RADIUS, BOWL_HEIGHT, CHINA_WALL = 0.05, 0.075, 0.055, 0.005  # radius at the bottom and at the top
@@ -42,12 +42,12 @@ def crucible() -> tuple[tuple[Geom, ...], tuple[Geom, ...]]:
 
 
 @cache
-def stand() -> tuple[Geom, ...]:
+def stand(height: float) -> tuple[Geom, ...]:
     """A block with a low rim that keeps the crucible from being pushed off; the frame is where the crucible stands."""
     width, rim = 2 * (OUTSIDE + 0.009), OUTSIDE + 0.006  # of the block, and the middle of the rim's bars
     along = [board((width, 0.006, SEAT), (0.0, side * rim, SEAT / 2), STONE) for side in (-1, 1)]
     across = [board((0.006, width, SEAT), (side * rim, 0.0, SEAT / 2), STONE) for side in (-1, 1)]
-    return (board((width, width, STAND), (0.0, 0.0, -STAND / 2), STONE), *along, *across)
+    return (board((width, width, height), (0.0, 0.0, -height / 2), STONE), *along, *across)
 
 
 @cache
@@ -63,19 +63,20 @@ class PourGrains(Task):
     """Pour grains from a heavy, oiled crucible into a bowl.
 
     Task: get the grains out of the crucible into the bowl, without the crucible.
-    Layouts: in ``near`` crucible and bowl move a little; in ``wide`` both stand elsewhere, and weight and friction of
-    crucible and grains differ.
+    Layouts: in ``near`` crucible and bowl move a little; in ``wide`` both stand elsewhere, the block under the crucible
+    is lower or higher, and weight and friction of crucible and grains differ.
     Success: all grains at rest in the bowl, which the crucible doesn't touch.
     """
 
     name = "PourGrains"
     description = (
-        "A round iron crucible of about 1.5 kg stands on a stone block 0.13 m high, to the robot's right, in a seat "
-        "with a rim 8 mm high. It is open on top, 0.1 m wide and 0.06 m high; its frame is in the middle of its "
-        "underside. A collar of 0.144 m diameter surrounds it, 0.034 to 0.042 m above its underside. All of it is "
-        "oiled, so that fingers don't hold it. On its bottom lie nineteen round grains, 0.014 m in diameter. To the "
-        "robot's left a bowl, 0.15 m wide inside at its rim and 0.055 m high, is fixed to the table. Pour the grains "
-        "into the bowl: each that is at rest in it counts the same. Nothing counts while the crucible touches the bowl."
+        "A round iron crucible of about 1.5 kg stands on a stone block 0.1 to 0.17 m high, to the robot's right, "
+        "in a seat with a rim 8 mm high. It is open on top, 0.1 m wide and 0.06 m high; its frame is in the middle "
+        "of its underside. A collar of 0.144 m diameter surrounds it, 0.034 to 0.042 m above its underside. All of "
+        "it is oiled, so that fingers don't hold it. On its bottom lie nineteen round grains, 0.014 m in diameter. "
+        "To the robot's left a bowl, 0.15 m wide inside at its rim and 0.055 m high, is fixed to the table. Pour "
+        "the grains into the bowl: each that is at rest in it counts the same. Nothing counts while the crucible "
+        "touches the bowl."
     )
     goals = (Goal(bodies=GRAINS, place=(0.0, 0.0, 0.02), tolerance=0.06, at="bowl", rest=True),)
     variations = {
@@ -83,6 +84,7 @@ class PourGrains(Task):
         "wide": {
             "crucible.x": (0.68, 0.78),
             "crucible.y": (-0.27, -0.12),
+            "stand.height": (0.1, 0.17),
             "crucible.mass": (1.3, 1.7),
             "crucible.friction": (0.01, 0.03),
             "grain.mass": (0.0015, 0.003),
@@ -95,7 +97,8 @@ class PourGrains(Task):
 
     def scene(self, seed: int) -> Scene:
         draw = self.draw(seed)
-        place, mass = draw.pose("crucible", (*CRUCIBLE, STAND)), draw("grain.mass", 0.002)
+        height, mass = draw("stand.height", STAND), draw("grain.mass", 0.002)
+        place = draw.pose("crucible", (*CRUCIBLE, height))
         friction, looks = draw("grain.friction", 0.3), (Geom(Sphere(GRAIN), color=MAIZE),)
         grains: list[Body] = []
         for radius, count in RINGS:
@@ -105,7 +108,7 @@ class PourGrains(Task):
                 grains.append(Body(name, pose, mass, looks, looks, friction, rolling_friction=0.0005))
         iron = Body("crucible", place, draw("crucible.mass", 1.5), *crucible(), draw("crucible.friction", 0.02))
         dish = Body("bowl", draw.pose("bowl", (*BOWL, 0.0)), 0.0, *bowl())
-        return Scene((floor(), table(), Body("stand", place, 0.0, stand(), stand()), dish, iron, *grains))
+        return Scene((floor(), table(), Body("stand", place, 0.0, stand(height), stand(height)), dish, iron, *grains))
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """The share of the grains that are at rest in the bowl; nothing while the crucible touches it."""
