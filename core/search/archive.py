@@ -5,16 +5,21 @@ The kinds are cells of a grid: J.-B. Mouret and J. Clune, "Illuminating search s
 
 from __future__ import annotations
 
+import csv
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pydantic
 
 from core.design import TIE, Evaluation, Tool, best_first
+from core.designs.reading import dump_design
 from core.errors import UsageError, choices
 from core.geometry import Array
+from core.interfaces import ToolRepresentation
 
 MAX_BINS = 100
 LIGHT_KG = 0.2
@@ -139,7 +144,7 @@ class Archive:
 
 
 def picks(evaluations: Iterable[Evaluation], tie: float = TIE) -> dict[str, Evaluation]:
-    """Pick the ``best``; the best ``light`` tool, below 200 g; and the best that fits a printer's ``plate`` as it hangs.
+    """Pick the ``best``; the best ``light`` tool, below 200 g; and the best that fits a printer's ``plate``, unturned.
 
     By the rule for ties, the best is the shortest motion of those that earned about the most.
     """
@@ -151,3 +156,43 @@ def picks(evaluations: Iterable[Evaluation], tie: float = TIE) -> dict[str, Eval
     }
     found = {name: next(filter(suit, ranking), None) for name, suit in suits.items()}
     return {name: evaluation for name, evaluation in found.items() if evaluation is not None}
+
+
+class Kept(NamedTuple):
+    """An evaluation that a run hands over: the best of a ``cell``, or else only picked; and what it was picked as."""
+
+    evaluation: Evaluation
+    cell: Cell | None
+    picked: tuple[str, ...]
+
+
+def handed_over(measures: Sequence[Measure], evaluations: Sequence[Evaluation], tie: float = TIE) -> list[Kept]:
+    """Return the best of each cell, in the order of the cells, and then the picks that are none of these."""
+    archive = Archive(measures, tie)
+    archive.add(evaluations)
+    picked: dict[str, list[str]] = {}
+    chosen = picks(evaluations, tie)
+    for name, evaluation in chosen.items():
+        picked.setdefault(evaluation.candidate.id, []).append(name)
+    found = {e.candidate.id: Kept(e, cell, tuple(picked.get(e.candidate.id, ()))) for cell, e in archive.best.items()}
+    for evaluation in chosen.values():
+        found.setdefault(evaluation.candidate.id, Kept(evaluation, None, tuple(picked[evaluation.candidate.id])))
+    return list(found.values())
+
+
+def save_archive(
+    kept: Sequence[Kept], measures: Sequence[Measure], representation: ToolRepresentation, folder: Path
+) -> None:
+    """Write ``designs.json``, a designs file, and ``archive.csv``, with a row for each of its strategies."""
+    folder.mkdir(parents=True, exist_ok=True)
+    document = {"strategies": [dump_design(entry.evaluation.candidate, representation) for entry in kept]}
+    (folder / "designs.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    with (folder / "archive.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        cells = [f"cell_{measure.name}" for measure in measures]
+        figures = [f"{name}_{unit}".rstrip("_") for name, unit in UNITS.items()]
+        writer.writerow(["strategy", "candidate", *cells, "picked", "reward", *figures])
+        for number, (evaluation, cell, picked) in enumerate(kept):
+            values = (value(evaluation) for value in VALUES.values())
+            where = cell if cell is not None else [""] * len(cells)
+            writer.writerow([number, evaluation.candidate.id, *where, " ".join(picked), evaluation.reward, *values])

@@ -137,6 +137,16 @@ class ModelDesigner:
             return replace(varied, problem=str(error))
         return replace(varied, tool=read.tool, plan=read.plan, problem=read.problem)
 
+    def toward(self, candidate: Candidate, other: Candidate) -> Array | None:
+        """See `core.search.refinement.Varies`."""
+        assert candidate.tool is not None
+        assert other.tool is not None
+        given = self._given is not None
+        tool = Numbers().values if given else self.representation.toward(candidate.tool, other.tool)
+        same = candidate.plan.anchors == other.plan.anchors
+        plan = self.actions.toward(candidate.plan, other.plan) if same else None
+        return None if tool is None or plan is None else np.concatenate([tool, plan])
+
     def _candidates(
         self,
         requests: Sequence[Request],
