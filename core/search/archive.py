@@ -105,6 +105,8 @@ def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, 
             raise choices("measure", name, MEASURES, "evolution.measures")
         if name in found:
             raise UsageError(f"evolution.measures names {name} twice")
+        if unknown := sorted(given.keys() - asdict(MEASURES[name])):
+            raise choices("key", str(unknown[0]), asdict(MEASURES[name]), f"evolution.measures: {name}")
         try:
             found[name] = pydantic.TypeAdapter(Measure).validate_python({**asdict(MEASURES[name]), **given})
         except pydantic.ValidationError as error:
