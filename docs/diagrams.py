@@ -64,7 +64,7 @@ PARTS = {
     "vlm": "gemini, openai, ... or offline",
     "tool": "urdf, boxes, solids; none",
     "action": "waypoints, anchored",
-    "evolution": "vlmgineer, sampling",
+    "evolution": "vlmgineer, map_elites, ...",
     "fitness": "nominal, robust, layouts",
     "executor": "local, ray",
     "listener": "progress, rerun, summary",

@@ -52,9 +52,7 @@ def _plan(candidate: Candidate) -> Array:
     return candidate.plan.resolve(Seen({})).poses[0]
 
 
-def search(
-    make: Make, earns: Callable[[Candidate], float] = lambda c: float(_plan(c)[0])
-) -> list[list[Candidate]]:
+def search(make: Make, earns: Callable[[Candidate], float] = lambda c: float(_plan(c)[0])) -> list[list[Candidate]]:
     """Ask and tell for three generations, as the loop does, and return their candidates."""
     strategy = make(FreeDesigner(), BUDGET)
     generations = []

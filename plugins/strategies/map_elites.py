@@ -1,7 +1,7 @@
 """``evolution=map_elites``: keep the best of each kind of tool and motion, and breed from different kinds.
 
-J.-B. Mouret and J. Clune, "Illuminating search spaces by mapping elites", 2015. Numbers are varied as V. Vassiliades and
-J.-B. Mouret do it, "Discovering the elite hypervolume by leveraging interspecies correlation", GECCO 2018.
+J.-B. Mouret and J. Clune, "Illuminating search spaces by mapping elites", 2015. Numbers are varied as V. Vassiliades
+and J.-B. Mouret do it, "Discovering the elite hypervolume by leveraging interspecies correlation", GECCO 2018.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from omegaconf import OmegaConf
 
 from core.design import Candidate, Evaluation, best_first
 from core.errors import UserError
+from core.experiment import Experiment
 from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
 from core.search.orchestration import resume, run
@@ -170,3 +171,16 @@ def test_an_interrupted_run_comes_to_the_same_archive(toy, tmp_path):  # noqa: F
         resume(folder, ["executor.fails_at=null"])
         assert_same_run(folder, tmp_path / "whole")
     assert len(toy.lines("tried")) == 4 * tried
+
+
+@pytest.mark.slow
+def test_a_run_in_an_engine_is_the_same_with_one_worker_and_with_two(tmp_path):
+    words = ["task=BringCube", "sim=mujoco", "evolution=map_elites", "evolution.varied=4", "listener=[]", "film=false"]
+    words += ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1"]
+    words += ["evolution.refine=12"]
+    for workers in (1, 2):
+        Experiment(*words, f"executor.workers={workers}").run(tmp_path / str(workers))
+    assert_same_run(tmp_path / "1", tmp_path / "2")
+    assert (tmp_path / "1/archive/archive.csv").read_text().count("\n") > 2
+    generations = json.loads((tmp_path / "1/result.json").read_text())["generations"]
+    assert [g["n_candidates"] for g in generations][:2] == [2, 6]
