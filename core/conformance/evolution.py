@@ -16,6 +16,7 @@ from core.design import Candidate, Evaluation
 from core.errors import LimitReached
 from core.geometry import Array
 from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers, Seen, Waypoints
+from core.search.teams import Team
 
 Make = Callable[[Designer, Budget], EvolutionStrategy]
 BUDGET = Budget(n_agent=2, n_tool=1, n_action=3, n_iteration=2, k_top=2, reward_save=0.2)
@@ -35,6 +36,10 @@ class FreeDesigner:
             for action in range(BUDGET.n_action):
                 plan = np.array([[*rng.uniform(0.3, 0.5, 3), 0.0, 0.0, 0.0]])
                 yield Candidate(rigid(), Waypoints(plan), generation, agent, 0, action)
+
+    def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
+        elites = {id(elite): elite for team in teams for elite in team.elites}
+        return self.design(generation, list(elites.values()))
 
     def parameters(self, candidate: Candidate) -> Numbers:
         return Numbers.near(_plan(candidate), 0.01, 1.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 import numpy as np
@@ -41,6 +41,7 @@ from core.interfaces import (
 from core.observations import TRIAL
 from core.plugins import describe_part
 from core.replies import checked
+from core.search.teams import Team
 from core.simulation.pictures import draw_strip, png, report_missing
 from core.simulation.views import draw_view
 from core.text import shorten
@@ -88,7 +89,11 @@ class ModelDesigner:
             LimitReached: after the last candidate; see `VLM.complete`.
             UserError: no request got an answer, for a reason that may pass.
         """
-        requests = self.requests(generation, elites, range(self.budget.n_agent))
+        yield from self.design_in(generation, [Team(range(self.budget.n_agent), elites)])
+
+    def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
+        """See `core.search.teams.AsksTeams`, and `design`."""
+        requests = [request for team in teams for request in self.requests(generation, team, apart=len(teams) > 1)]
         failures: list[Reply | None] = []
         yield from self._candidates(requests, failures, repair=self.prompts.settings.repair)
         unanswered = [reply for reply in failures if reply is not None and reply.unanswered]
@@ -102,16 +107,17 @@ class ModelDesigner:
     def generation_finished(self, generation: Generation) -> None:
         self.tried += generation.evaluations
 
-    def requests(self, generation: int, elites: Sequence[Evaluation], agents: Iterable[int]) -> list[Request]:
-        """Compose the request of each of the ``agents``."""
+    def requests(self, generation: int, team: Team, *, apart: bool = False) -> list[Request]:
+        """Compose the request of each agent of a team, which may be shown what was tried; if ``apart``, by the team."""
+        tried = [e for e in self.tried if not apart or e.candidate.agent in team.agents]
         pictures: dict[str, Picture] = {}
         if self.show is not None and self.prompts.settings.feedback == "full":
-            best = [elite.candidate.id for elite in elites[:1]]
-            failure = most_instructive(e for e in last_generation(self.tried) if e.candidate.id not in best)
-            shown = [*elites[:1], *([failure] if failure is not None else [])]
+            best = [elite.candidate.id for elite in team.elites[:1]]
+            failure = most_instructive(e for e in last_generation(tried) if e.candidate.id not in best)
+            shown = [*team.elites[:1], *([failure] if failure is not None else [])]
             drawn = {evaluation.candidate.id: self.show(evaluation) for evaluation in shown}
             pictures = {name: picture for name, picture in drawn.items() if picture is not None}
-        return [self._request(generation, agent, elites, pictures) for agent in agents]
+        return [self._request(generation, agent, team, tuple(tried), pictures) for agent in team.agents]
 
     def parameters(self, candidate: Candidate) -> Numbers:
         """See `core.search.refinement.Varies`."""
@@ -228,12 +234,17 @@ class ModelDesigner:
             yield reply
 
     def _request(
-        self, generation: int, agent: int, elites: Sequence[Evaluation], pictures: Mapping[str, Picture]
+        self,
+        generation: int,
+        agent: int,
+        team: Team,
+        tried: tuple[Evaluation, ...],
+        pictures: Mapping[str, Picture],
     ) -> Request:
         rng = np.random.default_rng([self.seed, generation, agent])
         kind = self.tool_kinds[int(rng.integers(len(self.tool_kinds)))]
         gripper = self._given.gripper if self._given is not None else kind == "gripper"
-        temperature = self.sampling.temperature + rng.uniform(-self.sampling.spread, self.sampling.spread)
+        temperature = self.sampling.temperature + team.warmth + rng.uniform(-self.sampling.spread, self.sampling.spread)
         brief = Brief(
             task=self.task,
             scene_seed=self.seed,
@@ -245,8 +256,9 @@ class ModelDesigner:
             generation=generation,
             agent=agent,
             seed=int(rng.integers(2**31)),
-            elites=tuple(elites),
-            tried=tuple(self.tried),
+            elites=tuple(team.elites),
+            tried=tried,
+            style=team.style,
         )
         views = dict(self.pictures.get(gripper, {}))
         scene = views.pop("camera", None)
