@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _WIDTH, _CELL = 14.0, 1.05  # inches, at most
 _TALL = 0.75  # of a cell, over its width
-_GROUND = ("#fffbe6", "#fdd685", "#f5994e", "#d95f3b")  # of cells, by reward: tools of most colours stand out
+_GROUND = ("#fffbe6", "#fde0a3", "#f9b877", "#ea8a66")  # of cells, by reward: tools of most colours stand out
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ def picked_table(archives: Iterable[Archived]) -> Table:
             *(kept.evaluation.distance_m, kept.evaluation.candidate.id),
         )
         for archive in archives
-        for kept in archive.kept
+        for kept in sorted(archive.kept, key=lambda kept: kept.evaluation.reward, reverse=True)
         if kept.picked
     ]
     note = (
