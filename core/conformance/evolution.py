@@ -54,7 +54,8 @@ class FreeDesigner:
 
 
 def _plan(candidate: Candidate) -> Array:
-    return candidate.plan.resolve(Seen({})).poses[0]
+    first: Array = candidate.plan.resolve(Seen({})).poses[0]
+    return first
 
 
 def search(make: Make, earns: Callable[[Candidate], float] = lambda c: float(_plan(c)[0])) -> list[list[Candidate]]:

@@ -11,11 +11,11 @@ from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 from core.search.teams import AsksTeams, Team
 
-STYLES = (
+STYLES = [
     "",
     "Prefer tools of few and simple components, and short motions.",
     "Prefer tools that work by another principle than the obvious one.",
-)
+]
 
 
 @hookimpl
@@ -48,7 +48,7 @@ class Islands(EvolutionStrategy):
         migrate: int = 2,
         patience: int = 3,
         warmth: float = 0.25,
-        styles: Sequence[str] = STYLES,
+        styles: list[str] = STYLES,
         tie: float = TIE,
     ) -> None:
         super().__init__(designer, budget, tie)

@@ -48,7 +48,7 @@ class MapElites(EvolutionStrategy):
         self,
         designer: Designer,
         budget: Budget,
-        measures: Sequence[str | dict[str, Any]] = ("extent", "distance"),
+        measures: list[str | dict[str, Any]] = ["extent", "distance"],  # noqa: B006
         varied: int = 0,
         tie: float = TIE,
     ) -> None:
