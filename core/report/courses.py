@@ -79,21 +79,23 @@ def _courses(runs: Sequence[FinishedRun]) -> list[Course]:
     return [course for course in found if course is not None and len(course.best)]
 
 
+def effort(courses: Sequence[Course]) -> tuple[int, list[float | None]]:
+    """Compute the expected effort to reach `ENOUGH`, see `efforts`: runs that did; rollouts, calls, dollars."""
+    ends = [course.reached(ENOUGH) for course in courses]
+    reached = sum(end is not None for end in ends)
+    last = [-1 if end is None else end for end in ends]
+    names = ("rollouts", "requests", "cost")
+    spent = [sum(float(getattr(of, name)[end]) for of, end in zip(courses, last, strict=True)) for name in names]
+    return reached, [total / reached if reached else None for total in spent]
+
+
 def efforts(results: Results) -> Table:
     """What it takes to reach `ENOUGH`, by task and method."""
     head = columns("task|method|runs:0|reached:0|rollouts:0|calls of the model:1|cost (USD):2")
     rows: list[tuple[Cell, ...]] = []
     for g in results.groups:
         courses = _courses(g.runs)
-        ends = [course.reached(ENOUGH) for course in courses]
-        reached = sum(end is not None for end in ends)
-        last = [-1 if end is None else end for end in ends]
-        spent = [
-            sum(float(getattr(course, name)[end]) for course, end in zip(courses, last, strict=True)) / reached
-            if reached
-            else None
-            for name in ("rollouts", "requests", "cost")
-        ]
+        reached, spent = effort(courses)
         if courses:
             rows.append((g.task, g.method, len(courses), reached, *spent))
     note = (
