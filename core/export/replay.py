@@ -1,4 +1,7 @@
-"""Play a sampled motion in an engine, and measure what it earns there."""
+"""Play a sampled motion in an engine, and measure what it earns there.
+
+Covered by `tests/core/export/test_export.py`.
+"""
 
 from __future__ import annotations
 

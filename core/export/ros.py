@@ -1,4 +1,7 @@
-"""Write a motion, a tool and a scene for ROS 2 and MoveIt: messages as YAML, and a small package."""
+"""Write a motion, a tool and a scene for ROS 2 and MoveIt: messages as YAML, and a small package.
+
+Covered by `tests/core/export/test_export.py`.
+"""
 
 from __future__ import annotations
 
