@@ -51,6 +51,7 @@ FLOORS = {
         "render",
         "prompt",
         "transfer",
+        "export",
         "gallery",
         "facts",
         "view",
