@@ -41,6 +41,7 @@ from core.interfaces import (
 from core.observations import TRIAL
 from core.plugins import describe_part
 from core.replies import checked
+from core.search.critic import Critic, make_critic
 from core.simulation.pictures import draw_strip, png, report_missing
 from core.simulation.views import draw_view
 from core.text import shorten
@@ -59,7 +60,7 @@ class ModelDesigner:
     only. ``pictures`` has those of the scene by view, without the gripper (False) and with it. ``show`` draws a film
     strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and for the most
     instructive failure of the last generation. ``tried`` is what they may show of earlier generations; as a listener
-    the designer collects it itself.
+    the designer collects it itself. ``critic`` has candidates criticised before each generation; None: nothing is.
     """
 
     task: Task
@@ -76,6 +77,7 @@ class ModelDesigner:
     events: pluggy.PluginManager
     show: Callable[[Evaluation], Picture | None] | None = None
     tried: list[Evaluation] = field(default_factory=list)
+    critic: Critic | None = None
 
     def __post_init__(self) -> None:
         self._spawn = SpawnRules(self.task, self.seed)
@@ -88,6 +90,7 @@ class ModelDesigner:
             LimitReached: after the last candidate; see `VLM.complete`.
             UserError: no request got an answer, for a reason that may pass.
         """
+        self._criticise(generation, elites)
         requests = self.requests(generation, elites, range(self.budget.n_agent))
         failures: list[Reply | None] = []
         yield from self._candidates(requests, failures, repair=self.prompts.settings.repair)
@@ -112,6 +115,13 @@ class ModelDesigner:
             drawn = {evaluation.candidate.id: self.show(evaluation) for evaluation in shown}
             pictures = {name: picture for name, picture in drawn.items() if picture is not None}
         return [self._request(generation, agent, elites, pictures) for agent in agents]
+
+    def _criticise(self, generation: int, elites: Sequence[Evaluation]) -> None:
+        """Ask for critiques, and wait for them: the generation's other requests show them."""
+        if self.critic is not None:
+            asked = {r.id: r for r in self.critic.requests(self._brief(generation, 0, elites)[0])}
+            for reply in self._replies(list(asked.values())) if asked else ():
+                self.critic.hear(reply, asked[reply.request_id])
 
     def parameters(self, candidate: Candidate) -> Numbers:
         """See `core.search.refinement.Varies`."""
@@ -217,9 +227,8 @@ class ModelDesigner:
                 raise reply
             yield reply
 
-    def _request(
-        self, generation: int, agent: int, elites: Sequence[Evaluation], pictures: Mapping[str, Picture]
-    ) -> Request:
+    def _brief(self, generation: int, agent: int, elites: Sequence[Evaluation]) -> tuple[Brief, float]:
+        """Make an agent's assignment, and draw its temperature."""
         rng = np.random.default_rng([self.seed, generation, agent])
         kind = self.tool_kinds[int(rng.integers(len(self.tool_kinds)))]
         gripper = self._given.gripper if self._given is not None else kind == "gripper"
@@ -237,12 +246,19 @@ class ModelDesigner:
             seed=int(rng.integers(2**31)),
             elites=tuple(elites),
             tried=tuple(self.tried),
+            critiques=self.critic.words(elites, self.tried) if self.critic is not None else {},
         )
-        views = dict(self.pictures.get(gripper, {}))
+        return brief, float(np.clip(temperature, 0.0, 2.0))
+
+    def _request(
+        self, generation: int, agent: int, elites: Sequence[Evaluation], pictures: Mapping[str, Picture]
+    ) -> Request:
+        brief, temperature = self._brief(generation, agent, elites)
+        views = dict(self.pictures.get(brief.gripper, {}))
         scene = views.pop("camera", None)
         messages = self.prompts.compose(brief, scene, pictures, views, schema=not self.vlm.takes_schema)
         schema = answer_schema(brief)
-        return Request(f"g{generation}-a{agent}", brief, messages, schema, float(np.clip(temperature, 0.0, 2.0)))
+        return Request(f"g{generation}-a{agent}", brief, messages, schema, temperature)
 
     def _read(self, brief: Brief, reply: Reply) -> list[Candidate]:
         """Read the candidates of a reply, at most as many as the brief asks for; none of a reply with an error.
@@ -353,6 +369,7 @@ def make_designer(
                 report_missing(f"{view} view" if view != "camera" else "picture of the scene", error)
             else:
                 pictures[mounted.gripper][view] = picture
+    film = show if drawable else None
     return ModelDesigner(
         task,
         vlm,
@@ -365,5 +382,6 @@ def make_designer(
         tool_kinds=tool_kinds,
         pictures=pictures,
         events=events,
-        show=show if drawable else None,
+        show=film,
+        critic=make_critic(vlm, prompts, sampling.temperature, task, simulator, seed, film),
     )
