@@ -44,7 +44,7 @@ class Ensemble(VLM):
 
     Args:
         members: names, as in ``vlm=NAME``, or mappings of a ``name`` and settings.
-        critic: the name or the model of the member that writes critiques; empty: they are dealt as well.
+        critic: the name or the model of the member that writes critiques, up to its limit; empty: they are dealt too.
         max_cost_usd: limit of what all members cost together, beside their own; None: no limit.
         max_tokens_total: limit of their prompts and answers together; None: no limit.
         seed: of the draws.
@@ -81,11 +81,11 @@ class Ensemble(VLM):
             add_listener(self._members[label].events, vlm, "vlm")
         self.model = f"ensemble of {', '.join(self._members)}"
         self.takes_schema = all(vlm.takes_schema for vlm in made)
-        critics = [label for label, m in self._members.items() if m.vlm.criticises and critic in ("", m.name, label)]
-        if critic and not critics:
-            able = [member.name for member in self._members.values() if member.vlm.criticises]
-            raise choices("member that writes critiques", critic, able, "vlm.critic")
-        self._critics, self.criticises = critics, bool(critics)
+        able = {label: member.name for label, member in self._members.items() if member.vlm.criticises}
+        self._critics = [label for label, name in able.items() if critic in ("", name, label)]
+        if critic and not self._critics:
+            raise choices("member that writes critiques", critic, able.values(), "vlm.critic")
+        self.criticises = bool(able)
         self._dealer = Dealer(list(self._members), seed)
         self._replies: defaultdict[tuple[int, int], list[Reply]] = defaultdict(list)  # by generation and agent
 
@@ -97,7 +97,9 @@ class Ensemble(VLM):
             for request in left:
                 if (label := self._choose(request, closed)) is not None:
                     hands.setdefault(label, []).append(request)
-            if not hands:
+                elif request.critique and len(closed) < len(self._members):  # a limit ends no run that can go on
+                    yield Reply(request.id, "", self.model, error="no member that writes critiques is left")
+            if len(closed) == len(self._members):
                 why = ", ".join(f"{label}: {str(limit).partition('; ')[0]}" for label, limit in closed.items())
                 raise LimitReached(f"{why}; {len(left)} of {len(requests)} requests are left without a reply")
             missing = {request.id: request for label in hands for request in hands[label]}
@@ -110,8 +112,10 @@ class Ensemble(VLM):
         """The member that is to answer a request; None: all that can have reached their limit."""
         brief = request.brief
         ranking = self._dealer.ranking(brief.generation, brief.agent, critique=request.critique)
-        able = self._critics if request.critique else list(self._members)
-        return next((label for label in ranking if label in able and label not in closed), None)
+        if request.critique:
+            able = [label for label in ranking if self._members[label].vlm.criticises]
+            ranking = sorted(able, key=lambda label: label not in self._critics)
+        return next((label for label in ranking if label not in closed), None)
 
     def _ask(self, hands: dict[str, list[Request]], closed: dict[str, LimitReached]) -> Iterator[tuple[str, Reply]]:
         """Yield the replies of all members as they arrive, and add those that reach a limit to ``closed``."""
