@@ -47,7 +47,7 @@ def most_instructive(evaluations: Iterable[Evaluation]) -> Evaluation | None:
 def most_telling(elites: Sequence[Evaluation], evaluations: Iterable[Evaluation]) -> Iterator[Evaluation]:
     """Yield candidates from which most is learnt: the best elite, the most instructive failure, the next of each..."""
     names = {elite.candidate.id for elite in elites}
-    failures = [e for e in _failures(evaluations) if e.candidate.id not in names]
+    failures = _failures(e for e in evaluations if e.candidate.id not in names)
     for pair in zip_longest(elites, failures):
         yield from filter(None, pair)
 

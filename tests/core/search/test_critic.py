@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,7 +28,7 @@ BUDGET = Budget(2, 1, 1, 3, 5, 0.6)
 
 def tried(generation, *rewards):
     """Evaluations of a generation."""
-    candidates = [Candidate(ROD, PLAN, generation, agent) for agent in range(len(rewards))]
+    candidates = [Candidate(ROD, np.array(PLAN), generation, agent) for agent in range(len(rewards))]
     return [
         Evaluation(c, "ok", reward, 1.0, moved_m={"cube": 0.1}) for c, reward in zip(candidates, rewards, strict=True)
     ]
