@@ -21,7 +21,7 @@ from core.errors import UserError, choices
 from core.plugins import installed
 from core.report.formats import Column, Table, columns
 from core.report.methods import flatten, label
-from core.report.runs import STORE, FinishedRun, LeftOutRun, short, spending
+from core.report.runs import STORE, FinishedRun, LeftOutRun, count_rollouts, short, spending
 from core.report.statistics import Resampling, interval, mean
 from core.store.database import reading
 from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
@@ -227,10 +227,9 @@ def _result(run: AnyRun, rules: Protocol) -> RunResult:
         raise UserError(f"{short(str(run.folder))} has no {STORE}")
     try:
         with reading(run.folder) as database:
-            tried = database.execute("SELECT details FROM evaluations WHERE status != 'rejected'").fetchall()
+            tried = database.execute("SELECT status, details FROM evaluations WHERE status != 'rejected'").fetchall()
             (seconds,) = database.execute("SELECT total(seconds) FROM sessions").fetchone()
-        engines = [parsed(row["details"]).get("engines") or {"": {"rewards": [0.0]}} for row in tried]
-        rollouts = sum(len(of["rewards"]) for each in engines for of in each.values())
+        rollouts = sum(count_rollouts(row["status"], parsed(row["details"])) for row in tried)
     except (sqlite3.Error, AttributeError, KeyError, TypeError, ValueError) as error:
         raise UserError(f"{short(str(run.folder / STORE))} can't be read: {short(str(error))}") from error
     if isinstance(run, FinishedRun):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from core.report.courses import anytime
 from core.report.methods import Group
 from core.report.plots import (
     INK,
@@ -17,6 +18,7 @@ from core.report.plots import (
     bars,
     color_of,
     legend,
+    line_handles,
     line_style,
     method_handles,
     new_figure,
@@ -44,6 +46,7 @@ def pictures(results: Results, tools: Tools) -> list[Picture]:
         deviations(results),
         intervals(results),
         given(results, tools),
+        anytime(results, *_comparable(results)),
         generations(results),
         generations_by_task(results),
         gallery(results, tools),
@@ -205,7 +208,7 @@ def generations(results: Results) -> Picture | None:
             _course(ax, results, method, [mean_of_tasks(of) for of in scores], length)
         ax.set_ylabel("mean best reward so far (0 to 1)")
         ax.set_xlabel("generation")
-        legend(figure, _line_handles(results, methods))
+        legend(figure, line_handles(results, methods))
         return figure
 
     caption = (
@@ -230,12 +233,6 @@ def _course(ax: Axes, results: Results, method: str, rewards: Sequence[float], l
         ax.plot([len(rewards) - 1, length - 1], [rewards[-1]] * 2, ":", color=color_of(results, method), lw=1)
     ax.grid(axis="y", visible=True)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-
-
-def _line_handles(results: Results, methods: Sequence[str]) -> list[Any]:
-    from matplotlib.lines import Line2D
-
-    return [Line2D([], [], label=wrapped(method, 48), **line_style(results, method)) for method in methods]
 
 
 def generations_by_task(results: Results) -> Picture | None:
@@ -264,7 +261,7 @@ def generations_by_task(results: Results) -> Picture | None:
         for ax in axes[len(tasks) :]:
             ax.set_visible(False)
         figure.supylabel("best reward so far (0 to 1)", fontsize=9)
-        legend(figure, _line_handles(results, results.methods))
+        legend(figure, line_handles(results, results.methods))
         return figure
 
     caption = (

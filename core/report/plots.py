@@ -101,6 +101,12 @@ def line_style(results: Results, method: str) -> dict[str, Any]:
     return {"color": color_of(results, method), "marker": "osD^vP*X"[i % 8], "ms": 4.5, "lw": 1.8, "ls": dashes}
 
 
+def line_handles(results: Results, methods: Sequence[str]) -> list[Any]:
+    from matplotlib.lines import Line2D
+
+    return [Line2D([], [], label=wrapped(method, 48), **line_style(results, method)) for method in methods]
+
+
 def bar_width(tasks: Sequence[str], methods: Sequence[str]) -> float:
     """The width of a figure with a bar per task and method, in inches."""
     return max(6.4, 1.2 + 0.24 * len(tasks) * (len(methods) + 1))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from core.report.courses import efforts
 from core.report.entries import entry_tables
 from core.report.formats import Cell, Column, Link, Table, columns
 from core.report.methods import label, robot_of
@@ -35,6 +36,7 @@ def tables(results: Results, shown: Tools) -> list[Table]:
             arms(results),
             methods(results),
             improvements(results),
+            efforts(results),
             generations(results),
             tools(results, shown),
         ),

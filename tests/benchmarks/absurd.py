@@ -107,7 +107,7 @@ def random_start(task: Task, seed: int, random: np.random.Generator, *, flat: bo
     goal, scene = task.goals[int(random.integers(len(task.goals)))], task.scene(seed)
     body = scene[str(random.choice(goal.bodies or [body.name for body in scene.bodies]))]
     start = body_tracks(Scene((body,)), _still(at_home(task), Scene((body,))))
-    low = min(track.low[0, 2] for track in start)
+    low = min((track.low[0, 2] for track in start), default=body.pose.position[2])  # a fixed body has no track
     through = body.pose.position + random.normal(0, 0.02, 3)
     if flat or random.random() < 0.3:
         through[2] = low + random.uniform(0.001, 0.02)

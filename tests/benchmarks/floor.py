@@ -94,19 +94,10 @@ def row(task: str, rewards: dict[str, float]) -> str:
 def attempts(cfg: DictConfig, count: int) -> Iterator[tuple[tuple[str, int], Candidate]]:
     """Yield candidates by what they are, with a number, and by their layout's number."""
     task, material, layouts = task_part(cfg).create(), tool_part(cfg).create().material, int(cfg.protocol.layouts)
-    hand = Tool(gripper=task.robot.gripper is not None)
-    reach = -min(low[2] for low, _ in extents_at_home(task.robot, hand.gripper, task.home).values())
     for layout in range(layouts):
-        yield (f"down {layout}", layout), Candidate(hand, _bare(task, hand, [task.home.position * (1, 1, 0)], reach))
-        scene = task.scene(UNSEEN + layout)
-        names = next((goal.bodies for goal in task.goals if goal.bodies), [body.name for body in scene.bodies])
-        at = scene[names[0]].pose.position
-        for number in range(DIRECTIONS):
-            turn = 2 * np.pi * number / DIRECTIONS
-            way = AWAY_M * np.array([np.cos(turn), np.sin(turn), 0.0])
-            above = at - way + (0.0, 0.0, 0.2)
-            plan = _bare(task, hand, [above, at - way, at, at + way], reach)
-            yield (f"sweep {number} {layout}", layout), Candidate(hand, plan)
+        yield (f"down {layout}", layout), bare(task, [task.home.position * (1, 1, 0)])
+        for number, swept in enumerate(sweeps(task, UNSEEN + layout)):
+            yield (f"sweep {number} {layout}", layout), swept
     for number in range(count):
         layout = number % layouts
         random = np.random.default_rng([zlib.crc32(task.name.encode()), number])
@@ -120,18 +111,32 @@ def attempts(cfg: DictConfig, count: int) -> Iterator[tuple[tuple[str, int], Can
             except DesignError:
                 continue
             made = Candidate(tool, Waypoints(start.plan))
-            yield (f"random {number}", layout), _anchored(made, task, UNSEEN + layout) if number % 2 else made
+            yield (f"random {number}", layout), anchored(made, task, UNSEEN + layout) if number % 2 else made
             break
 
 
-def _bare(task: Task, hand: Tool, tips: list[Array], reach: float) -> Waypoints:
+def bare(task: Task, tips: list[Array]) -> Candidate:
     """Lead the lowest point of the bare hand, as it hangs at home, through points."""
+    hand = Tool(gripper=task.robot.gripper is not None)
+    reach = -min(low[2] for low, _ in extents_at_home(task.robot, hand.gripper, task.home).values())
     rows = [[*tip[:2], max(tip[2], 0.0) + reach, *task.home.rpy, *([1.0] * hand.gripper)] for tip in tips]
-    return Waypoints(np.array(rows))
+    return Candidate(hand, Waypoints(np.array(rows)))
 
 
-def _anchored(candidate: Candidate, task: Task, seed: int) -> Candidate:
+def sweeps(task: Task, seed: int) -> list[Candidate]:
+    """Sweep the bare hand through the first body that a goal names, in each of the directions."""
+    scene = task.scene(seed)
+    names = next((goal.bodies for goal in task.goals if goal.bodies), [body.name for body in scene.bodies])
+    at = scene[names[0]].pose.position
+    turns = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    ways = [AWAY_M * np.array([np.cos(turn), np.sin(turn), 0.0]) for turn in turns]
+    return [bare(task, [at - way + (0.0, 0.0, 0.2), at - way, at, at + way]) for way in ways]
+
+
+def anchored(candidate: Candidate, task: Task, seed: int) -> Candidate:
     """Anchor the waypoints to the first body of a goal."""
+    assert candidate.tool is not None
+    assert isinstance(candidate.plan, Waypoints)
     seen = look(task, seed, Perception())
     name = next((goal.bodies[0] for goal in task.goals if goal.bodies), "world")
     actions = installed().create("action", "anchored")

@@ -13,7 +13,10 @@ from tests.core.report.conftest import QUICK
 from tests.core.report.test_tables import read_csv
 from tests.core.run_folders import write_run
 
-FIGURES = {"rewards", "deviations", "intervals", "given_tools", "generations", "generations_by_task", "gallery"}
+FIGURES = {
+    *("rewards", "deviations", "intervals", "given_tools", "anytime", "generations", "generations_by_task"),
+    "gallery",
+}
 
 
 def test_figures_are_there_and_not_blank(made):

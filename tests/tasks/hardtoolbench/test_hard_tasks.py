@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
+from core.config.compose import load, node
 from core.design import Candidate, Tool
-from core.interfaces import JointTrajectory, Perception, Rollout, RolloutSettings, Waypoints
+from core.interfaces import JointTrajectory, Rollout, RolloutSettings, Waypoints
 from core.layouts import Draw
 from core.plugins import installed
 from core.robot.solids import Solids, body_solids, signed_distance
@@ -21,7 +22,7 @@ from tests.panda import ARM, FINGER_OPEN
 CONF = Path(__file__).parents[3] / "conf" / "task"
 TASKS = [n for (kind, n), of in installed().offers.items() if kind == "task" and of.entry_point == "hardtoolbench"]
 MOVING = {"StopCart"}  # in which things move by themselves
-SETTINGS = RolloutSettings(perception=Perception(0.002, 0.01))
+SETTINGS = node(load("evaluate", ["protocol=varied"]).rollout, RolloutSettings)
 
 every_task = pytest.mark.parametrize("name", TASKS)
 

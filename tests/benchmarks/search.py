@@ -1,0 +1,110 @@
+"""How good are strategies at equal cost? ``python -m tests.benchmarks.search methods=vlmgineer,refined seeds=10``.
+
+Every method is run on every task with every seed: the same designer, and at most the same number of rollouts. Runs are
+kept in ``folder``; what was stopped goes on where it was. ``page=docs/search.md`` gets the table, and
+``python -m core.report FOLDER`` shows all else: curves, intervals, task by task.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from core.cli import arguments, command
+from core.errors import choices
+from core.report.courses import ENOUGH, effort, read_course
+from core.report.results import Results
+from core.report.runs import find_runs
+from core.report.statistics import Resampling, interquartile_mean, interval
+from tests.benchmarks import measuring
+
+USAGE = (
+    "usage: python -m tests.benchmarks.search [methods=NAME,...] [tasks=NAME,...] [seeds=N] [layouts=N] "
+    "[also=[WORD,...]] [workers=N] [folder=DIR] [page=FILE.md]"
+)
+BASE = ["vlm=offline", "sim=mujoco", "budget=quick", "action=anchored", "task.variation=wide", "fitness=layouts"]
+QUIET = ["fitness.unseen=0", "film=false", "listener=[]", "executor.workers=1"]
+METHODS = {  # each tries 320 candidates
+    "vlmgineer": [],
+    "sampling": ["evolution=sampling"],
+    "refined": ["budget.n_iteration=0", "evolution.refine=240"],
+}
+
+
+@dataclass
+class Settings:
+    """``layouts``: of the fitness. ``also``: further words of each run's command line."""
+
+    methods: list[str] = field(default_factory=lambda: list(METHODS))
+    tasks: list[str] = field(default_factory=lambda: ["DislodgeCube", "ElevatePlate", "HighObject"])
+    seeds: int = 10
+    layouts: int = 3
+    also: list[str] = field(default_factory=list)
+    workers: int = 2
+    folder: str = "search"
+    page: str | None = None
+
+
+def main() -> None:
+    given = measuring.settings(arguments(USAGE), Settings)
+    for method in given.methods:
+        if method not in METHODS:
+            raise choices("method", method, METHODS, "methods")
+    folder, tasks = Path(given.folder), measuring.tasks(given.tasks)
+    jobs = [(of, task, seed) for seed in range(given.seeds) for task in tasks for of in given.methods]
+    with ThreadPoolExecutor(given.workers) as threads:
+        for _ in threads.map(lambda job: run(*job, given), jobs):
+            pass
+    table = markdown({method: results(folder / method) for method in given.methods}, tasks)
+    sys.stdout.write(table)
+    if given.page is not None:
+        measuring.write_page(Path(given.page), "search", table)
+
+
+def run(method: str, task: str, seed: int, given: Settings) -> None:
+    """Run a method, or go on with its run; one that has come to its end is left alone."""
+    folder = Path(given.folder) / method / f"{task}_{seed}"
+    if (folder / "run.sqlite").exists():
+        words = [f"resume={folder}"]
+    else:
+        own = [f"task={task}", f"seed={seed}", f"hydra.run.dir={folder}", f"fitness.layouts={given.layouts}"]
+        words = [*BASE, *QUIET, *METHODS[method], *own, *given.also]
+    subprocess.run([sys.executable, "-m", "core.run", *words], check=True, stdout=subprocess.DEVNULL)
+
+
+def results(folder: Path) -> Results:
+    """Read the runs of a method."""
+    finished, left_out = find_runs([folder])
+    return Results(tuple(finished), tuple(left_out))
+
+
+def markdown(found: dict[str, Results], tasks: Sequence[str]) -> str:
+    """Format a row for each method: interquartile mean with its interval, that after 80 candidates, the effort."""
+    head = "| method | runs | after the first sampling | at the end | 95 % interval |"
+    rows = [
+        f"{head} rollouts | reached {ENOUGH:g} | effort: rollouts | calls |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for method, of in found.items():
+        by_task = [[run.best.reward for run in of.runs if run.task == task] for task in tasks]
+        courses = [course for run in of.runs if (course := read_course(run.folder)) is not None]
+        first = interquartile_mean([run.best_so_far[0] for run in of.runs])
+        span, (reached, spent) = interval(by_task, "interquartile mean", Resampling()), effort(courses)
+        between = "–" if span is None else f"{span[0]:.3f} to {span[1]:.3f}"
+        rollouts, calls, _ = ("–" if x is None else f"{x:.0f}" for x in spent)
+        last = interquartile_mean(np.concatenate(by_task))
+        rows.append(
+            f"| {method} | {len(of.runs)} | {first:.3f} | {last:.3f} | {between} | "
+            f"{np.mean([course.rollouts[-1] for course in courses]):.0f} | {reached} | {rollouts} | {calls} |"
+        )
+    return "\n".join([*rows, ""])
+
+
+if __name__ == "__main__":
+    command(main)
