@@ -34,6 +34,7 @@ FLOORS = {
         "robots",
         "task",
         "messages",
+        "spending",
         "jobs",
         "observations",
     ),

@@ -13,6 +13,7 @@ from core.report.courses import efforts
 from core.report.entries import entry_tables
 from core.report.formats import Cell, Column, Link, Table, columns
 from core.report.methods import label, robot_of
+from core.report.models import critiques, models
 from core.report.results import Results
 from core.report.runs import Spending, spending
 from core.report.statistics import (
@@ -40,7 +41,8 @@ def tables(results: Results, shown: Tools) -> list[Table]:
             tools(results, shown),
         ),
         *entry_tables(results.entries, results.how),
-        *(runs(results), left_out(results), parameters(results), costs(results), versions(results)),
+        *(runs(results), left_out(results), models(results), critiques(results)),
+        *(parameters(results), costs(results), versions(results)),
     ]
     return [table for table in every if table.rows]
 

@@ -70,7 +70,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     if given is not None:
         budget = replace(budget, n_tool=1)
     settings = node(cfg.rollout, RolloutSettings)
-    if config["prompt"]["feedback"] != "paper":
+    if cfg.prompt.feedback != "paper" or cfg.prompt.critic:
         settings = replace(settings, observe=True)
     evaluator = Evaluator(chosen, sim_part, cfg.seed, settings)
     fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)

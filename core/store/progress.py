@@ -21,10 +21,11 @@ FIGURES = ("reward", "distance_m", "ik_error_m", "ik_error_rad", "tracking_error
 
 
 # Replies and rollouts of later generations build on a failure as on a result: it stays then. The second request of
-# ``prompt.check`` stays too: the candidates of the first answer have taken its place.
+# ``prompt.check`` stays too: the candidates of the first answer have taken its place. So does a critique: the
+# generation's other requests were composed without it.
 _AGAIN = """
     SELECT id, generation, agent FROM requests JOIN replies ON request_id = id
-    WHERE unanswered AND id NOT LIKE '%-check' AND generation >= (
+    WHERE unanswered AND id NOT LIKE '%-check' AND id NOT LIKE '%-critic%' AND generation >= (
         SELECT max(generation) FROM (
             SELECT generation FROM requests JOIN replies ON request_id = id WHERE unanswered IS NULL
             UNION ALL SELECT generation FROM evaluations WHERE status != 'rejected'
@@ -97,7 +98,7 @@ class CachedVLM(VLM):
     """A model that gives stored replies first, and asks another model for the rest."""
 
     def __init__(self, vlm: VLM, replies: Mapping[str, Reply]) -> None:
-        self.model, self.takes_schema = vlm.model, vlm.takes_schema
+        self.model, self.takes_schema, self.criticises = vlm.model, vlm.takes_schema, vlm.criticises
         self._vlm = vlm
         self._replies = replies
 
