@@ -15,7 +15,7 @@ from core.designs.reading import MAX_DESCRIPTION
 from core.errors import UserError
 from core.interfaces import Robot
 from core.report.drawing import Pixels, draw, painted
-from core.report.formats import Table, columns, number
+from core.report.formats import Cell, Table, columns, number
 from core.report.plots import INK, Picture, new_figure, wrapped
 from core.report.results import Results
 from core.report.runs import FinishedRun
@@ -90,7 +90,7 @@ def picked_table(archives: Iterable[Archived]) -> Table:
         "task|method|cells filled:0|pick|tool|reward:3|mass (g):1|extent (mm):0|components:0|distance (m):2|candidate"
     )
     units = {"kg": 1000.0, "m": 1000.0, "": 1.0}
-    rows = [
+    rows: list[tuple[Cell, ...]] = [
         (
             *(archive.task, archive.method, archive.filled, ", ".join(kept.picked)),
             *(_name(kept.evaluation), kept.evaluation.reward),
