@@ -49,6 +49,7 @@ from core.robots import Flange as Flange
 from core.robots import Gripper as Gripper
 from core.robots import Robot as Robot
 from core.scene import Camera, State
+from core.spending import Spending as Spending
 from core.task import Task as Task
 
 Image = npt.NDArray[np.uint8]
@@ -121,17 +122,23 @@ class Brief:
     actions: ActionRepresentation = field(kw_only=True)
     tried: tuple[Evaluation, ...] = ()  # all of earlier generations, if the prompt may show them
     style: str = ""  # what a strategy adds to the prompt
+    critiques: Mapping[str, str] = field(default_factory=dict)  # a critic's words, by candidate
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """One call of the model: the brief, and what was composed from it (messages, JSON schema of the answer)."""
+    """One call of the model: the brief, and what was composed from it (messages, JSON schema of the answer).
+
+    With ``critique`` it asks for no designs, but what fails in the brief's only elite, and why: the answer is plain
+    text, and the schema is empty.
+    """
 
     id: str  # for example g0-a3: generation 0, agent 3
     brief: Brief
     messages: tuple[Message, ...]
     schema: dict[str, Any]
     temperature: float
+    critique: bool = False
 
 
 CHARACTERS_PER_TOKEN = 3.0  # English prose has about 4, numbers and URDF fewer
@@ -146,6 +153,7 @@ class VLM(ABC):
 
     model: str  # the name that is printed and stored with each reply
     takes_schema: bool = False  # it passes on `Request.schema` itself, so that the prompt's text leaves it out
+    criticises: bool = True  # it can answer a request for a critique
 
     @classmethod
     def estimate(cls, request: Request, model: str) -> Estimate:
@@ -157,6 +165,13 @@ class VLM(ABC):
         tokens = round(characters / CHARACTERS_PER_TOKEN) + pictures * TOKENS_PER_PICTURE
         rule = f"{CHARACTERS_PER_TOKEN:g} characters to a token, {TOKENS_PER_PICTURE} tokens to a picture"
         return Estimate(tokens, f"rule of thumb: {rule}")
+
+    def share(self, limits: Spending) -> None:  # noqa: B027  # of a model whose calls cost nothing
+        """Count what calls cost towards ``limits`` too, which several models share, and make none beyond them.
+
+        Raises:
+            UserError: the cost is not known.
+        """
 
     @abstractmethod
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:

@@ -66,7 +66,7 @@ def compose(cfg: DictConfig) -> Request:
     check_seed(cfg.seed)
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
-    cfg.rollout.observe |= cfg.prompt.feedback != "paper"
+    cfg.rollout.observe |= cfg.prompt.feedback != "paper" or cfg.prompt.critic > 0
     task: Task = task_part(cfg).create()
     representation: ToolRepresentation = tool_part(cfg).create()
     settings = node(cfg.rollout, RolloutSettings)
@@ -188,6 +188,8 @@ def main() -> None:
         say(f"US dollars for a million tokens: {dollars} ({estimate.priced_by})")
     if cfg.prompt.check:
         say("prompt.check=true: each agent asks twice; the second prompt is this one, the first answer, and findings")
+    if cfg.prompt.critic:
+        say(f"prompt.critic={cfg.prompt.critic}: so many shorter requests come before each generation but the first")
     say(str(Path(cfg.output)))
 
 

@@ -6,6 +6,7 @@ Held up to date by ``tests/test_docs.py``.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ EARLIER = {
     "plans for a given tool": 8010,
     "plans for the bare gripper": 9329,
 }
+CRITIQUE = "a critique of one candidate, `prompt.critic`"
 
 
 def elite(number: int, boxes: int = 8, *, gripper: bool = False) -> Evaluation:
@@ -55,6 +57,7 @@ def messages(use: str) -> tuple[Message, ...]:
     words = ["prompt=evolve"] if "prompt=evolve" in use else []
     words += ["prompt=human", f"prompt.file={IDEA}"] if "idea" in use else []
     words += ["prompt.feedback=numbers"] if "numbers" in use else []
+    words += ["prompt.critic=1"] if use == CRITIQUE else []
     cfg = load("prompt", ["task=BringCube", f"tool={name}", "budget=paper", *words])
     given = name != "urdf"
     brief = Brief(
@@ -70,7 +73,10 @@ def messages(use: str) -> tuple[Message, ...]:
         elites=tuple(elite(k) for k in range(5)) if "elites" in use else (),
         actions=part("action", cfg.action).create(),
     )
-    return PromptComposer(node(cfg.prompt, PromptConfig), engine="pybullet").compose(brief, Picture(b"", "BringCube"))
+    composer = PromptComposer(node(cfg.prompt, PromptConfig), engine="pybullet")
+    if use == CRITIQUE:
+        return composer.critique(replace(brief, elites=(elite(0),)), {})
+    return composer.compose(brief, Picture(b"", "BringCube"))
 
 
 def tokens(use: str) -> int:
@@ -89,6 +95,7 @@ def _lines() -> Iterator[str]:
     yield from ("", "| prompt | earlier | now |", "|---|---|---|")
     for use, before in EARLIER.items():
         yield f"| {use} | {before:,} | {tokens(use):,} |"
+    yield f"| {CRITIQUE} | | {tokens(CRITIQUE):,} |"
     yield from (
         "",
         "## A whole prompt",

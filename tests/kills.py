@@ -1,4 +1,5 @@
-"""``python -m tests.kills FOLDER N``: one run with toys, and N more that are killed at different moments and resumed.
+"""``python -m tests.kills FOLDER N``: one run with toys, several models and a critic, and N more that are killed at
+different moments and resumed.
 
 It is a separate process because it forks, which saves starting Python for each run. A moment is the beginning of an
 operation on the disk: an SQL statement, a file that is written, renamed or made, a line in the notes. FOLDER gets
@@ -21,7 +22,7 @@ from omegaconf import OmegaConf
 
 from core.plugins import installed
 from core.search.orchestration import resume, run
-from tests.toys import Notes, config, offer
+from tests.toys import Notes, offer, several
 
 
 class Moments:
@@ -65,7 +66,7 @@ def session(folder: Path, *, resumed: bool, last: int | None) -> int:
                 if resumed:
                     resume(folder / "run")
                 else:
-                    run(config(folder / "notes"), folder / "run")
+                    run(several(folder / "notes"), folder / "run")
             count.write_text(str(moments.number))
             code = 0
         except BaseException:  # the child must end here in any case
@@ -81,7 +82,7 @@ def session(folder: Path, *, resumed: bool, last: int | None) -> int:
 
 def main(folder: Path, points: int) -> None:
     offer(installed())
-    run(config(folder / "warm" / "notes"), folder / "warm" / "run")  # what it leaves in caches, each child inherits
+    run(several(folder / "warm" / "notes"), folder / "warm" / "run")  # what it leaves in caches, each child inherits
     (folder / "whole").mkdir()
     moments = session(folder / "whole", resumed=False, last=None)
     for point in range(points):
@@ -100,7 +101,7 @@ def main(folder: Path, points: int) -> None:
 def note_config(at: Path) -> None:
     """Write the configuration as Hydra does before a run begins."""
     (at / "run" / ".hydra").mkdir(parents=True)
-    OmegaConf.save(config(at / "notes"), at / "run" / ".hydra" / "config.yaml")
+    OmegaConf.save(several(at / "notes"), at / "run" / ".hydra" / "config.yaml")
 
 
 if __name__ == "__main__":

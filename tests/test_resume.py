@@ -26,7 +26,7 @@ from tests.disks import mount, small_files
 ROOT = Path(__file__).parents[1]
 POINTS = int(os.environ.get("VLMGINEER_KILLS", "25"))
 TIMES = ("wall_time_s", "rollouts_per_s")
-LOCAL = ("notes", "limit", "down", "fails_at", "workers")  # settings that may differ between sessions
+LOCAL = ("notes", "members", "limit", "down", "fails_at", "workers")  # settings that may differ between sessions
 
 
 @pytest.fixture

@@ -170,6 +170,14 @@ def config(notes: Path, *overrides: str) -> DictConfig:
     return cfg
 
 
+def several(notes: Path) -> DictConfig:
+    """Return the configuration of a run with two toys as models, one of which criticises."""
+    cfg = config(notes, "prompt.critic=2")
+    members = [{"name": "toy", "notes": str(notes)}, {"name": "toy", "notes": str(notes), "only_agent": 0}]
+    OmegaConf.update(cfg, "vlm", {"name": "ensemble", "members": members, "seed": 5}, merge=False)
+    return cfg
+
+
 @lru_cache
 def composed(overrides: tuple[str, ...]) -> DictConfig:
     sizes = ["budget.n_agent=4", "budget.n_tool=2", "budget.n_action=3", "budget.n_iteration=1", "budget.k_top=3"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields
 from typing import Any, Literal, TypeVar, cast, overload
@@ -46,6 +46,7 @@ SCHEMAS: dict[str, type] = {
     "conformance": schemas.ConformanceConfig,
     "report": schemas.ReportConfig,
     "gallery": schemas.GalleryConfig,
+    "export": schemas.ExportConfig,
     "facts": schemas.FactsConfig,
 }
 """The schema of each primary config in ``conf/``; ``config`` belongs to ``core.run``."""
@@ -252,6 +253,37 @@ def robot_part(config: DictConfig) -> RobotPart:
     """
     found = part("robot", config)
     return RobotPart(found.kind, found.name, found.settings, _hashable(list(config.get("base") or (0.0,) * 4)))
+
+
+def listed(
+    kind: str, word: str, entries: Sequence[str | Mapping[str, Any]], chosen: Part | None = None
+) -> dict[str, DictConfig]:
+    """Read a setting that lists parts of a kind: the configuration of each, by the name under which it is shown.
+
+    An entry is a name, or a mapping of a ``name`` and settings that differ from the configuration's. For the name of
+    ``chosen`` these are its settings. Messages call a part ``word``.
+
+    Raises:
+        UserError: an entry names no part; there are none, or one is repeated.
+    """
+    found: dict[str, DictConfig] = {}
+    for entry in entries:
+        settings = {"name": entry} if isinstance(entry, str) else {str(key): value for key, value in entry.items()}
+        name = settings.pop("name", None)
+        if not isinstance(name, str):
+            raise UsageError(f"{kind}s: {entry!r} names no {word}; give a name, or {{name: NAME, SETTING: VALUE}}")
+        shown = " ".join([name, *(f"{key}={value}" for key, value in settings.items())])
+        if shown in found:
+            raise UsageError(f"{kind}s: {shown!r} is repeated; name each {word} once")
+        usual = chosen
+        if usual is None or usual.name != name:
+            node = load("config", [f"{kind}={name}"])[kind]
+            usual = robot_part(node) if kind == "robot" else part(kind, node)
+        base = {"base": usual.base} if isinstance(usual, RobotPart) else {}
+        found[shown] = OmegaConf.create({"name": name, **dict(usual.settings), **base, **settings})
+    if not found:
+        raise UsageError(f"{kind}s: name at least one {word}")
+    return found
 
 
 def task_part(config: DictConfig) -> TaskPart:

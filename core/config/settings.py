@@ -12,9 +12,10 @@ _PLANS = ("action_rules", "action_diversity", "workspace")
 _REPLY = ("frames", "units", "output", "context")
 _RULES = ("tool_rules", *_PLANS, "spawn_rules", *_REPLY)
 LAST = "last_generation"  # the part that is left out with the feedback "paper"
-INITIAL = ("mission_initial", LAST, "procedure", *_RULES)
-EVOLUTION = ("mission_evolve", "elites", LAST, "procedure", "evolution_rules", *_RULES)
-GIVEN = ("mission_given", "elites", LAST, "procedure", *_PLANS, *_REPLY)
+CRITIQUES = "critiques"  # the part that is left out without a critic
+INITIAL = ("mission_initial", LAST, CRITIQUES, "procedure", *_RULES)
+EVOLUTION = ("mission_evolve", "elites", LAST, CRITIQUES, "procedure", "evolution_rules", *_RULES)
+GIVEN = ("mission_given", "elites", LAST, CRITIQUES, "procedure", *_PLANS, *_REPLY)
 FEEDBACK = ("paper", "numbers", "full")
 VIEWS = ("camera", "front", "side", "top")
 
@@ -35,6 +36,8 @@ class PromptSettings:
             out.
         repair: ask once more, with the reason, if a reply can't be read.
         check: return what is found about the designs of a reply before they are tried, and take the second answer.
+        critic: how many candidates of a generation the model is shown again, with pictures, one in each request; what
+            fails in them by its words stands in the next generation's prompts.
         system: the templates of the system message; empty: no system message.
         initial: the templates of a first sampling; empty: no first sampling, elites come from elsewhere.
         evolution: the templates of a request that shows elites.
@@ -49,6 +52,7 @@ class PromptSettings:
     generation_characters: int = 12_000
     repair: bool = False
     check: bool = False
+    critic: int = 0
     system: list[str] = field(default_factory=lambda: list(SYSTEM))
     initial: list[str] = field(default_factory=lambda: list(INITIAL))
     evolution: list[str] = field(default_factory=lambda: list(EVOLUTION))

@@ -133,9 +133,13 @@ def refuse_stored_addresses(config: dict[str, Any], repeated: Sequence[str]) -> 
         UserError: there is an address of the model, the executor or a listener; says what to repeat.
     """
     given = {word.lstrip("+").partition("=")[0] for word in repeated}
-    for path, value in _texts({kind: config.get(kind) for kind in ("vlm", "executor", "listener")}):
-        if path not in given and ("://" in value or _ADDRESS.search(path.rpartition(".")[2])):
-            shown = clean(f"{path}={value}", 300)
+    parts = {kind: config.get(kind) for kind in ("vlm", "executor", "listener")}
+    settings = [(f"{kind}.{key}", v) for kind, of in parts.items() if isinstance(of, dict) for key, v in of.items()]
+    lists = [key for key, value in settings if isinstance(value, list)]  # a list that is given replaces the stored one
+    for path, value in _texts(parts):
+        whole = next((key for key in lists if f"{path}.".startswith(f"{key}.")), path)
+        if whole not in given and ("://" in value or _ADDRESS.search(path.rpartition(".")[2])):
+            shown = clean(f"{path}={value}", 300) if whole == path else f"{whole}=[...], all of it"
             raise UserError(
                 f"the run leads to {clean(value, 300)}, with what it sends, keys included; if you trust that, repeat "
                 f"it: {shown}"

@@ -17,12 +17,12 @@ import jinja2
 import jinja2.meta
 from jinja2.sandbox import SandboxedEnvironment
 
-from core.config.settings import FEEDBACK, LAST, VIEWS, PromptSettings
+from core.config.settings import CRITIQUES, FEEDBACK, LAST, VIEWS, PromptSettings
 from core.design import TIE, Tool
 from core.designs.arm_sheet import describe_arm
 from core.designs.elites import elites_text
 from core.designs.excerpts import class_source, function_source, helpers, task_source
-from core.designs.feedback import combined_figures, generation_lines, last_generation
+from core.designs.feedback import combined_figures, critiques_text, generation_lines, last_generation
 from core.designs.layout import layout_table
 from core.designs.rules import MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
@@ -33,7 +33,7 @@ from core.scene import Body, describe_goals
 from core.text import short_numbers
 
 SUFFIX = ".md.j2"
-REPAIR, CHECK = "repair", "check"
+REPAIR, CHECK, CRITIC = "repair", "check", "critic"
 TASK = ("home", "success_reward", "scene", "reward")  # the members that are shown
 BODY = ("name", "pose", "mass", "visuals", "collisions", "friction", "rolling_friction", "restitution")
 
@@ -65,7 +65,7 @@ class PromptComposer:
         self.settings = settings = settings or PromptSettings()
         self.rollout = rollout or RolloutSettings()
         self.tie, self.judged = tie, judged.strip()
-        for name in ("elite_characters", "generation_characters"):
+        for name in ("elite_characters", "generation_characters", "critic"):
             if getattr(settings, name) < 0:
                 raise UsageError(f"prompt.{name} must be 0 or greater, got {getattr(settings, name)}")
         if settings.feedback not in FEEDBACK:
@@ -75,7 +75,9 @@ class PromptComposer:
                 raise choices("view", str(view), VIEWS, "prompt.views")
         parts = {*settings.system, *settings.initial, *settings.evolution, *settings.given, REPAIR}
         parts -= {LAST} if settings.feedback == "paper" else set()
-        parts |= {CHECK} if settings.check else set()  # a folder of older templates has neither
+        parts -= {CRITIQUES} if not settings.critic else set()
+        parts |= {CHECK} if settings.check else set()  # a folder of older templates has none of these
+        parts |= {CRITIC} if settings.critic else set()
         self._templates, names = _load(Path(settings.dir) if settings.dir else None, parts)
         self._idea = _read_idea(settings.file, wanted="idea" in names)
 
@@ -118,10 +120,22 @@ class PromptComposer:
         for name, strip in pictured.items():
             which = "an elite" if any(e.candidate.id == name for e in brief.elites) else "a failure"
             user += [Text(f"Film strip of {which}, {name}: six instants of its motion, in reading order:\n\n"), strip]
-        messages = [Message("user", tuple(user))]
-        if self.settings.system:
-            messages.insert(0, Message("system", tuple(self._render(part, values) for part in self.settings.system)))
-        return tuple(messages)
+        return (*self._system(values), Message("user", tuple(user)))
+
+    def critique(self, brief: Brief, pictures: Mapping[str, Picture]) -> tuple[Message, ...]:
+        """Compose a request for a critique of the brief's one elite, with ``pictures`` of it by their captions.
+
+        Raises:
+            UserError: see `compose`.
+            ValueError: the elite has no tool.
+        """
+        values = self._values(brief, None, False, numbers=True) | {"pictured": list(pictures), "views": []}
+        shown = [part for caption, picture in pictures.items() for part in (Text(f"{caption}:\n\n"), picture)]
+        return (*self._system(values), Message("user", (self._render(CRITIC, values), *shown)))
+
+    def _system(self, values: dict[str, Any]) -> list[Message]:
+        texts = tuple(self._render(part, values) for part in self.settings.system)
+        return [Message("system", texts)] if texts else []
 
     def repair(self, request: Request, reply: Reply, problem: str) -> tuple[Message, ...]:
         """Compose the messages of ``request``, the reply, and a request to correct it.
@@ -145,13 +159,14 @@ class PromptComposer:
         answer = [Message("assistant", (Text(text),))] if text.strip() else []
         return (*request.messages, *answer, message)
 
-    def _values(self, brief: Brief, picture: Picture | None, schema: bool) -> dict[str, Any]:
+    def _values(self, brief: Brief, picture: Picture | None, schema: bool, *, numbers: bool = False) -> dict[str, Any]:
         """The names that templates may use, and their values."""
         task, representation = brief.task, brief.representation
         given = representation.given(task)
         mounted = given if given is not None else Tool(gripper=brief.gripper)
         bare, robot = given is not None and not given.components, task.robot
-        numbers = given is not None or self.settings.feedback != "paper"  # all that plans for a given tool differ in
+        # Numbers are all that plans for a given tool differ in.
+        numbers = numbers or given is not None or self.settings.feedback != "paper"
         last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
         elites, shortened = elites_text(
             brief.elites, representation, numbers=numbers, budget=self.settings.elite_characters, tried=brief.tried
@@ -191,6 +206,7 @@ class PromptComposer:
             "judged": self.judged,
             "elites": elites,
             "observed": any(observation(elite) is not None for elite in brief.elites),
+            "critiques": critiques_text(brief),
             "candidates": generation_lines(last, self.settings.generation_characters),
             "shortened": shortened,
             "detailed": any(combined_figures(elite) for elite in brief.elites),

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from itertools import zip_longest
 from typing import Any
 
 from core.design import Evaluation, best_first
-from core.interfaces import Contact, Observation, observation
+from core.interfaces import Brief, Contact, Observation, observation
 from core.observations import OBSERVATION, TRIAL
 from core.text import clean, short_numbers
 
 _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words
 _BODIES, _CONTACTS = 2, 6
-_REASON = 300  # characters
+_REASON, _NAME = 300, 120  # characters
 
 
 def last_generation(tried: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
@@ -39,11 +41,36 @@ def most_instructive(evaluations: Iterable[Evaluation]) -> Evaluation | None:
 
     It is the best candidate of the most frequent class of failure; of equally frequent ones the one that got farther.
     """
+    return next(iter(_failures(evaluations)), None)
+
+
+def most_telling(elites: Sequence[Evaluation], evaluations: Iterable[Evaluation]) -> Iterator[Evaluation]:
+    """Yield candidates from which most is learnt: the best elite, the most instructive failure, the next of each..."""
+    names = {elite.candidate.id for elite in elites}
+    failures = _failures(e for e in evaluations if e.candidate.id not in names)
+    for pair in zip_longest(elites, failures):
+        yield from filter(None, pair)
+
+
+def critiques_text(brief: Brief) -> str:
+    """Write the critiques in a brief, of its elites and of what was tried, as JSON; empty: there are none."""
+    known = {e.candidate.id: e for e in (*brief.tried, *brief.elites)}
+    entries = []
+    for name, text in brief.critiques.items():
+        tool = known[name].candidate.tool
+        named = {"tool_name": clean(tool.name, _NAME)} if tool is not None and tool.name else {}
+        entries.append({"id": name, "reward": round(known[name].reward, 4), **named, "critique": text})
+    return json.dumps(entries, indent=1, ensure_ascii=False) if entries else ""
+
+
+def _failures(evaluations: Iterable[Evaluation]) -> list[Evaluation]:
+    """The best candidate of each class of failure, the most frequent class first."""
     groups: dict[str, list[Evaluation]] = {}
     for evaluation in best_first(evaluations):
         if (what := outcome_of(evaluation)) not in ("solved", "placed"):
             groups.setdefault(what, []).append(evaluation)
-    return max(groups.values(), key=lambda group: (len(group), group[0].reward))[0] if groups else None
+    ordered = sorted(groups.values(), key=lambda group: (len(group), group[0].reward), reverse=True)
+    return [group[0] for group in ordered]
 
 
 @lru_cache(maxsize=2)

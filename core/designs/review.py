@@ -44,9 +44,8 @@ def _strategy(number: int, candidates: list[Candidate], task: Task, seed: int, s
         lines.append(f"  - rejected: {clean(shared, _REASON)}")
     if tool is not None and tool.components:
         lines.append(f"  - {tool.mass:.3g} kg; x, y and z of each component at home, smallest to largest:")
-        lines += [
-            f"    - {part}: {_space(points[0])}" for part, points in _placed(task.robot, tool, at_home(task)).items()
-        ]
+        placed = place_components(task.robot, tool, at_home(task))
+        lines += [f"    - {part}: {_space(points[0])}" for part, points in placed.items()]
     for candidate in candidates:
         found = [f"rejected: {clean(candidate.problem or '', _REASON)}"] if candidate.problem != shared else []
         if candidate.plan.dump():
@@ -76,7 +75,7 @@ def _plan(candidate: Candidate, task: Task, seed: int, settings: RolloutSettings
     there = JointTrajectory(motion.arrivals, targets, fingers)
     found += _reach(robot, plan.poses, there, motion)
     if tool is not None and tool.components:
-        lowest = _lowest(_placed(robot, tool, there))
+        lowest = _lowest(place_components(robot, tool, there))
         found.append(f"lowest point of the tool at each waypoint: z = {', '.join(lowest)}")
     return found
 
@@ -99,7 +98,7 @@ def _reach(robot: Robot, plan: Array, there: JointTrajectory, motion: Motion) ->
     return found
 
 
-def _placed(robot: Robot, tool: Tool, motion: JointTrajectory) -> dict[str, Array]:
+def place_components(robot: Robot, tool: Tool, motion: JointTrajectory) -> dict[str, Array]:
     """Place the corners of each component in the world, (T, V, 3); of at most `MAX_COMPONENTS` components."""
     frames = link_frames(robot, tool.gripper, motion.arm, np.column_stack([motion.fingers] * 2))
     placed, points = tool.placed(), {}

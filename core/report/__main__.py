@@ -92,6 +92,7 @@ def page(
         Section("generations", "By generation", ("generations", "generations_by_task"), ("generations",)),
         Section("tools", "Tools", ("gallery", *(p.name for p in drawn if p.name.startswith("evolution_"))), ("tools",)),
         Section("archives", "Archives", tuple(p.name for p in drawn if p.name.startswith("archive_")), ("archive",)),
+        Section("models", "Models and critics", (), ("models", "critiques")),
         Section("runs", "Runs", (), ("left_out", "runs")),
         Section("parameters", "Parameters, costs, versions", (), ("parameters", "costs", "versions")),
     )

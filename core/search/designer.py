@@ -19,7 +19,7 @@ from core.designs.planning import NO_PLAN, guarded
 from core.designs.reading import dump_design, parse_reply, read_designs
 from core.designs.review import review
 from core.designs.rules import SpawnRules, given_tool
-from core.errors import NoPicture, UserError, choices
+from core.errors import UserError, choices
 from core.events import Generation
 from core.geometry import Array
 from core.hooks import hookimpl
@@ -41,9 +41,9 @@ from core.interfaces import (
 from core.observations import TRIAL
 from core.plugins import describe_part
 from core.replies import checked
+from core.search.critic import Critic, make_critic
 from core.search.teams import Team
-from core.simulation.pictures import draw_strip, png, report_missing
-from core.simulation.views import draw_view
+from core.simulation.pictures import draw_strip, png, report_missing, scene_pictures
 from core.text import shorten
 from core.threads import run_in_thread
 
@@ -60,7 +60,7 @@ class ModelDesigner:
     only. ``pictures`` has those of the scene by view, without the gripper (False) and with it. ``show`` draws a film
     strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and for the most
     instructive failure of the last generation. ``tried`` is what they may show of earlier generations; as a listener
-    the designer collects it itself.
+    the designer collects it itself. ``critic`` has candidates criticised before each generation; None: nothing is.
     """
 
     task: Task
@@ -77,6 +77,7 @@ class ModelDesigner:
     events: pluggy.PluginManager
     show: Callable[[Evaluation], Picture | None] | None = None
     tried: list[Evaluation] = field(default_factory=list)
+    critic: Critic | None = None
 
     def __post_init__(self) -> None:
         self._spawn = SpawnRules(self.task, self.seed)
@@ -93,6 +94,7 @@ class ModelDesigner:
 
     def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
         """See `core.search.teams.AsksTeams`, and `design`."""
+        self._criticise(generation, [elite for team in teams for elite in team.elites])
         requests = [request for team in teams for request in self.requests(generation, team, apart=len(teams) > 1)]
         failures: list[Reply | None] = []
         yield from self._candidates(requests, failures, repair=self.prompts.settings.repair)
@@ -119,6 +121,14 @@ class ModelDesigner:
             pictures = {name: picture for name, picture in drawn.items() if picture is not None}
         return [self._request(generation, agent, team, tuple(tried), pictures) for agent in team.agents]
 
+    def _criticise(self, generation: int, elites: Sequence[Evaluation]) -> None:
+        """Ask for critiques, and wait for them: the generation's other requests show them."""
+        if self.critic is not None:
+            brief, _ = self._brief(generation, 0, Team(range(1), elites), tuple(self.tried))
+            asked = {request.id: request for request in self.critic.requests(brief)}
+            for reply in self._replies(list(asked.values())) if asked else ():
+                self.critic.hear(reply, asked[reply.request_id])
+
     def parameters(self, candidate: Candidate) -> Numbers:
         """See `core.search.refinement.Varies`."""
         assert candidate.tool is not None
@@ -131,7 +141,7 @@ class ModelDesigner:
         generation, agent, strategy, _ = key
         count = len(values) - len(self.actions.parameters(candidate.plan))
         named = replace(candidate, generation=generation, agent=agent, strategy=strategy, action=0)
-        varied = replace(named, parents=(candidate.id,))
+        varied = replace(named, parents=(candidate.id,), varied=True)
         try:
             with guarded(self.representation, "with_parameters"):
                 tool = self.representation.with_parameters(candidate.tool, values[:count]) if count else candidate.tool
@@ -233,14 +243,8 @@ class ModelDesigner:
                 raise reply
             yield reply
 
-    def _request(
-        self,
-        generation: int,
-        agent: int,
-        team: Team,
-        tried: tuple[Evaluation, ...],
-        pictures: Mapping[str, Picture],
-    ) -> Request:
+    def _brief(self, generation: int, agent: int, team: Team, tried: tuple[Evaluation, ...]) -> tuple[Brief, float]:
+        """Make an agent's assignment, and draw its temperature."""
         rng = np.random.default_rng([self.seed, generation, agent])
         kind = self.tool_kinds[int(rng.integers(len(self.tool_kinds)))]
         gripper = self._given.gripper if self._given is not None else kind == "gripper"
@@ -258,13 +262,25 @@ class ModelDesigner:
             seed=int(rng.integers(2**31)),
             elites=tuple(team.elites),
             tried=tried,
+            critiques=self.critic.words(team.elites, tried) if self.critic is not None else {},
             style=team.style,
         )
-        views = dict(self.pictures.get(gripper, {}))
+        return brief, float(np.clip(temperature, 0.0, 2.0))
+
+    def _request(
+        self,
+        generation: int,
+        agent: int,
+        team: Team,
+        tried: tuple[Evaluation, ...],
+        pictures: Mapping[str, Picture],
+    ) -> Request:
+        brief, temperature = self._brief(generation, agent, team, tried)
+        views = dict(self.pictures.get(brief.gripper, {}))
         scene = views.pop("camera", None)
         messages = self.prompts.compose(brief, scene, pictures, views, schema=not self.vlm.takes_schema)
         schema = answer_schema(brief)
-        return Request(f"g{generation}-a{agent}", brief, messages, schema, float(np.clip(temperature, 0.0, 2.0)))
+        return Request(f"g{generation}-a{agent}", brief, messages, schema, temperature)
 
     def _read(self, brief: Brief, reply: Reply) -> list[Candidate]:
         """Read the candidates of a reply, at most as many as the brief asks for; none of a reply with an error.
@@ -357,24 +373,9 @@ def make_designer(
             return None
         return Picture(png(strip), f"strip_{candidate.id}")
 
-    pictures: dict[bool, dict[str, Picture]] = {}
-    drawable = True
-    for number, mounted in enumerate(bare if given is None else [given]):
-        pictures[mounted.gripper] = {}
-        for view in prompts.settings.views if drawable else ():
-            name = "_".join(["scene", *([view] if view != "camera" else []), *(["gripper"] if number else [])])
-            try:
-                picture = Picture(png(draw_view(task, simulator, view, seed, mounted)), name)
-            except NoPicture as error:
-                drawable = False
-                report_missing("pictures", error)
-                break
-            except OSError as error:
-                raise UserError(f"the scene can't be drawn: {error}") from error
-            except Exception as error:
-                report_missing(f"{view} view" if view != "camera" else "picture of the scene", error)
-            else:
-                pictures[mounted.gripper][view] = picture
+    mounted = bare if given is None else [given]
+    pictures, drawable = scene_pictures(task, simulator, prompts.settings.views, seed, mounted)
+    film = show if drawable else None
     return ModelDesigner(
         task,
         vlm,
@@ -387,5 +388,6 @@ def make_designer(
         tool_kinds=tool_kinds,
         pictures=pictures,
         events=events,
-        show=show if drawable else None,
+        show=film,
+        critic=make_critic(vlm, prompts, sampling.temperature, task, simulator, seed, film),
     )

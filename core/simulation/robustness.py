@@ -8,9 +8,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from omegaconf import DictConfig, OmegaConf
 
-from core.config.compose import load, part, robot_part
+from core.config.compose import listed, part, robot_part
 from core.config.settings import PerturbationRange
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import SpawnRules
@@ -69,7 +68,7 @@ def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) 
     of = evaluator.task
     robot = of.robot if isinstance(of, TaskPart) else None
     task = PerturbedPart(of.kind, of.name, of.settings, robot, perturbation, draw)
-    return CheckedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
+    return CheckedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings, evaluator.clearance)
 
 
 def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None) -> dict[str, Part[Simulator]]:
@@ -81,7 +80,7 @@ def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None)
     Raises:
         UserError: an engine does not exist or can't be used here; there are no entries, or one is repeated.
     """
-    nodes = _entries("sim", "engine", sims, chosen)
+    nodes = listed("sim", "engine", sims, chosen)
     found: dict[str, Part[Simulator]] = {shown: part("sim", node) for shown, node in nodes.items()}
     for engine in found.values():
         engine.create()  # so that a fault is reported once, not by each worker
@@ -94,34 +93,10 @@ def arms(robots: Sequence[str | Mapping[str, Any]], chosen: RobotPart) -> dict[s
     Raises:
         UserError: a robot does not exist or can't be made, or is repeated.
     """
-    nodes = _entries("robot", "robot", robots or [chosen.name], chosen)
+    nodes = listed("robot", "robot", robots or [chosen.name], chosen)
     found = {shown: robot_part(node) for shown, node in nodes.items()}
     for robot in found.values():
         robot.create()  # as above
-    return found
-
-
-def _entries(
-    kind: str, word: str, entries: Sequence[str | Mapping[str, Any]], chosen: Part | None
-) -> dict[str, DictConfig]:
-    """Read the entries of a list of parts: the configuration of each, by the name under which it is shown."""
-    found: dict[str, DictConfig] = {}
-    for entry in entries:
-        settings = {"name": entry} if isinstance(entry, str) else {str(key): value for key, value in entry.items()}
-        name = settings.pop("name", None)
-        if not isinstance(name, str):
-            raise UsageError(f"{kind}s: {entry!r} names no {word}; give a name, or {{name: NAME, SETTING: VALUE}}")
-        shown = " ".join([name, *(f"{key}={value}" for key, value in settings.items())])
-        if shown in found:
-            raise UsageError(f"{kind}s: {shown!r} is repeated; name each {word} once")
-        usual = chosen
-        if usual is None or usual.name != name:
-            node = load("evaluate", [f"{kind}={name}"])[kind]
-            usual = robot_part(node) if kind == "robot" else part(kind, node)
-        base = {"base": usual.base} if isinstance(usual, RobotPart) else {}
-        found[shown] = OmegaConf.create({"name": name, **dict(usual.settings), **base, **settings})
-    if not found:
-        raise UsageError(f"{kind}s: name at least one {word}")
     return found
 
 

@@ -11,6 +11,7 @@ from PIL import ImageDraw
 from scipy.spatial import ConvexHull
 
 from core.design import Tool
+from core.designs.review import place_components
 from core.geometry import Array
 from core.interfaces import Image, Simulator, Task
 from core.robot.frames import link_frames
@@ -18,6 +19,7 @@ from core.robot.trajectory import at_home
 from core.scene import Body, Camera
 
 SIZE = 640, 480  # pixels
+_TOOL = 320  # of a view of a tool, each way
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 10, 22, 34  # the margins that hold the axes, pixels
 _AWAY_M = 4.0  # of the camera from the middle of the scene
 _WIDE_M = 3.0  # wider parts, such as a floor, reach beyond the picture
@@ -86,10 +88,35 @@ def draw_view(task: Task, simulator: Simulator, name: str, seed: int, tool: Tool
     return np.asarray(picture)
 
 
+def draw_tool(task: Task, simulator: Simulator, seed: int, tool: Tool) -> Image:
+    """Draw a tool with components at home from the front, the side and above, in one picture (320, 960, 3).
+
+    Raises:
+        NoPicture: nothing here can draw.
+    """
+    corners = np.concatenate([points[0] for points in place_components(task.robot, tool, at_home(task)).values()])
+    bounds = corners.min(axis=0), corners.max(axis=0)
+    picture = Pillow.new("RGB", (3 * _TOOL, _TOOL))
+    for number, (name, view) in enumerate(_VIEWS.items()):
+        camera = _camera(view, bounds, 1.0)
+        drawn = Pillow.fromarray(simulator.render(task, seed=seed, tool=tool, camera=camera, width=_TOOL, height=_TOOL))
+        pen = ImageDraw.Draw(drawn)
+        pen.rectangle([(0, 0), (_TOOL, 17)], fill=(255, 255, 255))
+        axes = f"{'xyz'[view.right]} right, {'xyz'[view.up]} up"
+        pen.text((4, 2), f"{name}: {axes}, {1000 * (camera.height_m or 0):.0f} mm high", fill=_INK, font_size=_FONT)
+        picture.paste(drawn, (number * _TOOL, 0))
+    return np.asarray(picture)
+
+
 def view_camera(task: Task, name: str, seed: int) -> Camera:
     """Make the camera of a view, which shows the arm at home and all bodies that are not as wide as a floor."""
-    view, (low, high) = _VIEWS[name], _bounds(task, seed)
     aspect = (SIZE[0] - _LEFT - _RIGHT) / (SIZE[1] - _TOP - _BOTTOM)
+    return _camera(_VIEWS[name], _bounds(task, seed), aspect)
+
+
+def _camera(view: _View, bounds: tuple[Array, Array], aspect: float) -> Camera:
+    """Make a camera that shows the space within ``bounds`` in a picture of ``aspect``, its width by its height."""
+    low, high = bounds
     extent, middle = high - low, (low + high) / 2
     x, y, z = (middle + _AWAY_M * np.array(view.backward)).tolist()
     target_x, target_y, target_z = middle.tolist()

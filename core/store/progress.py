@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from sqlite3 import Row
 
-from core.design import Candidate, Evaluation
+from core.design import SAME_AS, Candidate, Evaluation
 from core.errors import UserError
 from core.interfaces import VLM, Reply, Request, Text
 from core.store.database import Database
@@ -21,10 +21,11 @@ FIGURES = ("reward", "distance_m", "ik_error_m", "ik_error_rad", "tracking_error
 
 
 # Replies and rollouts of later generations build on a failure as on a result: it stays then. The second request of
-# ``prompt.check`` stays too: the candidates of the first answer have taken its place.
+# ``prompt.check`` stays too: the candidates of the first answer have taken its place. So does a critique: the
+# generation's other requests were composed without it.
 _AGAIN = """
     SELECT id, generation, agent FROM requests JOIN replies ON request_id = id
-    WHERE unanswered AND id NOT LIKE '%-check' AND generation >= (
+    WHERE unanswered AND id NOT LIKE '%-check' AND id NOT LIKE '%-critic%' AND generation >= (
         SELECT max(generation) FROM (
             SELECT generation FROM requests JOIN replies ON request_id = id WHERE unanswered IS NULL
             UNION ALL SELECT generation FROM evaluations WHERE status != 'rejected'
@@ -56,7 +57,8 @@ class StoredProgress:
             row["candidate"]: row for row in rows if (row["generation"], row["agent"], row["status"]) not in lost
         }
         self.candidates = set(self._evaluations)
-        self._by_content = {row["content"]: row for row in self._evaluations.values() if row["content"] is not None}
+        tried = (row for row in self._evaluations.values() if SAME_AS not in json.loads(row["details"]))
+        self._by_content = {row["content"]: row for row in tried if row["content"] is not None}
 
     def evaluation(self, candidate: Candidate) -> Evaluation | None:
         """Return the stored evaluation of the candidate, or of an identical one; None: there is none.
@@ -97,7 +99,7 @@ class CachedVLM(VLM):
     """A model that gives stored replies first, and asks another model for the rest."""
 
     def __init__(self, vlm: VLM, replies: Mapping[str, Reply]) -> None:
-        self.model, self.takes_schema = vlm.model, vlm.takes_schema
+        self.model, self.takes_schema, self.criticises = vlm.model, vlm.takes_schema, vlm.criticises
         self._vlm = vlm
         self._replies = replies
 

@@ -17,6 +17,7 @@ class Contents:
     lineage: bool
     tokens: bool
     cost: bool
+    critiques: bool
 
 
 def layout(camera: Camera, contents: Contents) -> rrb.Blueprint:
@@ -39,13 +40,9 @@ def layout(camera: Camera, contents: Contents) -> rrb.Blueprint:
         counts.append(rrb.TimeSeriesView(origin="/search/tokens", name="tokens"))
     if contents.cost:
         counts.append(rrb.TimeSeriesView(origin="/search/cost_usd", name="cost in US$"))
+    texts = ["design", "tools", *(["critiques"] if contents.critiques else []), "run"]
     figures = rrb.Vertical(
-        rrb.Tabs(
-            rrb.TextDocumentView(origin="/text/design", name="design"),
-            rrb.TextDocumentView(origin="/text/tools", name="tools"),
-            rrb.TextDocumentView(origin="/text/run", name="run"),
-            active_tab=0,
-        ),
+        rrb.Tabs(*(rrb.TextDocumentView(origin=f"/text/{name}", name=name) for name in texts), active_tab=0),
         rrb.TimeSeriesView(origin="/reward", name="reward in the rollout", axis_y=unit),
         rrb.Tabs(*counts, active_tab=0),
         row_shares=[3, 2, 2],

@@ -51,7 +51,7 @@ class RerunListener:
         self._run: Run | None = None
         self._streams: Streams | None = None
         self._writer: Writer | None = None
-        self._replies: dict[int, list[Reply]] = defaultdict(list)  # by generation
+        self._replies: dict[int, list[tuple[Request, Reply]]] = defaultdict(list)  # by generation
         self._lock = threading.Lock()  # replies come from another thread
 
     @hookimpl
@@ -62,7 +62,7 @@ class RerunListener:
     @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
         with self._lock:
-            self._replies[request.brief.generation].append(reply)
+            self._replies[request.brief.generation].append((request, reply))
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -89,7 +89,7 @@ class RerunListener:
         assert self._writer is not None
         ranked = best_tools(generation.ranking)[: self._run.budget.k_top]
         with self._lock:
-            replies = list(self._replies[generation.index])
+            replies = sorted(self._replies[generation.index], key=lambda pair: pair[0].id)
         self._writer.generation(generation, ranked, replies)
         shown = list(enumerate(ranked, start=1))[: None if self._elites == "all" else 1]
         for rank, evaluation in reversed(shown):  # the best last: its rollout is the one that stays

@@ -16,12 +16,12 @@ MAX_TEXT = 4000
 _INDENT = "    "  # before every line of a model's, so that it can't be taken for one of ours
 
 
-def design_text(evaluation: Evaluation, replayed: float | None, note: str = "") -> str:
-    """The text beside a candidate; ``replayed`` is the reward of the recorded rollout."""
+def design_text(evaluation: Evaluation, replayed: float | None, note: str = "", model: str = "") -> str:
+    """The text beside a candidate; ``replayed`` is the reward of the recorded rollout, ``model`` designed it."""
     candidate = evaluation.candidate
     lines = [
         f"candidate {candidate.id}, reward {evaluation.reward:.3f}, distance {evaluation.distance_m:.2f} m",
-        _descent(candidate),
+        _descent(candidate) + (f", by {clean(model, MAX_NAME)}" if model else ""),
     ]
     if replayed is not None and abs(replayed - evaluation.reward) > 1e-6:
         lines.append(f"the recorded rollout earned {replayed:.3f}")
@@ -51,6 +51,18 @@ def tools_text(ranked: Sequence[Evaluation], reward_save: float) -> str:
         )
         if candidate.tool is not None:
             lines += [*_quoted(candidate.tool.name, candidate.tool.description), ""]
+    return "\n".join(lines) + "\n"
+
+
+def critiques_text(critiques: Sequence[tuple[Evaluation, Reply]]) -> str:
+    """What critics wrote of candidates."""
+    lines = []
+    for evaluation, reply in critiques:
+        lines.append(
+            f"candidate {evaluation.candidate.id}, reward {evaluation.reward:.3f}, in the words of "
+            f"{clean(reply.model, MAX_NAME)}:"
+        )
+        lines += [*_quoted(reply.error or reply.text[: 2 * MAX_TEXT]), ""]
     return "\n".join(lines) + "\n"
 
 

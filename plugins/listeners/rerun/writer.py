@@ -17,7 +17,7 @@ import trimesh
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
 from core.events import Generation, Run
 from core.geometry import Array, Pose
-from core.interfaces import Recording, Reply
+from core.interfaces import Recording, Reply, Request
 from core.report.tools import as_held, solids
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import Motion
@@ -30,7 +30,7 @@ from plugins.listeners.rerun.arm import links, tracks
 from plugins.listeners.rerun.layout import Contents, layout
 from plugins.listeners.rerun.lineage import Lineage
 from plugins.listeners.rerun.streams import Path, Streams
-from plugins.listeners.rerun.words import design_text, run_text, tools_text, total
+from plugins.listeners.rerun.words import critiques_text, design_text, run_text, tools_text, total
 
 _PAUSE_S = 0.5  # between two rollouts
 _GAP_M = 0.08  # between two tools side by side
@@ -55,6 +55,8 @@ class Writer:
         self._clock = 0.0
         self._generations: list[Generation] = []
         self._replies: list[list[Reply]] = []  # by generation
+        self._models: dict[tuple[int, int], str] = {}  # by generation and agent
+        self._criticised = False
         self._lineage = Lineage()
         self._loose: set[str] = set()  # the tools' components with a joint
         self._visible: set[Path] = set()  # of the meshes that come and go
@@ -75,10 +77,18 @@ class Writer:
         self._log(("search", "cost_usd"), rr.SeriesLines(names="US$, so far", widths=2.0), static=True)
         streams.flush()
 
-    def generation(self, generation: Generation, tools: Sequence[Evaluation], replies: list[Reply]) -> None:
-        """Write a generation's figures, its best ``tools`` side by side, and the designs that they derive from."""
+    def generation(
+        self, generation: Generation, tools: Sequence[Evaluation], asked: Sequence[tuple[Request, Reply]]
+    ) -> None:
+        """Write a generation's figures, its best ``tools`` side by side, and the designs that they derive from.
+
+        ``asked`` are the generation's requests and replies; its critiques are of the generation before.
+        """
         self._generations.append(generation)
-        self._replies.append(replies)
+        self._replies.append([reply for _, reply in asked])
+        self._models |= {(r.brief.generation, r.brief.agent): reply.model for r, reply in asked if not r.critique}
+        critiques = [(request.brief.elites[0], reply) for request, reply in asked if request.critique]
+        self._criticised |= bool(critiques)
         self._streams.at(self._clock, generation.index)
         rewards = [e.reward for e in generation.evaluations if e.status == "ok"]
         if rewards:
@@ -92,6 +102,8 @@ class Writer:
         designed = [e for e in tools if e.candidate.tool is not None and e.candidate.tool.components]
         self._side_by_side(designed)
         self._write("tools", tools_text(designed, self._run.budget.reward_save))
+        if critiques:
+            self._write("critiques", critiques_text(critiques))
         self._lineage.add(generation.index, tools)
         if self._lineage.places:
             self._log(("lineage",), *self._lineage.graph())
@@ -105,19 +117,20 @@ class Writer:
         """
         candidate = evaluation.candidate
         assert candidate.tool is not None
+        model = self._models.get(candidate.key[:2], "")
         self._streams.at(self._clock, generation)
         try:
             motion, recording, rewards = replay(self._run, candidate, hz)
         except ValueError as error:
             note = f"the rollout can't be shown: {error}"
-            self._write("design", f"generation {generation}\n{design_text(evaluation, None, note)}")
+            self._write("design", f"generation {generation}\n{design_text(evaluation, None, note, model)}")
             self._streams.flush()
             return
         self._mount(candidate.tool)
         path = rr.LineStrips3D([arm_of(self._robot).positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
         self._log(("world", "path"), path)
         self._log(("world", "waypoints"), rr.Points3D(motion.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
-        text = design_text(evaluation, float(rewards[-1]))
+        text = design_text(evaluation, float(rewards[-1]), model=model)
         self._write("design", f"generation {generation}, rank {rank}\n{text}")
 
         times = recording.times - recording.times[0] + self._clock
@@ -181,7 +194,7 @@ class Writer:
     def _arrange(self) -> None:
         """Send the layout, again where there is something new to see."""
         prompt, completion, cost = (self._total(name) is not None for name in _SPENT)
-        contents = Contents(self._row, bool(self._lineage.edges), prompt or completion, cost)
+        contents = Contents(self._row, bool(self._lineage.edges), prompt or completion, cost, self._criticised)
         if contents != self._arranged:
             self._streams.arrange(layout(self._run.task.camera, contents))
             self._arranged = contents

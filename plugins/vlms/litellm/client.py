@@ -179,6 +179,7 @@ class Client:
             settings["temperature"] = min(request.temperature, most)
         if self._accepted["seed"]:
             settings["seed"] = request.brief.seed
+        with_schema &= not request.critique
         if with_schema:
             settings["response_format"] = {
                 "type": "json_schema",
@@ -219,7 +220,9 @@ class Client:
 
 
 def explained(request: Request) -> tuple[Message, ...]:
-    """The messages of a request, with the schema as text at the end."""
+    """The messages of a request, with the schema as text at the end, if it has one."""
+    if request.critique:
+        return request.messages
     schema = json.dumps(request.schema, ensure_ascii=False, separators=(",", ":"))
     *before, last = request.messages
     return (*before, replace(last, parts=(*last.parts, Text(f"JSON schema of the answer:\n```json\n{schema}\n```\n"))))

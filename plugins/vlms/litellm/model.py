@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 
 from core.errors import LimitReached, UsageError, UserError, check_positive
 from core.hooks import hookimpl
-from core.interfaces import VLM, Estimate, Reply, Request
+from core.interfaces import VLM, Estimate, Reply, Request, Spending
 from core.threads import run_in_thread
 from plugins.vlms.litellm.cache import Cache
 from plugins.vlms.litellm.client import Client, estimate
 from plugins.vlms.litellm.failures import explain, pause, unanswered, within
-from plugins.vlms.litellm.spending import Spending
 
 _log = logging.getLogger(__name__)
 
@@ -68,13 +67,9 @@ class LanguageModel(VLM):
         if self.retries < 0:
             raise UsageError(f"vlm.retries must be at least 0, got {self.retries}")
         self._client = Client(self.model, self.api_base, self.timeout_s, self.max_output_tokens)
-        if self.max_cost_usd is not None and not self._client.priced:
-            raise UserError(
-                f"vlm.max_cost_usd can't be applied: LiteLLM's price list has no price for {self.model}; "
-                "use vlm.max_tokens_total"
-            )
+        self._limits: list[Spending] = []
+        self.share(Spending(self.max_cost_usd, self.max_tokens_total))
         self._pace = Pace(self.requests_per_minute)
-        self._spending = Spending(self.max_cost_usd, self.max_tokens_total)
         self._answered: set[str] = set()  # ids of requests, in this process
         settings = {"model": self.model, "api_base": self.api_base, "max_output_tokens": self.max_output_tokens}
         self._cache = Cache(self.cache_dir, settings) if self.cache else None
@@ -83,13 +78,27 @@ class LanguageModel(VLM):
     def estimate(cls, request: Request, model: str) -> Estimate:
         return estimate(request, model)
 
+    def share(self, limits: Spending) -> None:
+        if limits.max_cost_usd is not None and not self._client.priced:
+            raise UserError(
+                f"vlm.max_cost_usd can't be applied: LiteLLM's price list has no price for {self.model}; "
+                "use vlm.max_tokens_total"
+            )
+        if limits.limited:
+            self._limits.append(limits)
+
     @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
         """Count what a resumed run had already spent towards its limits."""
         # Neither from the cache nor a failed call.
         paid = reply.cost_usd != 0.0 and (reply.error is None or reply.prompt_tokens is not None)
-        if self._spending.limited and request.id not in self._answered and paid:
-            self._spending.add(*self._client.spent(request, reply))
+        if request.id not in self._answered and paid:
+            self._spend(request, reply)
+
+    def _spend(self, request: Request, reply: Reply) -> None:
+        spent = self._client.spent(request, reply) if self._limits else (0, 0.0)  # counting takes its time
+        for limits in self._limits:
+            limits.add(*spent)
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`. When the caller closes the iterator, calls that have not begun are dropped.
@@ -149,8 +158,7 @@ class LanguageModel(VLM):
             self._pace.wait(stop)
             if stop.is_set():
                 return Reply(request.id, "", self.model, error="interrupted")
-            reached = self._spending.reached()
-            if reached is not None:
+            for reached in filter(None, (limits.reached() for limits in self._limits)):
                 raise LimitReached(reached)
             tries += 1
             try:
@@ -162,8 +170,7 @@ class LanguageModel(VLM):
                     return self._failed(request, error, after)
                 stop.wait(wait_s)
             else:
-                if self._spending.limited:
-                    self._spending.add(*self._client.spent(request, reply))
+                self._spend(request, reply)
                 reply = self._judged(reply, finish)
                 if self._cache is not None and reply.error is None:
                     self._cache.put(request, reply)

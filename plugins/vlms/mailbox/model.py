@@ -120,8 +120,9 @@ class Letter:
                 for part in message.parts:
                     if isinstance(part, Picture):
                         _write(self.folder / f"{part.name}.png", part.png)
-            schema = json.dumps(self.request.schema, indent=1, ensure_ascii=False) + "\n"
-            _write(self.folder / "schema.json", schema.encode())
+            if not self.request.critique:
+                schema = json.dumps(self.request.schema, indent=1, ensure_ascii=False) + "\n"
+                _write(self.folder / "schema.json", schema.encode())
             _write(prompt, text.encode())  # last, so that the other files are there when it is
         except OSError as error:
             raise UserError(f"the mailbox {self.folder} can't be used: {error}") from error
@@ -176,6 +177,8 @@ def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
     Raises:
         DesignError: it can't be read at all.
     """
+    if request.critique:  # any text is one
+        return True, bool(text.strip()), [] if text.strip() else ["it is empty"]
     brief = request.brief
     document = parse_reply(text)
     spawn = SpawnRules(brief.task, brief.scene_seed)

@@ -34,6 +34,7 @@ class OfflineDesigner(VLM):
     """
 
     model = "offline (embedded designer, no language model)"
+    criticises = False
 
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         for request in requests:

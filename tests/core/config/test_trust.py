@@ -180,6 +180,14 @@ def test_stored_addresses_are_used_only_when_repeated(change):
     refuse_stored_addresses({"vlm": {"name": "gemini", "api_base": None, "model": "gemini/gemini-2.5-pro"}}, [])
 
 
+def test_addresses_in_a_list_are_used_only_when_all_of_it_is_repeated():
+    config = {"vlm": {"name": "ensemble", "members": ["gemini", {"name": "openai", "api_base": "http://evil.example"}]}}
+    for words in ([], ["vlm.members.api_base=http://evil.example"], ["vlm.max_cost_usd=5"]):
+        with pytest.raises(UserError, match=r"leads to http://evil\.example.*repeat it: vlm\.members=\[\.\.\.\], all"):
+            refuse_stored_addresses(config, words)
+    refuse_stored_addresses(config, ["vlm.members=[gemini,openai]"])
+
+
 @pytest.mark.parametrize(
     "name",
     [

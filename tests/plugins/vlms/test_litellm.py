@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -92,6 +93,16 @@ def test_unsupported_parameters_are_left_out_with_one_warning(caplog):
     assert [record.message for record in caplog.records] == [
         "openai/gpt-5 accepts no temperature: left out of its requests"
     ]
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_critique_is_asked_for_without_a_schema(protocol):
+    with serving(lambda call: Say("It slips off.")) as server:
+        asked = replace(request(0), schema={}, critique=True)
+        (reply,) = model_at(server, protocol).complete([asked])
+    assert reply.text == "It slips off."
+    sent = json.dumps(server.calls[0].body)
+    assert not any(word in sent for word in ("json_schema", "response_format", '"format"', "JSON schema"))
 
 
 def test_temperature_is_clipped_to_claudes_range():

@@ -399,3 +399,15 @@ def test_an_interrupt_leaves_everything_for_another_run(tmp_path):
     assert second.returncode == 0, err
     assert float(re.search(r"best reward ([\d.]+)", out).group(1)) > 0.95
     assert np.isfinite(json.loads((tmp_path / "second" / "result.json").read_text())["best"]["distance_m"])
+
+
+def test_a_critique_is_any_text(tmp_path):
+    asked = replace(request(), id="g1-critic0", schema={}, critique=True)
+    folder = tmp_path / "g1-critic0"
+    folder.mkdir()
+    (folder / "reply.md").write_text("It slips off at 1.2 s. {")
+    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([asked])
+    assert (reply.text, reply.error) == ("It slips off at 1.2 s. {", None)
+    assert (folder / "prompt.md").is_file()
+    assert not (folder / "schema.json").exists()
+    assert judge(asked, " \n")[1:] == (False, ["it is empty"])

@@ -1,0 +1,199 @@
+"""An ensemble of models: deals requests to its members, and goes on with the others where one reaches its limit."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from math import fsum
+from typing import Any
+
+import pluggy
+
+from core.config.compose import listed, part
+from core.design import Evaluation
+from core.errors import LimitReached, UsageError, check_positive, choices
+from core.events import Generation, Result, Run
+from core.hooks import hookimpl
+from core.interfaces import VLM, Reply, Request, Spending
+from core.plugins import event_hub
+from core.search.listeners import add_listener
+from core.text import clean
+from core.threads import run_in_thread
+from plugins.vlms.ensemble.dealing import Dealer
+
+_LONGEST = 150  # characters of a label
+
+
+@dataclass(frozen=True)
+class Member:
+    """A model, its name as in ``vlm=NAME``, and those of the run's events that are its own."""
+
+    vlm: VLM
+    name: str
+    events: pluggy.PluginManager = field(default_factory=event_hub)
+
+
+class Ensemble(VLM):
+    """Deals each request to a member, by what its answers have earned for their cost (`Dealer`).
+
+    An answer earns the best reward among its candidates. A second request of an agent goes to the same member. Replies
+    bear the member's label, which is its model.
+
+    Args:
+        members: names, as in ``vlm=NAME``, or mappings of a ``name`` and settings.
+        critic: the name or the model of the member that writes critiques, up to its limit; empty: they are dealt too.
+        max_cost_usd: limit of what all members cost together, beside their own; None: no limit.
+        max_tokens_total: limit of their prompts and answers together; None: no limit.
+        seed: of the draws.
+
+    Raises:
+        UserError: a member or a limit that can't be used.
+    """
+
+    def __init__(
+        self,
+        members: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
+        critic: str = "",
+        max_cost_usd: float | None = None,
+        max_tokens_total: int | None = None,
+        seed: int = 0,
+    ) -> None:
+        if not members:
+            raise UsageError("vlm.members is empty; name models, such as vlm.members=[gemini,openai]")
+        for name, limit in {"max_cost_usd": max_cost_usd, "max_tokens_total": max_tokens_total}.items():
+            if limit is not None:
+                check_positive("vlm.", **{name: limit})
+        limits = Spending(max_cost_usd, max_tokens_total)
+        made = [part("vlm", node).create() for node in listed("vlm", "model", members).values()]
+        names = [member if isinstance(member, str) else str(member["name"]) for member in members]
+        if any(isinstance(vlm, Ensemble) for vlm in made):
+            raise UsageError("vlm.members: an ensemble can't be a member of one; name its members here")
+        self._members: dict[str, Member] = {}
+        seen: Counter[str] = Counter()
+        for vlm, name in zip(made, names, strict=True):
+            vlm.share(limits)
+            seen[vlm.model] += 1
+            label = clean(vlm.model, _LONGEST) + (f" ({seen[vlm.model]})" if seen[vlm.model] > 1 else "")
+            self._members[label] = Member(vlm, name)
+            add_listener(self._members[label].events, vlm, "vlm")
+        self.model = f"ensemble of {', '.join(self._members)}"
+        self.takes_schema = all(vlm.takes_schema for vlm in made)
+        able = {label: member.name for label, member in self._members.items() if member.vlm.criticises}
+        self._critics = [label for label, name in able.items() if critic in ("", name, label)]
+        if critic and not self._critics:
+            raise choices("member that writes critiques", critic, able.values(), "vlm.critic")
+        self.criticises = bool(able)
+        self._dealer = Dealer(list(self._members), seed)
+        self._replies: defaultdict[tuple[int, int], list[Reply]] = defaultdict(list)  # by generation and agent
+
+    def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
+        """See `VLM.complete`. What a member leaves at its limit goes to the others."""
+        left, closed = list(requests), dict[str, LimitReached]()
+        while left:
+            hands: dict[str, list[Request]] = {}
+            for request in left:
+                if (label := self._choose(request, closed)) is not None:
+                    hands.setdefault(label, []).append(request)
+                elif request.critique and len(closed) < len(self._members):  # a limit ends no run that can go on
+                    yield Reply(request.id, "", self.model, error="no member that writes critiques is left")
+            if len(closed) == len(self._members):
+                why = ", ".join(f"{label}: {str(limit).partition('; ')[0]}" for label, limit in closed.items())
+                raise LimitReached(f"{why}; {len(left)} of {len(requests)} requests are left without a reply")
+            missing = {request.id: request for label in hands for request in hands[label]}
+            for label, reply in self._ask(hands, closed):
+                missing.pop(reply.request_id, None)
+                yield replace(reply, model=label)
+            left = [r for label in hands if label in closed for r in hands[label] if r.id in missing]
+
+    def _choose(self, request: Request, closed: dict[str, LimitReached]) -> str | None:
+        """The member that is to answer a request; None: all that can have reached their limit."""
+        brief = request.brief
+        ranking = self._dealer.ranking(brief.generation, brief.agent, critique=request.critique)
+        if request.critique:
+            able = [label for label in ranking if self._members[label].vlm.criticises]
+            ranking = sorted(able, key=lambda label: label not in self._critics)
+        return next((label for label in ranking if label not in closed), None)
+
+    def _ask(self, hands: dict[str, list[Request]], closed: dict[str, LimitReached]) -> Iterator[tuple[str, Reply]]:
+        """Yield the replies of all members as they arrive, and add those that reach a limit to ``closed``."""
+        arrived: queue.SimpleQueue[tuple[str, Reply | Exception | None]] = queue.SimpleQueue()
+        stop = threading.Event()
+
+        def start(label: str) -> None:
+            def receive() -> None:
+                for reply in self._members[label].vlm.complete(hands[label]):
+                    arrived.put((label, reply))
+                    if stop.is_set():
+                        return
+
+            run_in_thread(receive, lambda error: arrived.put((label, error)), label)
+
+        for label in hands:
+            start(label)
+        try:
+            waiting = len(hands)
+            while waiting:
+                label, item = arrived.get()
+                if isinstance(item, Reply):
+                    yield label, item
+                    continue
+                waiting -= 1
+                if isinstance(item, LimitReached):
+                    closed[label] = item
+                elif item is not None:
+                    raise item
+        finally:
+            stop.set()
+
+    # --- events: members hear what concerns them -------------------------------------------------------------------
+
+    @hookimpl
+    def run_started(self, run: Run) -> None:
+        for member in self._members.values():
+            member.events.hook.run_started(run=run)
+
+    @hookimpl
+    def generation_started(self, index: int) -> None:
+        for member in self._members.values():
+            member.events.hook.generation_started(index=index)
+
+    @hookimpl
+    def reply_received(self, request: Request, reply: Reply) -> None:
+        """Pass a reply on to the member that gave it, by its label: a resumed run repeats those that are stored."""
+        if reply.model in self._members:
+            self._members[reply.model].events.hook.reply_received(request=request, reply=reply)
+            if not request.critique:
+                self._replies[request.brief.generation, request.brief.agent].append(reply)
+
+    @hookimpl
+    def candidate_evaluated(self, evaluation: Evaluation) -> None:
+        for member in self._members.values():
+            member.events.hook.candidate_evaluated(evaluation=evaluation)
+
+    @hookimpl
+    def generation_finished(self, generation: Generation) -> None:
+        """Count what each agent's answers earned. Nothing is counted before, so that a resumed run deals alike."""
+        earned: dict[int, float] = {}
+        for evaluation in generation.evaluations:
+            agent = evaluation.candidate.agent
+            earned[agent] = max(earned.get(agent, 0.0), evaluation.reward)
+        for index, agent in sorted(self._replies):
+            replies = self._replies.pop((index, agent))
+            free = any(reply.error is None and not reply.cost_usd for reply in replies)
+            cost = None if free else fsum(reply.cost_usd or 0.0 for reply in replies)
+            self._dealer.hear(replies[-1].model, earned.get(agent, 0.0), cost)
+        for member in self._members.values():
+            member.events.hook.generation_finished(generation=generation)
+
+    @hookimpl
+    def run_finished(self, run: Run, result: Result) -> None:
+        for member in self._members.values():
+            member.events.hook.run_finished(run=run, result=result)
+
+    @hookimpl
+    def run_ended(self) -> None:
+        for member in self._members.values():
+            member.events.hook.run_ended()
