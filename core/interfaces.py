@@ -121,6 +121,7 @@ class Brief:
     elites: tuple[Evaluation, ...] = ()  # the best first; empty: the agent starts from nothing
     actions: ActionRepresentation = field(kw_only=True)
     tried: tuple[Evaluation, ...] = ()  # all of earlier generations, if the prompt may show them
+    style: str = ""  # what a strategy adds to the prompt
     critiques: Mapping[str, str] = field(default_factory=dict)  # a critic's words, by candidate
 
 

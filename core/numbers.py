@@ -62,3 +62,11 @@ class Variable(Generic[D]):
             DesignError: there is no such design.
         """
         return design
+
+    def toward(self, design: D, other: D) -> Array | None:
+        """Return the values (N,) of the design's `parameters` that make it like ``other``.
+
+        None: the two differ in more than numbers. By default these are the values of ``other``.
+        """
+        ours, theirs = self.parameters(design), self.parameters(other)
+        return theirs.values if type(design) is type(other) and len(ours) == len(theirs) else None

@@ -36,6 +36,7 @@ from core.interfaces import (
 )
 from core.plugins import event_hub, installed
 from core.search.designer import DEFAULT_KINDS, make_designer
+from core.search.teams import Team
 from core.simulation.rollout import Evaluator
 
 USAGE = (
@@ -88,7 +89,7 @@ def compose(cfg: DictConfig) -> Request:
     elites: list[Evaluation] = []
     if cfg.designs is not None:
         elites, designer.tried = elites_of(cfg, task, representation, fitness)
-    (request,) = designer.requests(1 if elites else 0, elites, [cfg.agent])
+    (request,) = designer.requests(1 if elites else 0, Team([cfg.agent], elites))
     return request
 
 

@@ -76,6 +76,8 @@ class Robot:
         base: where its base stands in the world.
         measured: how exact it is, by engine and figure (``python -m core.facts``).
         sources: where the numbers come from, for docs.
+        programs: files for the arm's controller that an export has, as pairs of name and Jinja template
+            (`core.export.programs`).
 
     Raises:
         UsageError: numbers of joints differ, or a number is not finite or not positive.
@@ -99,6 +101,7 @@ class Robot:
     base: Pose = field(default_factory=Pose)
     measured: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict, compare=False, repr=False)
     sources: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    programs: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
         count = len(self.arm_joints)

@@ -168,13 +168,13 @@ def designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRul
     return [e.candidate for e in best_first(stored_evaluations(path, representation, spawn), tie)[: cfg.top]]
 
 
-def as_the_run(words: Sequence[str]) -> DictConfig:
-    """The configuration of the command line. Where designs are a run's, its task, robot, tool, material, layout and
-    rollout settings count too, unless the command line sets them.
+def as_the_run(words: Sequence[str], config: str = "transfer", usage: str = USAGE) -> DictConfig:
+    """The primary ``config`` with the command line's words. Where designs are a run's, its task, robot, tool, material,
+    layout and rollout settings count too, unless the command line sets them.
     """
-    cfg = load("transfer", words)
+    cfg = load(config, words)
     if OmegaConf.is_missing(cfg, "designs"):
-        raise UsageError(f"no designs given; {USAGE}")
+        raise UsageError(f"no designs given; {usage}")
     if not Path(cfg.designs).is_dir():
         return cfg
     run = stored_config(Path(cfg.designs))

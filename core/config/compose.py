@@ -46,6 +46,7 @@ SCHEMAS: dict[str, type] = {
     "conformance": schemas.ConformanceConfig,
     "report": schemas.ReportConfig,
     "gallery": schemas.GalleryConfig,
+    "export": schemas.ExportConfig,
     "facts": schemas.FactsConfig,
 }
 """The schema of each primary config in ``conf/``; ``config`` belongs to ``core.run``."""

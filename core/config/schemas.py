@@ -129,6 +129,30 @@ class TransferConfig:
 
 
 @dataclass
+class ExportConfig:
+    """Settings of ``python -m core.export``.
+
+    ``designs``: a run's folder, whose best is exported, or a designs file, of which it is the first. ``sims``: engines
+    that play the motion back. ``rate_hz``: of the samples. ``speed``: 1 is the motion as it was simulated. ``start``:
+    joints (J,) from which the arm approaches, radians; none: its home.
+    """
+
+    task: dict[str, Any] = MISSING
+    robot: dict[str, Any] = field(default_factory=dict)
+    tool: dict[str, Any] = MISSING
+    material: Material = field(default_factory=Material)
+    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    sims: list[Any] = MISSING
+    seed: int = 0
+    designs: str = MISSING
+    top: int = 1
+    output: str = MISSING
+    rate_hz: float = MISSING
+    speed: float = MISSING
+    start: list[float] = field(default_factory=list)
+
+
+@dataclass
 class RenderConfig(SceneConfig):
     """Settings of ``python -m core.render``. ``designs``: a file, of which the tool number ``strategy`` is mounted."""
 

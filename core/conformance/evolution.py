@@ -7,20 +7,23 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from core.conformance.checking import expect, rigid
 from core.design import Candidate, Evaluation
 from core.errors import LimitReached
-from core.interfaces import Budget, Designer, EvolutionStrategy, Seen, Waypoints
+from core.geometry import Array
+from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers, Seen, Waypoints
+from core.search.teams import Team
 
 Make = Callable[[Designer, Budget], EvolutionStrategy]
 BUDGET = Budget(n_agent=2, n_tool=1, n_action=3, n_iteration=2, k_top=2, reward_save=0.2)
 
 
 class FreeDesigner:
-    """A designer whose candidates cost nothing. With ``limit`` only so many agents answer."""
+    """A designer whose candidates cost nothing, and can be varied. With ``limit`` only so many agents answer."""
 
     def __init__(self, limit: int | None = None) -> None:
         self.limit = limit
@@ -34,10 +37,28 @@ class FreeDesigner:
                 plan = np.array([[*rng.uniform(0.3, 0.5, 3), 0.0, 0.0, 0.0]])
                 yield Candidate(rigid(), Waypoints(plan), generation, agent, 0, action)
 
+    def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
+        elites = {id(elite): elite for team in teams for elite in team.elites}
+        return self.design(generation, list(elites.values()))
 
-def search(
-    make: Make, earns: Callable[[Candidate], float] = lambda c: float(c.plan.resolve(Seen({})).poses[0, 0])
-) -> list[list[Candidate]]:
+    def parameters(self, candidate: Candidate) -> Numbers:
+        return Numbers.near(_plan(candidate), 0.01, 1.0)
+
+    def vary(self, candidate: Candidate, values: Array, key: tuple[int, int, int, int]) -> Candidate:
+        generation, agent, strategy, action = key
+        named = replace(candidate, generation=generation, agent=agent, strategy=strategy, action=action)
+        return replace(named, plan=Waypoints(values[None]), parents=(candidate.id,))
+
+    def toward(self, candidate: Candidate, other: Candidate) -> Array | None:
+        return _plan(other)
+
+
+def _plan(candidate: Candidate) -> Array:
+    first: Array = candidate.plan.resolve(Seen({})).poses[0]
+    return first
+
+
+def search(make: Make, earns: Callable[[Candidate], float] = lambda c: float(_plan(c)[0])) -> list[list[Candidate]]:
     """Ask and tell for three generations, as the loop does, and return their candidates."""
     strategy = make(FreeDesigner(), BUDGET)
     generations = []

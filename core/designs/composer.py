@@ -92,9 +92,9 @@ class PromptComposer:
     ) -> tuple[Message, ...]:
         """Compose a system message and a user message.
 
-        The user message has one text per part, then the picture of the scene, its ``views`` (by name), and
-        film ``strips`` (by candidates' ids), each after a line that names it. ``schema``: the text holds the JSON
-        schema of the answer.
+        The user message has one text per part, the brief's style, then the picture of the scene, its ``views``
+        (by name), and film ``strips`` (by candidates' ids), each after a line that names it. ``schema``: the text
+        holds the JSON schema of the answer.
 
         Raises:
             UserError: a template uses an unknown name or fails otherwise; or there are no elites, and the prompt has
@@ -113,6 +113,7 @@ class PromptComposer:
             )
         parts = [part for part in parts if part in self._templates]
         user: list[Text | Picture] = [text for part in parts if (text := self._render(part, values)).text.strip()]
+        user += [Text(f"{brief.style.strip()}\n\n")] if brief.style.strip() else []
         user += [picture] if picture else []
         for name, view in (views or {}).items():
             user += [Text(f"{name.capitalize()} view:\n\n"), view]

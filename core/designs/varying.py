@@ -9,8 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Component, Tool
-from core.geometry import Array, Compound, Pose
+from core.geometry import Array, Compound, Pose, Shape
 from core.interfaces import Numbers, ToolRepresentation
+from core.plans import content_of
 from core.robot.solids import Solid, contact, solid_geometry
 from core.shapes import resized
 
@@ -27,6 +28,9 @@ class VariedTools(ToolRepresentation):
 
     def with_parameters(self, design: Tool, values: Array) -> Tool:
         return vary_tool(design, values)
+
+    def toward(self, design: Tool, other: Tool) -> Array | None:
+        return tool_change(design, other)
 
 
 def tool_numbers(tool: Tool) -> Numbers:
@@ -49,23 +53,62 @@ def vary_tool(tool: Tool, values: Array) -> Tool:
     changed: dict[str, Component] = {}
     old = {component.name: component for component in tool.components}
     for component, (growth, slide, turn) in zip(tool.components, values.reshape(-1, 3, 3), strict=True):
-        shape = old_shape = component.shape
+        shape = component.shape
         if growth.any() and not isinstance(shape, Compound):
             shape = resized(shape, shape.bounds[1] * np.exp(growth))
         at = there = np.zeros(3)
         if component.parent in changed:
             at = _touching(component, old[component.parent])
-            before, after = old[component.parent].shape.bounds, changed[component.parent].shape.bounds
-            half = after[1] / 2
-            share = np.clip((at - before[0]) / before[1] * 2, -1.0, 1.0)
-            there = after[0] + np.clip(share * half + slide, -half, half)
-        (middle, sides), (new_middle, new_sides) = old_shape.bounds, shape.bounds
-        own = new_middle + (component.pose.inverse().apply(at) - middle) * new_sides / sides
+            there = _slid(at, slide, old[component.parent], changed[component.parent])
+        own = _scaled(component.pose.inverse().apply(at), component.shape, shape)
         rotation = component.pose.rotation * Rotation.from_rotvec(turn)
         pose = Pose.from_rotation(there - rotation.apply(own), rotation)
-        mass = component.mass * shape.volume / old_shape.volume
+        mass = component.mass * shape.volume / component.shape.volume
         changed[component.name] = replace(component, pose=pose, shape=shape, mass=mass)
     return replace(tool, components=tuple(changed.values()))
+
+
+def tool_change(tool: Tool, other: Tool) -> Array | None:
+    """Return the changes (N,) by which `vary_tool` makes ``tool`` like ``other``, as far as it can.
+
+    None: the tools have joints, or other components, parents or kinds of shapes.
+    """
+    if tool.bearers or _structure(tool) != _structure(other):
+        return None
+    values, old, new = [], {c.name: c for c in tool.components}, {c.name: c for c in other.components}
+    for component, after in zip(tool.components, other.components, strict=True):
+        slide = np.zeros(3)
+        if component.parent in old:
+            at = _touching(component, old[component.parent])
+            there = after.pose.apply(_scaled(component.pose.inverse().apply(at), component.shape, after.shape))
+            slide = there - _slid(at, slide, old[component.parent], new[after.parent])
+        growth = np.log(after.shape.bounds[1] / component.shape.bounds[1])
+        values += [growth, slide, (component.pose.rotation.inv() * after.pose.rotation).as_rotvec()]
+    return np.concatenate(values)
+
+
+def _structure(tool: Tool) -> object:
+    """What `vary_tool` leaves as it is, but for names."""
+    number = {component.name: n for n, component in enumerate(tool.components)}
+    return tool.gripper, [
+        (number.get(c.parent, c.parent), content_of(c.shape) if isinstance(c.shape, Compound) else type(c.shape))
+        for c in tool.components
+    ]
+
+
+def _slid(at: Array, slide: Array, before: Component, after: Component) -> Array:
+    """The point (3,) of a changed parent that was ``at`` on the old one, and slid."""
+    (middle, sides), (new_middle, new_sides) = before.shape.bounds, after.shape.bounds
+    half = new_sides / 2
+    share = np.clip((at - middle) / sides * 2, -1.0, 1.0)
+    moved: Array = new_middle + np.clip(share * half + slide, -half, half)
+    return moved
+
+
+def _scaled(point: Array, before: Shape | Compound, after: Shape | Compound) -> Array:
+    """The point (3,) of a shape that has grown."""
+    (middle, sides), (new_middle, new_sides) = before.bounds, after.bounds
+    return new_middle + (point - middle) * new_sides / sides
 
 
 def _touching(component: Component, parent: Component) -> Array:

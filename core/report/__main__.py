@@ -10,6 +10,7 @@ from pathlib import Path
 from core.cli import command, folders_and_overrides, say, write_bytes
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
+from core.report.archives import heat_map, picked_table, read_archives
 from core.report.entries import find_entries, read_entry
 from core.report.figures import pictures
 from core.report.formats import Table, to_csv, to_markdown
@@ -60,7 +61,9 @@ def report(
     say(*problems)
     results = Results(tuple(finished), tuple(left_out), how, (*entries, *theirs))
     shown = collect(results)
-    listed, drawn = tables(results, shown), pictures(results, shown)
+    archives = read_archives(results, shown.problems)
+    listed = [*tables(results, shown), *([picked_table(archives)] if archives else [])]
+    drawn = [*pictures(results, shown), *(heat_map(archive, place) for place, archive in enumerate(archives, 1))]
     for table in listed:
         write_bytes(output / DATA / f"{table.name}.csv", to_csv(table, output / DATA).encode(errors="backslashreplace"))
         write_bytes(output / DATA / f"{table.name}.md", to_markdown(table).encode(errors="backslashreplace"))
@@ -88,6 +91,7 @@ def page(
         Section("given", "Given tools and designed ones", ("given_tools",)),
         Section("generations", "By generation", ("generations", "generations_by_task"), ("generations",)),
         Section("tools", "Tools", ("gallery", *(p.name for p in drawn if p.name.startswith("evolution_"))), ("tools",)),
+        Section("archives", "Archives", tuple(p.name for p in drawn if p.name.startswith("archive_")), ("archive",)),
         Section("models", "Models and critics", (), ("models", "critiques")),
         Section("runs", "Runs", (), ("left_out", "runs")),
         Section("parameters", "Parameters, costs, versions", (), ("parameters", "costs", "versions")),

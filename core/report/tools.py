@@ -6,6 +6,7 @@ import itertools
 import json
 import sqlite3
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -104,9 +105,16 @@ def winners(
         UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
     shapes: list[Shape] = []
-    try:
-        found = (winner for winner in _winners(run, generation) if another(winner, shapes, apart))
+    with readable(run):
+        found = (winner for winner in every_tool(run, generation) if another(winner, shapes, apart))
         return list(itertools.islice(found, count))
+
+
+@contextmanager
+def readable(run: FinishedRun) -> Iterator[None]:
+    """Turn what a damaged store raises into a UserError."""
+    try:
+        yield
     except (sqlite3.Error, KeyError, ValueError, TypeError) as error:
         raise UserError(f"{run.folder / STORE} can't be read: {clean(str(error), MAX_NAME)}") from error
 
@@ -128,7 +136,8 @@ def _alike(a: Shape, b: Shape, apart: float) -> bool:
     )
 
 
-def _winners(run: FinishedRun, generation: int | None) -> Iterator[Winner]:
+def every_tool(run: FinishedRun, generation: int | None = None) -> Iterator[Winner]:
+    """Yield each tool with its best plan, the best first, for `readable`."""
     if not (run.folder / STORE).exists():
         raise UserError(f"{run.folder} has no {STORE}, and so no designs")
     given, representation, robot = given_tool(run), _part(run, "tool"), _part(run, "robot")

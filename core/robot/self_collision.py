@@ -132,6 +132,17 @@ def find_self_collision(robot: Robot, tool: Tool, trajectory: JointTrajectory) -
     return SelfCollision(time, found.one.name, found.other.name, depth, found.one.name not in model.links, unchecked)
 
 
+def self_distances(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Array:
+    """Measure the least distance (T,) between parts that may collide, metres, at joints (T, J) and fingers (T, F).
+
+    It is negative for penetration. Hulls of links overlap a little where nothing is wrong: see ``DEEP_M``.
+    """
+    pairs, model = _pairs(robot, tool), robot_model(robot, tool.gripper)
+    gauges = [_Gauge(model, *(pairs.parts[number] for number in numbers)) for numbers in pairs.numbers]
+    joints = joint_values(robot, tool.gripper, arm, fingers)
+    return np.array([min((-gauge.depth(row) for gauge in gauges), default=np.inf) for row in joints])
+
+
 # --- the robot --------------------------------------------------------------------------------------------------
 
 

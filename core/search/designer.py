@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from core.designs.planning import NO_PLAN, guarded
 from core.designs.reading import dump_design, parse_reply, read_designs
 from core.designs.review import review
 from core.designs.rules import SpawnRules, given_tool
-from core.errors import NoPicture, UserError, choices
+from core.errors import UserError, choices
 from core.events import Generation
 from core.geometry import Array
 from core.hooks import hookimpl
@@ -42,8 +42,8 @@ from core.observations import TRIAL
 from core.plugins import describe_part
 from core.replies import checked
 from core.search.critic import Critic, make_critic
-from core.simulation.pictures import draw_strip, png, report_missing
-from core.simulation.views import draw_view
+from core.search.teams import Team
+from core.simulation.pictures import draw_strip, png, report_missing, scene_pictures
 from core.text import shorten
 from core.threads import run_in_thread
 
@@ -90,8 +90,12 @@ class ModelDesigner:
             LimitReached: after the last candidate; see `VLM.complete`.
             UserError: no request got an answer, for a reason that may pass.
         """
-        self._criticise(generation, elites)
-        requests = self.requests(generation, elites, range(self.budget.n_agent))
+        yield from self.design_in(generation, [Team(range(self.budget.n_agent), elites)])
+
+    def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
+        """See `core.search.teams.AsksTeams`, and `design`."""
+        self._criticise(generation, [elite for team in teams for elite in team.elites])
+        requests = [request for team in teams for request in self.requests(generation, team, apart=len(teams) > 1)]
         failures: list[Reply | None] = []
         yield from self._candidates(requests, failures, repair=self.prompts.settings.repair)
         unanswered = [reply for reply in failures if reply is not None and reply.unanswered]
@@ -105,21 +109,23 @@ class ModelDesigner:
     def generation_finished(self, generation: Generation) -> None:
         self.tried += generation.evaluations
 
-    def requests(self, generation: int, elites: Sequence[Evaluation], agents: Iterable[int]) -> list[Request]:
-        """Compose the request of each of the ``agents``."""
+    def requests(self, generation: int, team: Team, *, apart: bool = False) -> list[Request]:
+        """Compose the request of each agent of a team, which may be shown what was tried; if ``apart``, by the team."""
+        tried = [e for e in self.tried if not apart or e.candidate.agent in team.agents]
         pictures: dict[str, Picture] = {}
         if self.show is not None and self.prompts.settings.feedback == "full":
-            best = [elite.candidate.id for elite in elites[:1]]
-            failure = most_instructive(e for e in last_generation(self.tried) if e.candidate.id not in best)
-            shown = [*elites[:1], *([failure] if failure is not None else [])]
+            best = [elite.candidate.id for elite in team.elites[:1]]
+            failure = most_instructive(e for e in last_generation(tried) if e.candidate.id not in best)
+            shown = [*team.elites[:1], *([failure] if failure is not None else [])]
             drawn = {evaluation.candidate.id: self.show(evaluation) for evaluation in shown}
             pictures = {name: picture for name, picture in drawn.items() if picture is not None}
-        return [self._request(generation, agent, elites, pictures) for agent in agents]
+        return [self._request(generation, agent, team, tuple(tried), pictures) for agent in team.agents]
 
     def _criticise(self, generation: int, elites: Sequence[Evaluation]) -> None:
         """Ask for critiques, and wait for them: the generation's other requests show them."""
         if self.critic is not None:
-            asked = {r.id: r for r in self.critic.requests(self._brief(generation, 0, elites)[0])}
+            brief, _ = self._brief(generation, 0, Team(range(1), elites), tuple(self.tried))
+            asked = {request.id: request for request in self.critic.requests(brief)}
             for reply in self._replies(list(asked.values())) if asked else ():
                 self.critic.hear(reply, asked[reply.request_id])
 
@@ -146,6 +152,16 @@ class ModelDesigner:
         except DesignError as error:
             return replace(varied, problem=str(error))
         return replace(varied, tool=read.tool, plan=read.plan, problem=read.problem)
+
+    def toward(self, candidate: Candidate, other: Candidate) -> Array | None:
+        """See `core.search.refinement.Varies`."""
+        assert candidate.tool is not None
+        assert other.tool is not None
+        given = self._given is not None
+        tool = Numbers().values if given else self.representation.toward(candidate.tool, other.tool)
+        same = candidate.plan.anchors == other.plan.anchors
+        plan = self.actions.toward(candidate.plan, other.plan) if same else None
+        return None if tool is None or plan is None else np.concatenate([tool, plan])
 
     def _candidates(
         self,
@@ -227,12 +243,12 @@ class ModelDesigner:
                 raise reply
             yield reply
 
-    def _brief(self, generation: int, agent: int, elites: Sequence[Evaluation]) -> tuple[Brief, float]:
+    def _brief(self, generation: int, agent: int, team: Team, tried: tuple[Evaluation, ...]) -> tuple[Brief, float]:
         """Make an agent's assignment, and draw its temperature."""
         rng = np.random.default_rng([self.seed, generation, agent])
         kind = self.tool_kinds[int(rng.integers(len(self.tool_kinds)))]
         gripper = self._given.gripper if self._given is not None else kind == "gripper"
-        temperature = self.sampling.temperature + rng.uniform(-self.sampling.spread, self.sampling.spread)
+        temperature = self.sampling.temperature + team.warmth + rng.uniform(-self.sampling.spread, self.sampling.spread)
         brief = Brief(
             task=self.task,
             scene_seed=self.seed,
@@ -244,16 +260,22 @@ class ModelDesigner:
             generation=generation,
             agent=agent,
             seed=int(rng.integers(2**31)),
-            elites=tuple(elites),
-            tried=tuple(self.tried),
-            critiques=self.critic.words(elites, self.tried) if self.critic is not None else {},
+            elites=tuple(team.elites),
+            tried=tried,
+            critiques=self.critic.words(team.elites, tried) if self.critic is not None else {},
+            style=team.style,
         )
         return brief, float(np.clip(temperature, 0.0, 2.0))
 
     def _request(
-        self, generation: int, agent: int, elites: Sequence[Evaluation], pictures: Mapping[str, Picture]
+        self,
+        generation: int,
+        agent: int,
+        team: Team,
+        tried: tuple[Evaluation, ...],
+        pictures: Mapping[str, Picture],
     ) -> Request:
-        brief, temperature = self._brief(generation, agent, elites)
+        brief, temperature = self._brief(generation, agent, team, tried)
         views = dict(self.pictures.get(brief.gripper, {}))
         scene = views.pop("camera", None)
         messages = self.prompts.compose(brief, scene, pictures, views, schema=not self.vlm.takes_schema)
@@ -351,24 +373,8 @@ def make_designer(
             return None
         return Picture(png(strip), f"strip_{candidate.id}")
 
-    pictures: dict[bool, dict[str, Picture]] = {}
-    drawable = True
-    for number, mounted in enumerate(bare if given is None else [given]):
-        pictures[mounted.gripper] = {}
-        for view in prompts.settings.views if drawable else ():
-            name = "_".join(["scene", *([view] if view != "camera" else []), *(["gripper"] if number else [])])
-            try:
-                picture = Picture(png(draw_view(task, simulator, view, seed, mounted)), name)
-            except NoPicture as error:
-                drawable = False
-                report_missing("pictures", error)
-                break
-            except OSError as error:
-                raise UserError(f"the scene can't be drawn: {error}") from error
-            except Exception as error:
-                report_missing(f"{view} view" if view != "camera" else "picture of the scene", error)
-            else:
-                pictures[mounted.gripper][view] = picture
+    mounted = bare if given is None else [given]
+    pictures, drawable = scene_pictures(task, simulator, prompts.settings.views, seed, mounted)
     film = show if drawable else None
     return ModelDesigner(
         task,

@@ -33,6 +33,7 @@ from core.plugins import event_hub, installed
 from core.plugins.blame import describe_failure
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
+from core.search.archive import handed_over, measures_of, save_archive
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
 from core.search.listeners import add_listener
@@ -139,16 +140,22 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
 
 
 def save_best(result: Result, this: Run, simulator: Simulator, settings: RolloutSettings, *, film: bool) -> None:
-    """Write the best design to ``best/``, with a film of its rollout unless the run was interrupted."""
-    best, folder = result.best, this.folder / "best"
+    """Write the best design to ``best/``, with a film of its rollout unless the run was interrupted.
+
+    Where the strategy has measures, ``archive/`` has the best of each cell.
+    """
+    best, folder, archive = result.best, this.folder / "best", this.folder / "archive"
     if best is None:
         return
-    if folder.is_symlink():
-        folder.unlink()
-    shutil.rmtree(folder, ignore_errors=True)  # a resumed run has one of an earlier best
+    for old in (folder, archive):
+        if old.is_symlink():
+            old.unlink()
+        shutil.rmtree(old, ignore_errors=True)  # a resumed run has those of an earlier end
     plan = resolve(best.candidate.plan, this.task, this.seed, settings)
     motion = plan_task_motion(plan, this.task, settings)
     save_design(best.candidate, this.representation, this.task.robot, motion, folder)
+    if measures := measures_of(this.config["evolution"]):
+        save_archive(handed_over(measures, result.ranking, result.tie), measures, this.representation, archive)
     if film and result.stopped != INTERRUPTED:
         try:
             save_film(this.task, simulator, best.candidate, this.seed, settings, folder / "rollout.gif")

@@ -32,6 +32,12 @@ class Varies(Designer, Protocol):
         One that breaks a rule has a `Candidate.problem`.
         """
 
+    def toward(self, candidate: Candidate, other: Candidate) -> Array | None:
+        """Return the values (N,) of a candidate's `parameters` that make it like ``other``.
+
+        None: the two differ in more than numbers.
+        """
+
 
 class Refinement(EvolutionStrategy):
     """After the generations of another strategy, refine its best candidates.

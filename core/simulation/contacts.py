@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -111,6 +111,18 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
     resting = frozenset(key for key, touched in touching.items() if key[0] == "body" and touched[:settled].any())
     missed = {body.name for body in scene.bodies} - {other for kind, _, other in touching if kind != "body"}
     return Contacts(taken, touching, resting, depths, _clearances(own, [t for t in bodies if t.owner in missed]))
+
+
+def up_to_each(contacts: Contacts) -> list[Contacts]:
+    """Return the contacts up to each sample of the motion, as if the rollout had ended there."""
+    return [
+        replace(
+            contacts,
+            taken=subset(contacts.taken, np.arange(end)),
+            touching={key: flags[:end] for key, flags in contacts.touching.items()},
+        )
+        for end in (np.flatnonzero(contacts.taken.times >= 0) + 1).tolist()
+    ]
 
 
 def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,9 +13,11 @@ from PIL import Image as Pillow
 from PIL import ImageDraw
 
 from core.cli import say
-from core.design import Candidate
-from core.interfaces import Image, Observation, Recording, RolloutSettings, Simulator, Task
+from core.design import Candidate, Tool
+from core.errors import NoPicture, UserError
+from core.interfaces import Image, Observation, Picture, Recording, RolloutSettings, Simulator, Task
 from core.simulation.rollout import prepare
+from core.simulation.views import draw_view
 from core.text import clean
 
 FILM_HZ = 10
@@ -33,6 +35,35 @@ def png(picture: Image) -> bytes:
 def report_missing(what: str, error: Exception) -> None:
     """Say on standard error, in one line, which picture is missing and why."""
     say(f"no {what}: {clean(str(error), 300) or type(error).__name__}", file=sys.stderr)
+
+
+def scene_pictures(
+    task: Task, simulator: Simulator, views: Sequence[str], seed: int, mounted: Sequence[Tool]
+) -> tuple[dict[bool, dict[str, Picture]], bool]:
+    """Draw the scene in each view, without the gripper (False) and with it, as the tools ask; and whether that works.
+
+    A view that fails is left out, and standard error says why.
+
+    Raises:
+        UserError: the machine fails.
+    """
+    pictures: dict[bool, dict[str, Picture]] = {}
+    for number, tool in enumerate(mounted):
+        pictures[tool.gripper] = {}
+        for view in views:
+            name = "_".join(["scene", *([view] if view != "camera" else []), *(["gripper"] if number else [])])
+            try:
+                picture = Picture(png(draw_view(task, simulator, view, seed, tool)), name)
+            except NoPicture as error:
+                report_missing("pictures", error)
+                return {other.gripper: pictures.get(other.gripper, {}) for other in mounted}, False
+            except OSError as error:
+                raise UserError(f"the scene can't be drawn: {error}") from error
+            except Exception as error:
+                report_missing(f"{view} view" if view != "camera" else "picture of the scene", error)
+            else:
+                pictures[tool.gripper][view] = picture
+    return pictures, True
 
 
 def save_film(

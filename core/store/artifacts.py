@@ -40,10 +40,10 @@ def save_design(
         names, poses = ["x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "gripper"], motion.plan
         writer.writerow([*names[: poses.shape[1]], "arrival_s"])
         writer.writerows(np.column_stack([poses, motion.arrivals.round(4)]).tolist())
-    copied = partial(_copied, folder=folder)
-    urdf = f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool, mesh_path=copied)}</robot>\n'
+    local = partial(copied, folder=folder)
+    urdf = f'<robot name="tool">\n{_mounts(tool)}{tool_urdf(tool, mesh_path=local)}</robot>\n'
     (folder / "tool.urdf").write_text(urdf, encoding="utf-8")
-    whole = assemble(robot, tool, mesh_path=copied)
+    whole = assemble(robot, tool, mesh_path=local)
     (folder / "robot.urdf").write_text(whole, encoding="utf-8")
     tool_mesh(tool, robot.opening_m).export(folder / "tool.stl")
 
@@ -58,8 +58,8 @@ def _mounts(tool: Tool) -> str:
     return "".join(f'<link name="{name}"/>\n' for name in tool.mounts) + "".join(joints)
 
 
-def _copied(mesh: Path, folder: Path) -> str:
-    """Copy a mesh to ``meshes/`` in ``folder``, and give its relative path.
+def copied(mesh: Path, folder: Path) -> str:
+    """Copy a mesh to ``meshes/`` in ``folder``, and return its relative path.
 
     Where beside a folder ``visual`` there is the small collision mesh of the same link, that is copied instead.
     """

@@ -14,6 +14,7 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT
 from core.geometry import Pose
 from core.interfaces import Gripper, Robot
 from plugins.robots.descriptions import description, measured
+from plugins.robots.programs import program
 
 SOURCES = (
     "acceleration: Franka Control Interface documentation, 'Robot and interface specifications'",
@@ -57,4 +58,5 @@ def panda() -> Robot:
         ),
         measured=measured("panda"),
         sources=SOURCES,
+        programs=(program("run_franky.py"),),
     )

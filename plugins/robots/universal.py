@@ -14,6 +14,7 @@ import numpy as np
 from core.geometry import Pose
 from core.interfaces import Robot
 from plugins.robots.descriptions import Inertial, Mending, measured
+from plugins.robots.programs import program
 
 JOINTS = (
     "shoulder_pan_joint",
@@ -76,6 +77,7 @@ def _arm(
         payload_kg=payload_kg,
         measured=measured(name),
         sources=(f"limits and inertias: {_MAKER.format(name)}", *SOURCES, *sources),
+        programs=(program("run.script"),),
     )
 
 

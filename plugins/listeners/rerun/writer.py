@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import rerun as rr
@@ -21,7 +22,10 @@ from core.report.tools import as_held, solids
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import Motion
 from core.scene import Color, State
+from core.simulation.contacts import find_contacts, make_trace, up_to_each
 from core.simulation.rollout import prepare
+from core.simulation.sampling import subset
+from core.task import reward_of
 from plugins.listeners.rerun.arm import links, tracks
 from plugins.listeners.rerun.layout import Contents, layout
 from plugins.listeners.rerun.lineage import Lineage
@@ -228,14 +232,20 @@ def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording
     if run.simulator is None:
         raise ValueError("the run has no simulator to play it with")
     motion, job = prepare(run.task, candidate, run.seed, run.settings, record_hz=hz)
-    outcome = run.simulator.rollout(run.task, [job])[0]
+    outcome = run.simulator.rollout(run.task, [replace(job, forces=run.task.reads_trace)])[0]
     recording, start = outcome.recording, outcome.start
     if recording is None or start is None:
         raise ValueError(outcome.error or "no recording came back")
     scene = run.task.scene(run.seed)
-    starts, states = scene.complete(State.stack([start] * len(recording.times))), scene.complete(recording.states)
-    rewards = np.asarray(run.task.reward(starts, states), dtype=np.float64)
-    return motion, recording, np.where(recording.times >= 0, rewards, np.nan)
+    times, states, trace = recording.times, recording.states, None
+    if run.task.reads_trace:
+        contacts = find_contacts(scene, run.task.robot, job.tool, recording)
+        moving = subset(contacts.taken, np.flatnonzero(contacts.taken.times >= 0))
+        times, states, trace = moving.times, moving.states, make_trace(scene, up_to_each(contacts))
+    starts = scene.complete(State.stack([start] * len(times)))
+    rewards = np.asarray(reward_of(run.task, starts, scene.complete(states), trace), dtype=np.float64)
+    latest = np.searchsorted(times, recording.times, side="right") - 1
+    return motion, recording, np.where(recording.times >= max(times[0], 0.0), rewards[latest], np.nan)
 
 
 def shaded(solid: trimesh.Trimesh, color: Color) -> trimesh.Trimesh:

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from core.design import RIGID_MOUNT, Component, DesignError, Tool, ToolJoint
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules, check_tool
-from core.designs.varying import tool_numbers, vary_tool
+from core.designs.varying import tool_change, tool_numbers, vary_tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
-from core.interfaces import Numbers
+from core.interfaces import Numbers, Waypoints
 from core.plugins import installed
 from tests.panda import PANDA
 
@@ -89,3 +89,37 @@ def test_tools_with_joints_and_plans_of_another_representation_have_no_numbers()
     plan = solution("anchored", "BringCube", "boxes").plan
     assert len(installed().create("action", "waypoints").parameters(plan)) == 0
     assert len(Numbers() + Numbers()) == 0
+
+
+ACTIONS = installed().create("action", "waypoints")
+
+
+@settings(max_examples=40, deadline=None)
+@given(shapes=st.lists(st.sampled_from(SHAPES), min_size=1, max_size=4), seed=st.integers(0, 2**32 - 1))
+def test_the_change_to_a_varied_tool_makes_it_again(shapes, seed):
+    tool = chain(shapes)
+    numbers = tool_numbers(tool)
+    varied = vary_tool(tool, numbers.steps * np.random.default_rng(seed).uniform(-1, 1, len(numbers)))
+    change = tool_change(tool, varied)
+    for after, again in zip(varied.components, vary_tool(tool, change).components, strict=True):
+        np.testing.assert_allclose(again.shape.bounds[1], after.shape.bounds[1], rtol=1e-9)
+        np.testing.assert_allclose(again.pose.matrix, after.pose.matrix, atol=1e-9)
+    halfway = vary_tool(tool, change / 2).components[0].shape.bounds[1]
+    expected = np.sqrt(tool.components[0].shape.bounds[1] * varied.components[0].shape.bounds[1])
+    np.testing.assert_allclose(halfway, expected, rtol=0.01)
+
+
+def test_tools_of_another_structure_are_no_change_of_each_other():
+    box, ball = SHAPES[0], SHAPES[3]
+    tool = chain([box, box, box])
+    fan = replace(tool, components=(*tool.components[:2], replace(tool.components[2], parent="part0")))
+    for other in (chain([box, box]), chain([box, box, ball]), fan):
+        assert tool_change(tool, other) is None
+    renamed = replace(tool.components[0], name="root", color=(1, 0, 0, 1))
+    assert not tool_change(chain([box]), Tool((renamed,), name="other")).any()
+
+
+def test_plans_with_as_many_waypoints_lead_to_each_other():
+    plan, other, longer = (Waypoints(np.full((n, 6), at)) for n, at in ((2, 0.1), (2, 0.3), (3, 0.3)))
+    assert ACTIONS.with_parameters(plan, ACTIONS.toward(plan, other)).dump() == other.dump()
+    assert ACTIONS.toward(plan, longer) is None

@@ -15,6 +15,7 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Budget, Observation, Picture, Reply, Text
 from core.plugins import event_hub, installed
 from core.search.designer import ModelDesigner
+from core.search.teams import Team
 from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
@@ -82,6 +83,27 @@ class Listener:
     @hookimpl
     def reply_received(self, request, reply):
         self.received.append(("answered", request.id))
+
+
+def test_a_team_has_its_own_elites_temperature_and_style_and_sees_nothing_of_others():
+    tried = [Evaluation(Candidate(ROD, np.array(PLAN), 0, agent), "ok", reward=0.5) for agent in range(3)]
+    vlm, plain = Canned(good), Canned(good)
+    asking, alike = designer(vlm), designer(plain)
+    for each in (asking, alike):
+        each.tried = list(tried)
+    list(asking.design_in(1, [Team([0, 2], tried[:1], -0.2, "Be brief."), Team([1], tried[1:2], 0.2)]))
+    list(alike.design(1, tried[:1]))
+    requests, others = ({r.brief.agent: r for r in of.requests} for of in (vlm, plain))
+    assert sorted(requests) == [0, 1, 2]
+    for agent, ids in ((0, ["g0-a0-s0-p0", "g0-a2-s0-p0"]), (1, ["g0-a1-s0-p0"]), (2, ["g0-a0-s0-p0", "g0-a2-s0-p0"])):
+        brief = requests[agent].brief
+        assert [e.candidate.id for e in brief.tried] == ids
+        assert brief.elites[0] is tried[agent % 2]
+        texts = [part.text.strip() for part in requests[agent].messages[-1].parts if isinstance(part, Text)]
+        assert ("Be brief." in texts) == (agent != 1)
+        warmer = requests[agent].temperature - others[agent].temperature
+        assert warmer == pytest.approx(0.2 if agent == 1 else -0.2)
+        assert len(others[agent].brief.tried) == 3
 
 
 def test_one_candidate_per_agent_tool_and_plan_named_by_where_it_came_from():

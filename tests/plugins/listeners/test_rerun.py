@@ -29,6 +29,8 @@ from core.view import end, free_port, listens, start_viewer
 from plugins.actions.waypoints import WaypointActions
 from plugins.listeners.rerun.sinks import address
 from plugins.listeners.rerun.words import MAX_TEXT
+from plugins.listeners.rerun.writer import replay
+from tests.benchmarks import layouts
 from tests.panda import ARM
 
 SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
@@ -434,3 +436,16 @@ def test_wrong_settings():
     for settings in ({"hz": 0.0}, {"connect": "nowhere"}, {"elites": "some"}, {"spwan": True}):
         with pytest.raises(UsageError, match=next(iter(settings))):
             create("listener", "rerun", settings)
+
+
+@pytest.mark.parametrize("name", ["HangRing", "BringCube"])
+def test_the_reward_rises_to_what_the_rollout_earns_whether_or_not_it_reads_a_trace(name, tmp_path):
+    engine, task = installed().create("sim", "mujoco"), installed().create("task", name)
+    candidate = layouts.designs(name, RolloutSettings())["anchored"]
+    (evaluation,) = evaluate_batch(task, engine, [candidate], 0, RolloutSettings())
+    run = replace(run_in(tmp_path, engine), task=task, settings=RolloutSettings())
+    _, recording, rewards = replay(run, candidate, 30)
+    assert np.isnan(rewards[recording.times < 0]).all()
+    assert rewards[-1] == pytest.approx(evaluation.reward, abs=0.02)
+    assert evaluation.reward > 0.9
+    assert rewards[np.searchsorted(recording.times, 0.1)] < 0.2

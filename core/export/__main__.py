@@ -1,0 +1,197 @@
+"""``python -m core.export RUN_FOLDER [output=DIR]``: write what a lab needs to run the best motion on a real arm.
+
+Nothing here commands a robot. Covered by `tests/core/export/test_export.py`.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from omegaconf import DictConfig, OmegaConf
+
+from core.cli import command, folders_and_overrides, print_table, say, write_bytes
+from core.config.compose import check_seed, node, task_part, tool_part
+from core.design import Candidate
+from core.designs.planning import resolve
+from core.designs.rules import SpawnRules
+from core.errors import UsageError, UserError
+from core.export.clearance import NEAR_M, Clearance, clearance, margins, torques
+from core.export.motion import Sampled, approach, cut, sample, to_csv, to_json
+from core.export.payload import payload
+from core.export.programs import write_programs
+from core.export.replay import Replay, play
+from core.export.ros import PACKAGE, write_package
+from core.interfaces import RolloutSettings, Task
+from core.robot.kinematics import arm_of
+from core.robot.tempo import plan_task_motion
+from core.simulation.robustness import engines
+from core.store.artifacts import save_design
+from core.transfer import as_the_run, designs
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+USAGE = (
+    "usage: python -m core.export RUN_FOLDER | designs=FILE task=NAME [output=DIR] [sims=[NAME,...]] [rate_hz=1000] "
+    "[speed=1] [start=[RADIANS,...]] [KEY=VALUE ...]"
+)
+SLOW = 0.2  # of the speed: the first run on the arm
+LINES = 8  # the nearest things, in the figure and in the checklist
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """What was exported: the motion, what it earned in each engine, and what the arm has to bear."""
+
+    task: Task
+    candidate: Candidate
+    motion: Sampled
+    replays: dict[str, Replay]
+    clearance: Clearance
+    limits: list[dict[str, Any]]
+    payload: dict[str, Any]
+    contact_s: float | None
+
+    def figures(self) -> dict[str, Any]:
+        """Return all figures as data."""
+        nearest = [row for row in self.clearance.rows() if row[2] < NEAR_M]
+        return {
+            "robot": self.task.robot.name,
+            "candidate": self.candidate.id,
+            "duration_s": float(self.motion.times[-1]),
+            "slower_than_simulated": self.motion.slower,
+            "first_contact_s": self.contact_s,
+            "rewards": {engine: replay.reward for engine, replay in self.replays.items()},
+            "problems": {engine: list(replay.problems) for engine, replay in self.replays.items()},
+            "joints": self.limits,
+            "nearest": [dict(zip(("what", "to", "metres", "seconds"), row, strict=True)) for row in nearest],
+            "payload": self.payload,
+        }
+
+
+def export(cfg: DictConfig) -> Export:
+    """Write the files of the first design of ``cfg.designs`` to ``cfg.output``.
+
+    Raises:
+        UserError: the design or a setting can't be used, or a file can't be written.
+    """
+    check_seed(cfg.seed)
+    output, settings = Path(cfg.output), node(cfg.rollout, RolloutSettings)
+    task, representation = task_part(cfg).create(), tool_part(cfg).create()
+    robot, arm, scene = task.robot, arm_of(task.robot), task.scene(cfg.seed)
+    candidate = designs(cfg, representation, SpawnRules(task, cfg.seed))[0]
+    if candidate.tool is None or candidate.problem is not None:
+        raise UserError(f"the design can't be used: {candidate.problem}")
+    tool = candidate.tool
+    planned = plan_task_motion(resolve(candidate.plan, task, cfg.seed, settings, scene), task, settings)
+    motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
+    first, opening = motion.positions[0], float(motion.fingers[0])
+    start = np.array(list(cfg.start) or robot.home, dtype=np.float64)
+    moves = {
+        "approach": approach(start, first, opening, arm, cfg.rate_hz),
+        "trajectory": motion,
+        "trajectory_slow": sample(planned.trajectory, arm, cfg.rate_hz, min(SLOW, cfg.speed)),
+    }
+    sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
+    replays = {name: play(task, part.create(), tool, motion, scene, cfg.seed, settings) for name, part in sims.items()}
+    shown = next(iter(replays.values()))
+    contacts = [at for replay in replays.values() if (at := replay.first_contact()) is not None]
+    contact_s = min(contacts, default=None)
+    if contact_s is not None:
+        before = cut(planned.trajectory, planned.arrivals, contact_s / motion.slower, arm)
+        if before is not None:
+            moves["trajectory_before_contact"] = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
+    near, effort = clearance(scene, robot, tool, shown.recording), torques(robot, tool, motion)
+    limits = margins(robot, tool, motion, effort)
+    made = Export(task, candidate, motion, replays, near, limits, payload(robot, tool), contact_s)
+    for name, move in moves.items():
+        write_bytes(output / "motion" / f"{name}.csv", to_csv(move, robot.arm_joints).encode())
+        text = json.dumps(to_json(move, robot.arm_joints))
+        write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
+    write_package(robot, tool, motion, scene, output / "ros2" / PACKAGE)
+    write_programs(robot, made.payload, moves, output / "programs")
+    save_design(candidate, representation, robot, planned, output / "design")
+    write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
+    plot(made, effort).savefig(output / "motion.png", dpi=120)
+    write_bytes(output / "CHECKLIST.md", checklist(made, moves).encode())
+    return made
+
+
+def plot(made: Export, effort: Any) -> Figure:
+    """Draw distances, speeds and torques over time."""
+    from core.report.plots import new_figure
+
+    figure = new_figure(8.0, 8.0)
+    axes, arm, times = figure.subplots(3, 1, sharex=True), arm_of(made.task.robot), made.motion.times
+    for what, to, of in made.clearance.courses()[:LINES]:
+        axes[0].plot(made.clearance.times, 1000 * of, label=f"{what} to {to}", lw=1)
+    axes[0].set_ylabel("distance (mm)")
+    axes[0].legend(fontsize=6, ncols=3)
+    for ax, values, limits, label in (
+        (axes[1], made.motion.velocities, arm.velocity_limits, "share of the velocity limit"),
+        (axes[2], effort, arm.effort_limits, "share of the torque limit"),
+    ):
+        for values_of, limit, name in zip(values.T, limits, made.task.robot.arm_joints, strict=True):
+            ax.plot(times, values_of / limit if limit > 0 else 0 * values_of, label=name, lw=1)
+        ax.set_ylabel(label)
+        ax.legend(fontsize=6, ncols=4)
+    axes[2].set_xlabel("time (s)")
+    return figure
+
+
+def checklist(made: Export, moves: dict[str, Sampled]) -> str:
+    """Write what to do at the arm, in order, with the figures of this motion."""
+    load, robot = made.payload, made.task.robot
+    earned = ", ".join(f"{replay.reward:.3f} in {engine}" for engine, replay in made.replays.items())
+    nearest = [
+        f"- {what} to {to}: {1000 * at:.0f} mm at {when:.2f} s" for what, to, at, when in made.clearance.rows()[:LINES]
+    ]
+    contact = (
+        "it touches nothing" if made.contact_s is None else f"it first touches something at {made.contact_s:.2f} s"
+    )
+    before, start = "trajectory_before_contact" in moves, np.round(moves["approach"].positions[0], 3).tolist()
+    steps = [
+        f"Bolt the tool to the flange of the {robot.title}, and check that nothing is loose.",
+        f"Set the payload in the controller: {load['mass_kg']:g} kg, centre {load['center_m']} m in the frame of "
+        f"`{load['frame']}`, and the inertia of `figures.json`.",
+        "Set up the scene as in `ros2/`, and measure where it stands: the motion is exact to millimetres.",
+        "Clear the arm's surroundings. Keep the emergency stop in hand until the last step is done.",
+        f"Move to the start: `motion/approach.csv`, from joints {start}.",
+        *(["Run `motion/trajectory_before_contact.csv`, slowly, up to the last rest before contact. Look."] * before),
+        f"Run `motion/trajectory_slow.csv`, at {SLOW:g} of the speed. What is thrown or struck behaves otherwise then.",
+        "Only then run `motion/trajectory.csv`.",
+    ]
+    return "\n".join(
+        [
+            f"# {made.task.name}: {made.candidate.tool.name or 'a tool'}" if made.candidate.tool else "# A motion",
+            "",
+            f"In simulation it earns {earned}. It takes {made.motion.times[-1]:.2f} s; {contact}.",
+            "",
+            *(f"- [ ] {step}" for step in steps),
+            "",
+            "Nearest, metres from surface to surface:" if nearest else "",
+            "",
+            *nearest,
+            "",
+        ]
+    )
+
+
+def main() -> None:
+    folders, words = folders_and_overrides(USAGE)
+    if len(folders) > 1:
+        raise UsageError(f"one folder at a time; {USAGE}")
+    made = export(as_the_run([*(f"designs={folder}" for folder in folders), *words], "export", USAGE))
+    rows = [(engine, f"{replay.reward:.3f}", "; ".join(replay.problems)) for engine, replay in made.replays.items()]
+    print_table(("engine", "reward", "problems"), rows, ("reward",))
+    most = max(made.limits, key=lambda of: of["torque_share"] or 0.0)
+    say(f"{made.motion.times[-1]:.2f} s, {made.motion.slower:.3f} times as long as simulated")
+    say(f"payload {made.payload['mass_kg']:g} kg of {made.task.robot.payload_kg:g}; most torque in {most['joint']}")
+
+
+if __name__ == "__main__":
+    command(main)

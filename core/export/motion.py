@@ -1,0 +1,151 @@
+"""Sample a motion at a fixed rate for a real arm: smooth, within its limits, from where the arm stands.
+
+Engines play joint targets that are linear between instants 10 ms apart. An arm that interpolates so at 1 kHz breaks its
+acceleration limits several times over. Here a cubic spline goes through the same targets.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from core.errors import UsageError
+from core.geometry import Array
+from core.interfaces import JointTrajectory
+from core.robot.kinematics import Arm
+
+SHARE = 0.95  # of the velocity and acceleration limits, at most
+APPROACH = 0.1  # of the velocity limits, at most: the first motion from where the arm stands
+_STEP_S = 0.01  # longest time between two knots of the spline
+_FINE = 5  # samples between two knots, at which the speed is measured
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """A motion at a fixed rate.
+
+    Attributes:
+        times: (T,) seconds, from 0.
+        positions: (T, J) of the arm's joints, radians; with ``velocities`` and ``accelerations``.
+        fingers: (T,) each finger's distance from the middle, metres.
+        slower: how many times longer it takes than the motion that was simulated.
+    """
+
+    times: Array
+    positions: Array
+    velocities: Array
+    accelerations: Array
+    fingers: Array
+    slower: float = 1.0
+
+    @property
+    def trajectory(self) -> JointTrajectory:
+        """The motion as engines play it."""
+        return JointTrajectory(self.times, self.positions, self.fingers)
+
+    def loads(self, arm: Arm) -> tuple[Array, Array]:
+        """Return the largest share of each joint's velocity limit and of its acceleration limit: each (J,)."""
+        limits = arm.velocity_limits, arm.acceleration_limits
+        velocity, acceleration = (
+            np.abs(values).max(axis=0) / limit
+            for values, limit in zip((self.velocities, self.accelerations), limits, strict=True)
+        )
+        return velocity, acceleration
+
+
+def sample(trajectory: JointTrajectory, arm: Arm, rate_hz: float, speed: float = 1.0) -> Sampled:
+    """Sample a trajectory at ``rate_hz``; it takes 1 / ``speed`` times as long, or longer where a limit asks for it.
+
+    Raises:
+        UsageError: the rate or the speed can't be used.
+    """
+    if not 10 <= rate_hz <= 10_000:
+        raise UsageError(f"rate must be between 10 and 10000 Hz, got {rate_hz}")
+    if not 0 < speed <= 1:
+        raise UsageError(f"speed must be above 0 and at most 1, got {speed}")
+    instants = _dense(trajectory.times)
+    joints, _ = trajectory.sample(instants)
+    path = CubicSpline(instants, joints, bc_type="clamped")
+    fine = np.linspace(0.0, trajectory.duration, _FINE * len(instants))
+    fastest = (np.abs(path(fine, 1)) / arm.velocity_limits).max() / SHARE
+    hardest = (np.abs(path(instants, 2)) / arm.acceleration_limits).max() / SHARE  # it is linear between knots
+    slower = max(1.0 / speed, float(fastest), math.sqrt(hardest))
+    return _sampled(path, trajectory, arm, rate_hz, slower)
+
+
+def approach(start: Array, end: Array, opening: float, arm: Arm, rate_hz: float) -> Sampled:
+    """Move slowly from joints (J,) to others, all joints in step, at rest at both ends.
+
+    The course is the polynomial of fifth degree without acceleration at the ends.
+
+    Raises:
+        UsageError: the start is beyond a joint's limit.
+    """
+    if start.shape != end.shape or ((start < arm.lower - 1e-6) | (start > arm.upper + 1e-6)).any():
+        limits = ", ".join(f"{low:.2f} to {high:.2f}" for low, high in zip(arm.lower, arm.upper, strict=True))
+        raise UsageError(f"from must be {len(end)} joint angles in radians within {limits}; got {start.tolist()}")
+    way = end - start
+    duration = max(float((1.875 * np.abs(way) / (APPROACH * arm.velocity_limits)).max()), 1 / rate_hz)
+    times = np.arange(math.ceil(duration * rate_hz) + 1) / rate_hz
+    s = np.minimum(times / duration, 1.0)[:, None]
+    positions = start + way * s**3 * (10 - 15 * s + 6 * s**2)
+    velocities = way * 30 * s**2 * (1 - s) ** 2 / duration
+    accelerations = way * 60 * s * (1 - s) * (1 - 2 * s) / duration**2
+    return Sampled(times, positions, velocities, accelerations, np.full(len(times), opening))
+
+
+def cut(trajectory: JointTrajectory, arrivals: Array, instant: float, arm: Arm) -> JointTrajectory | None:
+    """Return the part up to the last waypoint before an instant where the arm rests; None if there is none."""
+    for end in sorted((float(at) for at in arrivals if at < instant), reverse=True):
+        joints, fingers = trajectory.sample(end + _STEP_S * np.array([-1.0, 0.0, 1.0]))
+        if (np.abs(np.diff(joints, axis=0)) <= arm.acceleration_limits * _STEP_S**2).all():
+            before = trajectory.times < end - 1e-9
+            times = np.append(trajectory.times[before], end)
+            opening = np.append(trajectory.fingers[before], fingers[1])
+            return JointTrajectory(times, np.vstack([trajectory.arm[before], joints[1]]), opening)
+    return None
+
+
+def _dense(times: Array) -> Array:
+    """Add instants where two are far apart: a spline would swing there, where the targets stand still."""
+    steps = np.diff(times)
+    counts = np.maximum(1, np.ceil(steps / (1.5 * _STEP_S))).astype(int)
+    return np.append(np.interp(np.arange(counts.sum()), np.append(0, np.cumsum(counts)), times), times[-1])
+
+
+def _sampled(path: CubicSpline, trajectory: JointTrajectory, arm: Arm, rate_hz: float, slower: float) -> Sampled:
+    times = np.arange(math.ceil(trajectory.duration * slower * rate_hz) + 1) / rate_hz
+    own = np.minimum(times / slower, trajectory.duration)
+    moving = (times / slower < trajectory.duration)[:, None]
+    return Sampled(
+        times,
+        np.clip(path(own), arm.lower, arm.upper),
+        path(own, 1) / slower * moving,
+        path(own, 2) / slower**2 * moving,
+        np.interp(own, trajectory.times, trajectory.fingers),
+        slower,
+    )
+
+
+def to_csv(motion: Sampled, joints: tuple[str, ...]) -> str:
+    """Write a row for each sample: time, then positions, velocities and accelerations, and the fingers."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    kinds = ("rad", "rad_s", "rad_s2")
+    writer.writerow(["time_s", *(f"{name}_{kind}" for kind in kinds for name in joints), "finger_m"])
+    table = np.column_stack([motion.times, motion.positions, motion.velocities, motion.accelerations, motion.fingers])
+    writer.writerows([[f"{value:.7g}" for value in row] for row in table.tolist()])
+    return text.getvalue()
+
+
+def to_json(motion: Sampled, joints: tuple[str, ...]) -> Mapping[str, Any]:
+    """Return the same as data."""
+    arrays = ("times", "positions", "velocities", "accelerations", "fingers")
+    return {"joints": list(joints), **{name: np.round(getattr(motion, name), 7).tolist() for name in arrays}}

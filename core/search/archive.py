@@ -1,0 +1,200 @@
+"""Keep the best evaluation of each kind of tool and motion, and what a user picks from all of them.
+
+The kinds are cells of a grid: J.-B. Mouret and J. Clune, "Illuminating search spaces by mapping elites", 2015.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pydantic
+
+from core.design import TIE, Evaluation, Tool, best_first
+from core.designs.reading import dump_design
+from core.errors import UsageError, choices
+from core.geometry import Array
+from core.interfaces import ToolRepresentation
+
+MAX_BINS = 100
+LIGHT_KG = 0.2
+PLATE_M = 0.22  # the side of a common printer's plate
+
+Cell = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """An axis of an archive. What lies below ``lower`` is in the first of its ``bins``, what lies above in the last.
+
+    Raises:
+        UsageError: the bounds are not finite and in order, or there are too few or too many bins.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    bins: int
+
+    def __post_init__(self) -> None:
+        if not -np.inf < self.lower < self.upper < np.inf:
+            bounds = f"from {self.lower:g} to {self.upper:g}"
+            raise UsageError(f"evolution.measures: {self.name} goes {bounds}; lower must be less than upper")
+        if not 1 <= self.bins <= MAX_BINS:
+            raise UsageError(f"evolution.measures: {self.name} needs 1 to {MAX_BINS} bins, got {self.bins}")
+
+    def bin(self, evaluation: Evaluation) -> int:
+        """Return the number of the bin that an evaluation lies in, from 0; that of nan is the last."""
+        share = (VALUES[self.name](evaluation) - self.lower) / (self.upper - self.lower)
+        return min(int(max(share, 0.0) * self.bins), self.bins - 1) if share < 1 else self.bins - 1
+
+
+def tool_of(evaluation: Evaluation) -> Tool:
+    """Return the tool that was tried."""
+    assert evaluation.candidate.tool is not None
+    return evaluation.candidate.tool
+
+
+def extent(tool: Tool) -> float:
+    """Measure the longest side of the box around a tool, in the frame of its mount, metres; without components 0.
+
+    Of attachments to two fingers the larger counts.
+    """
+    placed = tool.placed()
+    corners: dict[str, list[Array]] = {}
+    for component in tool.components:
+        mount, pose = placed[component.name]
+        corners.setdefault(mount, []).append(pose.apply(component.shape.to_trimesh().vertices))
+    return max((float(np.ptp(np.concatenate(of), axis=0).max()) for of in corners.values()), default=0.0)
+
+
+VALUES: dict[str, Callable[[Evaluation], float]] = {
+    "mass": lambda evaluation: tool_of(evaluation).mass,
+    "extent": lambda evaluation: extent(tool_of(evaluation)),
+    "components": lambda evaluation: len(tool_of(evaluation).components),
+    "distance": lambda evaluation: evaluation.distance_m,
+}
+UNITS = {"mass": "kg", "extent": "m", "components": "", "distance": "m"}
+MEASURES = {
+    measure.name: measure
+    for measure in (
+        Measure("mass", 0.0, 0.5, 10),
+        Measure("extent", 0.0, 1.0, 25),
+        Measure("components", 0.5, 10.5, 10),
+        Measure("distance", 0.0, 2.5, 25),
+    )
+}
+
+
+def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, ...]:
+    """Read the setting ``evolution.measures``: names, or names with other bounds and bins than those of `MEASURES`.
+
+    Raises:
+        UsageError: there is none, one is unknown or named twice, or see `Measure`.
+    """
+    found: dict[str, Measure] = {}
+    for item in written:
+        given = {"name": item} if isinstance(item, str) else item
+        name = str(given.get("name"))
+        if name not in MEASURES:
+            raise choices("measure", name, MEASURES, "evolution.measures")
+        if name in found:
+            raise UsageError(f"evolution.measures names {name} twice")
+        if unknown := sorted(given.keys() - asdict(MEASURES[name])):
+            raise choices("key", str(unknown[0]), asdict(MEASURES[name]), f"evolution.measures: {name}")
+        try:
+            found[name] = pydantic.TypeAdapter(Measure).validate_python({**asdict(MEASURES[name]), **given})
+        except pydantic.ValidationError as error:
+            first = error.errors()[0]
+            raise UsageError(f"evolution.measures: {name}: {first['loc'][-1]}: {first['msg']}") from error
+    if not found:
+        raise UsageError(f"evolution.measures is empty; name some of {', '.join(MEASURES)}")
+    return tuple(found.values())
+
+
+def measures_of(evolution: Mapping[str, Any]) -> tuple[Measure, ...]:
+    """Return the measures among the settings of a strategy; empty: it has none, or means something else by them."""
+    try:
+        return read_measures(evolution["measures"])
+    except (KeyError, TypeError, AttributeError, UsageError):
+        return ()
+
+
+class Archive:
+    """The tried candidates by cell: a bin of each of the ``measures``."""
+
+    def __init__(self, measures: Sequence[Measure], tie: float = TIE) -> None:
+        self.measures, self._tie = tuple(measures), tie
+        self._found: dict[Cell, list[Evaluation]] = {}
+
+    def add(self, evaluations: Iterable[Evaluation]) -> None:
+        """File the evaluations with status ``ok``."""
+        for evaluation in evaluations:
+            if evaluation.status == "ok":
+                cell = tuple(measure.bin(evaluation) for measure in self.measures)
+                self._found.setdefault(cell, []).append(evaluation)
+
+    @property
+    def best(self) -> dict[Cell, Evaluation]:
+        """The best evaluation of each cell (`core.design.ranked`), in the order of the cells."""
+        return {cell: best_first(self._found[cell], self._tie)[0] for cell in sorted(self._found)}
+
+
+def picks(evaluations: Iterable[Evaluation], tie: float = TIE) -> dict[str, Evaluation]:
+    """Pick the ``best``; the best ``light`` tool, below 200 g; and the best that fits a printer's ``plate``, unturned.
+
+    By the rule for ties, the best is the shortest motion of those that earned about the most.
+    """
+    ranking = best_first(evaluations, tie)
+    suits: dict[str, Callable[[Evaluation], bool]] = {
+        "best": lambda evaluation: True,
+        "light": lambda evaluation: tool_of(evaluation).mass < LIGHT_KG,
+        "plate": lambda evaluation: extent(tool_of(evaluation)) <= PLATE_M,
+    }
+    found = {name: next(filter(suit, ranking), None) for name, suit in suits.items()}
+    return {name: evaluation for name, evaluation in found.items() if evaluation is not None}
+
+
+class Kept(NamedTuple):
+    """An evaluation that a run hands over: the best of a ``cell``, or else only picked; and what it was picked as."""
+
+    evaluation: Evaluation
+    cell: Cell | None
+    picked: tuple[str, ...]
+
+
+def handed_over(measures: Sequence[Measure], evaluations: Sequence[Evaluation], tie: float = TIE) -> list[Kept]:
+    """Return the best of each cell, in the order of the cells, and then the picks that are none of these."""
+    archive = Archive(measures, tie)
+    archive.add(evaluations)
+    picked: dict[str, list[str]] = {}
+    chosen = picks(evaluations, tie)
+    for name, evaluation in chosen.items():
+        picked.setdefault(evaluation.candidate.id, []).append(name)
+    found = {e.candidate.id: Kept(e, cell, tuple(picked.get(e.candidate.id, ()))) for cell, e in archive.best.items()}
+    for evaluation in chosen.values():
+        found.setdefault(evaluation.candidate.id, Kept(evaluation, None, tuple(picked[evaluation.candidate.id])))
+    return list(found.values())
+
+
+def save_archive(
+    kept: Sequence[Kept], measures: Sequence[Measure], representation: ToolRepresentation, folder: Path
+) -> None:
+    """Write ``designs.json``, a designs file, and ``archive.csv``, with a row for each of its strategies."""
+    folder.mkdir(parents=True, exist_ok=True)
+    document = {"strategies": [dump_design(entry.evaluation.candidate, representation) for entry in kept]}
+    (folder / "designs.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    with (folder / "archive.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        cells = [f"cell_{measure.name}" for measure in measures]
+        figures = [f"{name}_{unit}".rstrip("_") for name, unit in UNITS.items()]
+        writer.writerow(["strategy", "candidate", *cells, "picked", "reward", *figures])
+        for number, (evaluation, cell, picked) in enumerate(kept):
+            values = (value(evaluation) for value in VALUES.values())
+            where = cell if cell is not None else [""] * len(cells)
+            writer.writerow([number, evaluation.candidate.id, *where, " ".join(picked), evaluation.reward, *values])

@@ -1,0 +1,33 @@
+"""Define teams of agents, which a strategy may ask in place of all agents alike.
+
+Covered by `tests/plugins/strategies/test_islands.py` and `tests/core/search/test_designer.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from core.design import Candidate, Evaluation
+from core.interfaces import Designer
+
+
+@dataclass(frozen=True, eq=False)
+class Team:
+    """Agents that are shown the same elites, and nothing that other teams tried.
+
+    ``warmth`` is added to the temperature of each, and ``style``, a text, to its prompt.
+    """
+
+    agents: Sequence[int]
+    elites: Sequence[Evaluation] = ()
+    warmth: float = 0.0
+    style: str = ""
+
+
+class AsksTeams(Designer, Protocol):
+    """A designer that asks teams."""
+
+    def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
+        """Ask the agents of all teams at once, and yield their candidates as replies arrive (`Designer.design`)."""

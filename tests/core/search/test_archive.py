@@ -1,0 +1,142 @@
+"""The best of each kind of tool and motion, and the picks: what is filed where, and what a user gets."""
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.config.compose import load
+from core.design import Candidate, Component, Evaluation, Tool
+from core.errors import UsageError
+from core.evaluate import evaluate
+from core.geometry import Box, Pose
+from core.plugins import installed
+from core.search.archive import Archive, Measure, extent, handed_over, measures_of, picks, read_measures, save_archive
+from tests.core.run_folders import PLAN, hook
+
+EXTENT, DISTANCE = Measure("extent", 0.0, 1.0, 10), Measure("distance", 0.0, 2.0, 4)
+
+
+def earned(reward, distance=1.0, length=0.35, action=0, status="ok", mass=0.005):
+    tool = hook(length)
+    heavy = tuple(Component(c.name, c.parent, c.pose, c.shape, mass) for c in tool.components)
+    return Evaluation(Candidate(Tool(heavy), PLAN, 0, 0, action, 0), status, reward=reward, distance_m=distance)
+
+
+def best(*evaluations, tie=0.005):
+    archive = Archive((EXTENT, DISTANCE), tie)
+    archive.add(evaluations)
+    return {cell: e.candidate.id for cell, e in archive.best.items()}
+
+
+def test_each_cell_keeps_its_best():
+    found = best(
+        earned(0.5, action=0),
+        earned(0.7, action=1),
+        earned(0.9, length=0.55, action=2),
+        earned(0.1, distance=1.7, action=3),
+    )
+    assert found == {(3, 2): "g0-a0-s1-p0", (3, 3): "g0-a0-s3-p0", (5, 2): "g0-a0-s2-p0"}
+
+
+def test_in_a_cell_the_shorter_of_two_that_earned_about_the_same_is_the_best():
+    pair = earned(0.900, 1.4, action=0), earned(0.896, 1.1, action=1)
+    assert best(*pair) == {(3, 2): "g0-a0-s1-p0"}
+    assert best(*pair, tie=0.0) == {(3, 2): "g0-a0-s0-p0"}
+
+
+def test_what_was_not_tried_is_not_filed():
+    assert best(earned(1.0, status="rejected"), earned(1.0, status="failed")) == {}
+
+
+@given(distance=st.floats(), bins=st.integers(1, 100))
+def test_every_value_has_a_bin(distance, bins):
+    found = Measure("distance", 0.0, 2.0, bins).bin(earned(0.5, distance))
+    if 0 <= distance < 2:
+        assert found <= distance / 2 * bins < found + 1 + 1e-9
+    else:
+        assert found == (0 if distance < 0 else bins - 1)
+
+
+def test_the_extent_is_the_longest_side_of_all_components_together():
+    assert extent(hook(0.3)) == pytest.approx(0.303)  # the blade's other half lies below the shaft's end
+    assert extent(Tool()) == 0
+    pad = Component("pad", "left_finger", Pose(np.array([9.0, 0.0, 0.0])), Box((0.02, 0.01, 0.05)))
+    assert extent(Tool((pad,), gripper=True)) == pytest.approx(0.05)
+
+
+# --- the setting ------------------------------------------------------------------------------------------------
+
+
+def test_measures_are_names_or_have_bounds_of_their_own():
+    mass, distance = read_measures([{"name": "mass", "upper": 0.1, "bins": 5}, "distance"])
+    assert mass == Measure("mass", 0.0, 0.1, 5)
+    assert distance.name == "distance"
+    assert measures_of({"name": "mine", "measures": ["mass"]})[0].name == "mass"
+
+
+@pytest.mark.parametrize(
+    ("written", "message"),
+    [
+        ([], "measures is empty; name some of mass, extent"),
+        (["weight"], "measure 'weight'"),
+        (["mass", "mass"], "names mass twice"),
+        ([{"name": "mass", "lower": 0.5, "upper": 0.5}], "mass goes from 0.5 to 0.5; lower must be less"),
+        ([{"name": "mass", "upper": math.inf}], "mass goes from 0 to inf"),
+        ([{"name": "mass", "bins": 0}], "mass needs 1 to 100 bins, got 0"),
+        ([{"name": "mass", "bins": "many"}], "mass: bins: "),
+        ([{"name": "mass", "colour": "red"}], "key 'colour'"),
+        ([{}], "measure 'None'"),
+    ],
+)
+def test_wrong_measures(written, message):
+    with pytest.raises(UsageError, match=message):
+        read_measures(written)
+    assert measures_of({"measures": written}) == ()
+
+
+@pytest.mark.parametrize("other", [None, 3, "mass", [3], [[1]], [{1: 2, "name": "mass"}]])
+def test_a_setting_that_means_something_else_is_no_list_of_measures(other):
+    assert measures_of({"measures": other}) == ()
+    assert measures_of({}) == ()
+
+
+# --- what is handed over ----------------------------------------------------------------------------------------
+
+
+def test_picks():
+    heavy, long = earned(0.99, action=0, mass=0.2), earned(0.9, action=1)
+    small, shorter = earned(0.8, length=0.1, action=2), earned(0.986, 0.4, action=3, mass=0.2)
+    found = picks([heavy, long, small, shorter])
+    assert found == {"best": shorter, "light": long, "plate": small}
+    assert picks([earned(1.0, status="failed")]) == {}
+
+
+def test_a_pick_that_is_no_cells_best_is_handed_over_too():
+    heavy, light = earned(0.99, action=0, mass=0.2), earned(0.9, action=1)
+    kept = handed_over((EXTENT, DISTANCE), [heavy, light])
+    assert [(k.evaluation, k.cell, k.picked) for k in kept] == [(heavy, (3, 2), ("best",)), (light, None, ("light",))]
+
+
+@pytest.mark.slow
+def test_the_designs_of_an_archive_can_be_tried(tmp_path):
+    kept = handed_over((EXTENT, DISTANCE), [earned(0.9, length=0.2 + 0.1 * i, action=i) for i in range(3)])
+    save_archive(kept, (EXTENT, DISTANCE), installed().create("tool", "urdf"), tmp_path)
+    rows = list(csv.DictReader((tmp_path / "archive.csv").open()))
+    assert [(row["cell_extent"], row["cell_distance"], row["picked"]) for row in rows] == [
+        ("2", "2", "best light plate"),
+        ("3", "2", ""),
+        ("4", "2", ""),
+    ]
+    strategies = json.loads((tmp_path / "designs.json").read_text())["strategies"]
+    assert len(strategies) == len(rows)
+    words = ["task=BringCube", "sim=mujoco", "executor.workers=1", f"designs={tmp_path / 'designs.json'}"]
+    for row, tried in zip(rows, evaluate(load("evaluate", words)), strict=True):
+        assert tried.status == "ok"
+        assert tried.candidate.strategy == int(row["strategy"])
+        assert extent(tried.candidate.tool) == pytest.approx(float(row["extent_m"]))
+        assert tried.candidate.tool.mass == pytest.approx(float(row["mass_kg"]))
