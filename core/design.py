@@ -17,6 +17,7 @@ GRIPPER_MOUNTS = ("left_finger", "right_finger")
 TOOL_FRICTION = 0.5  # of printed plastic
 
 TIE = 0.005  # the default of ``evolution.tie``, see `ranked`
+SAVED, STOPPED, SAME_AS = "saved", "stopped", "same_as"  # keys of `Evaluation.details`, see there
 
 Status = Literal["ok", "rejected", "failed"]
 T = TypeVar("T")
@@ -200,7 +201,8 @@ class Candidate:
 
     An array (N, 6) or (N, 7) as ``plan`` stands for literal `Waypoints`.
     ``problem`` says which rule the design breaks, so that it can't be tried; then ``tool`` may be None and ``plan``
-    empty. `id` is made of ``generation``, ``agent``, ``strategy`` and ``action``.
+    empty. `id` is made of ``generation``, ``agent``, ``strategy`` and ``action``. ``varied``: a search changed the
+    numbers of another candidate by a little, on purpose.
     """
 
     tool: Tool | None
@@ -214,6 +216,7 @@ class Candidate:
     action_description: str = ""
     parents: tuple[str, ...] = ()
     problem: str | None = None
+    varied: bool = False
 
     def __post_init__(self) -> None:
         if isinstance(self.plan, np.ndarray):  # for short: literal waypoints
@@ -244,7 +247,9 @@ class Evaluation:
     ``ik_error_m`` and ``ik_error_rad`` are the largest misses of the inverse kinematics along the plan;
     ``tracking_error_rad`` is the largest lag of a joint behind its target. ``moved_m`` is the distance of each free
     body's end from its start. Without a rollout, numbers are nan. ``details`` holds further figures of a fitness, as
-    JSON.
+    JSON: among them `SAVED`, the rollouts that were not needed and their seconds of processor time, an estimate;
+    `STOPPED`, after how many trials it was given up, and of how many; and `SAME_AS`, the id of the near-duplicate that
+    was tried in its place.
     """
 
     candidate: Candidate
@@ -258,6 +263,11 @@ class Evaluation:
     moved_m: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     details: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it was given up before its last trial; its reward is what is certain."""
+        return STOPPED in self.details
 
 
 @dataclass(frozen=True)
@@ -303,9 +313,13 @@ def _or_longest(distance_m: float | None) -> float:
 
 
 def best_first(evaluations: Iterable[Evaluation], tie: float = TIE) -> list[Evaluation]:
-    """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`."""
+    """Sort the evaluations with status ``ok``, the best first (`ranked`), at last by `Candidate.key`.
+
+    Those that stopped early come after all others.
+    """
     tried = sorted((e for e in evaluations if e.status == "ok"), key=lambda e: e.candidate.key)
-    return ranked(tried, lambda e: (e.reward, e.distance_m), tie)
+    parts = ([e for e in tried if e.stopped is stopped] for stopped in (False, True))
+    return [e for part in parts for e in ranked(part, lambda e: (e.reward, e.distance_m), tie)]
 
 
 def best_tools(ranking: Iterable[Evaluation]) -> list[Evaluation]:

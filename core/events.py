@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from core.design import TIE, Evaluation, best_first
+from core.design import SAME_AS, SAVED, TIE, Evaluation, best_first
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
 
 INTERRUPTED = "interrupted"
@@ -71,6 +71,14 @@ class Generation:
         return sum(e.status == status for e in self.evaluations)
 
 
+class Saved(NamedTuple):
+    """The rollouts that a run did not need, and their seconds of processor time, an estimate; the near-duplicates."""
+
+    rollouts: int
+    seconds: float
+    near_duplicates: int
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """The result of a run: its generations, and how long it took.
@@ -100,3 +108,12 @@ class Result:
     def n_evaluations(self) -> int:
         """The number of candidates that were tried, the failed ones included."""
         return sum(g.count("ok") + g.count("failed") for g in self.generations)
+
+    @property
+    def saved(self) -> Saved:
+        """What was not tried, or not to the end. What equal candidates share counts once."""
+        evaluations = [e for generation in self.generations for e in generation.evaluations]
+        tried = {e.candidate.content: e.details.get(SAVED) for e in evaluations if SAME_AS not in e.details}
+        found = [of for of in tried.values() if of is not None]
+        rollouts, seconds = sum(of["rollouts"] for of in found), sum(of["seconds"] for of in found)
+        return Saved(rollouts, float(seconds), sum(SAME_AS in e.details for e in evaluations))

@@ -53,10 +53,13 @@ ATTRIBUTES = {"task": ("name", "description", "goals"), "vlm": ("model",)}
 PROVIDED = {"evolution": ("designer", "budget"), "fitness": ("evaluator",)}
 """The arguments of a kind's factories that the program provides; the others are settings."""
 
-NOT_SETTINGS = {"task": ("tool_kinds", "paper"), "robot": ("base",), "evolution": ("refine",)}
+NOT_SETTINGS = {"task": ("tool_kinds", "paper"), "robot": ("base",), "evolution": ("refine", "near_duplicates")}
 """The keys of a kind's configuration that are not settings of the part: the program itself reads them."""
 
-WORDS: dict[str, dict[str, Any]] = {"robot": {"base": [0.0, 0.0, 0.0, 0.0]}, "evolution": {"refine": 0}}
+WORDS: dict[str, dict[str, Any]] = {
+    "robot": {"base": [0.0, 0.0, 0.0, 0.0]},
+    "evolution": {"refine": 0, "near_duplicates": True},
+}
 """Those of them that every part of the kind has, with their defaults."""
 
 

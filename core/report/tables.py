@@ -26,6 +26,7 @@ from core.report.statistics import (
     normalised,
 )
 from core.report.tools import Tools, size
+from core.store.rows import Saved
 
 
 def tables(results: Results, shown: Tools) -> list[Table]:
@@ -214,13 +215,15 @@ def costs(results: Results) -> Table:
     """Time, tokens and dollars that runs took."""
     head = columns(
         "task|method|runs:0|rollouts per run:0|wall time per run (s):0|rollouts per second:1|requests per run:1"
-        "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2"
+        "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2|rollouts saved:0|seconds saved:0"
+        "|near-duplicates:0"
     )
     rows = []
     for g in results.groups:
         spent: list[Spending] = [s for s in map(spending, g.runs) if s is not None]
         seconds = sum(run.figures.wall_time_s for run in g.runs)
         tried = sum(run.figures.n_evaluations for run in g.runs)
+        saved = [run.figures.saved for run in g.runs if run.figures.saved is not None]
         names = ("prompt_tokens", "completion_tokens", "cost_usd")
         rows.append(
             (
@@ -229,9 +232,14 @@ def costs(results: Results) -> Table:
                 sum(s.requests for s in spent) / len(spent) if spent else None,
                 sum(s.errors for s in spent),
                 *(_over_known(sum, [getattr(s, name) for s in spent]) for name in names),
+                *(sum(getattr(of, name) for of in saved) if saved else None for name in Saved.__annotations__),
             )
         )
-    note = "Tokens and dollars are sums over the runs, of the replies that report them; empty where none does."
+    note = (
+        "Tokens and dollars are sums over the runs, of the replies that report them; empty where none does. Saved are, "
+        "over all runs, the rollouts that were foreseen or that candidates stopped before, with an estimate of their "
+        "processor time. Near-duplicates got the evaluation of another candidate."
+    )
     return Table("costs", "Time and money", head, tuple(rows), note)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from core.config.compose import part, robot_part, tool_part
-from core.design import Component, DesignError, Tool, ranked
+from core.design import STOPPED, Component, DesignError, Tool, ranked
 from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
 from core.geometry import Array
@@ -25,7 +25,7 @@ from core.report.formats import number
 from core.report.runs import STORE, FinishedRun
 from core.robot.frames import open_mounts
 from core.store.database import reading
-from core.store.rows import load_plan
+from core.store.rows import load_plan, parsed
 from core.text import clean
 
 if TYPE_CHECKING:
@@ -143,13 +143,14 @@ def every_tool(run: FinishedRun, generation: int | None = None) -> Iterator[Winn
     given, representation, robot = given_tool(run), _part(run, "tool"), _part(run, "robot")
     representation.robot = robot
     query = (
-        "SELECT candidate, generation, agent, strategy, reward, distance_m FROM evaluations"
+        "SELECT candidate, generation, agent, strategy, reward, distance_m, details FROM evaluations"
         " WHERE status = 'ok' AND generation = coalesce(:generation, generation)"
         " ORDER BY generation, agent, strategy, plan"
     )
     best: dict[tuple[int, ...], str] = {}  # candidates
     with reading(run.folder) as database:
-        rows = database.execute(query, {"generation": generation}).fetchall()
+        every = database.execute(query, {"generation": generation}).fetchall()
+        rows = [row for row in every if STOPPED not in parsed(row["details"])] or every
         for row in ranked(rows, lambda row: (row["reward"], row["distance_m"]), run.figures.tie):
             best.setdefault((row["generation"], row["agent"], row["strategy"]), row["candidate"])
         for candidate in best.values():

@@ -141,7 +141,7 @@ class ModelDesigner:
         generation, agent, strategy, _ = key
         count = len(values) - len(self.actions.parameters(candidate.plan))
         named = replace(candidate, generation=generation, agent=agent, strategy=strategy, action=0)
-        varied = replace(named, parents=(candidate.id,))
+        varied = replace(named, parents=(candidate.id,), varied=True)
         try:
             with guarded(self.representation, "with_parameters"):
                 tool = self.representation.with_parameters(candidate.tool, values[:count]) if count else candidate.tool

@@ -97,6 +97,9 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         events.register(designer, "designer")
     if (refine := config["evolution"].get("refine", 0)) != 0:
         strategy = Refinement(strategy, designer, refine)
+    twice = config["evolution"].get("near_duplicates", True)  # older runs have no such setting
+    if type(twice) is not bool:
+        raise UsageError(f"evolution.near_duplicates must be true or false, got {twice!r}")
     for name, options in config["listener"].items():
         add_listener(events, installed().create("listener", name, options or {}), name)
     store = store or RunStore.create(folder, config)  # from here on the folder is this run's
@@ -116,7 +119,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
                     (folder / "scene.png").write_bytes(picture.png)
         events.hook.run_started(run=this)
         with executor:
-            result = evolve(strategy, fitness, executor, budget, events, store.past.evaluation, task.robot)
+            known = store.past.evaluation
+            result = evolve(strategy, fitness, executor, budget, events, known, task.robot, near_duplicates=twice)
             if result.best is not None and result.stopped != INTERRUPTED:
                 result = replace(result, unseen=try_unseen(result.best, fitness, executor))
         result = replace(result, wall_time_s=store.seconds + result.wall_time_s)

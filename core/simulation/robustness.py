@@ -68,7 +68,7 @@ def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) 
     of = evaluator.task
     robot = of.robot if isinstance(of, TaskPart) else None
     task = PerturbedPart(of.kind, of.name, of.settings, robot, perturbation, draw)
-    return CheckedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
+    return CheckedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings, evaluator.clearance)
 
 
 def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None) -> dict[str, Part[Simulator]]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from core.design import Candidate, DesignError, Evaluation
+from core.design import SAVED, Candidate, DesignError, Evaluation
 from core.designs.planning import resolve
 from core.errors import UserError
 from core.geometry import Array
@@ -21,6 +21,7 @@ from core.robot.self_collision import find_self_collision
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
 from core.scene import Scene, State, Trace
+from core.simulation.clearance import Idle, find_idle
 from core.simulation.contacts import Contacts, find_contacts, make_trace
 from core.simulation.observing import observe
 from core.simulation.penetration import Explosion, Finding, findings
@@ -34,7 +35,9 @@ from core.traces import TRACE_HZ
 class Evaluator:
     """Evaluate candidates in one engine, with one layout of a task and one way to execute plans.
 
-    Calling it with a batch of candidates returns their evaluations, in order. It is small, hashable and picklable.
+    Calling it with a batch of candidates returns their evaluations, in order. It is small, hashable and picklable. What
+    keeps ``clearance`` metres from all that can move is not simulated, where the reward is then 0 (`find_idle`); None:
+    all is simulated.
 
     Raises:
         PluginError: the code of the task or the simulator raised something; names the plugin.
@@ -44,6 +47,7 @@ class Evaluator:
     sim: Part[Simulator]
     seed: int = 0
     settings: RolloutSettings = field(default_factory=RolloutSettings)
+    clearance: float | None = None
 
     @property
     def batch(self) -> int:
@@ -57,7 +61,12 @@ class Evaluator:
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         try:
-            found = evaluate_batch(_task(self.task), _simulator(self.sim), candidates, self.seed, self.settings)
+            task, simulator = _task(self.task), _simulator(self.sim)
+            foresight = None
+            if self.clearance is not None and any(candidate.problem is None for candidate in candidates):
+                idle = _idle(self.task, self.sim, self.seed, self.settings.settle_s, self.settings.hold_s)
+                foresight = None if idle is None else (idle, self.clearance)
+            found = evaluate_batch(task, simulator, candidates, self.seed, self.settings, foresight)
         except (UserError, MemoryError):
             raise
         except Exception as error:  # a plugin's code may raise anything
@@ -87,6 +96,12 @@ def _simulator(part: Part[Simulator]) -> Simulator:
     return part.create()
 
 
+@lru_cache(maxsize=256)
+def _idle(task: Part[Task], sim: Part[Simulator], seed: int, settle_s: float, hold_s: float) -> Idle | None:
+    """Find out once per process what a layout is while the robot rests."""
+    return find_idle(_task(task), _simulator(sim), seed, RolloutSettings(settle_s=settle_s, hold_s=hold_s))
+
+
 def prepare(
     task: Task,
     candidate: Candidate,
@@ -109,12 +124,23 @@ def prepare(
 
 
 def evaluate_batch(
-    task: Task, simulator: Simulator, candidates: Sequence[Candidate], seed: int, settings: RolloutSettings
+    task: Task,
+    simulator: Simulator,
+    candidates: Sequence[Candidate],
+    seed: int,
+    settings: RolloutSettings,
+    foresight: tuple[Idle, float] | None = None,
 ) -> list[Evaluation]:
-    """Try each candidate and return their evaluations, in order. One call of the task's reward covers all worlds."""
+    """Try each candidate and return their evaluations, in order. One call of the task's reward covers all worlds.
+
+    What touches nothing is not simulated, if there is ``foresight``: what the layout is while the robot rests, and the
+    least clearance in metres.
+    """
     evaluations: dict[int, Evaluation] = {}
     motions: dict[int, Motion] = {}
-    jobs: list[Rollout] = []
+    jobs: dict[int, Rollout] = {}
+    foreseen: dict[int, Outcome] = {}
+    saved: dict[int, dict[str, Any]] = {}
     crossed: dict[int, tuple[str]] = {}
     scene = task.scene(seed)
     thin, traced = thinnest(scene), task.reads_trace
@@ -138,18 +164,25 @@ def evaluate_batch(
                 continue
             crossed[i] = (where,)
         motions[i] = motion
+        if foresight is not None and (untouched := foresight[0].foresee(task.robot, job, foresight[1])) is not None:
+            film = foresight[0].film(task.robot, job) if settings.observe else None
+            said = f"not simulated: it keeps {foresight[1]:g} m or more from all that can move"
+            foreseen[i] = replace(untouched, tracking_error_rad=float("nan"), recording=film, warnings=(said,))
+            seconds = job.settle_s + job.trajectory.duration + job.hold_s
+            saved[i] = {SAVED: {"rollouts": 1, "seconds": foresight[0].share * seconds}}
+            continue
         if settings.penetration != "ignore" or settings.observe:
             job = replace(job, record_hz=sample_hz(task.robot, job.tool, job.trajectory, thin))
         if traced:
             job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
-        jobs.append(job)
-    outcomes = dict(zip(motions, _outcomes(simulator, task, jobs), strict=True))
+        jobs[i] = job
+    outcomes = foreseen | dict(zip(jobs, _outcomes(simulator, task, list(jobs.values())), strict=True))
     finished: dict[int, tuple[State, State]] = {}
     found: dict[int, list[Finding]] = {}
     contacts: dict[int, Contacts] = {}
     for i, outcome in outcomes.items():
         tool = candidates[i].tool
-        if outcome.recording is not None and tool is not None and settings.penetration != "ignore":
+        if i in jobs and outcome.recording is not None and tool is not None and settings.penetration != "ignore":
             try:
                 found[i] = findings(scene, task.robot, tool, outcome.recording)
             except Explosion as error:
@@ -188,6 +221,7 @@ def evaluate_batch(
             if settings.observe and i in contacts:
                 seen = observe(task, scene, motions[i], outcomes[i], evaluation.reward, contacts[i])
                 evaluation = replace(evaluation, details=seen.details())
+            evaluation = replace(evaluation, details=evaluation.details | saved.get(i, {}))
             evaluations[i] = judged(evaluation, found.get(i, []), forbid=settings.penetration == "forbid")
     return [evaluations[i] for i in range(len(candidates))]
 

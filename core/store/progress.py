@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from sqlite3 import Row
 
-from core.design import Candidate, Evaluation
+from core.design import SAME_AS, Candidate, Evaluation
 from core.errors import UserError
 from core.interfaces import VLM, Reply, Request, Text
 from core.store.database import Database
@@ -57,7 +57,8 @@ class StoredProgress:
             row["candidate"]: row for row in rows if (row["generation"], row["agent"], row["status"]) not in lost
         }
         self.candidates = set(self._evaluations)
-        self._by_content = {row["content"]: row for row in self._evaluations.values() if row["content"] is not None}
+        tried = (row for row in self._evaluations.values() if SAME_AS not in json.loads(row["details"]))
+        self._by_content = {row["content"]: row for row in tried if row["content"] is not None}
 
     def evaluation(self, candidate: Candidate) -> Evaluation | None:
         """Return the stored evaluation of the candidate, or of an identical one; None: there is none.

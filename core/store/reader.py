@@ -38,7 +38,8 @@ def stored_config(folder: Path) -> dict[str, Any]:
 
 
 def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: SpawnRules) -> list[Evaluation]:
-    """Return the evaluations with status ``ok``, in the order of `Candidate.key`: candidates, rewards and distances.
+    """Return the evaluations with status ``ok``, in the order of `Candidate.key`: candidates, rewards, distances
+    and details.
 
     The candidates of a strategy share one tool.
 
@@ -57,5 +58,6 @@ def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: 
         candidates = read_designs({"strategies": [design]}, representation, spawn, generation=key[0], agent=key[1])
         for row, candidate in zip(plans, candidates, strict=True):
             known = replace(candidate, strategy=key[2], action=row["plan"], parents=parents)
-            evaluations.append(Evaluation(known, "ok", row["reward"], row["distance_m"]))
+            details = json.loads(row["details"])
+            evaluations.append(Evaluation(known, "ok", row["reward"], row["distance_m"], details=details))
     return evaluations

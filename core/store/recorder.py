@@ -280,6 +280,7 @@ def report(run: Run, result: Result) -> dict[str, Any]:
         "stopped": result.stopped,
         "generations": [summary(generation) for generation in result.generations],
         "n_evaluations": result.n_evaluations,
+        "saved": saved._asdict() if any(saved := result.saved) else None,
         "wall_time_s": round(result.wall_time_s, 3),
         "rollouts_per_s": round(result.n_evaluations / result.wall_time_s, 3),
         "versions": versions(),

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic import model_validator as check_whole
 
+from core.design import SAVED
 from core.observations import OBSERVATION, Observation
 from core.plans import ActionPlan, Waypoints
 from core.text import clean
@@ -92,6 +93,8 @@ def _with_tie(value: dict[str, Any]) -> dict[str, Any]:
 def _observed(value: dict[str, Any]) -> dict[str, Any]:
     if OBSERVATION in value:
         validated(Observation, value[OBSERVATION])
+    if SAVED in value:
+        validated(Saved, value[SAVED])
     return value
 
 
@@ -143,6 +146,15 @@ class Unseen:
 
 
 @dataclass(frozen=True)
+class Saved:
+    """The rollouts that were not needed, and their seconds of processor time; of a run its near-duplicates too."""
+
+    rollouts: Count
+    seconds: Amount
+    near_duplicates: Count = 0
+
+
+@dataclass(frozen=True)
 class Figures:
     """The content of a ``result.json``; ``stopped`` says why a run ended before its budget was spent, ``tie`` up to
     which difference rewards counted as equal.
@@ -165,6 +177,7 @@ class Figures:
     tie: Amount = 0.0  # of runs before there was one
     stopped: str | None = None
     unseen: Unseen | None = None
+    saved: Saved | None = None
     versions: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -6,14 +6,21 @@ from collections.abc import Mapping, Sequence
 
 from core.design import Candidate, Evaluation
 from core.hooks import Factory, hookimpl
-from core.interfaces import Evaluate, Fitness
+from core.interfaces import Fitness
+from core.simulation.rollout import Evaluator
+from core.simulation.staging import foreseeing
 
 
 class Nominal(Fitness):
-    """The reward in the run's engine, in the scene as the task has it."""
+    """The reward in the run's engine, in the scene as the task has it.
 
-    def __init__(self, evaluator: Evaluate) -> None:
-        self._evaluator = evaluator
+    Args:
+        evaluator: tries candidates.
+        clearance: see `core.simulation.staging.foreseeing`.
+    """
+
+    def __init__(self, evaluator: Evaluator, clearance: float | None = None) -> None:
+        self._evaluator = foreseeing(evaluator, clearance)
 
     @property
     def batch(self) -> int:

@@ -54,7 +54,7 @@ class SummaryListener:
         if result.best is not None:
             _print_tools(result, self.top)
         commands = () if _one_of_many() else _commands(run, result)
-        say(*_tied(result), *_unseen(result), _spent(self._replies), *commands, file=sys.stderr)
+        say(*_tied(result), *_unseen(result), *_saved(result), _spent(self._replies), *commands, file=sys.stderr)
 
 
 def _print_generations(generations: Iterable[Generation]) -> None:
@@ -99,6 +99,15 @@ def _unseen(result: Result) -> Iterable[str]:
             f"in {len(rewards)} unseen layouts the best earned {number(statistics.fmean(rewards), 3)} on the mean, "
             f"{number(min(rewards), 3)} in the worst ({engine})"
         )
+
+
+def _saved(result: Result) -> Iterable[str]:
+    """Say what was not tried, or not to the end, if there is something."""
+    rollouts, seconds, near_duplicates = result.saved
+    if rollouts:
+        yield f"{rollouts} rollout{'s' * (rollouts > 1)} saved, about {seconds:.0f} s of processor time"
+    if near_duplicates:
+        yield f"{near_duplicates} near-duplicate{'s' * (near_duplicates > 1)} not tried"
 
 
 def _spent(replies: list[Reply]) -> str:

@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from core.design import Candidate, Evaluation, Tool
+from core.design import SAME_AS, SAVED, Candidate, Evaluation, Tool
 from core.events import Generation, Result
 
 
@@ -38,3 +40,12 @@ def test_a_result_is_of_all_generations():
     result = Result((one, other), 1.0)
     assert result.best is one.best
     assert result.n_evaluations == 3
+
+
+def test_what_equal_candidates_share_is_saved_once():
+    assert not any(Result((Generation(0, (evaluation(0, 0.7),)),), 1.0).saved)
+    one = replace(evaluation(0, 0.7), details={SAVED: {"rollouts": 2, "seconds": 1.5}})
+    same = replace(one, candidate=evaluation(1, 0.0).candidate)
+    near = replace(one, details=one.details | {SAME_AS: "g0-a0-s0-p0"})
+    other = replace(one, candidate=Candidate(Tool(), np.ones((1, 6)), 0, 3))
+    assert Result((Generation(0, (one, same, near)), Generation(1, (other,))), 1.0).saved == (4, 3.0, 1)

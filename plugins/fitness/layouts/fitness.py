@@ -14,8 +14,9 @@ from core.errors import UsageError, choices
 from core.interfaces import Fitness, Simulator, Task
 from core.layouts import NONE, describe_ranges
 from core.plugins import Part
-from core.simulation.robustness import CheckedEvaluator, engines, mean, worst
+from core.simulation.robustness import CheckedEvaluator, engines, mean
 from core.simulation.rollout import Evaluator
+from core.simulation.staging import Stops, foreseeing, try_in_turn
 
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
 _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts more
@@ -45,6 +46,8 @@ class Layouts(Fitness):
         sims: see `core.simulation.robustness.engines`; none: the run's engine.
         unseen: how many other layouts the best candidate is tried in at the end.
         unseen_sims: the engines for those, with their own settings; none: the engines of the search.
+        clearance: see `core.simulation.staging.foreseeing`; not in the unseen ones.
+        stop_below: see `core.simulation.staging.Stops`, as for ``stop_first``.
 
     Raises:
         UserError: a setting or an engine that can't be used, or a task whose layouts are all the same.
@@ -58,6 +61,9 @@ class Layouts(Fitness):
         sims: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
         unseen: int = 20,
         unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
+        clearance: float | None = None,
+        stop_below: float | None = None,
+        stop_first: float | None = None,
     ) -> None:
         for name, count, least in (("layouts", layouts, 1), ("unseen", unseen, 0)):
             if count < least:
@@ -72,10 +78,14 @@ class Layouts(Fitness):
             mend = f"add {others}" if others else "the task has no variations"
             raise UsageError(f"fitness=layouts: all layouts of {task.name} are the same; {mend}")
         self._evaluator, self._combine, self._unseen = evaluator, combine, unseen
+        self._stops = Stops(stop_below, stop_first)
         self._sims = engines(sims, evaluator.sim) if sims else {evaluator.sim.name: evaluator.sim}
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(evaluator.seed, evaluator.seed + layouts)
-        self._evaluators = self._in_layouts(self._seeds, self._sims)
+        self._evaluators = {
+            engine: [foreseeing(evaluate, clearance) for evaluate in of]
+            for engine, of in self._in_layouts(self._seeds, self._sims).items()
+        }
 
     def _in_layouts(self, seeds: Sequence[int], sims: Mapping[str, Part[Simulator]]) -> dict[str, list[Evaluator]]:
         base = self._evaluator
@@ -101,6 +111,7 @@ class Layouts(Fitness):
             f"first; at the end the best plan is tried in {self._unseen} others{elsewhere}.{drawn} Lengths are in "
             f"metres, angles in radians, masses in kilograms. What counts is {COMBINE[self._combine][1]}{lowest}; a "
             "layout where the trial fails counts 0. So tool and plan must fit layouts that differ by as much as that."
+            f"{self._stops.instructions()}"
         )
 
     @property
@@ -117,20 +128,19 @@ class Layouts(Fitness):
         return self._in_layouts(seeds, self._unseen_sims) if self._unseen else {}
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        tried = {engine: [evaluate(candidates) for evaluate in each] for engine, each in self._evaluators.items()}
+        combine, _ = COMBINE[self._combine]
         task = self._evaluator.task.create()
         return [
-            self._combined(task, candidate, {engine: [each[i] for each in found] for engine, found in tried.items()})
-            for i, candidate in enumerate(candidates)
+            self._explained(task, tried.combined(combine, "layout"), tried.tried)
+            for tried in try_in_turn(candidates, self._evaluators, combine, self._stops)
         ]
 
-    def _combined(self, task: Task, candidate: Candidate, tried: Mapping[str, Sequence[Evaluation]]) -> Evaluation:
-        count, _ = COMBINE[self._combine]
-        evaluation = worst(candidate, tried, count, "layout")
+    def _explained(self, task: Task, evaluation: Evaluation, tried: Mapping[str, Sequence[Evaluation]]) -> Evaluation:
+        """Add the layouts in which the plan failed."""
         if evaluation.status == "rejected":
             return evaluation
         poor = sorted(
-            ((e, engine, seed) for engine, of in tried.items() for seed, e in zip(self._seeds, of, strict=True)),
+            ((e, engine, seed) for engine, of in tried.items() for seed, e in zip(self._seeds, of, strict=False)),
             key=lambda trial: trial[0].reward,
         )
         shown = [

@@ -9,8 +9,9 @@ from typing import Any
 from core.config.settings import PerturbationRange
 from core.design import Candidate, Evaluation
 from core.interfaces import Fitness
-from core.simulation.robustness import check_draws, engines, perturbed, worst
+from core.simulation.robustness import check_draws, engines, mean, perturbed
 from core.simulation.rollout import Evaluator
+from core.simulation.staging import Stops, foreseeing, try_in_turn
 
 
 class Robust(Fitness):
@@ -21,6 +22,8 @@ class Robust(Fitness):
         sims: see `core.simulation.robustness.engines`.
         seeds: of the perturbations; each costs a rollout in each engine.
         perturbation: the ranges of the perturbations.
+        clearance: see `core.simulation.staging.foreseeing`.
+        stop_below: see `core.simulation.staging.Stops`, as for ``stop_first``.
 
     Raises:
         UserError: an engine or a seed that can't be used.
@@ -32,8 +35,12 @@ class Robust(Fitness):
         sims: list[str | dict[str, Any]] = ["pybullet", "sapien"],  # noqa: B006 - read as a configuration's default
         seeds: list[int] = [0, 1, 2],  # noqa: B006
         perturbation: PerturbationRange = PerturbationRange(),  # noqa: B008
+        clearance: float | None = None,
+        stop_below: float | None = None,
+        stop_first: float | None = None,
     ) -> None:
         check_draws(seeds)
+        evaluator, self.stops = foreseeing(evaluator, clearance), Stops(stop_below, stop_first)
         self.draws, self.perturbation = len(seeds), perturbation
         self.evaluators = {
             name: [perturbed(replace(evaluator, sim=sim), perturbation, seed) for seed in seeds]
@@ -44,13 +51,14 @@ class Robust(Fitness):
         one, most = len(self.evaluators) == 1, self.perturbation
         times = f"{self.draws} times" if self.draws > 1 else "once"
         where = f"{'the engine' if one else 'each of the engines'} {', '.join(self.evaluators)}"
-        mean = "the mean of its rewards" if one else "the lowest of the engines' mean rewards"
+        counts = "the mean of its rewards" if one else "the lowest of the engines' mean rewards"
         return (
             f"A plan is tried with its tool {times} in {where}, each time in a scene that differs a little, "
             "at random, from the one described here: bodies that can move "
             f"are moved by up to {most.position:g} m along x and along y and turned by up to {most.yaw:g} rad about z, "
             f"masses differ by up to {most.mass:.0%}, friction by up to {most.friction:.0%}. "
-            f"What counts is {mean}; a trial that fails counts 0. So leave margins."
+            f"What counts is {counts}; a trial that fails counts 0. So leave margins."
+            f"{self.stops.instructions()}"
         )
 
     @property
@@ -64,8 +72,4 @@ class Robust(Fitness):
                 evaluator.prepare()
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        tried = {engine: [evaluate(candidates) for evaluate in each] for engine, each in self.evaluators.items()}
-        return [
-            worst(candidate, {engine: [each[i] for each in evaluations] for engine, evaluations in tried.items()})
-            for i, candidate in enumerate(candidates)
-        ]
+        return [tried.combined() for tried in try_in_turn(candidates, self.evaluators, mean, self.stops)]

@@ -137,6 +137,7 @@ def test_result_and_generations(opened):
         "stopped": None,
         "generations": [summary(generation)],
         "n_evaluations": 3,
+        "saved": None,
         "wall_time_s": 1.5,
         "rollouts_per_s": 2.0,
     }

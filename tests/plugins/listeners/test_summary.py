@@ -33,7 +33,7 @@ def call(folder, *words):
     return python_m(folder, *words, COLUMNS="100")
 
 
-def summary(capsys, *rewards, replies=(), name="hook", robot=None, material=None, **settings):
+def summary(capsys, *rewards, replies=(), name="hook", robot=None, material=None, details=(), **settings):
     """What is printed of a run with these rewards by generation."""
     events = event_hub()
     events.register(installed().create("listener", "summary", settings))
@@ -44,7 +44,7 @@ def summary(capsys, *rewards, replies=(), name="hook", robot=None, material=None
         evaluations = []
         for i, reward in enumerate(row):
             candidate = Candidate(hook(0.1, name), np.zeros((1, 6)), index, 0, i)
-            good = Evaluation(candidate, "ok", reward=reward or 0.0, distance_m=0.5 + i)
+            good = Evaluation(candidate, "ok", reward=reward or 0.0, distance_m=0.5 + i, details=dict(details))
             evaluations.append(good if reward is not None else Evaluation(candidate, "rejected", reason="heavy"))
         generations.append(Generation(index, tuple(evaluations)))
     parts = {"task": "BringCube", "sim": "pybullet", "tool": "urdf"}
@@ -87,6 +87,13 @@ def test_what_the_model_took(capsys):
     ]
     assert "3 replies, 1 of them failed, 16 tokens, 0.75 USD" in summary(capsys, [0.5], replies=replies)
     assert "1 reply\n" in summary(capsys, [0.5], replies=[Reply("a", "", "m")])
+
+
+def test_what_was_saved(capsys):
+    details = {"saved": {"rollouts": 3, "seconds": 1.6}}
+    assert "3 rollouts saved, about 2 s of processor time\n" in summary(capsys, [0.5], details=details)
+    assert "1 near-duplicate not tried\n" in summary(capsys, [0.5], details=details | {"same_as": "g0-a0-s0-p0"})
+    assert not {"saved", "near-duplicate"} & set(summary(capsys, [0.5]).split())
 
 
 def test_a_models_words_stay_words(capsys):
