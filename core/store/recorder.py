@@ -164,7 +164,8 @@ class RunStore:
             for picture in _pictures(request):
                 (folder / f"{picture.name}.png").write_bytes(picture.png)
             _write(folder / f"{request.id}.md", _readable(request))
-            _write(folder / f"{request.id}.schema.json", json.dumps(request.schema, indent=2))
+            if not request.critique:
+                _write(folder / f"{request.id}.schema.json", json.dumps(request.schema, indent=2))
         with self._database.transaction():
             self._database.insert(
                 "requests",

@@ -40,6 +40,7 @@ def test_the_configs_are_the_factories_own_defaults(kind, name):
     if kind == "evolution":
         assert (document.pop("refine"), document.pop("near_duplicates")) == (0, True)
     document = {key: inspect.Parameter.empty if value == MISSING else value for key, value in document.items()}
+    document = {key: defaults[key] if value == "${seed}" else value for key, value in document.items()}  # the run's
     assert document == {key: asdict(value) if is_dataclass(value) else value for key, value in defaults.items()}
 
 

@@ -114,7 +114,7 @@ def test_without_a_critic_or_anything_tried_nothing_is_asked(feedback):
 def test_whatever_a_critic_writes_stays_one_bounded_text(text):
     made, _ = criticised(says("It slips."))
     evaluations = tried(0, 0.9)
-    brief = made._brief(1, 0, Team(range(1), evaluations), ())[0]
+    brief, _ = made._brief(1, 0, Team(range(1), evaluations), tuple(evaluations))
     request = made.critic.requests(replace(brief, tried=tuple(evaluations)))[0]
     made.critic.hear(Reply(request.id, text, "a critic"), request)
     words = made.critic.words(evaluations, evaluations)
