@@ -102,7 +102,8 @@ def test_settings_of_what_is_not_run_are_there():
         words = shlex.split(line, comments=True)[2:]
         program, words = words[0], [word for word in words[1:] if word != "-m" and not word.startswith("hydra")]
         if program in ("core.run", "core.prompt") and not any(word.startswith("resume=") for word in words):
-            load({"core.run": "config", "core.prompt": "prompt"}[program], [word.split(",")[0] for word in words])
+            one = [word if "[" in word else word.split(",")[0] for word in words]  # of a sweep the first
+            load({"core.run": "config", "core.prompt": "prompt"}[program], one)
 
 
 def test_each_kind_of_block_is_looked_at():
