@@ -6,14 +6,16 @@ Pieces ahead of the face (x > 0) go around, under or beside the bodies.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from core.geometry import Array, Pose
+from plugins.vlms.offline.plans import Path
 
-Use = Literal["push", "surround", "scoop", "hook", "clamp", "pour", "pinch"]
+Use = Literal["push", "surround", "scoop", "hook", "clamp", "pour", "pinch", "guided"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,7 @@ class Head:
     ``hold`` (3,) is the point where the shaft's axis meets the first piece. ``depth`` is the length ahead of the face,
     ``width`` the length across. ``level`` is the height above the bodies' foot. ``aside`` (3,), for a hook, is the
     offset at which it passes the bodies before it is behind them. ``turn``, for a pinch, is where its x points.
+    ``way``, of a guided head, adds its own waypoints to a path.
     """
 
     kind: str
@@ -44,14 +47,15 @@ class Head:
     level: float = 0.0
     aside: Array = field(default_factory=lambda: np.zeros(3))
     turn: float = 0.0
+    way: Callable[[Path, np.random.Generator], str] | None = None
 
 
-def _box(name: str, x: float, y: float, z: float, size: tuple[float, float, float], parent: int = 0) -> Piece:
+def box(name: str, x: float, y: float, z: float, size: tuple[float, float, float], parent: int = 0) -> Piece:
     return Piece(name, Pose(np.array([x, y, z])), size, parent)
 
 
 def _wall(width: float, height: float, thick: float) -> Piece:
-    return _box("blade", -thick / 2, 0, height / 2, (thick, width, height))
+    return box("blade", -thick / 2, 0, height / 2, (thick, width, height))
 
 
 def _head(kind: str, use: Use, pieces: list[Piece], height: float, depth: float, width: float) -> Head:
@@ -75,7 +79,7 @@ def cage(width: float, depth: float, height: float, thick: float, splay: float =
 
 def wedge(length: float, half_angle: float, height: float, thick: float) -> Head:
     """Two wings that meet in a V that is open in front."""
-    pieces = [_box("keel", -thick / 2, 0.0, height / 2, (thick, 2 * thick, height))]
+    pieces = [box("keel", -thick / 2, 0.0, height / 2, (thick, 2 * thick, height))]
     for name, side in (("left_wing", 1.0), ("right_wing", -1.0)):
         turn = Pose.xyz_rpy((0.0, 0.0, height / 2), (0.0, 0.0, side * half_angle))
         pieces.append(Piece(name, turn @ Pose(np.array([length / 2 - thick / 2, 0.0, 0.0])), (length, thick, height)))
@@ -86,18 +90,18 @@ def wedge(length: float, half_angle: float, height: float, thick: float) -> Head
 def rake(width: float, height: float, thick: float, gap: float) -> Head:
     """A bar with tines below it, less than ``gap`` apart."""
     beam = min(0.4 * height, 0.02)
-    pieces = [_box("beam", -thick / 2, 0.0, height - beam / 2, (thick, width, beam))]
+    pieces = [box("beam", -thick / 2, 0.0, height - beam / 2, (thick, width, beam))]
     count = int(np.clip(np.ceil((width - thick) / (gap + thick)) + 1, 2, 12))
     long = height - beam / 2
     for i, y in enumerate(np.linspace((thick - width) / 2, (width - thick) / 2, count)):
-        pieces.append(_box(f"tine_{i + 1}", -thick / 2, float(y), long / 2, (thick, thick, long)))
+        pieces.append(box(f"tine_{i + 1}", -thick / 2, float(y), long / 2, (thick, thick, long)))
     return _head("rake", "push", pieces, height, 0.0, width)
 
 
 def pen(width: float, depth: float, height: float, thick: float) -> Head:
     """Four walls without a floor; ``width`` and ``depth`` are inside."""
     around = cage(width, depth + thick, height, thick)
-    front = _box("front_wall", depth + thick / 2, 0.0, height / 2, (thick, width + 2 * thick, height), parent=1)
+    front = box("front_wall", depth + thick / 2, 0.0, height / 2, (thick, width + 2 * thick, height), parent=1)
     return _head("pen", "surround", [*around.pieces, front], height, depth, width)
 
 
@@ -105,13 +109,13 @@ def scoop(width: float, depth: float, height: float, rail: float, thick: float) 
     """A thin floor ahead of a wall, between two rails."""
     wall = max(2.0 * thick, 0.004)
     pieces = [
-        _box("wall", -wall / 2, 0.0, height / 2, (wall, width, height)),
-        _box("tray", (depth - wall) / 2, 0.0, thick / 2, (depth + wall, width, thick)),
+        box("wall", -wall / 2, 0.0, height / 2, (wall, width, height)),
+        box("tray", (depth - wall) / 2, 0.0, thick / 2, (depth + wall, width, thick)),
     ]
     if rail > thick:
         for name, side in (("left_rail", 1.0), ("right_rail", -1.0)):
             y = side * (width - wall) / 2
-            pieces.append(_box(name, depth * 0.45, y, rail / 2, (depth * 0.9, wall, rail), parent=1))
+            pieces.append(box(name, depth * 0.45, y, rail / 2, (depth * 0.9, wall, rail), parent=1))
     return _head("scoop", "scoop", pieces, height, depth, width)
 
 
@@ -120,9 +124,9 @@ def fork(
 ) -> Head:
     """Flat tines ahead of a wall; the outer two are ``inner`` apart."""
     width = inner + 2 * tine
-    pieces = [_box("wall", -0.004, 0.0, height / 2, (0.008, width, height))]
+    pieces = [box("wall", -0.004, 0.0, height / 2, (0.008, width, height))]
     for i, y in enumerate(np.linspace(-(inner + tine) / 2, (inner + tine) / 2, count)):
-        pieces.append(_box(f"tine_{i + 1}", (depth - 0.008) / 2, float(y), thick / 2, (depth + 0.008, tine, thick)))
+        pieces.append(box(f"tine_{i + 1}", (depth - 0.008) / 2, float(y), thick / 2, (depth + 0.008, tine, thick)))
     return replace(_head("fork", "scoop", pieces, height, depth, width), level=level)
 
 

@@ -17,6 +17,7 @@ from core.robot.kinematics import arm_of
 from plugins.vlms.offline.anchoring import anchors_of
 from plugins.vlms.offline.boxes import Boxes
 from plugins.vlms.offline.clamps import build_clamp, sample_clamp
+from plugins.vlms.offline.guided import guided, suits
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.pinch import sample_pinch
 from plugins.vlms.offline.plans import Path, collisions, meets_itself, reach_error
@@ -34,6 +35,7 @@ _MORE = 2  # times as many where a tool must do in several layouts
 _MISS_M = 0.005  # error of inverse kinematics that is not a fault
 _BREAKS_RULES = 1000.0
 _ALONE = 0.8  # how often scattered bodies are moved one by one where a plan must do in several layouts
+_GUIDED = 0.85  # how often a guided way is chosen where one suits
 _HAND_M = 0.068  # the hand's height
 
 A = TypeVar("A")
@@ -61,6 +63,7 @@ class Workshop:
     material: Material = PAPER
     elsewhere: Sequence[tuple[Sight, Seen, SpawnRules]] = ()
     read: Callable[[Array, Sequence[Anchor]], ActionPlan] = lambda rows, _: Waypoints(rows)
+    _guides: bool | None = None  # whether the tool at hand goes a guided way, where there is one
 
     @property
     def stout(self) -> float:
@@ -82,6 +85,7 @@ class Workshop:
 
         It is the best of a random number of samples: doubtful ones are not always the worst.
         """
+        self._guides = None
         return _least_faulty(self._invent_once, int(self.rng.integers(2, _TOOL_TRIES + 1)))
 
     def use(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> Use:
@@ -99,6 +103,11 @@ class Workshop:
         return (tool, head, at, use), fault + (0.0 if self.accepts(tool) else _BREAKS_RULES)
 
     def _head(self, errand: Errand) -> Head:
+        if not self.gripper and suits(errand):
+            if self._guides is None:
+                self._guides = bool(self.rng.random() < _GUIDED)
+            if self._guides and (head := guided(errand, self.rng)) is not None:
+                return head
         holder = errand.holder
         grips = handles(holder, errand.space) if holder is not None and not self.gripper else None
         if grips is not None and self.rng.random() < 0.8:
@@ -203,7 +212,8 @@ class Workshop:
         if head.use in ("clamp", "pinch"):
             yaw = float(start.rpy[2])
         # Low enough for the shaft above the head, and high enough that the head at home is clear of the scene.
-        least = float(head.hold[2]) + (0.18 if self.gripper else 0.03)
+        top = head.hold if head.way is None else start.rotation.apply(head.hold)
+        least = float(top[2]) + (0.18 if self.gripper else 0.03)
         tops = self.sight.boxes.upper[:, 2]
         beneath = float(tops[tops < home[2]].max(initial=min(pose.position[2] for pose in path.poses)))
         most = max(least + 0.02, min(home[2] - beneath - 0.015, 0.45))

@@ -48,7 +48,10 @@ class Path:
         grip: float = 0.0,
         touch: bool = False,
     ) -> None:
-        self.poses.append(Pose.xyz_rpy(position, (roll, pitch, heading)))
+        self.add(Pose.xyz_rpy(position, (roll, pitch, heading)), grip=grip, touch=touch)
+
+    def add(self, pose: Pose, *, grip: float = 0.0, touch: bool = False) -> None:
+        self.poses.append(pose)
         self.grips.append(grip)
         self.touching.append(touch)
 

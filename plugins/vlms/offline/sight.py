@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
-from core.scene import Body, Goal
+from core.scene import Body, Goal, Scene
 from plugins.vlms.offline.boxes import Boxes, overlaps
 from plugins.vlms.offline.workspace import Workspace, workspace_of
 
@@ -28,12 +28,19 @@ class NothingToMove(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Thing:
-    """A body with collision shapes: their corners (V, 3), boxes around them, and the position that goals refer to."""
+    """A body with collision shapes: their corners (V, 3), and boxes around them."""
 
     points: Array
     boxes: Boxes
-    position: Array
-    fixed: bool
+    body: Body
+
+    @property
+    def position(self) -> Array:
+        return self.body.pose.position
+
+    @property
+    def fixed(self) -> bool:
+        return self.body.fixed
 
     @classmethod
     def of(cls, body: Body) -> Thing:
@@ -42,7 +49,7 @@ class Thing:
             pose = body.pose @ part.pose
             points.append(pose.apply(np.asarray(part.shape.to_trimesh().vertices)))
             placed += [(pose @ around, np.maximum(size, 1e-4)) for around, size in _boxes_around(part.shape)]
-        return cls(np.concatenate(points), Boxes.of(placed), body.pose.position, body.fixed)
+        return cls(np.concatenate(points), Boxes.of(placed), body)
 
 
 def _boxes_around(shape: Shape) -> list[tuple[Pose, Array]]:
@@ -79,6 +86,9 @@ class Errand:
     space: Workspace
     holder: Thing | None = None  # a loose body that contains them
     at: str | None = None  # the body or mark by which the goal's place is given
+    goal: Goal | None = None
+    scene: Scene = field(default_factory=lambda: Scene(()))
+    found: dict[Hashable, object] = field(default_factory=dict)  # what was found out about its bodies
     alone: bool = False  # one of several errands, with a body each
     square: bool = False  # the world's axes are those of what the bodies are taken by
 
@@ -155,9 +165,9 @@ class Errand:
         """Report whether near obstacles are much higher than the bodies, which are then reached from above."""
         return self.clear_z - float(self.upper[2]) > _DEEP_M
 
-    def blocked(self, shift: Array, start: Array | None = None, margin: float = 0.0) -> bool:
+    def blocked(self, shift: Array, start: Array | None = None, margin: float = 0.0, step: float = 0.03) -> bool:
         """Report whether an obstacle is within ``margin`` of the bodies' way, which begins at ``start`` (3,)."""
-        steps = max(2, int(np.ceil(np.linalg.norm(shift) / 0.03)))
+        steps = max(2, int(np.ceil(np.linalg.norm(shift) / step)))
         way = np.linspace(0.0, 1.0, steps)[1:, None] * shift + (np.zeros(3) if start is None else start)
         lifted = way + _SUPPORT_M * UP
         shrunk = Boxes(self.boxes.centers, self.boxes.axes, self.boxes.halves - 0.001)
@@ -190,7 +200,9 @@ class Sight:
     space: Workspace
     at: tuple[str | None, ...]
     groups: tuple[list[int], ...]
+    scene: Scene
     square: bool = False
+    found: dict[Hashable, object] = field(default_factory=dict)
 
     @classmethod
     def of(cls, brief: Brief, turn: Pose | None = None) -> Sight:
@@ -203,7 +215,7 @@ class Sight:
         """
         scene, home = brief.task.scene(brief.scene_seed), brief.task.home
         if turn is not None:
-            moved = tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies)
+            moved = tuple(_turned(body, turn) for body in scene.bodies)
             scene, home = replace(scene, bodies=moved), turn @ home
         parts = [(n, of.at, g) for n, of in enumerate(brief.task.goals) for g in of.within(scene).spread() if g.bodies]
         goals = tuple(goal for *_, goal in parts)
@@ -218,7 +230,9 @@ class Sight:
         groups = dict[int, list[int]]()
         for number, (of, *_) in enumerate(parts):
             groups.setdefault(0 if brief.task.every else of, []).append(number)
-        return cls(things, names, goals, home, space, at, tuple(groups.values()) or ([0],), square=turn is not None)
+        return cls(
+            things, names, goals, home, space, at, tuple(groups.values()) or ([0],), scene, square=turn is not None
+        )
 
     @cached_property
     def boxes(self) -> Boxes:
@@ -246,7 +260,15 @@ class Sight:
         shifts = [self._shift(self._errand(lane, np.zeros(3)), goal, rng) for lane in lanes]
         pairs = zip(lanes, shifts, strict=True)
         return [
-            replace(self._errand(lane, shift), at=self.at[number], alone=alone, square=self.square)
+            replace(
+                self._errand(lane, shift),
+                at=self.at[number],
+                goal=goal,
+                scene=self.scene,
+                found=self.found,
+                alone=alone,
+                square=self.square,
+            )
             for lane, shift in pairs
         ]
 
@@ -296,6 +318,11 @@ class Sight:
         middle: Array = np.mean([thing.position for thing in errand.things], axis=0)
         place = [here if wanted is None else wanted for here, wanted in zip(middle, goal.place, strict=True)]
         return np.array(place) - middle
+
+
+def _turned(body: Body, turn: Pose) -> Body:
+    x, y, z = turn.rotation.apply(body.velocity)
+    return replace(body, pose=turn @ body.pose, velocity=(x, y, z))
 
 
 def _lanes(things: list[Thing], goal: Goal, rng: np.random.Generator) -> list[list[Thing]]:

@@ -168,9 +168,13 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
 
 def head_path(errands: Sequence[Errand], head: Head, rng: np.random.Generator) -> tuple[Path, str]:
     """The head's path through all errands, and its description."""
+    path = Path()
+    if head.way is not None:
+        text = head.way(path, rng)
+        path.end()
+        return path, text
     if head.use == "pour":  # one motion for all
         errands = errands[:1]
-    path = Path()
     ways: dict[str, Way] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
     ways |= {"pour": pour, "pinch": pinch}
     texts = []

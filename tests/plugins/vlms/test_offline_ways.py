@@ -1,0 +1,92 @@
+"""The embedded designer's guided ways: found by rays, chosen by what holds a body, and useful in an engine."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.plugins import installed
+from core.simulation.rollout import RolloutSettings, evaluate_batch
+from plugins.vlms.offline.guided import guided, suits
+from plugins.vlms.offline.openings import frame_of, pulled, pushed, under, way_out
+from plugins.vlms.offline.sight import UP
+from tests.benchmarks.measuring import SOLUTIONS
+from tests.plugins.vlms.test_offline import brief, candidates, sight
+
+WAYS = Path(__file__).parent / "ways"
+SCENES = sorted(path.stem for path in WAYS.glob("*.yaml"))
+
+
+def scene(name):
+    return installed().create("task", "file", file=str(WAYS / f"{name}.yaml"))
+
+
+def errand(task):
+    return max(sight(task).errands(np.random.default_rng(0)), key=lambda one: len(one.things))
+
+
+@pytest.mark.parametrize("way", [(1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (1, 2, -3)])
+def test_a_frame_points_along_its_way(way):
+    turn = frame_of(np.array(way, dtype=float)).rotation.as_matrix()
+    assert turn[:, 0] == pytest.approx(np.divide(way, np.linalg.norm(way)))
+    assert turn[2, 1] == pytest.approx(0.0)
+
+
+def test_a_plunger_is_pushed_down_the_well():
+    found = pushed(errand(scene("press_plunger")), -UP)
+    for contact in found:
+        assert contact.point == pytest.approx([0.68, 0.12, 0.05], abs=0.01)
+        assert contact.half < 0.0225
+        assert contact.length == pytest.approx(0.11, abs=0.002)  # of the rod inside the well
+    assert found
+    assert not pushed(errand(scene("press_plunger")), np.array([1.0, 0.0, 0.0]))
+
+
+def test_a_puck_is_pulled_out_of_the_opening_alone():
+    puck = errand(scene("empty_pocket"))
+    (way,) = way_out(puck, np.zeros(3))
+    assert way[1] > 0.1
+    assert not way[[0, 2]].any()
+    found = pulled(puck, np.array([0.0, 1.0, 0.0]))
+    assert {round(float(contact.point[1]), 2) for contact in found} == {-0.18}  # behind it
+    assert not pulled(puck, np.array([-1.0, 0.0, 0.0]))
+
+
+def test_a_ring_is_taken_beside_its_peg_and_goes_over_the_lip():
+    ring = errand(scene("move_ring"))
+    at = under(ring, -np.pi / 2, 0.009)
+    assert at.rear[2] > ring.center[2]  # within the hole, so that it hangs
+    assert at.apart > 0.006 + 0.0045  # half of peg and tine
+    lift, out = way_out(ring, np.zeros(3))
+    assert lift[2] >= 0.01
+    assert out[1] > 0.05
+
+
+def test_a_plate_is_taken_where_it_stands_out():
+    plate = errand(scene("turn_plate"))
+    at = under(plate, 0.0, 0.016)
+    assert at.depth == pytest.approx(0.03, abs=0.006)
+    assert under(plate, np.pi, 0.016) is None
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_scene_has_its_way(name):
+    found = errand(scene(name))
+    assert suits(found)
+    assert guided(found, np.random.default_rng(0)) is not None
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SOLUTIONS.glob("*.json")))
+def test_what_lies_free_goes_none_of_these_ways(name):
+    assert not suits(errand(installed().create("task", name)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [("empty_pocket", 0.4), ("move_ring", 0.3), ("press_plunger", 0.95), ("stop_balls", 0.5), ("turn_plate", 0.95)],
+)
+def test_fresh_designs_earn(name, least):
+    task, sim = scene(name), installed().create("sim", "mujoco")
+    designs = candidates(brief(task, n_tool=4, n_action=1, seed=3))
+    assert max(e.reward for e in evaluate_batch(task, sim, designs, 0, RolloutSettings())) >= least
