@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from omegaconf import DictConfig
 
-from core.cli import command
+from core.cli import arguments, command
 from core.config.compose import load, node, task_part, tool_part
 from core.design import Candidate, DesignError, Tool
 from core.designs.planning import look
@@ -56,10 +56,7 @@ class Settings:
 
 
 def main() -> None:
-    if sys.argv[1:] in (["--help"], ["-h"]):
-        sys.stdout.write(f"{USAGE}\n")
-        return
-    given = measuring.settings(sys.argv[1:], Settings)
+    given = measuring.settings(arguments(USAGE), Settings)
     rows = ["| task | down | sweep | random, mean | random, highest |", "|---|---|---|---|---|"]
     folder = Path(given.folder)
     folder.mkdir(parents=True, exist_ok=True)

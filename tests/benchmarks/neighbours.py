@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from omegaconf import DictConfig
 
-from core.cli import command
+from core.cli import arguments, command
 from core.config.compose import load, node, task_part
 from core.design import Candidate, DesignError
 from core.designs.reading import dump_design, load_designs, read_designs
@@ -54,10 +54,7 @@ class Settings:
 
 
 def main() -> None:
-    if sys.argv[1:] in (["--help"], ["-h"]):
-        sys.stdout.write(f"{USAGE}\n")
-        return
-    given = measuring.settings(sys.argv[1:], Settings)
+    given = measuring.settings(arguments(USAGE), Settings)
     folder = Path(given.folder)
     folder.mkdir(parents=True, exist_ok=True)
     found: dict[str, dict[str, list[float]]] = {}

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from core.cli import command, say
+from core.cli import arguments, command, say
 from core.config.compose import load
 from core.design import best_first
 from core.errors import UserError
@@ -44,10 +44,7 @@ class Settings:
 
 
 def main() -> None:
-    if sys.argv[1:] in (["--help"], ["-h"]):
-        sys.stdout.write(f"{USAGE}\n")
-        return
-    given = measuring.settings(sys.argv[1:], Settings)
+    given = measuring.settings(arguments(USAGE), Settings)
     found = {
         name: {of: measured(name, of, given) for of in ("paper", given.material)}
         for name in measuring.tasks(given.tasks)
