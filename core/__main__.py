@@ -19,6 +19,7 @@ COMMANDS = {
     "prompt": "write the request that a model would receive, and estimate its cost",
     "transfer": "try the best designs in several engines and in perturbed scenes",
     "report": "write tables, figures and a page about runs",
+    "export": "write what a real arm needs to run the best motion",
     "gallery": "write a page of the best tools, and files to print them",
     "view": "show the recording of a run",
     "plugins": "list the installed parts, or check one",

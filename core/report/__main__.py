@@ -89,7 +89,12 @@ def page(
         Section("results", "Rewards", ("rewards", "deviations"), ("rewards",)),
         Section("methods", "Over all tasks", ("intervals",), ("methods", "improvements")),
         Section("given", "Given tools and designed ones", ("given_tools",)),
-        Section("generations", "By generation", ("generations", "generations_by_task"), ("generations",)),
+        Section(
+            "generations",
+            "By generation",
+            ("anytime", "generations", "generations_by_task"),
+            ("efforts", "generations"),
+        ),
         Section("tools", "Tools", ("gallery", *(p.name for p in drawn if p.name.startswith("evolution_"))), ("tools",)),
         Section("archives", "Archives", tuple(p.name for p in drawn if p.name.startswith("archive_")), ("archive",)),
         Section("models", "Models and critics", (), ("models", "critiques")),

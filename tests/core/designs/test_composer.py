@@ -20,7 +20,7 @@ from core.config.compose import load, node
 from core.config.schemas import PromptConfig
 from core.config.settings import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettings
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool
-from core.designs.composer import CHECK, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown, counted
+from core.designs.composer import CHECK, CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown, counted
 from core.designs.layout import layout_table
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError, UserError
@@ -575,7 +575,18 @@ def test_execution_of_plans_is_described() -> None:
 
 def test_each_template_is_used() -> None:
     human = settings_of("human")
-    used = {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN, REPAIR, CHECK, *human.initial, *human.evolution, *human.given}
+    used = {
+        *SYSTEM,
+        *INITIAL,
+        *EVOLUTION,
+        *GIVEN,
+        REPAIR,
+        CHECK,
+        CRITIC,
+        *human.initial,
+        *human.evolution,
+        *human.given,
+    }
     assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == used
 
 

@@ -1,4 +1,4 @@
-"""``evolution=map_elites``: keep the best of each kind of tool and motion, and breed from different kinds.
+"""MAP-Elites: the best of each kind of tool and motion in an archive, and offspring of different kinds.
 
 J.-B. Mouret and J. Clune, "Illuminating search spaces by mapping elites", 2015. Numbers are varied as V. Vassiliades
 and J.-B. Mouret do it, "Discovering the elite hypervolume by leveraging interspecies correlation", GECCO 2018.
@@ -6,7 +6,7 @@ and J.-B. Mouret do it, "Discovering the elite hypervolume by leveraging intersp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -14,18 +14,12 @@ import numpy as np
 from core.design import TIE, Candidate, Evaluation, best_first, best_tools
 from core.errors import UsageError
 from core.geometry import Array
-from core.hooks import hookimpl
 from core.interfaces import Budget, Designer, EvolutionStrategy
 from core.search.archive import Archive, read_measures
 from core.search.refinement import TRIES, Varies
 
 ISO = 0.5  # the standard deviation of each number, in its steps
 LINE = 0.2  # that along the way to another elite, as a share of it
-
-
-@hookimpl
-def evolution_strategies() -> Mapping[str, Callable[..., EvolutionStrategy]]:
-    return {"map_elites": MapElites}
 
 
 class MapElites(EvolutionStrategy):
