@@ -1,11 +1,10 @@
-"""``fitness=nominal``: the reward of one rollout."""
+"""The reward of one rollout."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from core.design import Candidate, Evaluation
-from core.hooks import Factory, hookimpl
 from core.interfaces import Fitness
 from core.simulation.rollout import Evaluator
 from core.simulation.staging import foreseeing
@@ -31,8 +30,3 @@ class Nominal(Fitness):
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         return self._evaluator(candidates)
-
-
-@hookimpl
-def fitness_functions() -> Mapping[str, Factory]:
-    return {"nominal": Nominal}
