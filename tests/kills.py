@@ -3,8 +3,9 @@ different moments and resumed.
 
 It is a separate process because it forks, which saves starting Python for each run. A moment is the beginning of an
 operation on the disk: an SQL statement, a file that is written, renamed or made, a line in the notes. FOLDER gets
-``whole/`` and ``0/``, ``1/`` ..., each with ``run/``, ``notes``, and ``killed/``, the store as the kill left it. Every
-second run is killed again while it is resumed.
+``whole/`` and ``0/``, ``1/`` ..., each with ``run/``, ``notes``, and ``killed/``, the store as the kill left it. Until
+then replies are received before candidates are tried, in one thread, so that moments have the same order in all runs.
+Each is killed again while it is resumed, with its threads.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from pathlib import Path
 
 from omegaconf import OmegaConf
 
+import core.search.designer
+import plugins.vlms.ensemble.model
 from core.plugins import installed
 from core.search.orchestration import resume, run
 from tests.toys import Notes, offer, several
@@ -53,6 +56,16 @@ class Moments:
             os.kill(os.getpid(), signal.SIGKILL)
 
 
+def run_at_once(function, ended, name):
+    """Stand in for `core.threads.run_in_thread`, in the caller's thread."""
+    try:
+        function()
+    except Exception as error:
+        ended(error)
+    else:
+        ended(None)
+
+
 def session(folder: Path, *, resumed: bool, last: int | None) -> int:
     """Run or resume in a forked process; return the number of moments, or 0 if it was killed."""
     Notes(str(folder / "notes")).add("session")
@@ -66,6 +79,8 @@ def session(folder: Path, *, resumed: bool, last: int | None) -> int:
                 if resumed:
                     resume(folder / "run")
                 else:
+                    core.search.designer.run_in_thread = run_at_once
+                    plugins.vlms.ensemble.model.run_in_thread = run_at_once
                     run(several(folder / "notes"), folder / "run")
             count.write_text(str(moments.number))
             code = 0
@@ -93,8 +108,7 @@ def main(folder: Path, points: int) -> None:
         (at / "killed").mkdir()
         for file in (at / "run").glob("run.sqlite*"):
             shutil.copy(file, at / "killed")
-        if point % 2:
-            session(at, resumed=True, last=(moments - last) // 2)
+        session(at, resumed=True, last=(moments - last) // 2)
         assert session(at, resumed=True, last=None) > 0
 
 
