@@ -13,10 +13,9 @@ import numpy as np
 from core.errors import UserError
 from core.geometry import Array
 from core.report.formats import Cell, Table, columns
-from core.report.plots import Picture, color_of, legend, line_handles, line_style, new_figure
+from core.report.plots import Picture, band, legend, line_handles, line_style, new_figure
 from core.report.results import Results
 from core.report.runs import STORE, FinishedRun, count_rollouts
-from core.report.statistics import interval, mean_of_tasks
 from core.store.database import reading
 from core.store.rows import parsed
 
@@ -119,12 +118,7 @@ def anytime(results: Results, tasks: Sequence[str], methods: Sequence[str]) -> P
         for method, of in found.items():
             x = np.linspace(0, max(course.rollouts[-1] for task in of for course in task), POINTS)
             scores = [np.array([course.at(x) for course in task]) for task in of]
-            spans = [interval([task[:, i].tolist() for task in scores], "mean", results.how) for i in range(POINTS)]
-            known = [(at, *span) for at, span in zip(x, spans, strict=True) if span is not None]
-            if known:
-                at, low, high = zip(*known, strict=True)
-                ax.fill_between(at, low, high, color=color_of(results, method), alpha=0.18, lw=0)
-            middle = [mean_of_tasks([task[:, i].tolist() for task in scores]) for i in range(POINTS)]
+            middle = band(ax, results, method, x, [[task[:, i].tolist() for task in scores] for i in range(POINTS)])
             ax.plot(x, middle, **line_style(results, method) | {"marker": None})
         ax.grid(axis="y", visible=True)
         ax.set_ylabel("mean best reward so far (0 to 1)")

@@ -13,6 +13,7 @@ from core.report.methods import Group
 from core.report.plots import (
     INK,
     Picture,
+    band,
     bar_position,
     bar_width,
     bars,
@@ -200,12 +201,7 @@ def generations(results: Results) -> Picture | None:
             groups = results.of(method, tasks)
             own = _longest(groups)
             scores = [[[run.course(own)[i] for run in g.runs] for g in groups] for i in range(own)]
-            spans = [interval(of, "mean", results.how) for of in scores]
-            known = [(i, *span) for i, span in enumerate(spans) if span is not None]
-            if known:
-                x, low, high = zip(*known, strict=True)
-                ax.fill_between(x, low, high, color=color_of(results, method), alpha=0.18, lw=0)
-            _course(ax, results, method, [mean_of_tasks(of) for of in scores], length)
+            _course(ax, results, method, band(ax, results, method, range(own), scores), length)
         ax.set_ylabel("mean best reward so far (0 to 1)")
         ax.set_xlabel("generation")
         legend(figure, line_handles(results, methods))

@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from core.geometry import Array
 from core.report.methods import Group
 from core.report.results import Results
+from core.report.statistics import interval, mean_of_tasks
 from core.text import clean
 
 if TYPE_CHECKING:
@@ -105,6 +107,21 @@ def line_handles(results: Results, methods: Sequence[str]) -> list[Any]:
     from matplotlib.lines import Line2D
 
     return [Line2D([], [], label=wrapped(method, 48), **line_style(results, method)) for method in methods]
+
+
+def band(
+    ax: Axes, results: Results, method: str, x: Sequence[float] | Array, rewards: Sequence[Sequence[Sequence[float]]]
+) -> list[float]:
+    """Draw the interval of the mean reward where it is known, and return the means.
+
+    ``rewards`` holds for each place on the x axis the rewards of each task's runs.
+    """
+    spans = [interval(of, "mean", results.how) for of in rewards]
+    known = [(at, *span) for at, span in zip(x, spans, strict=True) if span is not None]
+    if known:
+        at, low, high = zip(*known, strict=True)
+        ax.fill_between(at, low, high, color=color_of(results, method), alpha=0.18, lw=0)
+    return [mean_of_tasks(of) for of in rewards]
 
 
 def bar_width(tasks: Sequence[str], methods: Sequence[str]) -> float:

@@ -168,7 +168,7 @@ def test_a_program_in_urscript_has_the_motion_at_both_speeds(tmp_path):
     assert float(payload.group(1)) == found.payload["mass_kg"]
 
 
-def test_what_is_near_and_the_limits_are_told(made):
+def test_reports_what_is_near_and_the_limits(made):
     folder, found = made
     rows = found.clearance.rows()
     assert rows == sorted(rows, key=lambda row: row[2])
