@@ -1,7 +1,8 @@
 """What does staged evaluation save, and does the same design win? ``python -m tests.benchmarks.staging [seeds=30]``.
 
-For each seed the embedded designer makes a small population for one of ``tasks``. It is tried in layouts, once in full
-and once in stages. Printed are, for each task, the winners that agree and the processor time of both.
+For each seed the embedded designer makes a small population for one of ``tasks``. Every second tool with its plans is
+made for a layout far from those in which all are tried, so that it misses. They are tried in layouts, once in full and
+once in stages. Printed are, for each task, the winners that agree and the processor time of both.
 """
 
 from __future__ import annotations
@@ -26,17 +27,20 @@ from tests.benchmarks import measuring
 
 @dataclass
 class Settings:
-    """``candidates`` of each seed, in so many tools; the other settings are those of ``fitness=layouts``."""
+    """``plans`` for each of ``tools``; the last four are settings of ``fitness=layouts``."""
 
     seeds: int = 30
     tasks: list[str] = field(default_factory=lambda: ["BringCube", "DislodgeCube", "HighObject"])
     sim: str = "mujoco"
-    tools: int = 2
+    tools: int = 4
     plans: int = 2
     layouts: int = 3
     clearance: float | None = 0.05
     stop_below: float | None = None
-    stop_first: float | None = None
+    stop_first: float | None = 0.0
+
+
+ELSEWHERE = 1000  # from a seed to that of the layout, drawn widely, for which every second tool is made
 
 
 @dataclass(frozen=True)
@@ -86,19 +90,28 @@ def table(found: Sequence[Measured]) -> str:
 def measure(task: str, seed: int, given: Settings) -> Measured:
     """Try one population in full and in stages; what the engine needs once is made before."""
     stages = {"clearance": given.clearance, "stop_below": given.stop_below, "stop_first": given.stop_first}
-    words = [f"task={task}", "task.variation=wide", f"sim={given.sim}", "fitness=layouts", f"seed={seed}"]
+    words = [
+        f"task={task}",
+        f"sim={given.sim}",
+        "fitness=layouts",
+        f"fitness.layouts={given.layouts}",
+        "prompt.views=[]",
+    ]
     words += [f"budget.{name}={n}" for name, n in (("n_agent", 1), ("n_tool", given.tools), ("n_action", given.plans))]
-    cfg = load("config", [*words, f"fitness.layouts={given.layouts}", "prompt.views=[]"])
-    settings = node(cfg.rollout, RolloutSettings)
-    evaluator = Evaluator(task_part(cfg), part("sim", cfg.sim), seed, settings)
-    candidates = population(cfg, evaluator)
-    make = partial(part("fitness", cfg.fitness).create, evaluator=evaluator)
+    here, elsewhere = (
+        load("config", [*words, f"task.variation={variation}", f"seed={of}"])
+        for variation, of in (("near", seed), ("wide", seed + ELSEWHERE))
+    )
+    evaluator = Evaluator(task_part(here), part("sim", here.sim), seed, node(here.rollout, RolloutSettings))
+    candidates = [of for of in population(here, evaluator) if of.strategy % 2 == 0]
+    candidates += [of for of in population(elsewhere, evaluator) if of.strategy % 2]
+    make = partial(part("fitness", here.fitness).create, evaluator=evaluator)
     make().prepare()
     evaluator(candidates[:1])
     full, full_s = timed(make(), candidates)
     for name, value in stages.items():
-        cfg.fitness[name] = value
-    staged, staged_s = timed(part("fitness", cfg.fitness).create(evaluator=evaluator), candidates)
+        here.fitness[name] = value
+    staged, staged_s = timed(part("fitness", here.fitness).create(evaluator=evaluator), candidates)
     trials = [reward for e in full for of in e.details.get("engines", {}).values() for reward in of["rewards"]]
     best, other = (next(iter(best_first(of)), None) for of in (full, staged))
     same = best is other or (best is not None and other is not None and best.candidate.id == other.candidate.id)
@@ -115,7 +128,7 @@ def timed(fitness: Fitness, candidates: Sequence[Candidate]) -> tuple[list[Evalu
 
 def population(cfg, evaluator: Evaluator) -> list[Candidate]:  # type: ignore[no-untyped-def]
     """Ask the embedded designer for a first generation."""
-    task, representation = evaluator.task.create(), part("tool", cfg.tool).create()
+    task, representation = task_part(cfg).create(), part("tool", cfg.tool).create()
     representation.robot = task.robot
     designer = make_designer(
         task,
