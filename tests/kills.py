@@ -1,5 +1,5 @@
-"""``python -m tests.kills FOLDER N``: one run with toys, several models and a critic, and N more that are killed at
-different moments and resumed.
+"""``python -m tests.kills FOLDER N [WORD ...]``: one run with toys, several models and a critic, and N more that are
+killed at different moments and resumed. Words are settings of all of them.
 
 It is a separate process because it forks, which saves starting Python for each run. A moment is the beginning of an
 operation on the disk: an SQL statement, a file that is written, renamed or made, a line in the notes. FOLDER gets
@@ -17,6 +17,7 @@ import signal
 import sqlite3
 import sys
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
 
 from omegaconf import OmegaConf
@@ -66,7 +67,7 @@ def run_at_once(function, ended, name):
         ended(None)
 
 
-def session(folder: Path, *, resumed: bool, last: int | None) -> int:
+def session(folder: Path, words: Sequence[str], *, resumed: bool, last: int | None) -> int:
     """Run or resume in a forked process; return the number of moments, or 0 if it was killed."""
     Notes(str(folder / "notes")).add("session")
     count = folder / "moments"
@@ -81,7 +82,7 @@ def session(folder: Path, *, resumed: bool, last: int | None) -> int:
                 else:
                     core.search.designer.run_in_thread = run_at_once
                     plugins.vlms.ensemble.model.run_in_thread = run_at_once
-                    run(several(folder / "notes"), folder / "run")
+                    run(several(folder / "notes", *words), folder / "run")
             count.write_text(str(moments.number))
             code = 0
         except BaseException:  # the child must end here in any case
@@ -95,28 +96,29 @@ def session(folder: Path, *, resumed: bool, last: int | None) -> int:
     return int(count.read_text())
 
 
-def main(folder: Path, points: int) -> None:
+def main(folder: Path, points: int, words: Sequence[str]) -> None:
     offer(installed())
-    run(several(folder / "warm" / "notes"), folder / "warm" / "run")  # what it leaves in caches, each child inherits
+    warm = folder / "warm"
+    run(several(warm / "notes", *words), warm / "run")  # what it leaves in caches, each child inherits
     (folder / "whole").mkdir()
-    moments = session(folder / "whole", resumed=False, last=None)
+    moments = session(folder / "whole", words, resumed=False, last=None)
     for point in range(points):
         at = folder / str(point)
-        note_config(at)
+        note_config(at, words)
         last = 1 + point * (moments - 2) // max(points - 1, 1)
-        assert session(at, resumed=False, last=last) == 0
+        assert session(at, words, resumed=False, last=last) == 0
         (at / "killed").mkdir()
         for file in (at / "run").glob("run.sqlite*"):
             shutil.copy(file, at / "killed")
-        session(at, resumed=True, last=(moments - last) // 2)
-        assert session(at, resumed=True, last=None) > 0
+        session(at, words, resumed=True, last=(moments - last) // 2)
+        assert session(at, words, resumed=True, last=None) > 0
 
 
-def note_config(at: Path) -> None:
+def note_config(at: Path, words: Sequence[str]) -> None:
     """Write the configuration as Hydra does before a run begins."""
     (at / "run" / ".hydra").mkdir(parents=True)
-    OmegaConf.save(several(at / "notes"), at / "run" / ".hydra" / "config.yaml")
+    OmegaConf.save(several(at / "notes", *words), at / "run" / ".hydra" / "config.yaml")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]))
+    main(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])

@@ -90,13 +90,23 @@ def assert_same_run(one, other):
 
 
 @pytest.mark.slow
-def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(tmp_path):
-    command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(POINTS)]
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        (POINTS, []),
+        (6, ["evolution=map_elites", "evolution.varied=4"]),
+        (6, ["evolution=islands"]),
+        (6, ["evolution.refine=12"]),
+    ],
+    ids=["vlmgineer", "map_elites", "islands", "refined"],
+)
+def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(points, words, tmp_path):
+    command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(points), *words]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr
     assert result_of(tmp_path / "whole" / "run")["best"]["generation"] == 1
     stored = []
-    for point in range(POINTS):
+    for point in range(points):
         at = tmp_path / str(point)
         assert_same_run(at / "run", tmp_path / "whole" / "run")
         first, *later = (at / "notes").read_text().removeprefix("session\n").split("session\n")
@@ -105,7 +115,7 @@ def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(tm
         assert not known & set("".join(later).split("\n"))
         stored.append(len(known))
     assert stored == sorted(stored)
-    assert len(set(stored)) > min(POINTS, 25) / 3  # the moments are spread over the run's life
+    assert len(set(stored)) > min(points, 25) / 3  # the moments are spread over the run's life
 
 
 def what_is_stored(folder):

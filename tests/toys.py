@@ -170,9 +170,9 @@ def config(notes: Path, *overrides: str) -> DictConfig:
     return cfg
 
 
-def several(notes: Path) -> DictConfig:
+def several(notes: Path, *overrides: str) -> DictConfig:
     """Return the configuration of a run with two toys as models, one of which criticises."""
-    cfg = config(notes, "prompt.critic=2")
+    cfg = config(notes, "prompt.critic=2", *overrides)
     members = [{"name": "toy", "notes": str(notes)}, {"name": "toy", "notes": str(notes), "only_agent": 0}]
     OmegaConf.update(cfg, "vlm", {"name": "ensemble", "members": members, "seed": 5}, merge=False)
     return cfg

@@ -33,6 +33,8 @@ QUIET = ["fitness.unseen=0", "film=false", "listener=[]", "executor.workers=1"]
 METHODS = {  # each tries 320 candidates
     "vlmgineer": [],
     "sampling": ["evolution=sampling"],
+    "map_elites": ["evolution=map_elites", "evolution.varied=40", "budget.n_iteration=2"],
+    "islands": ["evolution=islands"],
     "refined": ["budget.n_iteration=0", "evolution.refine=240"],
 }
 
