@@ -77,7 +77,7 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed")
     _check_extent(tool)
     check_joints(tool)
-    _check_stiffness(tool, _check_contacts(tool, robot), material)
+    _check_stiffness(tool, check_contacts(tool, robot), material)
 
 
 def _check_component(component: Component) -> None:
@@ -118,7 +118,7 @@ def _check_extent(tool: Tool) -> None:
             )
 
 
-def _check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
+def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
     """Check that each component touches its parent; return the points where they do, in the mount's frame."""
     fingers = robot_solids(robot, True) if tool.gripper else ()
     solids = {mount: [solid for solid in fingers if solid.name == mount] for mount in tool.mounts}

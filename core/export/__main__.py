@@ -25,7 +25,9 @@ from core.export.payload import payload
 from core.export.programs import write_programs
 from core.export.replay import Replay, play
 from core.export.ros import PACKAGE, write_package
+from core.export.sheet import write_sheet
 from core.interfaces import RolloutSettings, Task
+from core.report.printing import Printer, pieces
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.simulation.robustness import engines
@@ -114,6 +116,8 @@ def export(cfg: DictConfig) -> Export:
         write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
     write_package(robot, tool, motion, scene, output / "ros2" / PACKAGE)
     write_programs(robot, made.payload, moves, output / "programs")
+    if tool.components:
+        write_sheet(tool, robot, representation.material, pieces(tool, Printer()), scene, motion, replays, output)
     save_design(candidate, representation, robot, planned, output / "design")
     write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
     plot(made, effort).savefig(output / "motion.png", dpi=120)

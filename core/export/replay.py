@@ -21,6 +21,10 @@ from core.task import reward_of
 RECORD_HZ = 100.0
 
 
+class Unplayable(UserError):
+    """The rollout of an exported motion failed."""
+
+
 @dataclass(frozen=True, eq=False)
 class Replay:
     """What a motion earned in an engine, and what was seen; ``problems`` name what passed through something."""
@@ -41,13 +45,13 @@ def play(
     """Play a motion from its first sample, in the layout of ``seed``.
 
     Raises:
-        UserError: the rollout fails.
+        Unplayable: the rollout fails.
     """
     hold = max(settings.hold_s, task.hold_s)
     job = Rollout(tool, motion.trajectory, seed, settings.settle_s, hold, RECORD_HZ, forces=True)
     (outcome,) = simulator.rollout(task, [job])
     if outcome.error is not None or outcome.start is None or outcome.end is None or outcome.recording is None:
-        raise UserError(f"the exported motion can't be played: {outcome.error or 'the engine returned no recording'}")
+        raise Unplayable(f"the exported motion can't be played: {outcome.error or 'the engine returned no recording'}")
     start, end = (scene.complete(State.stack([state])) for state in (outcome.start, outcome.end))
     contacts = find_contacts(scene, task.robot, tool, outcome.recording)
     trace = make_trace(scene, [contacts]) if task.reads_trace else None

@@ -63,11 +63,12 @@ class Picture:
     paint: Callable[[], Figure] = field(repr=False)
 
     def render(self, format_: str, ground: str = "white", titled: bool = True) -> bytes:
-        """The figure as a file of one of `FORMATS`, the same bytes each time; without its title unless ``titled``."""
+        """The figure as a file of one of `FORMATS`, or PDF, the same bytes each time; untitled unless ``titled``."""
         import matplotlib
 
         buffer = io.BytesIO()
-        metadata = {"Software": None} if format_ == "png" else {"Date": None, "Creator": None}
+        undated = {"png": {"Software": None}, "pdf": {"CreationDate": None}}
+        metadata = undated.get(format_, {"Date": None, "Creator": None})
         with matplotlib.rc_context(_STYLE | {"svg.hashsalt": self.name}), warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Glyph .* missing")  # a name in a script that the font lacks
             figure = self.paint()

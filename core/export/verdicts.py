@@ -1,0 +1,83 @@
+"""Judge whether a tool can be made and borne: what fails, by which figures, and what to change.
+
+Covered by `tests/core/export/test_sheet.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from core.design import Tool
+from core.designs.weight import flange_moment, mass_limit, moment_limit
+from core.export.strength import Strength
+from core.materials import Material
+from core.report.printing import Piece
+from core.robots import Robot
+
+SAFETY = 2.0  # the strength over the stress, at least
+SOFT_M = 0.01  # what bends by more is noted: engines took it to be rigid
+
+_MENDS = {
+    "watertight": "let components overlap, or part them clearly",
+    "one piece": "let components overlap by more than a wall",
+    "walls": "thicken the thinnest component",
+    "fits the plate": "shorten it, or make it of parts that are joined",
+}
+
+
+class Verdict(NamedTuple):
+    """One thing that was checked: what was found, and where it fails what to change; ``passed`` None: can't be told."""
+
+    name: str
+    passed: bool | None
+    found: str
+    mend: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.found}" + (f"; {self.mend}" if self.passed is False else "")
+
+
+def carried(tool: Tool, robot: Robot, material: Material) -> list[Verdict]:
+    """Judge whether an arm carries a tool."""
+    heaviest = max(tool.components, key=lambda component: component.mass)
+    mend = f"{heaviest.name} weighs most, {1000 * heaviest.mass:.0f} g: make parts thinner, shorter or fewer"
+    (most, why), moment, bears = mass_limit(robot, material), flange_moment(tool, robot), moment_limit(robot)
+    return [
+        Verdict("mass", tool.mass <= most, f"{tool.mass:.3f} kg; {why}", mend),
+        Verdict("moment", moment <= bears, f"{moment:.2f} N m at the flange; the wrist bears {bears:g} N m", mend),
+    ]
+
+
+def printable(made: Sequence[Piece]) -> list[Verdict]:
+    """Judge whether a printer makes the pieces of a tool."""
+    return [
+        Verdict(f"{check.name}, {piece.name}", check.passed, check.found, _MENDS.get(check.name, "change it"))
+        for piece in made
+        for check in piece.checks
+    ]
+
+
+def strong(material: Material, strengths: Sequence[Strength], safety: float = SAFETY) -> list[Verdict]:
+    """Judge the strength of each component; where all bear what they must, the weakest is named."""
+    if material.strength_pa is None:
+        return [
+            Verdict("strength", None, f"material={material.name} has no strength: choose one, such as material=pla")
+        ]
+    weak = sorted((row.safety, i, row) for i, row in enumerate(strengths) if row.safety is not None)
+    failing = [of for of in weak if of[0] < safety]
+    found = []
+    for factor, _, row in failing or weak[:1]:
+        thicker = math.ceil(10 * math.sqrt(safety / factor)) / 10
+        mend = (
+            f"{row.load} loads it with {row.newtons:.1f} N at {1000 * row.lever_m:.0f} mm: make {row.component} about "
+            f"{thicker:g} times as thick across its thin side, shorten what it carries, or move more slowly"
+        )
+        bears = f"{row.stress_pa / 1e6:.1f} MPa, safety factor {factor:.2f}; at least {safety:g} is asked for"
+        found.append(Verdict(f"strength, {row.component}", not failing, bears, mend))
+    softest = max(strengths, key=lambda row: row.bend_m, default=None)
+    if softest is not None and softest.bend_m > SOFT_M:
+        bends = f"{softest.load} bends it by {1000 * softest.bend_m:.0f} mm at {softest.component}"
+        found.append(Verdict("rigid", None, f"{bends}, and engines took it to be rigid: it may miss by as much"))
+    return found
