@@ -245,6 +245,13 @@ def _hashable(value: Any) -> Any:
     return tuple(_hashable(item) for item in value) if isinstance(value, list) else value
 
 
+def _plain(value: Any) -> Any:
+    """Undo `_hashable`: OmegaConf takes no other mappings than dicts."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
 def robot_part(config: DictConfig) -> RobotPart:
     """Return the robot that a config node names, with its settings and its base.
 
@@ -271,18 +278,20 @@ def listed(
         settings = {"name": entry} if isinstance(entry, str) else {str(key): value for key, value in entry.items()}
         name = settings.pop("name", None)
         if not isinstance(name, str):
-            raise UsageError(f"{kind}s: {entry!r} names no {word}; give a name, or {{name: NAME, SETTING: VALUE}}")
+            raise UsageError(
+                f"{kind.removesuffix('s')}s: {entry!r} names no {word}; give a name, or {{name: NAME, SETTING: VALUE}}"
+            )
         shown = " ".join([name, *(f"{key}={value}" for key, value in settings.items())])
         if shown in found:
-            raise UsageError(f"{kind}s: {shown!r} is repeated; name each {word} once")
+            raise UsageError(f"{kind.removesuffix('s')}s: {shown!r} is repeated; name each {word} once")
         usual = chosen
         if usual is None or usual.name != name:
             node = load("config", [f"{kind}={name}"])[kind]
             usual = robot_part(node) if kind == "robot" else part(kind, node)
         base = {"base": usual.base} if isinstance(usual, RobotPart) else {}
-        found[shown] = OmegaConf.create({"name": name, **dict(usual.settings), **base, **settings})
+        found[shown] = OmegaConf.create(_plain({"name": name, **dict(usual.settings), **base, **settings}))
     if not found:
-        raise UsageError(f"{kind}s: name at least one {word}")
+        raise UsageError(f"{kind.removesuffix('s')}s: name at least one {word}")
     return found
 
 

@@ -165,9 +165,16 @@ class RenderConfig(SceneConfig):
 
 
 ConformanceConfig = make_dataclass(
-    "ConformanceConfig", [("seed", int, 0), *((kind, dict[str, Any] | None, None) for kind in KINDS)]
+    "ConformanceConfig",
+    [
+        ("seed", int, 0),
+        ("material", Material, field(default_factory=Material)),
+        *((kind, dict[str, Any] | None, None) for kind in KINDS),
+    ],
 )
-"""Settings of ``python -m core.conformance``: the part of each kind to check, if any; configs may name ``seed``."""
+"""Settings of ``python -m core.conformance``: the part of each kind to check, if any. The configs of parts may name
+``seed`` and ``material``.
+"""
 
 
 @dataclass

@@ -145,7 +145,7 @@ def describe(evaluation: Evaluation) -> str:
     if seen is None:
         moved = sorted(evaluation.moved_m.items(), key=lambda item: -item[1])[:_BODIES]
         return "; ".join([*parts, *(f"{name} moved {way:.3f} m" for name, way in moved if way > _MOVED_M)])
-    if combined_figures(evaluation) and (trial := evaluation.details.get(TRIAL)):
+    if "engines" in evaluation.details and (trial := evaluation.details.get(TRIAL)):
         parts[0] += f" of all trials; in the worst ({_where(trial)})"
     if not evaluation.reason:
         parts[0] += f" {_result(seen)}"

@@ -56,12 +56,15 @@ class Evaluator:
 
     def prepare(self) -> None:
         """Make the task and the simulator, as the first call does: what fails here is no candidate's fault."""
-        _task(self.task)
-        _simulator(self.sim)
+        self.made()
+
+    def made(self) -> tuple[Task, Simulator]:
+        """Return the task and the simulator; a process makes each once."""
+        return _task(self.task), _simulator(self.sim)
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         try:
-            task, simulator = _task(self.task), _simulator(self.sim)
+            task, simulator = self.made()
             foresight = None
             if self.clearance is not None and any(candidate.problem is None for candidate in candidates):
                 idle = _idle(self.task, self.sim, self.seed, self.settings.settle_s, self.settings.hold_s)

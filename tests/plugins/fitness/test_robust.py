@@ -59,7 +59,7 @@ def test_the_prompt_says_what_counts():
 @pytest.mark.parametrize(
     ("config", "said"),
     [
-        ({"name": "robus"}, r"no fitness 'robus' \(did you mean 'robust'\?\); possible: layouts, nominal, robust"),
+        ({"name": "robus"}, r"no fitness 'robus' \(did you mean 'robust'\?\); possible: buildable, lay"),
         ({"name": "nominal", "seeds": [1]}, "no setting 'seeds' in fitness=nominal"),
         ({"name": "robust", "seeds": ["a"]}, "fitness=robust: setting 'seeds' can't be"),
         ({"name": "robust", "seeds": []}, "seeds must be one or more different numbers"),

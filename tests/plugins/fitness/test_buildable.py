@@ -1,0 +1,156 @@
+"""Designs that earn something only if they can be made, borne and run."""
+
+import json
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+
+from core.config.compose import load, part
+from core.design import Candidate, Component, Tool
+from core.designs.composer import as_markdown
+from core.designs.feedback import describe
+from core.designs.reading import read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UserError
+from core.geometry import Box, Pose
+from core.interfaces import RolloutSettings, Waypoints
+from core.materials import Material
+from core.plugins import ToolPart
+from core.prompt import compose
+from core.search.orchestration import run
+from core.simulation.rollout import Evaluator, Part
+from core.store.database import reading
+
+PLA = Material("pla", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
+PLATE = [500.0, 500.0, 500.0]
+
+
+@dataclass(frozen=True)
+class Counting(Evaluator):
+    """Notes how many candidates come to a rollout."""
+
+    tried: list[str] = field(default_factory=list, compare=False)
+
+    def __call__(self, candidates):
+        self.tried.extend(candidate.id for candidate in candidates if candidate.problem is None)
+        return super().__call__(candidates)
+
+
+def moving_ball():
+    return Counting(Part("task", "MoveBall"), Part("sim", "mujoco"), 0, RolloutSettings())
+
+
+def fitness(evaluator, **settings):
+    chosen = {"name": "buildable", "material": vars(PLA), **settings}
+    return part("fitness", OmegaConf.create(chosen)).create(evaluator=evaluator)
+
+
+@pytest.fixture(scope="module")
+def scoop():
+    """The anchored solution of MoveBall, of PLA."""
+    document = json.loads(Path("tests/tasks/anchored/MoveBall.json").read_text())
+    boxes = ToolPart("tool", "boxes", (), PLA).create()
+    (candidate,) = read_designs(document, boxes, SpawnRules(moving_ball().task.create(), 0))
+    assert candidate.problem is None
+    return candidate
+
+
+def test_what_is_larger_than_the_plate_costs_no_rollout_and_its_reason_names_the_plate(scoop):
+    evaluator = moving_ball()
+    (found,) = fitness(evaluator, plate_mm=[250.0, 210.0, 220.0])([scoop])
+    assert (found.status, found.reward, evaluator.tried) == ("rejected", 0.0, [])
+    assert "the plate is 250 × 210 × 220 mm; shorten it" in found.reason
+    assert "the plate is 250 × 210 × 220 mm" in describe(found)
+
+
+def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
+    evaluator = moving_ball()
+    (alone,) = evaluator([scoop])
+    (found,) = fitness(evaluator, plate_mm=PLATE)([scoop])
+    assert (found.status, found.reward, found.reason) == ("ok", alone.reward, "")
+    assert found.details["buildable"]["safety_factor"] > 2
+    assert found.details["buildable"]["clearance_m"] > 0.005
+    assert " of all trials" not in describe(found)
+    robust = {"name": "robust", "sims": ["mujoco"], "seeds": [4], "perturbation": {"position": 0.0001}}
+    (found,) = fitness(evaluator, plate_mm=PLATE, of=robust)([scoop])
+    assert list(found.details["engines"]) == ["mujoco"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"safety": 5.0}, r"not buildable: strength, \w+: .* at least 5 is asked for; ball loads it .* as thick"),
+        (
+            {"margin_m": 0.19},
+            r"not buildable: clearance: the arm comes as near as \d+ mm to (table|itself); at least 190",
+        ),
+    ],
+)
+def test_what_breaks_or_comes_too_near_earns_nothing_and_says_why(scoop, settings, said):
+    (found,) = fitness(moving_ball(), plate_mm=PLATE, **settings)([scoop])
+    assert (found.status, found.reward) == ("ok", 0.0)
+    assert re.match(said, found.reason), found.reason
+    assert "so that its reward of 0.9" in found.reason
+
+
+def test_neighbours_are_judged_each_for_itself(scoop):
+    thin = Component("wall", "tool_mount", Pose(np.array([0.0, 0.0, -0.05])), Box((0.0006, 0.1, 0.1)), 0.01)
+    stay = Candidate(Tool((thin,)), Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]])), action=1)
+    unread = Candidate(None, stay.plan, action=2, problem="the tool is missing")
+    evaluator = moving_ball()
+    found = fitness(evaluator, plate_mm=PLATE)([stay, unread, scoop])
+    assert [of.status for of in found] == ["rejected", "rejected", "ok"]
+    assert "walls, tool: thinnest 0.6" in found[0].reason
+    assert found[1].reason == "the tool is missing"
+    assert evaluator.tried == [scoop.id]
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"of": "buildable"}, "fitness.of: buildable can't judge for itself; name another fitness"),
+        ({"of": "layots"}, "no fitness 'layots' .did you mean 'layouts'"),
+        ({"of": {}}, "fitness: {} names no fitness"),
+        ({"plate_mm": [200.0, 200.0]}, "plate_mm must be three lengths"),
+        ({"safety": 0.0}, "fitness.safety must be"),
+        ({"margin_m": -1.0}, "fitness.margin_m must be between 0 and 0.2 m, got -1"),
+    ],
+)
+def test_a_wrong_setting_is_reported(settings, said):
+    with pytest.raises(UserError, match=said):
+        fitness(moving_ball(), **settings)
+
+
+def test_the_prompt_names_the_constraints():
+    words = ["task=MoveBall", "material=pla", "fitness=buildable", "fitness.of={name: robust, seeds: [0, 1]}"]
+    text = "".join(as_markdown(message) for message in compose(load("prompt", words)).messages)
+    for said in (
+        "2 times in each of the engines",
+        "has no wall thinner than 0.8 mm, and fits into 250 x 210 x 220 mm",
+        "at most 3 kg, and 12 N m about the mount",
+        "pla bears 26 MPa",
+        "the arm keeps 5 mm from itself and from all that is fixed",
+    ):
+        assert said in text
+    paper = fitness(moving_ball(), material=vars(Material())).instructions()
+    assert paper.startswith("What counts is the reward of one rollout.")
+    assert "Strength" not in paper
+
+
+@pytest.mark.slow
+def test_a_run_finds_what_can_be_made(tmp_path):
+    words = ["task=MoveBall", "material=pla", "fitness=buildable", "fitness.plate_mm=[400,400,400]", "sim=mujoco"]
+    words += ["budget.n_agent=1", "budget.n_tool=3", "budget.n_action=2", "budget.n_iteration=0", "executor.workers=1"]
+    result = run(load("config", [*words, "film=false", "listener=[]"]), tmp_path / "run")
+    with reading(tmp_path / "run") as database:
+        rows = database.execute("SELECT status, reward, reason, details FROM evaluations").fetchall()
+    assert len(rows) == 6
+    for row in rows:
+        judged = json.loads(row["details"]).get("buildable")
+        assert row["reward"] == 0 or judged["safety_factor"] >= 2
+        assert row["reward"] == 0 or not row["reason"]
+    assert result.best.reward == max(row["reward"] for row in rows) > 0
