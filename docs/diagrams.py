@@ -67,7 +67,7 @@ PARTS = {
     "tool": "urdf, boxes, solids; none",
     "action": "waypoints, anchored",
     "evolution": "vlmgineer, map_elites, ...",
-    "fitness": "nominal, robust, layouts",
+    "fitness": "nominal, robust, layouts, ...",
     "executor": "local, ray",
     "listener": "progress, rerun, summary",
 }
