@@ -47,6 +47,11 @@ class RobotModel:
     links: dict[str, tuple[int, Pose]]
 
     @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """The joints' names, but for the world's."""
+        return tuple(self.model.names)[1:]
+
+    @cached_property
     def reach(self) -> float:
         """How far a link's frame can be from the axis of any joint before it, at most, metres."""
         chain = [float(np.linalg.norm(placement.translation)) for placement in list(self.model.jointPlacements)[2:]]
@@ -80,7 +85,7 @@ def robot_model(robot: Robot, gripper: bool) -> RobotModel:
 def joint_values(robot: Robot, gripper: bool, arm: Array, fingers: Array) -> Array:
     """Order the arm's joints (T, J) and the fingers' (T, F) as the model has them, one column for each joint of it."""
     columns = dict(zip(robot.arm_joints, arm.T, strict=True)) | dict(zip(robot.finger_joints, fingers.T, strict=False))
-    return np.column_stack([columns[name] for name in list(robot_model(robot, gripper).model.names)[1:]])
+    return np.column_stack([columns[name] for name in robot_model(robot, gripper).joints])
 
 
 def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:

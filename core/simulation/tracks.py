@@ -277,6 +277,7 @@ class _Solids:
         ]
 
 
+@lru_cache(maxsize=512)
 def thickness(shape: Shape) -> float:
     """Measure how thick a shape is, metres: along its own axes, or square to a face of a mesh's hull."""
     straight = 2 * float(_bounding_box(_geometry(shape))[1].min())
