@@ -11,13 +11,14 @@ from typing import Any
 
 from core.cli import command, folders_and_overrides, print_table, say, write_bytes
 from core.config.compose import load
+from core.config.settings import Printer
 from core.design import ranked
 from core.errors import UsageError, UserError
 from core.report.drawing import draw, painted
 from core.report.formats import number
 from core.report.methods import label
 from core.report.page import data_address, in_viewer, render
-from core.report.printing import Piece, Printer, grams, pieces, to_3mf
+from core.report.printing import Piece, grams, pieces, to_3mf
 from core.report.runs import FinishedRun, LeftOutRun, find_runs, short
 from core.report.tools import Shape, Winner, another, size, winners
 from core.simulation.pictures import png
@@ -191,7 +192,7 @@ def main() -> None:
         raise UsageError(f"top must be at least 1, got {cfg.top}")
     if not cfg.apart_mm > 0:
         raise UsageError(f"apart_mm must be greater than 0, got {cfg.apart_mm:g}")
-    printer = Printer(tuple(cfg.plate_mm), cfg.min_wall_mm)
+    printer = Printer(list(cfg.plate_mm), cfg.min_wall_mm)
     entries, left_out = gallery(folders, Path(cfg.output), cfg.top, printer, cfg.apart_mm)
     show(entries)
     for run in left_out:

@@ -45,6 +45,7 @@ from core.plans import Anchor as Anchor
 from core.plans import Seen as Seen
 from core.plans import Tempo as Tempo
 from core.plans import Waypoints as Waypoints
+from core.robots import ISO_9409_1_50 as ISO_9409_1_50
 from core.robots import Flange as Flange
 from core.robots import Gripper as Gripper
 from core.robots import Robot as Robot

@@ -17,15 +17,38 @@ LINK_FRICTION = 0.5  # of an arm's links
 
 @dataclass(frozen=True)
 class Flange:
-    """The disc that bears a rigid tool, centred at the mount's origin and square to its z, and its ring of bolts."""
+    """The disc that bears a rigid tool, centred at the mount's origin and square to its z, and its ring of bolts.
+
+    The face that a tool is bolted to is the plane z = 0 of the mount. Angles are about the mount's z, from its x.
+
+    Attributes:
+        disc: bears the tool in simulation.
+        bolt_circle_m: diameter of the ring of bolts.
+        bolts: how many, equally spaced.
+        thread: such as M6.
+        thread_depth_m: how deep a screw may go.
+        bolt_angle: of the first bolt.
+        pin_m: diameter of the locating pin, on the ring of bolts.
+        pin_angle: where the pin is; None: not known, so that a tool gets no hole for it.
+        centring_m: diameter of the recess in the middle; None: there is none.
+        centring_depth_m: its depth.
+    """
 
     disc: Cylinder
     bolt_circle_m: float
     bolts: int
-    thread: str  # such as M6
+    thread: str
+    thread_depth_m: float = 0.006
+    bolt_angle: float = math.pi / 4
+    pin_m: float = 0.006
+    pin_angle: float | None = None
+    centring_m: float | None = None
+    centring_depth_m: float = 0.0035
 
 
-ISO_9409_1_50 = Flange(Cylinder(radius=0.0315, length=0.01), 0.05, 4, "M6")
+# ISO 9409-1-50-4-M6: four M6 on a circle of 50 mm at 45 degrees from the pin (6 H7, on the same circle), a disc of
+# 63 mm, a recess of 31.5 H7 at least 3.5 mm deep. Threads: 6 mm, the least in makers' drawings.
+ISO_9409_1_50 = Flange(Cylinder(radius=0.0315, length=0.01), 0.05, 4, "M6", centring_m=0.0315)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 from omegaconf import MISSING
 
-from core.config.settings import PerturbationRange, PromptSettings, Sampling
+from core.config.settings import Fit, PerturbationRange, Printer, PromptSettings, Sampling
 from core.interfaces import RolloutSettings
 from core.materials import Material
 from core.plugins import KINDS
@@ -134,7 +134,7 @@ class ExportConfig:
 
     ``designs``: a run's folder, whose best is exported, or a designs file, of which it is the first. ``sims``: engines
     that play the motion back. ``rate_hz``: of the samples. ``speed``: 1 is the motion as it was simulated. ``start``:
-    joints (J,) from which the arm approaches, radians; none: its home.
+    joints (J,) from which the arm approaches, radians; none: its home. ``printer`` and ``fit``: of the tool's parts.
     """
 
     task: dict[str, Any] = MISSING
@@ -150,6 +150,8 @@ class ExportConfig:
     rate_hz: float = MISSING
     speed: float = MISSING
     start: list[float] = field(default_factory=list)
+    printer: Printer = field(default_factory=Printer)
+    fit: Fit = field(default_factory=Fit)
 
 
 @dataclass

@@ -15,6 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from core.cli import command, folders_and_overrides, print_table, say, write_bytes
 from core.config.compose import check_seed, node, task_part, tool_part
+from core.config.settings import Fit, Printer
 from core.design import Candidate
 from core.designs.planning import resolve
 from core.designs.rules import SpawnRules
@@ -26,8 +27,8 @@ from core.export.programs import write_programs
 from core.export.replay import Replay, play
 from core.export.ros import PACKAGE, write_package
 from core.export.sheet import write_sheet
+from core.export.tool import Made, make_tool, other_rewards, write_tool
 from core.interfaces import RolloutSettings, Task
-from core.report.printing import Printer, pieces
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.simulation.robustness import engines
@@ -57,6 +58,8 @@ class Export:
     limits: list[dict[str, Any]]
     payload: dict[str, Any]
     contact_s: float | None
+    made: Made
+    mounted: dict[str, float]  # rewards, with what fits the tool to the arm
 
     def figures(self) -> dict[str, Any]:
         """Return all figures as data."""
@@ -68,6 +71,7 @@ class Export:
             "slower_than_simulated": self.motion.slower,
             "first_contact_s": self.contact_s,
             "rewards": {engine: replay.reward for engine, replay in self.replays.items()},
+            "rewards_with_mount": self.mounted,
             "problems": {engine: list(replay.problems) for engine, replay in self.replays.items()},
             "joints": self.limits,
             "nearest": [dict(zip(("what", "to", "metres", "seconds"), row, strict=True)) for row in nearest],
@@ -91,6 +95,8 @@ def export(cfg: DictConfig) -> Export:
     tool = candidate.tool
     planned = plan_task_motion(resolve(candidate.plan, task, cfg.seed, settings, scene), task, settings)
     motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
+    solid = make_tool(tool, robot, representation.material, node(cfg.printer, Printer), node(cfg.fit, Fit))
+    built = solid.mounted
     first, opening = motion.positions[0], float(motion.fingers[0])
     start = np.array(list(cfg.start) or robot.home, dtype=np.float64)
     moves = {
@@ -100,6 +106,10 @@ def export(cfg: DictConfig) -> Export:
     }
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
     replays = {name: play(task, part.create(), tool, motion, scene, cfg.seed, settings) for name, part in sims.items()}
+    again = sims if solid.parts else {}
+    mounted = {
+        name: play(task, part.create(), built, motion, scene, cfg.seed, settings).reward for name, part in again.items()
+    }
     shown = next(iter(replays.values()))
     contacts = [at for replay in replays.values() if (at := replay.first_contact()) is not None]
     contact_s = min(contacts, default=None)
@@ -107,17 +117,18 @@ def export(cfg: DictConfig) -> Export:
         before = cut(planned.trajectory, planned.arrivals, contact_s / motion.slower, arm)
         if before is not None:
             moves["trajectory_before_contact"] = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
-    near, effort = clearance(scene, robot, tool, shown.recording), torques(robot, tool, motion)
-    limits = margins(robot, tool, motion, effort)
-    made = Export(task, candidate, motion, replays, near, limits, payload(robot, tool), contact_s)
+    near, effort = clearance(scene, robot, tool, shown.recording), torques(robot, built, motion)
+    limits, load = margins(robot, built, motion, effort), payload(robot, built)
+    made = Export(task, candidate, motion, replays, near, limits, load, contact_s, solid, mounted)
     for name, move in moves.items():
         write_bytes(output / "motion" / f"{name}.csv", to_csv(move, robot.arm_joints).encode())
         text = json.dumps(to_json(move, robot.arm_joints))
         write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
-    write_package(robot, tool, motion, scene, output / "ros2" / PACKAGE)
+    write_package(robot, built, motion, scene, output / "ros2" / PACKAGE)
+    write_tool(solid, output / "tool")
     write_programs(robot, made.payload, moves, output / "programs")
-    if tool.components:
-        write_sheet(tool, robot, representation.material, pieces(tool, Printer()), scene, motion, replays, output)
+    if solid.parts:
+        write_sheet(solid, tool, robot, scene, motion, replays, output)
     save_design(candidate, representation, robot, planned, output / "design")
     write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
     plot(made, effort).savefig(output / "motion.png", dpi=120)
@@ -159,7 +170,7 @@ def checklist(made: Export, moves: dict[str, Sampled]) -> str:
     )
     before, start = "trajectory_before_contact" in moves, np.round(moves["approach"].positions[0], 3).tolist()
     steps = [
-        f"Bolt the tool to the flange of the {robot.title}, and check that nothing is loose.",
+        f"Put the tool together by `tool/assembly.md`, fix it to the {robot.title}, and check that nothing is loose.",
         f"Set the payload in the controller: {load['mass_kg']:g} kg, centre {load['center_m']} m in the frame of "
         f"`{load['frame']}`, and the inertia of `figures.json`.",
         "Set up the scene as in `ros2/`, and measure where it stands: the motion is exact to millimetres.",
@@ -194,6 +205,9 @@ def main() -> None:
     print_table(("engine", "reward", "problems"), rows, ("reward",))
     most = max(made.limits, key=lambda of: of["torque_share"] or 0.0)
     say(f"{made.motion.times[-1]:.2f} s, {made.motion.slower:.3f} times as long as simulated")
+    rewards = {engine: replay.reward for engine, replay in made.replays.items()}
+    for line in (*made.made.faults, *other_rewards(rewards, made.mounted), *made.made.notes):
+        say(f"✗ {line}")
     say(f"payload {made.payload['mass_kg']:g} kg of {made.task.robot.payload_kg:g}; most torque in {most['joint']}")
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from core.cli import write_bytes
+from core.config.settings import Printer
 from core.design import Tool
 from core.designs.weight import flange_moment
 from core.export.payload import payload
@@ -21,53 +22,46 @@ from core.export.verdicts import carried, printable, strong
 from core.materials import Material
 from core.report.page import data_address, render
 from core.report.plots import Picture
-from core.report.printing import Piece
+from core.report.printing import LAYER_S, Check, Piece, estimate
 from core.robots import Robot
 from core.scene import Scene
 
 if TYPE_CHECKING:
     from core.export.motion import Sampled
     from core.export.replay import Replay
-
-FLOW_MM3_S = 5.0  # of molten plastic, on average: a careful guess for a nozzle of 0.4 mm
-LAYER_MM, LAYER_S = 0.2, 4.0  # of a layer: its height, and the time that its change takes, a guess
-FILAMENT_MM = 1.75
-STEEP = math.cos(math.pi / 4)  # a face that looks down by more than 45 degrees overhangs
-_ON_PLATE_MM = 0.01
+    from core.export.tool import Made
 
 HOW = (
-    f"Print time: plastic at {FLOW_MM3_S:g} mm³/s and {LAYER_S:g} s for each layer of {LAYER_MM:g} mm, no supports. "
+    f"Print time: plastic at {{flow:g}} mm³/s and {LAYER_S:g} s for each layer of {{layer:g}} mm, no supports. "
     "Strength: forces of the rollout, whole and across, on beams; without notches, layers, torsion and fatigue."
 )
 
 
-def printed(piece: Piece, tool: Tool, material: Material) -> dict[str, Any]:
-    """Estimate how a piece of a tool prints; mass, time and filament only for walls with infill."""
-    mesh = piece.mesh
-    down = np.asarray(mesh.face_normals)[:, 2] < -STEEP
-    above = np.asarray(mesh.triangles)[:, :, 2].max(axis=1) > _ON_PLATE_MM
-    found: dict[str, Any] = {
-        "name": piece.name,
-        "size_mm": np.round(mesh.extents, 2).tolist(),
-        "overhang_share": float(mesh.area_faces[down & above].sum() / mesh.area),
-    }
-    if material.density_kg_m3 is not None and material.wall_mm > 0:
-        shapes = [component.shape for component in tool.components]
-        filled = sum(map(material.volume_of, shapes)) / sum(shape.volume for shape in shapes)
-        plastic = filled * float(mesh.volume)
-        layers = math.ceil(mesh.extents[2] / LAYER_MM)
-        found["grams"] = plastic * material.density_kg_m3 * 1e-6
-        found["filament_m"] = plastic / (math.pi / 4 * FILAMENT_MM**2) / 1000
-        found["hours"] = (plastic / FLOW_MM3_S + layers * LAYER_S) / 3600
-    return found
+def printed(piece: Piece, material: Material, printer: Printer) -> dict[str, Any]:
+    """Estimate how a piece prints; mass, time and filament only for walls with infill."""
+    found = estimate(piece, material, printer)
+    if not (material.density_kg_m3 and material.wall_mm):
+        found = {"overhang_share": found["overhang_share"]}
+    return {"name": piece.name, "size_mm": np.round(piece.mesh.extents, 2).tolist()} | found
 
 
 def figures(
-    tool: Tool, robot: Robot, material: Material, made: Sequence[Piece], strengths: Sequence[Strength]
+    tool: Tool,
+    robot: Robot,
+    material: Material,
+    printer: Printer,
+    made: Sequence[Piece],
+    strengths: Sequence[Strength],
+    mounted: Tool | None = None,
+    checks: Sequence[Check] = (),
 ) -> dict[str, Any]:
-    """Return all that the sheet says of a tool that is ``made`` of pieces, as data."""
-    load = payload(robot, tool)
-    verdicts = [*carried(tool, robot, material), *printable(made), *strong(material, strengths)]
+    """Return all that the sheet says of a tool that is ``made`` of pieces, as data.
+
+    ``mounted`` is the tool with what bolts it to the arm, which is borne too; ``checks`` are those of the whole tool.
+    """
+    mounted = mounted or tool
+    load = payload(robot, mounted)
+    verdicts = [*carried(mounted, robot, material), *printable(made, checks), *strong(material, strengths)]
     held = {row.component: row for row in strengths}
     parts = []
     for component in tool.components:
@@ -83,21 +77,20 @@ def figures(
         "mass_kg": load["mass_kg"],
         "center_m": load["center_m"],
         "frame": load["frame"],
-        "moment_nm": flange_moment(tool, robot),
-        "pieces": [printed(piece, tool, material) for piece in made],
+        "moment_nm": flange_moment(mounted, robot),
+        "pieces": [printed(piece, material, printer) for piece in made],
         "parts": sorted(parts, key=lambda part: part.get("safety") or math.inf),
         "least_safety": min((row.safety for row in strengths if row.safety is not None), default=None),
         "verdicts": [verdict._asdict() for verdict in verdicts],
         "ready": all(verdict.passed is not False for verdict in verdicts),
-        "how": HOW,
+        "how": HOW.format(flow=printer.flow_mm3_s, layer=printer.layer_mm),
     }
 
 
 def write_sheet(
+    solid: Made,
     tool: Tool,
     robot: Robot,
-    material: Material,
-    made: Sequence[Piece],
     scene: Scene,
     motion: Sampled,
     replays: Mapping[str, Replay],
@@ -108,7 +101,9 @@ def write_sheet(
     Raises:
         UserError: a file can't be written.
     """
-    said = figures(tool, robot, material, made, measured(tool, robot, material, scene, motion, replays))
+    material, made = solid.material, [part.piece for part in solid.parts]
+    strengths = measured(tool, robot, material, scene, motion, replays)
+    said = figures(tool, robot, material, solid.printer, made, strengths, solid.mounted, solid.checks)
     page = Picture("sheet", said["tool"], "", lambda: draw_page(tool, robot, said))
     views = replace(page, paint=lambda: draw_views(tool, robot, said))
     write_bytes(folder / "sheet.pdf", page.render("pdf", titled=False))

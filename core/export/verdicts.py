@@ -13,7 +13,7 @@ from core.design import Tool
 from core.designs.weight import flange_moment, mass_limit, moment_limit
 from core.export.strength import Strength
 from core.materials import Material
-from core.report.printing import Piece
+from core.report.printing import Check, Piece
 from core.robots import Robot
 
 SAFETY = 2.0  # the strength over the stress, at least
@@ -50,13 +50,11 @@ def carried(tool: Tool, robot: Robot, material: Material) -> list[Verdict]:
     ]
 
 
-def printable(made: Sequence[Piece]) -> list[Verdict]:
-    """Judge whether a printer makes the pieces of a tool."""
-    return [
-        Verdict(f"{check.name}, {piece.name}", check.passed, check.found, _MENDS.get(check.name, "change it"))
-        for piece in made
-        for check in piece.checks
-    ]
+def printable(made: Sequence[Piece], checks: Sequence[Check] = ()) -> list[Verdict]:
+    """Judge whether a printer makes the pieces of a tool; ``checks`` are those of the whole tool."""
+    found = [(check.name, check) for check in checks]
+    found += [(f"{check.name}, {piece.name}", check) for piece in made for check in piece.checks]
+    return [Verdict(name, of.passed, of.found, _MENDS.get(of.name, "change it")) for name, of in found]
 
 
 def strong(material: Material, strengths: Sequence[Strength], safety: float = SAFETY) -> list[Verdict]:

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from core.config.settings import Printer
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.errors import UsageError, check_positive
-from core.geometry import Array
+from core.geometry import Array, Compound, Mesh, Pose, Shape
+from core.materials import Material
 from core.report.tools import solids
 from core.shapes import resized
 
@@ -32,29 +33,17 @@ PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
 # least that does it. A design may have gaps of up to 1 mm (`core.designs.rules`), so that 0.5 mm is enough.
 WELDS_MM = (0.01, 0.05, 0.1, 0.25, 0.5)
 
+LAYER_S = 4.0  # for each layer, besides the plastic: a guess
+FILAMENT_MM = 1.75
+_STEEP = math.sqrt(0.5)  # a face that looks down by more than 45 degrees overhangs
+
 _SAMPLES = 3000  # points at which walls are measured
 _SKIN_MM = 1e-4  # a hit nearer than this is the face where the ray began
 _SLIVER_MM2 = 1e-3  # smaller faces have no reliable direction
+_SPOT_MM2 = 5.0  # a surface of this size decides how thin a wall is; less of it is an edge
+_WALL = 0.96  # cosine up to which two faces make a wall; beyond it they meet at an edge
 _FLAT = 0.999  # cosine up to which two faces lie in one plane
 _SIDES = 24  # on which a piece may be laid; the largest are tried first
-
-
-@dataclass(frozen=True)
-class Printer:
-    """A printer. The defaults are a Prusa MK4's: its build volume (x, y, z), and two lines of a 0.4 mm nozzle.
-
-    Raises:
-        UsageError: a length that is not positive, or not three of them.
-    """
-
-    plate_mm: tuple[float, float, float] = (250.0, 210.0, 220.0)
-    min_wall_mm: float = 0.8
-
-    def __post_init__(self) -> None:
-        if len(self.plate_mm) != 3:
-            raise UsageError(f"plate_mm must be three lengths (x, y, z), got {list(self.plate_mm)}")
-        check_positive("plate_mm.", **dict(zip("xyz", self.plate_mm, strict=True)))
-        check_positive("", min_wall_mm=self.min_wall_mm)
 
 
 @dataclass(frozen=True)
@@ -89,20 +78,33 @@ def pieces(tool: Tool, printer: Printer) -> list[Piece]:
     for bearer, placed in solids(tool, loose=True).items():
         components = [component for component, _ in placed]
         mesh, weld = fused(components, tool)
-        joined, joint = _joined(components, tool, weld, printer)
-        lying, fits = lay(mesh, printer.plate_mm)
-        wall = thinnest(mesh) - 2 * weld
-        size = " × ".join(f"{side:.0f}" for side in lying.extents)
-        plate = " × ".join(f"{side:g}" for side in printer.plate_mm)
-        checks = (
-            Check("watertight", bool(mesh.is_volume), "closed" if mesh.is_volume else "the surface is not closed"),
-            Check("one piece", joined, joint),
-            Check("walls", wall >= printer.min_wall_mm, f"thinnest {wall:.2f} mm, at least {printer.min_wall_mm:g} mm"),
-            Check("fits the plate", fits, f"{size} mm as it lies, the plate is {plate} mm"),
-        )
-        name = "tool" if bearer == RIGID_MOUNT else NAMES.get(bearer, bearer)
-        found.append(Piece(name, lying, checks))
+        found.append(checked(piece_name(bearer), mesh, printer, weld, joined(components, tool, weld, printer)))
     return found
+
+
+def piece_name(bearer: str) -> str:
+    """Name a piece by what bears it."""
+    return "tool" if bearer == RIGID_MOUNT else NAMES.get(bearer, bearer)
+
+
+def checked(name: str, mesh: trimesh.Trimesh, printer: Printer, weld: float, *checks: Check) -> Piece:
+    """Lay a solid, in millimetres, on the plate, and check it; ``weld``: by how much its sides were moved out."""
+    lying, fits = lay(mesh, printer.plate_mm)
+    wall = thinnest(mesh) - 2 * weld
+    size = " × ".join(f"{side:.0f}" for side in lying.extents)
+    plate = " × ".join(f"{side:g}" for side in printer.plate_mm)
+    closed = Check("watertight", bool(mesh.is_volume), "closed" if mesh.is_volume else "the surface is not closed")
+    walls = f"thinnest {wall:.2f} mm, at least {printer.min_wall_mm:g} mm"
+    return Piece(
+        name,
+        lying,
+        (
+            closed,
+            *checks,
+            Check("walls", wall >= printer.min_wall_mm, walls),
+            Check("fits the plate", fits, f"{size} mm as it lies, the plate is {plate} mm"),
+        ),
+    )
 
 
 def fused(components: Sequence[Component], tool: Tool) -> tuple[trimesh.Trimesh, float]:
@@ -118,37 +120,44 @@ def fused(components: Sequence[Component], tool: Tool) -> tuple[trimesh.Trimesh,
     return mesh, weld
 
 
+def grown(components: Sequence[Component], tool: Tool, by: float) -> list[tuple[Shape | Compound, Pose]]:
+    """Shapes and their poses in their mount's frame, in metres, each side moved out by millimetres."""
+    placed = tool.placed()
+    return [(_moved_out(c.shape, by), placed[c.name][1]) for c in components]
+
+
+def _moved_out(shape: Shape | Compound, by: float) -> Shape | Compound:
+    if isinstance(shape, Compound) and by <= WELDS_MM[0]:
+        return shape  # the inner walls of what is hollow would move with the outer ones
+    return resized(shape, shape.bounds[1] + 0.002 * by)
+
+
 def _grown(components: Sequence[Component], tool: Tool, by: float) -> list[trimesh.Trimesh]:
     """Solids in millimetres, in their mount's frame, each side moved out."""
-    placed = tool.placed()
-    grown = []
-    for component in components:
-        grown_by = resized(component.shape, component.shape.bounds[1] + 0.002 * by).to_trimesh().apply_scale(1000.0)
-        matrix = placed[component.name][1].matrix
-        matrix[:3, 3] *= 1000
-        grown.append(grown_by.apply_transform(matrix))
-    return grown
+    placed = grown(components, tool, by)
+    return [shape.to_trimesh().apply_transform(pose.matrix).apply_scale(1000.0) for shape, pose in placed]
 
 
-def _joined(components: Sequence[Component], tool: Tool, weld: float, printer: Printer) -> tuple[bool, str]:
+def joined(components: Sequence[Component], tool: Tool, weld: float, printer: Printer) -> Check:
     """Check that all components are connected by joints as wide as a wall, in two directions at least."""
     import networkx
     import trimesh.boolean
 
-    grown = _grown(components, tool, weld)
-    joints = networkx.empty_graph(len(grown))
-    for a, b in itertools.combinations(range(len(grown)), 2):
-        (low_a, high_a), (low_b, high_b) = grown[a].bounds, grown[b].bounds
+    solid = _grown(components, tool, weld)
+    joints = networkx.empty_graph(len(solid))
+    for a, b in itertools.combinations(range(len(solid)), 2):
+        (low_a, high_a), (low_b, high_b) = solid[a].bounds, solid[b].bounds
         if (np.maximum(low_a, low_b) > np.minimum(high_a, high_b)).any() or networkx.has_path(joints, a, b):
             continue
-        shared = trimesh.boolean.intersection([grown[a], grown[b]], engine="manifold")
+        shared = trimesh.boolean.intersection([solid[a], solid[b]], engine="manifold")
         if not shared.is_empty and sorted(shared.bounding_box_oriented.extents)[1] >= printer.min_wall_mm:
             joints.add_edge(a, b)
     closed = f", gaps closed by {weld:g} mm on each side" if weld > WELDS_MM[0] else ""
-    loose = [components[i].name for i in range(len(grown)) if not networkx.has_path(joints, 0, i)]
+    loose = [components[i].name for i in range(len(solid)) if not networkx.has_path(joints, 0, i)]
     if not loose:
-        return True, f"{len(grown)} component{'s' if len(grown) > 1 else ''}{closed}"
-    return False, f"held by a joint thinner than a wall, or by none: {', '.join(loose[:3])}{closed}"
+        return Check("one piece", True, f"{len(solid)} component{'s' if len(solid) > 1 else ''}{closed}")
+    thin = f"held by a joint thinner than a wall, or by none: {', '.join(loose[:3])}{closed}"
+    return Check("one piece", False, thin)
 
 
 def thinnest(mesh: trimesh.Trimesh) -> float:
@@ -160,19 +169,23 @@ def thinnest(mesh: trimesh.Trimesh) -> float:
     sound = np.flatnonzero(areas > _SLIVER_MM2)
     points, faces = trimesh.sample.sample_surface(mesh, _SAMPLES, seed=0)
     kept = areas[faces] > _SLIVER_MM2
+    share = float(areas.sum()) / _SAMPLES
+    stands_for = np.concatenate([np.full(int(kept.sum()), share), np.minimum(areas[sound], share)])  # mm^2
     points = np.vstack([points[kept], mesh.triangles_center[sound]])
     inward = -normals[np.concatenate([faces[kept], sound])]
     solid = manifold3d.Manifold(
         manifold3d.Mesh64(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.uint64))
     )
-    least = math.inf
-    for start, direction in zip(points, inward, strict=True):
+    found = np.full(len(points), np.inf)
+    for number, (start, direction) in enumerate(zip(points, inward, strict=True)):
         for hit in solid.ray_cast(start, start + mesh.scale * direction):
             length = float((np.asarray(hit.position) - start) @ direction)
-            if length > _SKIN_MM and np.dot(hit.normal, direction) > 1e-6:
-                least = min(least, length)
+            facing = float(np.dot(hit.normal, direction))
+            if length > _SKIN_MM and facing > 1e-6:
+                found[number] = length if facing > _WALL else np.inf
                 break
-    return least
+    order = np.argsort(found)
+    return float(found[order][np.searchsorted(np.cumsum(stands_for[order]), min(_SPOT_MM2, stands_for.sum()))])
 
 
 def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> tuple[trimesh.Trimesh, bool]:
@@ -225,6 +238,25 @@ def to_3mf(pieces: Sequence[Piece]) -> bytes:
     data = scene.export(file_type="3mf")
     assert isinstance(data, bytes)
     return data
+
+
+def estimate(piece: Piece, material: Material, printer: Printer) -> dict[str, float]:
+    """Estimate how a piece prints as it lies: mass_g, hours, filament_m, and overhang_share of its surface.
+
+    It has the material's walls and infill; without a density it is solid PLA. The hours are roughly those of the
+    plastic at `Printer.flow_mm3_s`, and `LAYER_S` for each layer, without supports.
+    """
+    mesh = piece.mesh
+    plastic = 1e9 * material.volume_of(Mesh(np.asarray(mesh.vertices) / 1000, np.asarray(mesh.faces)))  # mm^3
+    layers = math.ceil(float(mesh.extents[2]) / printer.layer_mm)
+    hangs = np.asarray(mesh.face_normals)[:, 2] < -_STEEP
+    hangs &= np.asarray(mesh.triangles)[:, :, 2].max(axis=1) > _SKIN_MM
+    return {
+        "mass_g": plastic * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3) * 1e-6,
+        "hours": (plastic / printer.flow_mm3_s + LAYER_S * layers) / 3600,
+        "filament_m": plastic / (math.pi / 4 * FILAMENT_MM**2) / 1000,
+        "overhang_share": float(mesh.area_faces[hangs].sum() / mesh.area),
+    }
 
 
 def grams(pieces: Sequence[Piece]) -> float:

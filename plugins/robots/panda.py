@@ -8,11 +8,14 @@ where pybullet_data's copy has placeholders.
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT
 from core.geometry import Pose
-from core.interfaces import Gripper, Robot
+from core.interfaces import ISO_9409_1_50, Gripper, Robot
 from plugins.robots.descriptions import description, measured
 from plugins.robots.programs import program
 
@@ -20,6 +23,11 @@ SOURCES = (
     "acceleration: Franka Control Interface documentation, 'Robot and interface specifications'",
     "motors' inertia: Franka's figures for the FR3, in the README of Drake's franka_description",
 )
+
+# Measured on the description's mesh of panda_link7: its face is at 0.1068 m, 0.2 mm before panda_link8; threads are at
+# +-45 and +-135 degrees about panda_link8, 9.5 mm deep, the pin at +90 degrees; the recess is 31.5 mm wide and 8 mm
+# deep. The mount is turned on panda_link8.
+FLANGE = replace(ISO_9409_1_50, bolt_angle=0.0, pin_angle=math.radians(-135))
 
 
 def hand() -> Gripper:
@@ -51,6 +59,7 @@ def panda() -> Robot:
         mount=Pose.xyz_rpy((0.0, 0.0, 0.0), (np.pi, 0.0, -np.pi / 4)),
         near_mount=("panda_link7", "panda_link8"),
         payload_kg=3.0,
+        flange=FLANGE,
         gripper=gripper,
         aliases=(  # the paper's names
             ("panda_virtual", RIGID_MOUNT),

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from core.config.compose import listed, part
+from core.config.settings import Printer
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.planning import resolve
 from core.designs.weight import mass_limit, moment_limit
@@ -19,7 +20,7 @@ from core.export.strength import measured
 from core.export.verdicts import SAFETY, carried, printable, strong
 from core.interfaces import Evaluate, Fitness, Material
 from core.materials import PAPER
-from core.report.printing import Printer, pieces
+from core.report.printing import pieces
 from core.robot.kinematics import arm_of
 from core.robot.self_collision import DEEP_M
 from core.robot.tempo import plan_task_motion
@@ -64,7 +65,7 @@ class Buildable(Fitness):
         check_positive("fitness.", safety=safety)
         if not 0 <= margin_m <= 0.2:
             raise UsageError(f"fitness.margin_m must be between 0 and 0.2 m, got {margin_m}")
-        self._printer = Printer(tuple(plate_mm), min_wall_mm)  # type: ignore[arg-type]  # it counts them
+        self._printer = Printer(list(plate_mm), min_wall_mm)
         self._inner: Fitness = part("fitness", node).create(evaluator=evaluator)
         self._evaluator, self._material = evaluator, material
         self._safety, self._margin = safety, margin_m

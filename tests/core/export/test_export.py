@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 import yaml
 
+from core.errors import UserError
 from core.export.__main__ import export
 from core.robot.kinematics import arm_of
 from core.scene import Scene
@@ -41,6 +42,24 @@ def test_the_motion_earns_what_was_simulated(made):
     assert figures["rewards"] == {"mujoco": found.replays["mujoco"].reward}
     assert 0 < figures["first_contact_s"] < figures["duration_s"]
     assert max(joint["torque_share"] for joint in figures["joints"]) < 1
+
+
+def test_the_tool_is_written_and_earns_the_same_with_its_plate(made):
+    folder, found = made
+    assert found.mounted["mujoco"] == pytest.approx(found.replays["mujoco"].reward, abs=0.02)
+    assert found.payload["mass_kg"] == pytest.approx(found.made.mounted.mass, abs=1e-5)
+    assert found.made.mounted.mass > found.candidate.tool.mass
+    names = {file.name for file in (folder / "tool").iterdir()}
+    assert {"part_1_of_2.stl", "part_2_of_2.stl", "tool.3mf", "print.json", "assembly.md"} <= names
+
+
+def test_another_printer_by_name(tmp_path):
+    found = as_the_run(
+        [f"designs={ANCHORED}/OneBook.json", "task=OneBook", "printer=a1_mini", "fit.joint_mm=0.2"], "export"
+    )
+    assert (found.printer.plate_mm, found.fit.joint_mm) == ([180, 180, 180], 0.2)
+    with pytest.raises(UserError, match=r"plate_mm.y must be greater than 0"):
+        exported(tmp_path, "printer.plate_mm=[100,-1,100]")
 
 
 def test_the_message_is_one_of_ros(made):

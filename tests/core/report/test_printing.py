@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from core.config.settings import Printer
 from core.conformance.joints import tongs
 from core.conformance.shapes import bowl, prism
 from core.design import Component, Tool
 from core.errors import UsageError
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
-from core.report.printing import Printer, fused, grams, lay, pieces, thinnest, to_3mf
+from core.report.printing import fused, grams, lay, pieces, thinnest, to_3mf
 from tests.core.run_folders import hook
 
 WIDE = Printer(plate_mm=(500.0, 500.0, 500.0))
