@@ -47,7 +47,7 @@ class Flange:
 
 
 # ISO 9409-1-50-4-M6: four M6 on a circle of 50 mm at 45 degrees from the pin (6 H7, on the same circle), a disc of
-# 63 mm, a recess of 31.5 H7 at least 3.5 mm deep. Threads: 6 mm, the least in makers' drawings.
+# 63 mm, a recess of 31.5 H7 at least 3.5 mm deep. Threads of 6 mm are a cautious guess.
 ISO_9409_1_50 = Flange(Cylinder(radius=0.0315, length=0.01), 0.05, 4, "M6", centring_m=0.0315)
 
 
