@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,27 +24,31 @@ from core.report.statistics import Resampling, interquartile_mean, interval
 from tests.benchmarks import measuring
 
 USAGE = (
-    "usage: python -m tests.benchmarks.search [methods=NAME,...] [tasks=NAME,...] [seeds=N] [layouts=N] "
+    "usage: python -m tests.benchmarks.search [methods=NAME,...] [tasks=NAME,...] [seeds=N] [agents=N] [layouts=N] "
     "[also=[WORD,...]] [workers=N] [folder=DIR] [page=FILE.md]"
 )
-BASE = ["vlm=offline", "sim=mujoco", "budget=quick", "action=anchored", "task.variation=wide", "fitness=layouts"]
-QUIET = ["fitness.unseen=0", "film=false", "listener=[]", "executor.workers=1"]
-METHODS = {  # each tries 320 candidates
-    "vlmgineer": [],
-    "sampling": ["evolution=sampling"],
-    "map_elites": ["evolution=map_elites", "evolution.varied=40", "budget.n_iteration=2"],
-    "islands": ["evolution=islands"],
-    "refined": ["budget.n_iteration=0", "evolution.refine=240"],
+BASE = ["vlm=offline", "sim=mujoco", "budget=quick"]
+VARIED = ["action=anchored", "task.variation=wide", "fitness=layouts", "fitness.unseen=0"]
+QUIET = ["film=false", "listener=[]", "executor.workers=1"]
+METHODS = {  # each tries 80 candidates for every agent
+    "vlmgineer": lambda agents: [],
+    "sampling": lambda agents: ["evolution=sampling"],
+    "map_elites": lambda agents: ["evolution=map_elites", f"evolution.varied={10 * agents}", "budget.n_iteration=2"],
+    "islands": lambda agents: ["evolution=islands"],
+    "refined": lambda agents: ["budget.n_iteration=0", f"evolution.refine={60 * agents}"],
 }
 
 
 @dataclass
 class Settings:
-    """``layouts``: of the fitness. ``also``: further words of each run's command line."""
+    """``tasks``: names, or scene files. ``agents`` of each generation, with 20 candidates each. ``layouts``: of the
+    fitness; 0: the nominal one. ``also``: further words of each run's command line.
+    """
 
     methods: list[str] = field(default_factory=lambda: list(METHODS))
     tasks: list[str] = field(default_factory=lambda: ["DislodgeCube", "ElevatePlate", "HighObject"])
     seeds: int = 10
+    agents: int = 4
     layouts: int = 3
     also: list[str] = field(default_factory=list)
     workers: int = 2
@@ -58,12 +61,13 @@ def main() -> None:
     for method in given.methods:
         if method not in METHODS:
             raise choices("method", method, METHODS, "methods")
-    folder, tasks = Path(given.folder), measuring.tasks(given.tasks)
+    folder, tasks = Path(given.folder), [name for name in given.tasks if name.endswith(".yaml")]
+    tasks += measuring.tasks(given.tasks) if not tasks else []
     jobs = [(of, task, seed) for seed in range(given.seeds) for task in tasks for of in given.methods]
     with ThreadPoolExecutor(given.workers) as threads:
         for _ in threads.map(lambda job: run(*job, given), jobs):
             pass
-    table = markdown({method: results(folder / method) for method in given.methods}, tasks)
+    table = markdown({method: results(folder / method) for method in given.methods})
     sys.stdout.write(table)
     if given.page is not None:
         measuring.write_page(Path(given.page), "search", table)
@@ -71,12 +75,15 @@ def main() -> None:
 
 def run(method: str, task: str, seed: int, given: Settings) -> None:
     """Run a method, or go on with its run; one that has come to its end is left alone."""
-    folder = Path(given.folder) / method / f"{task}_{seed}"
+    folder = Path(given.folder) / method / f"{Path(task).stem}_{seed}"
     if (folder / "run.sqlite").exists():
         words = [f"resume={folder}"]
     else:
-        own = [f"task={task}", f"seed={seed}", f"hydra.run.dir={folder}", f"fitness.layouts={given.layouts}"]
-        words = [*BASE, *QUIET, *METHODS[method], *own, *given.also]
+        own = ["task=file", f"task.file={Path(task).resolve()}"] if task.endswith(".yaml") else [f"task={task}"]
+        own += [f"seed={seed}", f"hydra.run.dir={folder}"]
+        own += [*VARIED, f"fitness.layouts={given.layouts}"] if given.layouts else []
+        own += [f"budget.n_agent={given.agents}", *METHODS[method](given.agents)]
+        words = [*BASE, *QUIET, *own, *given.also]
     subprocess.run([sys.executable, "-m", "core.run", *words], check=True, stdout=subprocess.DEVNULL)
 
 
@@ -86,8 +93,9 @@ def results(folder: Path) -> Results:
     return Results(tuple(finished), tuple(left_out))
 
 
-def markdown(found: dict[str, Results], tasks: Sequence[str]) -> str:
-    """Format a row for each method: interquartile mean with its interval, that after 80 candidates, the effort."""
+def markdown(found: dict[str, Results]) -> str:
+    """Format a row for each method: interquartile mean with its interval, that after the first sampling, the effort."""
+    tasks = sorted({run.task for of in found.values() for run in of.runs})
     head = "| method | runs | after the first sampling | at the end | 95 % interval |"
     rows = [
         f"{head} rollouts | reached {ENOUGH:g} | effort: rollouts | calls |",
