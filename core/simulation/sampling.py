@@ -56,11 +56,11 @@ def coarse_samples(recording: Recording) -> Indices:
 
 def refined_samples(samples: Indices, wanted: Array) -> Indices:
     """Add samples where there are ``wanted`` (S - 1,) times as many between two, if the recording has so many."""
-    between = np.diff(samples)
-    steps = np.maximum(between // 2 ** np.ceil(np.log2(wanted)), 1).astype(np.intp)
-    counts = -(-between // steps)
-    parts = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    return np.append(np.repeat(samples[:-1], counts) + np.repeat(steps, counts) * parts, samples[-1])
+    parts = [samples]
+    for k in np.flatnonzero(wanted > 1):
+        between = samples[k + 1] - samples[k]
+        parts.append(np.arange(samples[k], samples[k + 1], max(1, int(between / _power(wanted[k])))))
+    return np.unique(np.concatenate(parts))
 
 
 def subset(recording: Recording, samples: Indices) -> Recording:
