@@ -60,6 +60,9 @@ def _base(errand: Errand, sight: Sight, rng: np.random.Generator) -> Anchor:
         return Anchor(toward=errand.at or "")
     (name,) = (sight.name(thing) for thing in errand.things)
     away = errand.at is not None and errand.at != name and errand.length > _APART_M
+    if errand.at in sight.names:  # it may be below
+        apart = sight.things[sight.names.index(errand.at)].position - errand.things[0].position
+        away = away and float(np.hypot(*apart[:2])) > _APART_M
     if away and (errand.alone or rng.random() < 0.8):
         return Anchor(name, toward=errand.at or "")
     return Anchor(name, axes="anchor")

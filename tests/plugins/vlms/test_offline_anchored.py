@@ -69,6 +69,14 @@ def test_in_a_varied_layout_too_though_it_is_turned_for_the_designer(name):
         np.testing.assert_allclose(found.poses[:, :3], literal.poses[:, :3], atol=1e-4)
 
 
+def test_what_lies_above_the_place_of_its_goal_is_anchored_without_a_direction():
+    """The lid's goal is beside the pot that it lies on."""
+    given = brief("LidAndBall", n_tool=5)
+    anchors = {at for c in candidates(given, answer(given)) for at in c.plan.anchors}
+    assert ("lid", "anchor") in {(at.name, at.axes) for at in anchors}
+    assert ("lid", "pot") not in {(at.name, at.toward) for at in anchors if at.axes == "world"}
+
+
 def test_a_plan_goes_with_the_body_and_then_to_the_goal():
     given = brief("BringCube")
     (plan, *_) = (c.plan for c in candidates(given, answer(given)))
