@@ -61,7 +61,7 @@ def main() -> None:
                 run = [f"task={name}", f"vlm.folder={box.parent}", f"hydra.run.dir={folder / name}", "film=false"]
                 tool = "tool=boxes" if what in ("anchored", "literal") else "tool=none"
                 words = ["protocol=varied", "sim=mujoco", "vlm=mailbox", "evolution=sampling", tool, *SMALLEST, *run]
-                subprocess.run([sys.executable, "-m", "core.run", *words], check=True)
+                subprocess.run([sys.executable, "-m", "core.run", *words], check=False)  # one that fails scores 0
         case _:
             raise UsageError(USAGE)
 
