@@ -27,7 +27,7 @@ from core.export.programs import write_programs
 from core.export.replay import Replay, play
 from core.export.ros import PACKAGE, write_package
 from core.export.sheet import write_sheet
-from core.export.tool import Made, make_tool, other_rewards, write_tool
+from core.export.tool import PrintedTool, make_tool, other_rewards, write_tool
 from core.interfaces import RolloutSettings, Task
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
@@ -58,7 +58,7 @@ class Export:
     limits: list[dict[str, Any]]
     payload: dict[str, Any]
     contact_s: float | None
-    made: Made
+    printed: PrintedTool
     mounted: dict[str, float]  # rewards, with what fits the tool to the arm
 
     def figures(self) -> dict[str, Any]:
@@ -206,7 +206,7 @@ def main() -> None:
     most = max(made.limits, key=lambda of: of["torque_share"] or 0.0)
     say(f"{made.motion.times[-1]:.2f} s, {made.motion.slower:.3f} times as long as simulated")
     rewards = {engine: replay.reward for engine, replay in made.replays.items()}
-    for line in (*made.made.faults, *other_rewards(rewards, made.mounted), *made.made.notes):
+    for line in (*made.printed.faults, *other_rewards(rewards, made.mounted), *made.printed.notes):
         say(f"✗ {line}")
     say(f"payload {made.payload['mass_kg']:g} kg of {made.task.robot.payload_kg:g}; most torque in {most['joint']}")
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from core.config.settings import Fit, Printer
 from core.export.solid import Solid, Step, body, hull, to_mesh
@@ -124,7 +125,7 @@ def _divide(
     whole_ways = [number for number, way in enumerate(ways) if way and len(way) == len(choices[number][2])]
     chosen = whole_ways[0] if whole_ways else 0
     sound, (_, place, _, area) = ways[chosen], choices[chosen]
-    back = Pose.from_matrix(np.block([[frame.T, (place * way / 1000)[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]]))
+    back = Pose.from_rotation(place * way / 1000, Rotation.from_matrix(frame.T))
     below = hull(np.array([(x, y, z) for x in (-_FAR, _FAR) for y in (-_FAR, _FAR) for z in (-_FAR, 0.0)]) / 1000)
     in_, out = (
         [(_mesh(tail.solid(_floor(tail, printer), gap, 1.0)), back) for tail in sound] for gap in (0.0, fit.joint_mm)
@@ -193,7 +194,7 @@ def _in_region(region: Any, angle: float) -> list[_Tail]:
 
 
 def _sound(turned: Any, tail: _Tail, place: float, fit: Fit, printer: Printer) -> bool:
-    """Tell whether a tail lies within the solid, and its way in is free."""
+    """Report whether a tail lies within the solid, and nothing is in its way as it slides in."""
     import manifold3d
 
     floor, up = _floor(tail, printer), np.array([0.0, 0.0, place])

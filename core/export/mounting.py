@@ -111,7 +111,7 @@ def _free(name: str, tool: Tool) -> str:
 def _arm(robot: Robot) -> tuple[Placed, ...]:
     """The arm's last links above the flange's face, and the flange itself."""
     frames = link_frames(robot, False, np.array([robot.home]), np.zeros((1, 0)))
-    poses = {name: Pose.from_matrix(_matrix(turn[0], at[0])) for name, (turn, at) in frames.items()}
+    poses = {name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in frames.items()}
     mount = poses[RIGID_MOUNT].inverse()
     found = [_upright((0, 0), 0, 0.01, robot.flange.disc.radius + 0.0005)]
     for solid in robot_solids(robot, False):
@@ -119,12 +119,6 @@ def _arm(robot: Robot) -> tuple[Placed, ...]:
             points = (mount @ poses[solid.name] @ solid.pose).apply(corners(solid.geometry))
             found.append((hull(np.maximum(points, (-np.inf, -np.inf, 0.0))), Pose()))
     return tuple(found)
-
-
-def _matrix(turn: Array, at: Array) -> Array:
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = turn, at
-    return matrix
 
 
 def _screws(

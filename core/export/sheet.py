@@ -29,7 +29,7 @@ from core.scene import Scene
 if TYPE_CHECKING:
     from core.export.motion import Sampled
     from core.export.replay import Replay
-    from core.export.tool import Made
+    from core.export.tool import PrintedTool
 
 HOW = (
     f"Print time: plastic at {{flow:g}} mm³/s and {LAYER_S:g} s for each layer of {{layer:g}} mm, no supports. "
@@ -88,7 +88,7 @@ def figures(
 
 
 def write_sheet(
-    solid: Made,
+    solid: PrintedTool,
     tool: Tool,
     robot: Robot,
     scene: Scene,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from core.geometry import Array, Box, Compound, Cylinder, Mesh, Pose, Shape
+from core.report.printing import manifold
 
 if TYPE_CHECKING:
     import trimesh
@@ -57,15 +58,7 @@ def body(solid: Solid) -> Any:
 
 
 def _manifold(shape: Shape | Compound, pose: Pose) -> Any:
-    return from_mesh(shape.to_trimesh().apply_transform(pose.matrix).apply_scale(1000.0))
-
-
-def from_mesh(mesh: trimesh.Trimesh) -> Any:
-    """Return a closed mesh as a Manifold."""
-    import manifold3d
-
-    corners, faces = np.array(mesh.vertices, np.float64, order="C"), np.array(mesh.faces, np.uint64, order="C")
-    return manifold3d.Manifold(manifold3d.Mesh64(corners, faces))
+    return manifold(shape.to_trimesh().apply_transform(pose.matrix).apply_scale(1000.0))
 
 
 def to_mesh(whole: Any) -> trimesh.Trimesh:

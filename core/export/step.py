@@ -22,7 +22,7 @@ NO_STEP = "no STEP was written; for it: pip install 'vlmgineer[step]'"
 
 
 def can_write_step() -> bool:
-    """Tell whether Open CASCADE is installed."""
+    """Report whether Open CASCADE is installed."""
     return importlib.util.find_spec("OCP") is not None
 
 

@@ -41,7 +41,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class PrintedTool:
     """A tool as parts; ``mounted``: the tool with its plate or sleeves as components, as it can be simulated."""
 
     parts: tuple[Part, ...]
@@ -108,7 +108,7 @@ def _as_data(checks: Sequence[Check]) -> dict[str, Any]:
     return {check.name: {"passed": check.passed, "found": check.found} for check in checks}
 
 
-def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fit: Fit) -> Made:
+def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fit: Fit) -> PrintedTool:
     """Turn a tool into parts that a printer makes; the bare hand has none.
 
     Raises:
@@ -142,7 +142,7 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
     mounted = replace(tool, components=(*tool.components, *added))
     if parts:
         checks.append(_weight(mounted, parts, material, printer))
-    return Made(tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material, printer)
+    return PrintedTool(tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material, printer)
 
 
 def _weight(mounted: Tool, parts: Sequence[Part], material: Material, printer: Printer) -> Check:
@@ -231,7 +231,7 @@ def other_rewards(simulated: Mapping[str, float], mounted: Mapping[str, float]) 
     ]
 
 
-def write_tool(made: Made, folder: Path) -> None:
+def write_tool(made: PrintedTool, folder: Path) -> None:
     """Write STL, 3MF, ``print.json``, ``assembly.md``, and STEP if it can be.
 
     Raises:
@@ -253,7 +253,7 @@ def write_tool(made: Made, folder: Path) -> None:
     write_bytes(folder / "assembly.md", assembly(made, figures).encode())
 
 
-def assembly(made: Made, figures: dict[str, Any]) -> str:
+def assembly(made: PrintedTool, figures: dict[str, Any]) -> str:
     """List the parts, what joins them, what is bought, and what speaks against it."""
     rows = [
         f"| `{part['file']}` | {part['of']} | {' x '.join(f'{side:.0f}' for side in part['size_mm'])} mm | "

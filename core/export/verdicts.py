@@ -28,7 +28,7 @@ _MENDS = {
 
 
 class Verdict(NamedTuple):
-    """One thing that was checked: what was found, and where it fails what to change; ``passed`` None: can't be told."""
+    """One thing that was checked: what was found, and where it fails what to change; ``passed`` None: not known."""
 
     name: str
     passed: bool | None

@@ -9,7 +9,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -160,9 +160,16 @@ def joined(components: Sequence[Component], tool: Tool, weld: float, printer: Pr
     return Check("one piece", False, thin)
 
 
+def manifold(mesh: trimesh.Trimesh) -> Any:
+    """Return a closed mesh as a Manifold."""
+    import manifold3d
+
+    corners, faces = np.array(mesh.vertices, np.float64, order="C"), np.array(mesh.faces, np.uint64, order="C")
+    return manifold3d.Manifold(manifold3d.Mesh64(corners, faces))
+
+
 def thinnest(mesh: trimesh.Trimesh) -> float:
     """The least thickness of a wall: from points of the surface straight in, to where the ray leaves the body."""
-    import manifold3d
     import trimesh.sample
 
     areas, normals = np.asarray(mesh.area_faces), np.asarray(mesh.face_normals)
@@ -173,9 +180,7 @@ def thinnest(mesh: trimesh.Trimesh) -> float:
     stands_for = np.concatenate([np.full(int(kept.sum()), share), np.minimum(areas[sound], share)])  # mm^2
     points = np.vstack([points[kept], mesh.triangles_center[sound]])
     inward = -normals[np.concatenate([faces[kept], sound])]
-    solid = manifold3d.Manifold(
-        manifold3d.Mesh64(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.uint64))
-    )
+    solid = manifold(mesh)
     found = np.full(len(points), np.inf)
     for number, (start, direction) in enumerate(zip(points, inward, strict=True)):
         for hit in solid.ray_cast(start, start + mesh.scale * direction):

@@ -9,10 +9,11 @@ import pytest
 from core.config.settings import Fit, Printer
 from core.design import Component, Tool
 from core.errors import UserError
-from core.export.solid import body, from_mesh, hull
+from core.export.solid import body, hull
 from core.export.tool import make_tool
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import Material
+from core.report.printing import manifold
 from core.robot.solids import corners, robot_solids
 from tests.panda import PANDA
 
@@ -115,7 +116,7 @@ def test_a_sleeve_slides_over_the_finger_and_does_not_meet_it(mount):
     assert found.faults == [fault for fault in found.faults if "weight" in fault]
     sleeve = body(found.parts[0].solid)
     finger = [
-        from_mesh(hull(1000 * s.pose.apply(corners(s.geometry))).to_trimesh())
+        manifold(hull(1000 * s.pose.apply(corners(s.geometry))).to_trimesh())
         for s in robot_solids(PANDA, True)
         if s.name == mount
     ]

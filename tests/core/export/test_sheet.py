@@ -35,7 +35,7 @@ def failing(of):
     return {verdict["name"]: verdict for verdict in of["verdicts"] if verdict["passed"] is False}
 
 
-def test_a_tool_that_is_too_thin_is_told_how_thick_it_must_be():
+def test_the_sheet_says_how_thick_a_thin_tool_must_be():
     thin = said(0.008)
     assert not thin["ready"]
     verdict = failing(thin)["strength, post"]

@@ -12,11 +12,12 @@ from core.config.settings import Fit, Printer
 from core.conformance.joints import tongs
 from core.conformance.shapes import bowl, prism
 from core.design import Component, Tool
-from core.export.solid import body, from_mesh, union
+from core.export.solid import body, union
 from core.export.step import NO_STEP
 from core.export.tool import make_tool, other_rewards, write_tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Material
+from core.report.printing import manifold
 from tests.panda import PANDA
 
 PLA = Material("pla", 1240.0, infill=0.2, wall_mm=1.2)
@@ -54,7 +55,7 @@ def test_parts_put_together_from_their_files_are_the_tool(written):
         assert mesh.is_volume
         assert (mesh.extents <= np.array([250, 210, 220]) + 1e-3).all()
         assert part["volume_cm3"] == pytest.approx(mesh.volume / 1000, rel=1e-3)
-        together.append(from_mesh(mesh.apply_transform(part["to_mount"])))
+        together.append(manifold(mesh.apply_transform(part["to_mount"])))
     whole = together[0] + together[1]
     simulated = union([(c.shape, made.mounted.placed()[c.name][1]) for c in made.mounted.components])
     beyond = (whole - simulated).trim_by_plane((0, 0, -1), -0.1)
