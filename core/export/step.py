@@ -18,7 +18,7 @@ from core.errors import UserError
 from core.export.solid import Placed, Solid
 from core.geometry import Array, Box, Capsule, Compound, Cylinder, Mesh, Shape, Sphere
 
-NO_STEP = "no STEP was written; for it: pip install 'vlmgineer[step]'"
+NO_STEP = "no STEP was written; for it: pip install 'cadquery-ocp-novtk>=8,<9'"
 
 
 def can_write_step() -> bool:
