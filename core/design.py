@@ -127,6 +127,9 @@ class Tool:
     description: str = ""
     friction: float = TOOL_FRICTION
 
+    def __hash__(self) -> int:  # many things are kept by tool, and poses take long
+        return hash((self.name, self.gripper, tuple((c.name, c.mass) for c in self.components)))
+
     def __post_init__(self) -> None:
         known = set(self.mounts)
         for component in self.components:

@@ -96,13 +96,16 @@ def joint_frames(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
     values = joints.T[:, :, None]
     shares = np.concatenate([np.ones_like(values), np.sin(values), 1 - np.cos(values)], axis=2)
     turns = (shares @ robot.turning.swapaxes(0, 1).reshape(-1, 3, 9)).reshape(*shares.shape, 3)
-    shifts = robot.moving[0][:, None] + values * robot.moving[1][:, None]
-    rotations, positions = np.empty((len(turns) + 1, *turns.shape[1:])), np.zeros((len(turns) + 1, *shifts.shape[1:]))
+    rotations, positions = np.empty((len(turns) + 1, *turns.shape[1:])), np.zeros((len(turns) + 1, *turns.shape[1:3]))
     rotations[0] = np.eye(3)
-    for joint, (turn, shift) in enumerate(zip(turns, shifts, strict=True), start=1):
-        before = rotations[parent := robot.parents[joint]]
-        rotations[joint] = before @ turn
-        positions[joint] = positions[parent] + (before @ shift[:, :, None])[:, :, 0]
+    for joint, turn in enumerate(turns, start=1):
+        np.matmul(rotations[robot.parents[joint]], turn, out=rotations[joint])
+    before = rotations[list(robot.parents[1:])]
+    shifts = rotate(before, robot.moving[0])
+    if (sliding := robot.moving[1].any(axis=1)).any():
+        shifts[sliding] += values[sliding] * rotate(before[sliding], robot.moving[1][sliding])
+    for joint, shift in enumerate(shifts, start=1):
+        np.add(positions[robot.parents[joint]], shift, out=positions[joint])
     return rotations, positions
 
 

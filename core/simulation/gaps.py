@@ -19,6 +19,7 @@ Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
 
 ROUNDING_M = 1e-9  # in comparisons of lengths
+_AT_ONCE = 60_000  # pairs times intervals
 _EYE = np.eye(3)
 _SMOOTH = Box | Capsule | Cylinder | Sphere  # whose extents are formulas
 
@@ -45,7 +46,7 @@ def neighbours(
         for j, i in np.argwhere(met).tolist()
         if i < order.get(id(bodies[j]), len(moving))
         and moving[i].owner != bodies[j].owner  # each pair once
-        and frozenset((moving[i].owner, bodies[j].owner)) not in joined
+        and not (joined and frozenset((moving[i].owner, bodies[j].owner)) in joined)
     ]
 
 
@@ -59,6 +60,9 @@ def may_meet(
     straight on, but for what the two turn, and the gap to them is a concave function of time: it is smallest at one
     of the ends. So solids that slide along each other don't come nearer.
     """
+    if len(pairs) > (some := max(1, _AT_ONCE // within.shape[1])):  # small arrays stay in the processor's cache
+        parts = [slice(begin, begin + some) for begin in range(0, len(pairs), some)]
+        return np.concatenate([may_meet(pairs[part], least[part], within[part]) for part in parts])
     tracks = list({id(track): track for pair in pairs for track in pair}.values())
     number = {id(track): i for i, track in enumerate(tracks)}
     counts = np.array([len(track.positions) for track in tracks])
@@ -122,26 +126,34 @@ def may_meet_closely(
         axes, others_axes = (_EYE[:, : 0 if isinstance(track.shape, Box | Sphere) else 3] for track in (other, one))
         if not (axes.size or others_axes.size):
             return near
-    at = np.union1d(near, near + 1)
+    at, begin = with_next(near)
     (rotations, positions), (others_rotations, others_positions) = _frames(one, at), _frames(other, at)
     apart, turned = positions - others_positions, others_rotations.swapaxes(1, 2) @ rotations
-    begin = np.searchsorted(at, near)
-    end = begin + 1  # sorted, and each sample's next is there
+    end = begin + 1
     turn, others_turn = one.turned[near], other.turned[near] if len(other.turned) > 1 else other.turned
     moved = lengths(apart[end] - apart[begin])
     far = lengths(apart[begin]) + moved
     least_gap = np.full(len(near), -np.inf)
     if others_axes.size:
-        along_other = _along(other, one, others_axes, turned, (apart[:, None] @ others_rotations)[:, 0])
+        along_other = _along(other, one, others_axes, turned, _turned(apart, others_rotations))
         gaps = np.minimum(along_other[begin], along_other[end]).max(axis=1)
         least_gap = gaps - _curved(far, moved, turn, others_turn, one.reach)
     if axes.size:
-        along_one = _along(one, other, axes, turned.swapaxes(1, 2), -(apart[:, None] @ rotations)[:, 0])
+        along_one = _along(one, other, axes, turned.swapaxes(1, 2), -_turned(apart, rotations))
         gaps = np.minimum(along_one[begin], along_one[end]).max(axis=1)
         least_gap = np.maximum(least_gap, gaps - _curved(far, moved, others_turn, turn, other.reach))
     aside = one.aside[near] + (other.aside[near] if len(other.aside) > 1 else other.aside)
     kept: Indices = near[least_gap - aside <= ROUNDING_M - least]
     return kept
+
+
+def with_next(near: Indices) -> tuple[Indices, Indices]:
+    """Return the rising samples ``near`` and their next ones, rising, and where in there each of ``near`` is."""
+    begin = np.arange(len(near))
+    begin[1:] += np.cumsum(np.diff(near) > 1)  # the sample before is not near: two more, else one
+    at = np.empty(begin[-1] + 2 if len(near) else 0, dtype=np.intp)
+    at[begin], at[begin + 1] = near, near + 1
+    return at, begin
 
 
 def _along(track: Track, other: Track, axes: Array, turned: Array, ahead: Array) -> Array:
@@ -165,12 +177,18 @@ def _along_axes(
     None extends farther from its middle than its radius (N,): that of a ball, infinite for others.
     """
     widths = np.abs(others_rotations.swapaxes(1, 2) @ rotations)
-    ahead, extents = (apart[:, None] @ others_rotations)[:, 0], (widths @ halves[:, :, None])[:, :, 0]
+    ahead, extents = _turned(apart, others_rotations), np.einsum("nij,nj->ni", widths, halves)
     extents = np.minimum(extents, radii[:, None]) + others_halves
     seen = np.concatenate([ahead - extents, -ahead - extents], axis=1)
-    ahead, extents = (apart[:, None] @ rotations)[:, 0], (others_halves[:, None] @ widths)[:, 0]
+    ahead, extents = _turned(apart, rotations), _turned(others_halves, widths)
     extents = np.minimum(extents, others_radii[:, None]) + halves
     return seen, np.concatenate([ahead - extents, -ahead - extents], axis=1)
+
+
+def _turned(vectors: Array, rotations: Array) -> Array:
+    """Give vectors (N, 3) in frames with rotations (N, 3, 3): half of the time of a product for each."""
+    turned: Array = np.einsum("ni,nij->nj", vectors, rotations)
+    return turned
 
 
 def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Array | float) -> Array:
@@ -192,10 +210,10 @@ def gap_bounds(one: Track, other: Track, samples: npt.NDArray[np.intp]) -> Array
         return None
     (rotation, position), (others_rotation, others_position) = _frames(one, samples), _frames(other, samples)
     back = others_rotation.swapaxes(1, 2)
-    turned, ahead = back @ rotation, (back @ (position - others_position)[:, :, None])[:, :, 0]
+    turned, ahead = back @ rotation, _turned(position - others_position, others_rotation)
     return np.maximum(
         _seen(other.shape, one.shape, turned, ahead),
-        _seen(one.shape, other.shape, turned.swapaxes(1, 2), -(ahead[:, None] @ turned)[:, 0]),
+        _seen(one.shape, other.shape, turned.swapaxes(1, 2), -_turned(ahead, turned)),
     )
 
 

@@ -22,9 +22,9 @@ from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.scene import Scene
 from core.simulation.entry import Side, cut, skin, thickness
-from core.simulation.gaps import gap_bounds, may_meet, may_meet_closely, neighbours
+from core.simulation.gaps import gap_bounds, may_meet, may_meet_closely, neighbours, with_next
 from core.simulation.sampling import Indices, coarse_samples, detours, is_finite, refined_samples, subset
-from core.simulation.tracks import Track, angles, body_tracks, lengths, robot_tracks
+from core.simulation.tracks import ROBOT, Track, angles, body_tracks, lengths, robot_tracks
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
 THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much
@@ -140,7 +140,9 @@ class _Meeting(NamedTuple):
 def _meetings(pairs: Sequence[tuple[Track, Track]], within: npt.NDArray[np.bool_]) -> list[_Meeting]:
     if not within.any():
         return []
-    least = np.array([min(*_limits(one, other), skin(one, other)) for one, other in pairs])
+    kinds = [(one.half_width, other.half_width, one.owner == ROBOT) for one, other in pairs]
+    depths = {kind: min(*_limits(*pair), skin(*pair)) for kind, pair in dict(zip(kinds, pairs, strict=True)).items()}
+    least = np.array([depths[kind] for kind in kinds])
     kept = may_meet(pairs, least, within)
     return [_Meeting(*pairs[i], np.flatnonzero(kept[i])) for i in np.flatnonzero(kept.any(axis=1)).tolist()]
 
@@ -170,7 +172,7 @@ def _ways(one: Track, other: Track, near: Indices) -> Array:
         return one.travel[near + 1] - one.travel[near]
     apart = one.positions - other.positions
     back, after = other.rotations[near].swapaxes(1, 2), other.rotations[near + 1].swapaxes(1, 2)
-    shift = (after @ apart[near + 1][..., None] - back @ apart[near][..., None])[..., 0]
+    shift = np.einsum("nij,nj->ni", after, apart[near + 1]) - np.einsum("nij,nj->ni", back, apart[near])
     turn = angles(back @ one.rotations[near], after @ one.rotations[near + 1])
     return lengths(shift) + one.reach * turn
 
@@ -265,11 +267,10 @@ def _deep(distance: Any, one: Track, other: Track, near: Indices, least: float) 
     From one sample to the next, a gap can't shrink and grow again by more than the way between.
     """
     least -= _COAL_M
-    at = np.union1d(near, near + 1)
+    at, begin = with_next(near)
     gaps = gap_bounds(one, other, at)
     if gaps is not None:
-        ways = _ways(one, other, near)
-        near = near[(gaps[np.searchsorted(at, near)] + gaps[np.searchsorted(at, near + 1)] - ways) / 2 <= -least]
+        near = near[(gaps[begin] + gaps[begin + 1] - _ways(one, other, near)) / 2 <= -least]
     while len(near) > _FEW:  # what slides or rests is apart along the way out at one sample, at many others too
         _, out, rotation, others_rotation = _query(distance, one, other, int(near[0]), 0.0)
         rest = may_meet_closely(one, other, near, least, (out @ rotation, out @ others_rotation))

@@ -56,11 +56,12 @@ def coarse_samples(recording: Recording) -> Indices:
 
 def refined_samples(samples: Indices, wanted: Array) -> Indices:
     """Add samples where there are ``wanted`` (S - 1,) times as many between two, if the recording has so many."""
-    parts = [samples]
-    for k in np.flatnonzero(wanted > 1):
-        between = samples[k + 1] - samples[k]
-        parts.append(np.arange(samples[k], samples[k + 1], max(1, int(between / _power(wanted[k])))))
-    return np.unique(np.concatenate(parts))
+    taken = np.zeros(samples[-1] + 1, dtype=bool)
+    taken[samples] = True
+    for k in np.flatnonzero(wanted > 1).tolist():
+        begin, end = samples[k : k + 2].tolist()
+        taken[begin : end : max(1, int((end - begin) / _power(wanted[k])))] = True
+    return np.flatnonzero(taken)
 
 
 def subset(recording: Recording, samples: Indices) -> Recording:
@@ -93,13 +94,13 @@ def detours(recording: Recording, samples: Indices) -> tuple[Detour, list[Detour
 
 def _aside(values: Array, samples: Indices) -> Array:
     """The largest distance of each of ``values`` (T, N) from the line between two samples (S,): (S, N), the last 0."""
-    at = np.arange(len(values))
-    before = np.repeat(np.arange(len(samples) - 1), np.diff(samples))
-    share = ((at[:-1] - samples[before]) / np.diff(samples)[before])[:, None]
-    known = values[samples]
-    away = np.diff(known, axis=0)[before]
-    away *= share  # in place: recordings with many bodies are large
-    away += known[before]
-    away -= values[:-1]
-    aside = np.maximum.reduceat(np.abs(away, out=away), samples[:-1], axis=0)
-    return np.append(aside, np.zeros((1, values.shape[1])), axis=0)
+    aside, every = np.zeros((len(samples), values.shape[1])), int(samples[1])
+    whole = int(samples[-1]) // every  # only the last interval may be shorter
+    for begin, end, count in ((0, whole, every), (whole, len(samples) - 1, int(samples[-1]) - whole * every)):
+        if begin < end and count > 1:
+            known = values[samples[begin : end + 1]][:, None]
+            away = np.diff(known, axis=0) * (np.arange(count) / count)[:, None]
+            away += known[:-1]
+            away -= values[samples[begin] : samples[end]].reshape(end - begin, count, -1)
+            np.abs(away, out=away).max(axis=1, out=aside[begin:end])
+    return aside

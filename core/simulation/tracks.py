@@ -36,7 +36,7 @@ class Detour(NamedTuple):
     turned: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)  # not frozen: that takes three times as long to make
 class Track:
     """A convex solid, and the rotations (T, 3, 3) and positions (T, 3) of its frame at T samples.
 
@@ -164,8 +164,9 @@ def body_tracks(
     chosen = [i for i, number in enumerate(numbers) if only is None or number in only]
     if chosen:
         states = recording.states
-        matrices = Rotation.from_quat(states.quaternions.reshape(-1, 4), scalar_first=True).as_matrix()
-        rotations: Array = matrices.reshape(len(recording.times), -1, 3, 3).swapaxes(0, 1)
+        quaternions = states.quaternions.swapaxes(0, 1).reshape(-1, 4)
+        matrices = Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
+        rotations: Array = matrices.reshape(-1, len(recording.times), 3, 3)
         detour = None if detours is None else Detour(*(np.array(values) for values in zip(*detours, strict=True)))
         moved = free.tracks(rotations, states.positions.swapaxes(0, 1), detour, 0.0, chosen)
         tracks |= {numbers[i]: track for i, track in zip(chosen, moved, strict=True)}
@@ -348,17 +349,22 @@ def _reaches(robot: Robot, tool: Tool) -> dict[str, float]:
     return reaches
 
 
-_last: tuple[Scene, tuple[dict[int, Track], _Solids, list[int]]] | None = None
+_Kept = tuple[dict[int, Track], _Solids, list[int]]
+_last: tuple[Scene, list[object], _Kept] | None = None
 
 
-def _body_solids(scene: Scene) -> tuple[dict[int, Track], _Solids, list[int]]:
+def _body_solids(scene: Scene) -> _Kept:
     """The tracks of fixed bodies' solids by number, the solids of free ones, and their numbers.
 
-    They are kept for the last scene, which has many rollouts.
+    They are kept for the last scene, which has many rollouts, and for equal ones made anew.
     """
     global _last
     if _last is not None and _last[0] is scene:
-        return _last[1]
+        return _last[2]
+    content: list[object] = [(b.name, b.pose if b.fixed else None, b.collisions) for b in scene.bodies]
+    if _last is not None and _last[1] == content:
+        _last = scene, *_last[1:]
+        return _last[2]
     names, numbers = [body.name for body in scene.free], list[int]()
     fixed, free, places = dict[int, _Solid](), list[_Solid](), list[Pose]()
     parts = [(body, part) for body in scene.bodies for part in body.collisions]
@@ -374,5 +380,5 @@ def _body_solids(scene: Scene) -> tuple[dict[int, Track], _Solids, list[int]]:
     rotations = np.array([pose.rotation.as_matrix() for pose in places]).reshape(-1, 1, 3, 3)
     positions = np.array([pose.position for pose in places]).reshape(-1, 1, 3)
     tracks = _Solids.of(list(fixed.values())).tracks(rotations, positions, None, 0.0)
-    _last = scene, (dict(zip(fixed, tracks, strict=True)), _Solids.of(free), numbers)
-    return _last[1]
+    _last = scene, content, (dict(zip(fixed, tracks, strict=True)), _Solids.of(free), numbers)
+    return _last[2]
