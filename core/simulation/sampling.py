@@ -80,7 +80,7 @@ def _means(times: Array, values: Array, samples: Indices) -> Array:
 
 
 def detours(recording: Recording, samples: Indices) -> tuple[Detour, list[Detour]]:
-    """How far the robot and each free body get from the straight way between two of ``samples``, at most."""
+    """How far the robot and each free body get from the straight way between two of the `coarse_samples`, at most."""
     states, count = recording.states, len(recording.times)
     moved, turned = states.positions.reshape(count, -1), states.quaternions.reshape(count, -1)
     arrays = (recording.arm, recording.fingers, moved, turned)
@@ -93,7 +93,10 @@ def detours(recording: Recording, samples: Indices) -> tuple[Detour, list[Detour
 
 
 def _aside(values: Array, samples: Indices) -> Array:
-    """The largest distance of each of ``values`` (T, N) from the line between two samples (S,): (S, N), the last 0."""
+    """The largest distance of each of ``values`` (T, N) from the line between two samples (S,): (S, N), the last 0.
+
+    Samples are evenly apart, but for the last.
+    """
     aside, every = np.zeros((len(samples), values.shape[1])), int(samples[1])
     whole = int(samples[-1]) // every  # only the last interval may be shorter
     for begin, end, count in ((0, whole, every), (whole, len(samples) - 1, int(samples[-1]) - whole * every)):
