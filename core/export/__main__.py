@@ -6,7 +6,7 @@ Nothing here commands a robot. Covered by `tests/core/export/test_export.py`.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 from core.cli import command, folders_and_overrides, print_table, say, write_bytes
 from core.config.compose import check_seed, node, task_part, tool_part
 from core.config.settings import Fit, Printer
-from core.design import Candidate
+from core.design import Candidate, Tool
 from core.designs.planning import resolve
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
@@ -24,10 +24,12 @@ from core.export.clearance import NEAR_M, Clearance, clearance, margins, torques
 from core.export.motion import Sampled, approach, cut, sample, to_csv, to_json
 from core.export.payload import payload
 from core.export.programs import write_programs
+from core.export.readback import check_files
 from core.export.replay import Replay, play
 from core.export.ros import PACKAGE, write_package
 from core.export.sheet import write_sheet
-from core.export.tool import PrintedTool, make_tool, other_rewards, write_tool
+from core.export.tool import PrintedTool, make_tool, write_lists, write_tool
+from core.export.verdicts import Verdict
 from core.interfaces import RolloutSettings, Task
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
@@ -59,7 +61,8 @@ class Export:
     payload: dict[str, Any]
     contact_s: float | None
     printed: PrintedTool
-    mounted: dict[str, float]  # rewards, with what fits the tool to the arm
+    read: dict[str, float]  # rewards, with the files of the tool read back
+    verdicts: tuple[Verdict, ...]
 
     def figures(self) -> dict[str, Any]:
         """Return all figures as data."""
@@ -71,7 +74,7 @@ class Export:
             "slower_than_simulated": self.motion.slower,
             "first_contact_s": self.contact_s,
             "rewards": {engine: replay.reward for engine, replay in self.replays.items()},
-            "rewards_with_mount": self.mounted,
+            "rewards_read_back": self.read,
             "problems": {engine: list(replay.problems) for engine, replay in self.replays.items()},
             "joints": self.limits,
             "nearest": [dict(zip(("what", "to", "metres", "seconds"), row, strict=True)) for row in nearest],
@@ -105,11 +108,19 @@ def export(cfg: DictConfig) -> Export:
         "trajectory_slow": sample(planned.trajectory, arm, cfg.rate_hz, min(SLOW, cfg.speed)),
     }
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
-    replays = {name: play(task, part.create(), tool, motion, scene, cfg.seed, settings) for name, part in sims.items()}
-    again = sims if solid.parts else {}
-    mounted = {
-        name: play(task, part.create(), built, motion, scene, cfg.seed, settings).reward for name, part in again.items()
-    }
+
+    def replay(engine: str, of: Tool) -> Replay:
+        return play(task, sims[engine].create(), of, motion, scene, cfg.seed, settings)
+
+    replays = {name: replay(name, tool) for name in sims}
+    verdicts, read = list[Verdict](), dict[str, float]()
+    if solid.parts:
+        write_tool(solid, output / "tool")
+        simulated = {name: found.reward for name, found in replays.items()}
+        check, read = check_files(solid, output / "tool", simulated, lambda engine, of: replay(engine, of).reward)
+        solid = replace(solid, checks=(check, *solid.checks))
+        write_lists(solid, output / "tool")
+        verdicts = write_sheet(solid, tool, robot, scene, motion, replays, output)
     shown = next(iter(replays.values()))
     contacts = [at for replay in replays.values() if (at := replay.first_contact()) is not None]
     contact_s = min(contacts, default=None)
@@ -119,16 +130,13 @@ def export(cfg: DictConfig) -> Export:
             moves["trajectory_before_contact"] = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
     near, effort = clearance(scene, robot, tool, shown.recording), torques(robot, built, motion)
     limits, load = margins(robot, built, motion, effort), payload(robot, built)
-    made = Export(task, candidate, motion, replays, near, limits, load, contact_s, solid, mounted)
+    made = Export(task, candidate, motion, replays, near, limits, load, contact_s, solid, read, tuple(verdicts))
     for name, move in moves.items():
         write_bytes(output / "motion" / f"{name}.csv", to_csv(move, robot.arm_joints).encode())
         text = json.dumps(to_json(move, robot.arm_joints))
         write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
     write_package(robot, built, motion, scene, output / "ros2" / PACKAGE)
-    write_tool(solid, output / "tool")
     write_programs(robot, made.payload, moves, output / "programs")
-    if solid.parts:
-        write_sheet(solid, tool, robot, scene, motion, replays, output)
     save_design(candidate, representation, robot, planned, output / "design")
     write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
     plot(made, effort).savefig(output / "motion.png", dpi=120)
@@ -205,10 +213,9 @@ def main() -> None:
     print_table(("engine", "reward", "problems"), rows, ("reward",))
     most = max(made.limits, key=lambda of: of["torque_share"] or 0.0)
     say(f"{made.motion.times[-1]:.2f} s, {made.motion.slower:.3f} times as long as simulated")
-    rewards = {engine: replay.reward for engine, replay in made.replays.items()}
-    for line in (*made.printed.faults, *other_rewards(rewards, made.mounted), *made.printed.notes):
-        say(f"✗ {line}")
     say(f"payload {made.payload['mass_kg']:g} kg of {made.task.robot.payload_kg:g}; most torque in {most['joint']}")
+    say(*made.printed.notes)
+    say(*(f"✗ {verdict}" for verdict in made.verdicts if verdict.passed is False))
 
 
 if __name__ == "__main__":

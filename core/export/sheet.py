@@ -18,7 +18,7 @@ from core.designs.weight import flange_moment
 from core.export.payload import payload
 from core.export.sheet_drawing import HEADS, draw_page, draw_views, lines, table
 from core.export.strength import Strength, measured
-from core.export.verdicts import carried, printable, strong
+from core.export.verdicts import Verdict, carried, printable, strong
 from core.materials import Material
 from core.report.page import data_address, render
 from core.report.plots import Picture
@@ -95,8 +95,8 @@ def write_sheet(
     motion: Sampled,
     replays: Mapping[str, Replay],
     folder: Path,
-) -> dict[str, Any]:
-    """Write ``sheet.pdf``, ``sheet.html`` and ``sheet.json`` to a folder; return what they say.
+) -> list[Verdict]:
+    """Write ``sheet.pdf``, ``sheet.html`` and ``sheet.json`` to a folder; return what was checked.
 
     Raises:
         UserError: a file can't be written.
@@ -112,4 +112,4 @@ def write_sheet(
     html = render("sheet.html.j2", folder, title=f"{said['tool']}: sheet", said=said, drawing=drawing, **text)
     write_bytes(folder / "sheet.html", html.encode())
     write_bytes(folder / "sheet.json", (json.dumps(said, indent=2) + "\n").encode())
-    return said
+    return [Verdict(**of) for of in said["verdicts"]]

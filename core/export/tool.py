@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from core.export.cutting import Joint, cut
 from core.export.mounting import Mount, at_flange, on_finger, weighed
 from core.export.solid import Solid, Step, body, to_mesh, union
 from core.export.step import NO_STEP, can_write_step, write_step
+from core.export.verdicts import printable
 from core.geometry import Compound
 from core.interfaces import Material
 from core.report.printing import LAYER_S, WELDS_MM, Check, Piece, checked, estimate, grown, joined, piece_name, to_3mf
@@ -33,11 +34,12 @@ _NOTHING_MM3 = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A printed part: its solid in the frame of its mount, and how it lies on the plate."""
+    """A printed part: its solid in the frame of its mount, how it lies on the plate, and by how much it was grown."""
 
     of: str
     solid: Solid
     piece: Piece
+    weld_mm: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +61,9 @@ class PrintedTool:
 
     @property
     def faults(self) -> list[str]:
-        """What speaks against it, a line each."""
-        own = [(f"part {n}", part.piece.checks) for n, part in enumerate(self.parts, 1)]
-        return [
-            f"{of}: {check.name}: {check.found}"
-            for of, checks in [("tool", self.checks), *own]
-            for check in checks
-            if not check.passed
-        ]
+        """What speaks against it, and what to change, a line each."""
+        found = printable([part.piece for part in self.parts], self.checks)
+        return [str(verdict) for verdict in found if verdict.passed is False]
 
     def figures(self) -> dict[str, Any]:
         """Return all figures as data."""
@@ -80,6 +77,7 @@ class PrintedTool:
             "parts": [{"file": self.file(n)} | part for n, part in enumerate(parts)],
             "joints": [str(joint) for joint in self.joints],
             "hardware": list(self.hardware),
+            "step": "tool.step" if can_write_step() else None,
             "checks": _as_data(self.checks),
         }
 
@@ -135,7 +133,9 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
         checks += [Check(f"joint {n}", joint.tails > 0, str(joint)) for n, joint in enumerate(own, len(joints) + 1)]
         for one, found in zip(cuts, bodies, strict=True):
             single = piece if len(cuts) == 1 else _single(found)
-            parts.append(Part(name, one, checked(f"part_{len(parts) + 1}", to_mesh(found), printer, weld, single)))
+            parts.append(
+                Part(name, one, checked(f"part_{len(parts) + 1}", to_mesh(found), printer, weld, single), weld)
+            )
         joints += own
         hardware += mount.hardware
     checks += _apart(tool, wholes)
@@ -149,8 +149,7 @@ def _weight(mounted: Tool, parts: Sequence[Part], material: Material, printer: P
     printed = math.fsum(estimate(part.piece, material, printer)["mass_g"] for part in parts)
     simulated = 1000 * mounted.mass
     said = f"printed it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
-    near = abs(printed - simulated) <= SAME_WEIGHT * printed
-    return Check("weight", near, said if near else f"{said}: simulate it with material= what it is printed of")
+    return Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said)
 
 
 def _single(found: Any) -> Check:
@@ -218,21 +217,12 @@ def _apart(tool: Tool, wholes: dict[str, Any]) -> list[Check]:
                 found.append(Check("apart", False, said))
     for joint in tool.bearers:
         what = "an axle" if joint.joint.kind == "hinge" else "a guide"
-        found.append(Check(f"joint of {joint.name}", False, f"{what} is not part of the solids; fit one"))
+        found.append(Check(f"joint of {joint.name}", False, f"{what} is not part of the solids"))
     return found
 
 
-def other_rewards(simulated: Mapping[str, float], mounted: Mapping[str, float]) -> list[str]:
-    """Say in which engines a tool earns something else with its plate or sleeves than without."""
-    return [
-        f"in {engine} it earns {reward:.3f} with what fits it to the arm, {simulated[engine]:.3f} without"
-        for engine, reward in mounted.items()
-        if abs(reward - simulated[engine]) > SAME_REWARD
-    ]
-
-
 def write_tool(made: PrintedTool, folder: Path) -> None:
-    """Write STL, 3MF, ``print.json``, ``assembly.md``, and STEP if it can be.
+    """Write STL, 3MF, STEP if it can be, and lists (`write_lists`).
 
     Raises:
         UserError: a file can't be written.
@@ -241,14 +231,22 @@ def write_tool(made: PrintedTool, folder: Path) -> None:
         return
     for old in folder.glob("part_*_of_*.stl"):  # of an export before, which may have had more parts
         old.unlink()
-    figures = made.figures()
     for number, part in enumerate(made.parts):
         data = part.piece.mesh.export(file_type="stl")
         assert isinstance(data, bytes)
         write_bytes(folder / made.file(number), data)
     write_bytes(folder / "tool.3mf", to_3mf([part.piece for part in made.parts]))
-    written = write_step([(part.piece.name, part.solid) for part in made.parts], folder / "tool.step")
-    figures["step"] = "tool.step" if written else None
+    write_step([(part.piece.name, part.solid) for part in made.parts], folder / "tool.step")
+    write_lists(made, folder)
+
+
+def write_lists(made: PrintedTool, folder: Path) -> None:
+    """Write ``print.json`` and ``assembly.md``.
+
+    Raises:
+        UserError: a file can't be written.
+    """
+    figures = made.figures()
     write_bytes(folder / "print.json", (json.dumps(figures, indent=2) + "\n").encode())
     write_bytes(folder / "assembly.md", assembly(made, figures).encode())
 

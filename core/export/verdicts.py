@@ -19,11 +19,21 @@ from core.robots import Robot
 SAFETY = 2.0  # the strength over the stress, at least
 SOFT_M = 0.01  # what bends by more is noted: engines took it to be rigid
 
-_MENDS = {
+_MENDS = {  # by how the name of a check begins; the first counts
     "watertight": "let components overlap, or part them clearly",
     "one piece": "let components overlap by more than a wall",
     "walls": "thicken the thinnest component",
     "fits the plate": "shorten it, or make it of parts that are joined",
+    "clear of the arm": "lower what rises above the mount",
+    "screws": "narrow or move what is below them",
+    "finger": "move the attachment beyond the fingertip, or make it wider than the finger",
+    "as simulated": "make hollow components thicker, or of simple shapes",
+    "put together": "make fit.joint_mm smaller, or choose a larger printer",
+    "joint of": "buy one, and bore it through both pieces",
+    "joint": "thicken the tool there, choose a larger printer, or put a tube around the glued ends",
+    "apart": "leave a gap between them",
+    "weight": "simulate it with material= what it is printed of",
+    "files read back": "move components away from the mount, and leave more room where the motion is tight",
 }
 
 
@@ -36,7 +46,7 @@ class Verdict(NamedTuple):
     mend: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.found}" + (f"; {self.mend}" if self.passed is False else "")
+        return f"{self.name}: {self.found}" + (f"; {self.mend}" if self.passed is False and self.mend else "")
 
 
 def carried(tool: Tool, robot: Robot, material: Material) -> list[Verdict]:
@@ -54,7 +64,8 @@ def printable(made: Sequence[Piece], checks: Sequence[Check] = ()) -> list[Verdi
     """Judge whether a printer makes the pieces of a tool; ``checks`` are those of the whole tool."""
     found = [(check.name, check) for check in checks]
     found += [(f"{check.name}, {piece.name}", check) for piece in made for check in piece.checks]
-    return [Verdict(name, of.passed, of.found, _MENDS.get(of.name, "change it")) for name, of in found]
+    mends = [next((mend for begins, mend in _MENDS.items() if of.name.startswith(begins)), "") for _, of in found]
+    return [Verdict(name, of.passed, of.found, mend) for (name, of), mend in zip(found, mends, strict=True)]
 
 
 def strong(material: Material, strengths: Sequence[Strength], safety: float = SAFETY) -> list[Verdict]:

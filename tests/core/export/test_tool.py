@@ -14,7 +14,7 @@ from core.conformance.shapes import bowl, prism
 from core.design import Component, Tool
 from core.export.solid import body, union
 from core.export.step import NO_STEP
-from core.export.tool import make_tool, other_rewards, write_tool
+from core.export.tool import make_tool, write_tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Material
 from core.report.printing import manifold
@@ -131,7 +131,7 @@ def test_a_slicer_slices_every_part(written, tmp_path):
 def test_what_joints_move_is_made_and_what_is_missing_is_said():
     made = make_tool(tongs(), PANDA, Material(), Printer(), Fit())
     assert [part.of for part in made.parts] == ["tool", "left", "right"]
-    assert "tool: joint of left: an axle is not part of the solids; fit one" in made.faults
+    assert any(fault.startswith("joint of left: an axle is not part of the solids; buy one") for fault in made.faults)
     assert any("share" in fault and "at rest" in fault for fault in made.faults)
 
 
@@ -145,11 +145,6 @@ def test_a_weight_that_is_not_the_simulated_one_is_said():
     light = Tool((Component("block", "tool_mount", at(0, 0, -0.03), Box((0.06, 0.06, 0.06)), mass=0.005),))
     assert [fault for fault in make_tool(light, PANDA, Material(), Printer(), Fit()).faults if "weight" in fault]
     assert not make_tool(PLA.made(light), PANDA, PLA, Printer(), Fit()).faults
-
-
-def test_other_rewards_are_said_by_engine():
-    (line,) = other_rewards({"one": 0.9, "two": 0.9}, {"one": 0.89, "two": 0.6})
-    assert line == "in two it earns 0.600 with what fits it to the arm, 0.900 without"
 
 
 def test_the_bare_hand_has_no_parts(tmp_path):
