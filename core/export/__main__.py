@@ -215,7 +215,10 @@ def main() -> None:
     say(f"{made.motion.times[-1]:.2f} s, {made.motion.slower:.3f} times as long as simulated")
     say(f"payload {made.payload['mass_kg']:g} kg of {made.task.robot.payload_kg:g}; most torque in {most['joint']}")
     say(*made.printed.notes)
-    say(*(f"✗ {verdict}" for verdict in made.verdicts if verdict.passed is False))
+    failing = [verdict for verdict in made.verdicts if verdict.passed is False]
+    say(*(f"✗ {verdict}" for verdict in failing), style="red")
+    if failing:
+        raise UserError(f"{len(failing)} of {len(made.verdicts)} checks failed; the files are written all the same")
 
 
 if __name__ == "__main__":

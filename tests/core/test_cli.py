@@ -1,5 +1,6 @@
 """Signals, closed output, and what --help imports."""
 
+import io
 import math
 import os
 import re
@@ -184,3 +185,20 @@ def test_a_folder_that_is_there_is_one_with_any_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["report", "seed=1", "runs=[x]"])
     assert cli.folders_and_overrides("usage: ") == ([Path("seed=1"), Path("[x]")], [])
+
+
+def test_colours_are_for_terminals(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    def said(file):
+        cli.say("✗ [b]it breaks\x07", file=file, style="red")
+        return file.getvalue()
+
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert said(Terminal()) == "\x1b[31m✗ [b]it breaks\\x07\x1b[0m\n"
+    assert said(io.StringIO()) == "✗ [b]it breaks\\x07\n"
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert said(Terminal()) == "✗ [b]it breaks\\x07\n"

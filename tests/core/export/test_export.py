@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from core.errors import UserError
-from core.export.__main__ import export
+from core.export.__main__ import export, main
 from core.robot.kinematics import arm_of
 from core.scene import Scene
 from core.transfer import as_the_run
@@ -51,6 +51,18 @@ def test_the_tool_is_written_and_earns_the_same_by_its_files(made):
     assert found.printed.mounted.mass > found.candidate.tool.mass
     names = {file.name for file in (folder / "tool").iterdir()}
     assert {"part_1_of_2.stl", "part_2_of_2.stl", "tool.3mf", "print.json", "assembly.md"} <= names
+
+
+def test_what_fails_is_said_with_what_to_change_and_is_an_error(made, monkeypatch, capsys):
+    _, found = made
+    failing = [str(verdict) for verdict in found.verdicts if verdict.passed is False]
+    assert [line.partition(":")[0] for line in failing] == ["weight"]
+    assert "simulate it with material=" in failing[0]
+    monkeypatch.setattr("core.export.__main__.export", lambda cfg: found)
+    monkeypatch.setattr(sys, "argv", ["export", f"designs={ANCHORED}/OneBook.json", "task=OneBook"])
+    with pytest.raises(UserError, match=rf"^1 of {len(found.verdicts)} checks failed"):
+        main()
+    assert f"✗ {failing[0]}" in capsys.readouterr().out.splitlines()
 
 
 def test_another_printer_by_name(tmp_path):
