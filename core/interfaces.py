@@ -24,6 +24,7 @@ from core.geometry import Array
 from core.jobs import JointTrajectory as JointTrajectory
 from core.jobs import Outcome as Outcome
 from core.jobs import Perception as Perception
+from core.jobs import Pushes as Pushes
 from core.jobs import Recording as Recording
 from core.jobs import Rollout as Rollout
 from core.jobs import RolloutSettings as RolloutSettings

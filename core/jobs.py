@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from core.design import Tool
 from core.errors import UsageError, check_positive, choices
@@ -109,6 +110,24 @@ class RolloutSettings:
 
 
 @dataclass(frozen=True, eq=False)
+class Pushes:
+    """What bodies push the tool with: N contact points, of all steps of a rollout.
+
+    Attributes:
+        samples: (N,) the number of the recording's instant that comes next.
+        bodies: (N,) names.
+        points: (N, 3) in the world.
+        forces: (N, 3) on the tool, newtons: what the impulse adds to the mean since the instant before. Friction is in
+            them if the engine tells it.
+    """
+
+    samples: npt.NDArray[np.int64]
+    bodies: npt.NDArray[np.str_]
+    points: Array
+    forces: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Recording:
     """A rollout over time: instants (T,) in seconds, arm joints (T, J), and states stacked over T.
 
@@ -116,6 +135,7 @@ class Recording:
     ``forces`` has, for each two things that touched, the mean of their normal force since the instant before, newtons
     (T,): an impulse divided by its time, which engines with different time steps agree on. Of two names the first is
     ``tool``, a link of the arm, or a body, the second a body; of two bodies the one that the scene lists first.
+    ``pushes`` come with the forces; None: the engine does not tell where they act.
     """
 
     times: Array
@@ -123,6 +143,7 @@ class Recording:
     fingers: Array
     states: State
     forces: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    pushes: Pushes | None = None
 
 
 @dataclass(frozen=True, eq=False)

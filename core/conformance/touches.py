@@ -67,4 +67,15 @@ def check_body_passes_on_what_presses_it(simulator: Simulator) -> str | None:
     expect(1 < above < 1000, f"a tool that is driven 5 mm into a cube presses it with {above:.1f} N")
     what = f"a cube that weighs {GRAVITY:.1f} N and is pressed with {above:.1f} N presses the table with {below:.1f} N"
     expect(abs(below - above - GRAVITY) < _REACTION * below, what)
+    if recording.pushes is None:
+        return "it does not tell where forces act"
+    late = recording.times[recording.pushes.samples] > recording.times[-1] - 0.4
+    pushes, points = recording.pushes.forces[late], recording.pushes.points[late]
+    count = np.count_nonzero(recording.times > recording.times[-1] - 0.4)
+    up, where = float(pushes[:, 2].sum() / count), points.mean(axis=0)
+    expect(
+        abs(up - above) < _SHARE * above, f"a tool that presses down with {above:.1f} N is pushed up with {up:.1f} N"
+    )
+    here = f"a tool that presses the top of a cube at (0.5, 0, 0.1) is pushed at {np.round(where, 3).tolist()}"
+    expect(bool(np.abs(where - (0.5, 0.0, 0.1)).max() < 0.02), here)
     return None

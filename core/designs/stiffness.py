@@ -24,19 +24,17 @@ _Beam = tuple[Array, Array, float, float]  # its ends, its length over E I, and 
 
 
 class Load(NamedTuple):
-    """A force of ``newtons``, which acts across whatever carries it, at any of the ``places``.
-
-    ``what`` names it; ``places`` holds by component points (P, 3) in the frame of the component's mount.
-    """
+    """A ``force`` (3,), newtons, at a ``point`` (3,) of a component, in the frame of its mount; ``what`` names it."""
 
     what: str
-    newtons: float
-    places: Mapping[str, Array]
+    component: str
+    point: Array
+    force: Array
 
 
 class Stressed(NamedTuple):
-    """What loads do to a component: the largest stress, pascals, and of the load that adds most to it ``what`` it is,
-    its ``newtons``, its lever ``lever_m``, and ``bend_m``, by how much it moves its own place.
+    """What loads do to a component: the largest stress, pascals, and of what adds most to it: ``what`` it is, its
+    ``newtons``, its lever ``lever_m``, and ``bend_m``, by how much it would move its own place, across and alone.
     """
 
     stress_pa: float
@@ -71,25 +69,63 @@ def bending(tool: Tool, joints: Mapping[str, Array], material: Material) -> dict
 def stresses(tool: Tool, joints: Mapping[str, Array], material: Material, loads: Sequence[Load]) -> dict[str, Stressed]:
     """Estimate what loads that act at once do to each component that carries one.
 
-    Each acts at the place and in the direction that is worst for the component, and stresses add up.
+    The moments of all loads beyond a section add up as vectors, so that loads that oppose each other do so here.
+    Sections are looked at where a component is held, and where a load acts on it or comes from what it carries.
     """
-    chains = _chains(tool, joints, material)
-    most: dict[str, Stressed] = {}
-    totals: dict[str, float] = {}
+    chains, placed = _chains(tool, joints, material), tool.placed()
+    shapes = {component.name: component.shape for component in tool.components}
+    carried: dict[str, list[tuple[Load, _Beam]]] = {}
     for load in loads:
-        worst: dict[str, Stressed] = {}
-        for name, points in load.places.items():
-            carriers = [carrier for carrier, _ in chains[name]] + [name]
-            for point in points:
-                bend, by, far = _bent(tool, joints, material, chains, name, point)
-                for carrier, stress, lever in zip(carriers, load.newtons * by, far, strict=True):
-                    if carrier not in worst or stress > worst[carrier].stress_pa:
-                        made = Stressed(float(stress), load.what, load.newtons, float(lever), load.newtons * bend)
-                        worst[carrier] = made
-        for carrier, one in worst.items():
-            totals[carrier] = totals.get(carrier, 0.0) + one.stress_pa
-            most[carrier] = max(most.get(carrier, one), one, key=lambda of: of.stress_pa)
-    return {name: one._replace(stress_pa=totals[name]) for name, one in most.items()}
+        name = load.component
+        own = _beam(joints[name], load.point, shapes[name], placed[name][1], material)
+        for carrier, beam in [*chains[name], (name, own)]:
+            carried.setdefault(carrier, []).append((load, beam))
+    found = {}
+    for carrier, of in carried.items():
+        stress, at, beyond = _weakest(of)
+        groups: dict[str, list[Load]] = {}
+        for load in beyond:
+            groups.setdefault(load.what, []).append(load)
+        what = max(groups, key=lambda name: np.linalg.norm(_moment(groups[name], at)), default="")
+        if what:
+            newtons = float(np.linalg.norm(sum(load.force for load in groups[what])))
+            hardest = max(groups[what], key=lambda load: np.linalg.norm(load.force))
+            bend = _bent(tool, joints, material, chains, hardest.component, hardest.point)[0]
+            lever = float(np.linalg.norm(hardest.point - at))
+            found[carrier] = Stressed(stress, what, newtons, lever, newtons * bend)
+    return found
+
+
+def give(tool: Tool, joints: Mapping[str, Array], material: Material, component: str, point: Array) -> float:
+    """Estimate by how many metres a newton across moves a point of a component, in its mount's frame."""
+    return _bent(tool, joints, material, _chains(tool, joints, material), component, point)[0]
+
+
+def _weakest(carried: Sequence[tuple[Load, _Beam]]) -> tuple[float, Array, list[Load]]:
+    """Find the section of a component that bears most: its stress, its place (3,), and the loads beyond it."""
+    loads = [load for load, _ in carried]
+    starts, stops, _, weak = map(np.array, zip(*(beam for _, beam in carried), strict=True))
+    forces, points = (np.array([load[k] for load in loads]) for k in (3, 2))
+    ways = stops - starts
+    along = ways @ ways.T  # (N, N): how far each gets along the way of another, times its length
+    lengths = np.maximum(np.sqrt(np.diagonal(along)), _POINT_M)
+    turning = np.cross(points, forces)
+    best: tuple[float, Array, Array] = (-1.0, starts[0], np.zeros(len(loads), dtype=bool))
+    for sections, beyond in (
+        (starts, along / lengths[:, None] > _POINT_M),
+        (stops, along / lengths[:, None] >= lengths[:, None] - _POINT_M),
+    ):
+        moments = beyond @ turning - np.cross(sections, beyond @ forces)
+        found = weak * np.linalg.norm(moments, axis=1)
+        k = int(found.argmax())
+        if found[k] > best[0]:
+            best = float(found[k]), sections[k], beyond[k]
+    return best[0], best[1], [load for load, counts in zip(loads, best[2], strict=True) if counts]
+
+
+def _moment(loads: Sequence[Load], at: Array) -> Array:
+    moments: Array = np.sum([np.cross(load.point - at, load.force) for load in loads], axis=0)
+    return moments
 
 
 _Chains = Mapping[str, list[tuple[str, _Beam]]]

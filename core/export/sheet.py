@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 HOW = (
     f"Print time: plastic at {{flow:g}} mm³/s and {LAYER_S:g} s for each layer of {{layer:g}} mm, no supports. "
-    "Strength: forces of the rollout, whole and across, on beams; without notches, layers, torsion and fatigue."
+    "Strength: forces of the rollout where they act, on beams; without notches, layers, axial forces and fatigue."
 )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, World
+from core.interfaces import JointTrajectory, Outcome, Pushes, Recording, Rollout, World
 from core.scene import State
 
 LAG_EVERY = 10  # steps between two measurements of the arm's lag
@@ -127,14 +128,19 @@ def _read(world: World, notes: Sequence[Any]) -> tuple[Array, Array, State]:
 
 
 Thing = tuple[int, str]  # a rank, and a name; the robot's things have rank -1, bodies theirs in the scene
+TOOL: Thing = (-1, "tool")
 
 
 class Impulses:
-    """The normal impulses since a world began, of each two things that touched; an engine adds those of each step."""
+    """The normal impulses since a world began, of each two things that touched; an engine adds those of each step.
+
+    Those on the tool are also kept with their points.
+    """
 
     def __init__(self) -> None:
         self._sums: dict[tuple[str, str], float] = {}
         self._noted: list[dict[tuple[str, str], float]] = []
+        self._pushes: list[tuple[int, str, Sequence[float], Array]] = []
 
     def add(self, one: Thing, other: Thing, impulse: float) -> None:
         """Add the impulse of a contact, N s; contacts within the robot or a body don't count."""
@@ -142,14 +148,24 @@ class Impulses:
         if impulse > 0 and others_rank > rank:
             self._sums[first, second] = self._sums.get((first, second), 0.0) + impulse
 
+    def push(self, one: Thing, other: Thing, point: Sequence[float], impulse: Array) -> None:
+        """Add the impulse on ``one`` (3,), N s, of a contact at a point in the world, if one of the two is the tool."""
+        for (rank, name), (others_rank, body), sign in ((one, other, 1.0), (other, one, -1.0)):
+            if (rank, name) == TOOL and others_rank > rank:
+                self._pushes.append((len(self._noted), body, point, sign * impulse))
+
     def note(self) -> None:
         """Note the sums at an instant of the recording."""
         self._noted.append(dict(self._sums))
 
-    def means(self, times: Array) -> dict[tuple[str, str], Array]:
-        """Compute the mean forces between instants (T,), see `core.interfaces.Recording`."""
-        found = {}
+    def measured(self, recording: Recording) -> Recording:
+        """Add the mean forces between instants to a recording, see `core.interfaces.Recording`."""
+        spans, forces = np.diff(recording.times), {}
         for pair in self._sums:
             sums = np.array([noted.get(pair, 0.0) for noted in self._noted])
-            found[pair] = np.append(0.0, np.diff(sums) / np.diff(times))
-        return found
+            forces[pair] = np.append(0.0, np.diff(sums) / spans)
+        samples, bodies, points, impulses = zip(*self._pushes, strict=True) if self._pushes else ((),) * 4
+        at = np.array(samples, dtype=np.int64)
+        pushes = np.reshape(impulses, (-1, 3)) / np.append(np.inf, spans)[at, None]
+        made = Pushes(at, np.array(bodies, dtype=np.str_), np.reshape(points, (-1, 3)), pushes)
+        return replace(recording, forces=forces, pushes=made)

@@ -154,10 +154,8 @@ class World:
         if every:
             at = np.append(np.arange(0, len(times), every), len(times))
             instants = np.append(times, times[-1] + dt)[at]
-            forces = meter.means(at) if meter else {}
-            recording = Recording(
-                instants, *self._joints.read(qpos[at]), self._moving.state(qpos[at], qvel[at]), forces
-            )
+            recording = Recording(instants, *self._joints.read(qpos[at]), self._moving.state(qpos[at], qvel[at]))
+            recording = meter.measured(recording, at) if meter else recording
         start, end = (self._moving.state(qpos[step], qvel[step]) for step in (settle, -1))
         return Outcome(start, end, float(lag), recording=recording)
 

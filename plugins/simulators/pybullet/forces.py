@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from core.simulation.playback import Impulses, Thing
+import numpy as np
+
+from core.simulation.playback import TOOL, Impulses, Thing
 from plugins.simulators.pybullet.engine import pybullet as p
 
 
@@ -20,3 +22,7 @@ class Forces(Impulses):
         for point in p.getContactPoints(physicsClientId=self._client):
             one, other = self._things[point[1], point[3]], self._things[point[2], point[4]]
             self.add(one, other, point[9] * self._time_step)
+            if TOOL in (one, other):
+                force = point[9] * np.array(point[7])  # and friction, along two directions
+                force += point[10] * np.array(point[11]) + point[12] * np.array(point[13])
+                self.push(one, other, point[5], force * self._time_step)

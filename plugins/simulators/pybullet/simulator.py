@@ -66,7 +66,7 @@ class PyBulletSimulator(Simulator):
         except pybullet.error as error:
             return Outcome(None, None, error=f"PyBullet: {error}")
         if world.forces and (taken := outcome.recording):
-            return replace(outcome, recording=replace(taken, forces=world.forces.means(taken.times)))
+            return replace(outcome, recording=world.forces.measured(taken))
         return outcome
 
     def world(self, task: Task, tool: Tool, seed: int = 0) -> World:

@@ -7,7 +7,7 @@ from typing import Any
 from core.design import Tool
 from core.interfaces import Robot
 from core.scene import Scene
-from core.simulation.playback import Impulses, Thing
+from core.simulation.playback import TOOL, Impulses, Thing
 from plugins.simulators.sapien.description import robot_links
 
 
@@ -30,7 +30,10 @@ class Forces(Impulses):
                 self._things[shape] = -1, "tool" if part in tool.borne_on else part
 
     def add_step(self) -> None:
-        """Add those of the last step. PhysX keeps them for bodies that sleep."""
+        """Add those of the last step. PhysX keeps them for bodies that sleep. It does not tell those of friction."""
         for contact in self._system.get_contacts():
             one, other = (self._things[shape] for shape in contact.shapes)
             self.add(one, other, sum(float(point.impulse @ point.normal) for point in contact.points))
+            if TOOL in (one, other):
+                for point in contact.points:
+                    self.push(one, other, point.position, point.impulse)

@@ -51,7 +51,7 @@ class SapienSimulator(DrawingSimulator):
         except RuntimeError as error:  # what PhysX refuses
             return Outcome(None, None, error=f"SAPIEN: {error}")
         if world.forces and (taken := outcome.recording):
-            return replace(outcome, recording=replace(taken, forces=world.forces.means(taken.times)))
+            return replace(outcome, recording=world.forces.measured(taken))
         return outcome
 
     def world(self, task: Task, tool: Tool, seed: int = 0) -> World:

@@ -24,7 +24,7 @@ PLA = Material("pla", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
 
 def said(thick, material=SOLID, printer=PRINTER, length=0.2):
     tool = material.made(Tool((bar("post", "tool_mount", 0.0, length, thick),)))
-    load = Load("wall", NEWTONS, {"post": np.array([[0.0, 0.0, -length]])})
+    load = Load("wall", "post", np.array([0.0, 0.0, -length]), np.array([NEWTONS, 0.0, 0.0]))
     return figures(
         *(tool, PANDA, material, printer, pieces(tool, printer)),
         strength(tool, PANDA, material, {"engine": [(0.0, [load])]}),
@@ -119,7 +119,8 @@ def test_the_sheet_has_the_forces_of_the_rollout(written):
     assert (hook["name"], beam["name"]) == ("hook", "beam")
     forces = made.replays["mujoco"].recording.forces
     assert (hook["load"], hook["engine"]) == ("book_3", "mujoco")
-    assert 0 < hook["newtons"] <= forces["tool", "book_3"].max() + 1e-9
+    normal = forces["tool", "book_3"].max()
+    assert 0.5 * normal < hook["newtons"] <= np.hypot(1, 0.5) * normal  # with friction
     assert hook["safety"] == pytest.approx(26e6 / hook["stress_pa"])
     assert found["least_safety"] == hook["safety"] < beam["safety"]
     assert found["mass_kg"] == pytest.approx(made.payload["mass_kg"], abs=1e-5)

@@ -83,7 +83,7 @@ def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"safety": 5.0}, r"not buildable: strength, \w+: .* at least 5 is asked for; ball loads it .* as thick"),
+        ({"safety": 20.0}, r"not buildable: strength, \w+: .* at least 20 is asked for; ball loads it .* as thick"),
         (
             {"margin_m": 0.19},
             r"not buildable: clearance: the arm comes as near as \d+ mm to (table|itself); at least 190",
