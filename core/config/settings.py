@@ -133,6 +133,8 @@ class Fit:
         sleeve_length_mm: a sleeve's length from the finger's tip.
         insert_mm: the bore of the clamping screw: 4.0 fits a brass insert M3.
         joint_mm: the gap in a dovetail between parts, on each side.
+        axle_mm: the diameter of the pin in a hinge.
+        hinge_mm: the gap between the two links of a hinge, and about the pin in one of them.
 
     Raises:
         UsageError: a number is negative or not finite, or a wall is 0.
@@ -148,9 +150,11 @@ class Fit:
     sleeve_length_mm: float = 25.0
     insert_mm: float = 4.0
     joint_mm: float = 0.1
+    axle_mm: float = 3.0
+    hinge_mm: float = 0.2
 
     def __post_init__(self) -> None:
-        gaps = ("clearance_mm", "centring_mm", "pin_mm", "sleeve_mm", "joint_mm")
+        gaps = ("clearance_mm", "centring_mm", "pin_mm", "sleeve_mm", "joint_mm", "hinge_mm")
         for item in fields(self):
             value = getattr(self, item.name)
             if item.name in gaps and not 0 <= value <= 5:

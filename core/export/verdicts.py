@@ -29,7 +29,7 @@ _MENDS = {  # by how the name of a check begins; the first counts
     "finger": "move the attachment beyond the fingertip, or make it wider than the finger",
     "as simulated": "make hollow components thicker, or of simple shapes",
     "put together": "make fit.joint_mm smaller, or choose a larger printer",
-    "joint of": "buy one, and bore it through both pieces",
+    "joint of": "make one link 5 mm wider on both sides of the other, about the axis, or make it by hand",
     "joint": "thicken the tool there, choose a larger printer, or put a tube around the glued ends",
     "apart": "leave a gap between them",
     "weight": "simulate it with material= what it is printed of",
