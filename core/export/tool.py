@@ -183,8 +183,8 @@ def _faithful(
     more = [shape for step in mount.steps if step.kind == "add" for shape in step.shapes]
     less = [shape for step in mount.steps if step.kind == "cut" for shape in step.shapes]
     wide, narrow = (_added([_offset(c, tool, by) for c in components]) for by in (weld + EXACT_MM, -weld - EXACT_MM))
-    excess = (whole - wide - union(more)).volume() if more else (whole - wide).volume()
-    lack = (narrow - union(less) - whole).volume() if less else (narrow - whole).volume()
+    excess = max(0.0, (whole - wide - union(more)).volume() if more else (whole - wide).volume())
+    lack = max(0.0, (narrow - union(less) - whole).volume() if less else (narrow - whole).volume())
     here = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {weld + EXACT_MM:g} mm off what was simulated"
     found = [Check("as simulated", excess < _NOTHING_MM3 and lack < _NOTHING_MM3, here)]
     if len(parts) > 1:
