@@ -5,7 +5,7 @@ Plugins import it from `core.interfaces`. Covered by `tests/core/designs/test_va
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -27,12 +27,19 @@ class Numbers:
         values: what they are now.
         steps: a small change of each, which a search begins with.
         lower: with ``upper`` their bounds.
+        modes: (N, N), in steps; each column is a change of numbers that belong together. By default each number
+            has a mode of its own.
     """
 
     values: Array = field(default_factory=_none)
     steps: Array = field(default_factory=_none)
     lower: Array = field(default_factory=_none)
     upper: Array = field(default_factory=_none)
+    modes: Array = field(default_factory=_none)
+
+    def __post_init__(self) -> None:
+        if not self.modes.size:
+            object.__setattr__(self, "modes", np.eye(len(self.values)))
 
     @classmethod
     def near(cls, values: Array, step: float, most: float) -> Numbers:
@@ -40,9 +47,27 @@ class Numbers:
         same = np.ones(np.size(values))
         return cls(np.ravel(values).astype(np.float64), step * same, -most * same, most * same)
 
+    @classmethod
+    def along(cls, points: Array, step: float, most: float) -> Numbers:
+        """Numbers of one kind, of points (K, C) in order.
+
+        The modes are cosines along the points, the first of which shifts all, and fall with their number: smooth
+        changes are larger, as in STOMP (M. Kalakrishnan et al., ICRA 2011).
+        """
+        count, each = points.shape
+        order = np.arange(count)
+        waves = np.cos(np.pi * np.outer(order + 0.5, order) / max(count, 1)) / (1.0 + order)
+        return replace(cls.near(points, step, most), modes=np.kron(waves, np.eye(each)))
+
+    def changed(self, amounts: Array) -> Array:
+        """Return the values (N,) with ``amounts`` (N,) of each mode added, within the bounds."""
+        return np.clip(self.values + self.steps * (self.modes @ amounts), self.lower, self.upper)
+
     def __add__(self, other: Numbers) -> Numbers:
         ours, theirs = ((n.values, n.steps, n.lower, n.upper) for n in (self, other))
-        return Numbers(*(np.concatenate(pair) for pair in zip(ours, theirs, strict=True)))
+        values, steps, lower, upper = (np.concatenate(pair) for pair in zip(ours, theirs, strict=True))
+        corner = np.zeros((len(self), len(other)))
+        return Numbers(values, steps, lower, upper, np.block([[self.modes, corner], [corner.T, other.modes]]))
 
     def __len__(self) -> int:
         return len(self.values)

@@ -16,7 +16,7 @@ from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers
 POPULATION = 12  # candidates that a start is given at a time
 STARTS = (4, 2, 1)  # candidates that are refined side by side, and go on: the best half of them each time
 SHARES = (0.25, 0.5, 1.0)  # of the rollouts, after which that is so
-SPREAD = 0.5  # at the beginning, in steps
+SPREAD = 0.5  # at the beginning, of each mode
 TRIES = 20  # draws for a candidate that keeps the rules
 
 
@@ -105,18 +105,15 @@ class _Search:
         self.number, self.best = number, start.reward
         self._designer, self._start, self._numbers = designer, start.candidate, numbers
         self._asked: dict[str, Array] = {}
-        bounds = [(end - numbers.values) / numbers.steps for end in (numbers.lower, numbers.upper)]
         seed = int(start.candidate.content[:8], 16)
-        self._cma = SepCMA(
-            np.zeros(len(numbers)), SPREAD, np.column_stack(bounds), seed=seed, population_size=POPULATION
-        )
+        self._cma = SepCMA(np.zeros(len(numbers)), SPREAD, seed=seed, population_size=POPULATION)
 
     def ask(self, generation: int) -> Iterator[Candidate]:
         """Yield a population; what breaks a rule is drawn again."""
         for strategy in range(POPULATION):
             for _ in range(TRIES):
                 drawn = self._cma.ask()
-                values = self._numbers.values + self._numbers.steps * drawn
+                values = self._numbers.changed(drawn)
                 candidate = self._designer.vary(self._start, values, (generation, self.number, strategy, 0))
                 if candidate.problem is None:
                     break

@@ -185,7 +185,7 @@ class AnchoredActions(ActionRepresentation):
         if not isinstance(plan, AnchoredPlan):
             return Numbers()
         offsets, angles = np.array([step.offset for step in plan.steps]), np.array([step.rpy for step in plan.steps])
-        found = Numbers.near(offsets, STEP_M, MAX_REACH_M) + Numbers.near(angles, STEP_RAD, MAX_ANGLE_RAD)
+        found = Numbers.along(offsets, STEP_M, MAX_REACH_M) + Numbers.along(angles, STEP_RAD, MAX_ANGLE_RAD)
         for _, name, value in _tempi(plan):
             most = np.log(MAX_SPEED if name == "speed" else MAX_SECONDS)
             found += Numbers(*(np.array([n]) for n in (np.log(value), STEP_LOG, np.log(_LEAST), most)))

@@ -50,7 +50,7 @@ class WaypointActions(ActionRepresentation):
         if not isinstance(plan, Waypoints):
             return Numbers()
         position, angles = plan.poses[:, :3], plan.poses[:, 3:6]
-        return Numbers.near(position, STEP_M, MAX_REACH_M) + Numbers.near(angles, STEP_RAD, MAX_ANGLE_RAD)
+        return Numbers.along(position, STEP_M, MAX_REACH_M) + Numbers.along(angles, STEP_RAD, MAX_ANGLE_RAD)
 
     def with_parameters(self, plan: ActionPlan, values: Array) -> Waypoints:
         assert isinstance(plan, Waypoints)

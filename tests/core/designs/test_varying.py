@@ -123,3 +123,18 @@ def test_plans_with_as_many_waypoints_lead_to_each_other():
     plan, other, longer = (Waypoints(np.full((n, 6), at)) for n, at in ((2, 0.1), (2, 0.3), (3, 0.3)))
     assert ACTIONS.with_parameters(plan, ACTIONS.toward(plan, other)).dump() == other.dump()
     assert ACTIONS.toward(plan, longer) is None
+
+
+def test_the_first_mode_of_points_shifts_all_and_later_ones_change_less():
+    points = Numbers.along(np.zeros((5, 3)), 0.01, 0.02)
+    shifted = points.changed(np.eye(15)[1]).reshape(5, 3)
+    assert shifted == pytest.approx(np.tile([0, 0.01, 0], (5, 1)))
+    sizes = np.abs(points.modes).max(axis=0)
+    assert (np.diff(sizes[::3]) < 0).all()
+    assert np.linalg.matrix_rank(points.modes) == 15
+    assert points.changed(np.full(15, 100.0)).max() == 0.02
+
+
+def test_modes_of_joined_numbers_keep_apart():
+    both = Numbers.near(np.zeros(2), 0.1, 1.0) + Numbers.along(np.zeros((2, 1)), 0.01, 1.0)
+    assert both.changed(np.array([0, 1, 1, 0])) == pytest.approx([0, 0.1, 0.01, 0.01])
