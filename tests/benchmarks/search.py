@@ -36,6 +36,7 @@ METHODS = {  # each tries 80 candidates for every agent
     "map_elites": lambda agents: ["evolution=map_elites", f"evolution.varied={10 * agents}", "budget.n_iteration=2"],
     "islands": lambda agents: ["evolution=islands"],
     "refined": lambda agents: ["budget.n_iteration=0", f"evolution.refine={60 * agents}"],
+    "both": lambda agents: ["budget.n_iteration=1", f"evolution.refine={40 * agents}"],
 }
 
 
@@ -94,26 +95,38 @@ def results(folder: Path) -> Results:
 
 
 def markdown(found: dict[str, Results]) -> str:
-    """Format a row for each method: interquartile mean with its interval, that after the first sampling, the effort."""
+    """Format a row for each method: interquartile mean with its interval, that after the first sampling, the effort.
+
+    ``gain`` is the interquartile mean of the differences from the first method, task by task and seed by seed.
+    """
     tasks = sorted({run.task for of in found.values() for run in of.runs})
-    head = "| method | runs | after the first sampling | at the end | 95 % interval |"
+    head = "| method | runs | after the first sampling | at the end | 95 % interval | gain | 95 % interval |"
     rows = [
         f"{head} rollouts | reached {ENOUGH:g} | effort: rollouts | calls |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for method, of in found.items():
+    rewards = [{(run.task, run.seed): run.best.reward for run in of.runs} for of in found.values()]
+    for own, (method, of) in zip(rewards, found.items(), strict=True):
+        pairs = own.keys() & rewards[0].keys()
+        gains = [[own[pair] - rewards[0][pair] for pair in sorted(pairs) if pair[0] == task] for task in tasks]
         by_task = [[run.best.reward for run in of.runs if run.task == task] for task in tasks]
         courses = [course for run in of.runs if (course := read_course(run.folder)) is not None]
         first = interquartile_mean([run.best_so_far[0] for run in of.runs])
-        span, (reached, spent) = interval(by_task, "interquartile mean", Resampling()), effort(courses)
-        between = "–" if span is None else f"{span[0]:.3f} to {span[1]:.3f}"
+        reached, spent = effort(courses)
         rollouts, calls, _ = ("–" if x is None else f"{x:.0f}" for x in spent)
-        last = interquartile_mean(np.concatenate(by_task))
+        gain = "– | –" if own is rewards[0] else with_interval(gains)
         rows.append(
-            f"| {method} | {len(of.runs)} | {first:.3f} | {last:.3f} | {between} | "
+            f"| {method} | {len(of.runs)} | {first:.3f} | {with_interval(by_task)} | {gain} | "
             f"{np.mean([course.rollouts[-1] for course in courses]):.0f} | {reached} | {rollouts} | {calls} |"
         )
     return "\n".join([*rows, ""])
+
+
+def with_interval(tasks: list[list[float]]) -> str:
+    """Format the interquartile mean and its interval as two cells."""
+    span = interval(tasks, "interquartile mean", Resampling())
+    between = "–" if span is None else f"{span[0]:.3f} to {span[1]:.3f}"
+    return f"{interquartile_mean(np.concatenate(tasks)):.3f} | {between}"
 
 
 if __name__ == "__main__":
