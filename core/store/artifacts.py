@@ -67,7 +67,7 @@ def copied(mesh: Path, folder: Path) -> str:
     small = small if small.exists() else mesh
     copy = folder / "meshes" / small.name
     if not copy.exists():
-        copy.parent.mkdir(exist_ok=True)
+        copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(small, copy)
     return f"meshes/{small.name}"
 

@@ -11,7 +11,7 @@ from core.interfaces import Task
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_motion
-from core.store.artifacts import save_design, tool_mesh
+from core.store.artifacts import copied, save_design, tool_mesh
 from tests.panda import FINGER_OPEN, PANDA
 
 FLAP = ToolJoint("hinge", (1, 0, 0), -1, 1)
@@ -19,6 +19,13 @@ FLAP = ToolJoint("hinge", (1, 0, 0), -1, 1)
 
 def box(name, parent, at, size, rpy=(0, 0, 0)):
     return Component(name, parent, Pose.xyz_rpy(at, rpy), Box(size))
+
+
+def test_a_mesh_is_copied_to_a_folder_that_is_not_there_yet(tmp_path):
+    mesh = tmp_path / "blade.stl"
+    mesh.write_bytes(b"solid")
+    assert copied(mesh, tmp_path / "package" / "urdf") == "meshes/blade.stl"
+    assert (tmp_path / "package" / "urdf" / "meshes" / "blade.stl").read_bytes() == b"solid"
 
 
 def test_a_tool_is_printed_in_millimetres():
