@@ -115,7 +115,7 @@ def export(cfg: DictConfig) -> Export:
     replays = {name: replay(name, tool) for name in sims}
     verdicts, read = list[Verdict](), dict[str, float]()
     if solid.parts:
-        write_tool(solid, output / "tool")
+        solid = write_tool(solid, output / "tool")
         simulated = {name: found.reward for name, found in replays.items()}
         check, read = check_files(solid, output / "tool", simulated, lambda engine, of: replay(engine, of).reward)
         solid = replace(solid, checks=(check, *solid.checks))

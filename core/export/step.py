@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from core.cli import write_bytes
-from core.errors import UserError
-from core.export.solid import Placed, Solid
+from core.export.solid import Placed, Solid, body
 from core.geometry import Array, Box, Capsule, Compound, Cylinder, Mesh, Shape, Sphere
 
+SAME_VOLUME = 0.01  # by how much a model may differ from the solid
 NO_STEP = "no STEP was written; for it: pip install 'cadquery-ocp-novtk>=8,<9'"
 
 
@@ -26,14 +26,17 @@ def can_write_step() -> bool:
     return importlib.util.find_spec("OCP") is not None
 
 
-def write_step(solids: Sequence[tuple[str, Solid]], file: Path) -> bool:
-    """Write named solids to one STEP file, each in the frame of its mount, in millimetres; False without Open CASCADE.
+def write_step(solids: Sequence[tuple[str, Solid]], file: Path) -> list[str]:
+    """Write named solids to one STEP file, each in its mount's frame, in millimetres; nothing without Open CASCADE.
+
+    Returns:
+        The names of those that are left out, since their exact model has another volume: Open CASCADE fails at slivers.
 
     Raises:
-        UserError: a solid can't be modelled, or the file can't be written.
+        UserError: the file can't be written.
     """
     if not can_write_step():
-        return False
+        return []
     from OCP.BRep import BRep_Builder
     from OCP.Message import Message
     from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
@@ -42,18 +45,22 @@ def write_step(solids: Sequence[tuple[str, Solid]], file: Path) -> bool:
     Message.DefaultMessenger_s().ChangePrinters().Clear()  # it prints to standard output
     whole, builder = TopoDS_Compound(), BRep_Builder()
     builder.MakeCompound(whole)
+    missing = []
     for name, solid in solids:
-        shape = model(solid)
-        if shape.IsNull():
-            raise UserError(f"{name} can't be modelled for STEP; use its STL file")
-        builder.Add(whole, shape)
+        shape, volume = model(solid), body(solid).volume()
+        if shape.IsNull() or abs(_weighed(shape).Mass() - volume) > SAME_VOLUME * volume:
+            missing.append(name)
+        else:
+            builder.Add(whole, shape)
+    if len(missing) == len(solids):
+        return missing
     writer = STEPControl_Writer()
     writer.Transfer(whole, STEPControl_StepModelType.STEPControl_AsIs)
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "made.step"
         writer.Write(str(made))
         write_bytes(file, made.read_bytes())
-    return True
+    return missing
 
 
 def model(solid: Solid) -> Any:
@@ -76,19 +83,25 @@ def model(solid: Solid) -> Any:
 
 def _nearest(whole: Any, middle: Array) -> Any:
     """Take the body of a shape whose centre of mass is next to a point (3,)."""
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer
 
     bodies, found = list[tuple[float, Any]](), TopExp_Explorer(whole, TopAbs_ShapeEnum.TopAbs_SOLID)
     while found.More():
-        weighed = GProp_GProps()
-        BRepGProp.VolumeProperties_s(found.Current(), weighed)
-        at = weighed.CentreOfMass()
+        at = _weighed(found.Current()).CentreOfMass()
         bodies.append((float(np.linalg.norm(np.array([at.X(), at.Y(), at.Z()]) - middle)), found.Current()))
         found.Next()
     return min(bodies, key=lambda each: each[0])[1]
+
+
+def _weighed(shape: Any) -> Any:
+    """The volume of a shape, as its ``Mass()``, and its centre."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    weighed = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape, weighed)
+    return weighed
 
 
 def _fused(shapes: Iterable[Any]) -> Any:

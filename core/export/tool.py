@@ -45,7 +45,10 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class PrintedTool:
-    """A tool as parts; ``mounted``: the tool with its plate or sleeves as components, as it can be simulated."""
+    """A tool as parts; ``mounted``: the tool with its plate or sleeves as components, as it can be simulated.
+
+    ``step`` says whether there is a STEP file.
+    """
 
     parts: tuple[Part, ...]
     checks: tuple[Check, ...]
@@ -54,6 +57,7 @@ class PrintedTool:
     mounted: Tool
     material: Material
     printer: Printer
+    step: bool = False
 
     @property
     def notes(self) -> list[str]:
@@ -78,7 +82,7 @@ class PrintedTool:
             "parts": [{"file": self.file(n)} | part for n, part in enumerate(parts)],
             "joints": [str(joint) for joint in self.joints],
             "hardware": list(self.hardware),
-            "step": "tool.step" if can_write_step() else None,
+            "step": "tool.step" if self.step else None,
             "checks": _as_data(self.checks),
         }
 
@@ -221,14 +225,14 @@ def _apart(tool: Tool, wholes: dict[str, Any]) -> list[Check]:
     return found
 
 
-def write_tool(made: PrintedTool, folder: Path) -> None:
-    """Write STL, 3MF, STEP if it can be, and lists (`write_lists`).
+def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
+    """Write STL, 3MF, STEP if it can be, and lists (`write_lists`); add a check for what is not in the STEP file.
 
     Raises:
         UserError: a file can't be written.
     """
     if not made.parts:
-        return
+        return made
     for old in folder.glob("part_*_of_*.stl"):  # of an export before, which may have had more parts
         old.unlink()
     for number, part in enumerate(made.parts):
@@ -236,8 +240,12 @@ def write_tool(made: PrintedTool, folder: Path) -> None:
         assert isinstance(data, bytes)
         write_bytes(folder / made.file(number), data)
     write_bytes(folder / "tool.3mf", to_3mf([part.piece for part in made.parts]))
-    write_step([(part.piece.name, part.solid) for part in made.parts], folder / "tool.step")
+    (folder / "tool.step").unlink(missing_ok=True)
+    parts = [(made.file(number), part.solid) for number, part in enumerate(made.parts)]
+    missing = [Check("STEP", False, f"{name} can't be modelled") for name in write_step(parts, folder / "tool.step")]
+    made = replace(made, checks=(*missing, *made.checks), step=can_write_step() and len(missing) < len(parts))
     write_lists(made, folder)
+    return made
 
 
 def write_lists(made: PrintedTool, folder: Path) -> None:

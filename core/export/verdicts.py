@@ -32,6 +32,7 @@ _MENDS = {  # by how the name of a check begins; the first counts
     "joint of": "make one link 5 mm wider on both sides of the other, about the axis, or make it by hand",
     "joint": "thicken the tool there, choose a larger printer, or put a tube around the glued ends",
     "apart": "leave a gap between them",
+    "STEP": "mill it from its STL file",
     "weight": "simulate it with material= what it is printed of",
     "files read back": "move components away from the mount, and leave more room where the motion is tight",
 }

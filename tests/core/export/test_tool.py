@@ -107,6 +107,16 @@ def test_step_is_read_back_with_the_same_volume(written):
     assert "CYLINDRICAL_SURFACE" in (folder / "tool.step").read_text()  # bores are round
 
 
+def test_what_open_cascade_can_not_model_is_left_out_of_the_step_file(written, tmp_path, monkeypatch):
+    pytest.importorskip("OCP")
+    _, made, _ = written
+    monkeypatch.setattr("core.export.step.SAME_VOLUME", -1.0)
+    made = write_tool(made, tmp_path)
+    assert not (tmp_path / "tool.step").exists()
+    assert "STEP: part_1_of_2.stl can't be modelled; mill it from its STL file" in made.faults
+    assert json.loads((tmp_path / "print.json").read_text())["step"] is None
+
+
 def test_without_open_cascade_a_line_says_how_to_get_step(written, tmp_path, monkeypatch):
     _, made, _ = written
     (tmp_path / "part_9_of_9.stl").touch()  # of an export before
