@@ -51,8 +51,8 @@ class Numbers:
     def along(cls, points: Array, step: float, most: float) -> Numbers:
         """Numbers of one kind, of points (K, C) in order.
 
-        The modes are cosines along the points, the first of which shifts all, and fall with their number: smooth
-        changes are larger, as in STOMP (M. Kalakrishnan et al., ICRA 2011).
+        The modes are cosines along the order of the points. The first one shifts all points alike, and each later one
+        is smaller. So a search begins with smooth changes, as STOMP does (M. Kalakrishnan et al., ICRA 2011).
         """
         count, each = points.shape
         order = np.arange(count)

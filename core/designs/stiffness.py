@@ -96,8 +96,8 @@ def stresses(tool: Tool, joints: Mapping[str, Array], material: Material, loads:
     return found
 
 
-def give(tool: Tool, joints: Mapping[str, Array], material: Material, component: str, point: Array) -> float:
-    """Estimate by how many metres a newton across moves a point of a component, in its mount's frame."""
+def compliance(tool: Tool, joints: Mapping[str, Array], material: Material, component: str, point: Array) -> float:
+    """Estimate by how many metres a newton across a beam moves a point of a component, in its mount's frame."""
     return _bent(tool, joints, material, _chains(tool, joints, material), component, point)[0]
 
 

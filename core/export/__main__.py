@@ -61,7 +61,7 @@ class Export:
     payload: dict[str, Any]
     contact_s: float | None
     printed: PrintedTool
-    read: dict[str, float]  # rewards, with the files of the tool read back
+    read_back: dict[str, float]  # rewards, with the tool's files
     verdicts: tuple[Verdict, ...]
 
     def figures(self) -> dict[str, Any]:
@@ -74,7 +74,7 @@ class Export:
             "slower_than_simulated": self.motion.slower,
             "first_contact_s": self.contact_s,
             "rewards": {engine: replay.reward for engine, replay in self.replays.items()},
-            "rewards_read_back": self.read,
+            "rewards_read_back": self.read_back,
             "problems": {engine: list(replay.problems) for engine, replay in self.replays.items()},
             "joints": self.limits,
             "nearest": [dict(zip(("what", "to", "metres", "seconds"), row, strict=True)) for row in nearest],

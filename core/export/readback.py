@@ -23,6 +23,7 @@ from core.export.tool import EXACT_MM, SAME_REWARD, PrintedTool
 from core.geometry import Array, Compound, Mesh, Pose
 from core.report.printing import Check, manifold, piece_name
 from core.robot.meshes import farthest
+from core.robot.solids import farthest_from_surface
 from core.shapes import resized
 
 MISSED_MM = 4.0  # of the files, at most: the edges of a sleeve
@@ -126,21 +127,13 @@ def _hulls(corners: list[Array]) -> Any:
 
 def _beyond(one: Any, other: Any) -> float:
     """How far a solid gets beyond another one, in millimetres; by points, so that it may be a little more."""
-    import coal
     import trimesh
 
-    pieces, of = _pieces(one - other), to_mesh(other)
+    pieces, surface = _pieces(one - other), to_mesh(other)
     if not pieces:
         return 0.0
-    model, ball = coal.BVHModelOBBRSS(), coal.Sphere(1e-6)
-    model.beginModel(len(of.faces), len(of.vertices))
-    model.addVertices(np.asarray(of.vertices))
-    model.addTriangles(np.asarray(of.faces))
-    model.endModel()
-    distance, here, request = coal.ComputeDistance(model, ball), coal.Transform3s(), coal.DistanceRequest()
     rest = trimesh.util.concatenate([to_mesh(piece) for piece in pieces])
     rng, sizes = np.random.default_rng(0), np.sqrt(rest.area_faces)  # what is small counts more than by its area
     chosen = rest.triangles[rng.choice(len(sizes), _POINTS, p=sizes / sizes.sum())]
     points = np.einsum("pkx,pk->px", chosen, rng.dirichlet((1, 1, 1), _POINTS))
-    found = (distance(here, coal.Transform3s(np.eye(3), point), request, coal.DistanceResult()) for point in points)
-    return float(max(found))
+    return farthest_from_surface(points, surface.vertices, surface.faces)

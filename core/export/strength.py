@@ -21,7 +21,7 @@ import numpy as np
 
 from core.design import Tool
 from core.designs.rules import check_contacts
-from core.designs.stiffness import Load, Stressed, give, stresses
+from core.designs.stiffness import Load, Stressed, compliance, stresses
 from core.designs.weight import GRAVITY
 from core.errors import UserError
 from core.geometry import Array, Pose, mass_properties
@@ -113,7 +113,7 @@ def contact_loads(
             own = [Load(name, *parts.on(sample, pushes.points[i], pushes.forces[i])) for i in mine]
             if own and name in masses:
                 hardest = max(own, key=lambda load: np.linalg.norm(load.force))
-                soft = give(tool, joints, material, hardest.component, hardest.point)
+                soft = compliance(tool, joints, material, hardest.component, hardest.point)
                 most = _struck(recording.times, values, sample, min(masses[name], tool.mass), soft)
                 share = min(1.0, most / max(values[sample], 1e-9))
                 own = [load._replace(force=share * load.force) for load in own]
@@ -163,19 +163,10 @@ class _Parts:
 
     def on(self, sample: int, point: Array, force: Array) -> tuple[str, Array, Array]:
         """Find the component that has a contact point; return it, with point and force as it is at rest."""
-        box = [
-            (
-                float(
-                    np.linalg.norm(np.maximum(np.abs((point - of.middles[sample]) @ of.rotations[sample]) - of.box, 0))
-                ),
-                i,
-            )
-            for i, of in enumerate(self._tracks)
-        ]
-        near = [i for gap, i in box if gap <= min(box)[0] + NEAR_M]
-        if len(near) > 1:
-            near.sort(key=lambda i: self._gap(i, sample, point))
-        part = self.tool.parts[near[0]]
+        beyond = [np.abs((point - of.middles[sample]) @ of.rotations[sample]) - of.box for of in self._tracks]
+        gaps = [float(np.linalg.norm(np.maximum(each, 0))) for each in beyond]
+        near = [i for i, gap in enumerate(gaps) if gap <= min(gaps) + NEAR_M]
+        part = self.tool.parts[min(near, key=lambda i: self._gap(i, sample, point))]
         (turned, moved), rest = self.frames[part.bearer], self._rest[part.bearer]
         own, way = turned[sample].T @ (point - moved[sample]), turned[sample].T @ force
         return part.component, rest.apply(own), rest.rotation.apply(way)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-import coal
 import numpy as np
 from manifold3d import Manifold, OpType
 
 from core.design import DesignError
 from core.geometry import Array, Box, Capsule, Compound, Cylinder, Mesh, Pose, Shape, Sphere
+from core.robot.solids import farthest_from_surface
 from plugins.tools.solids.building import MAX_TRIANGLES, TooFine, convex_parts, surface
 from plugins.tools.solids.convex import SLIVER, Tolerance, TooManyPieces, is_convex, vertices_of
 from plugins.tools.solids.reading import Node
@@ -139,24 +139,7 @@ def _farthest(pieces: Manifold, solid: Manifold) -> float:
     chosen = triangles[rng.choice(len(triangles), _SAMPLES, p=areas / areas.sum())]
     points = np.einsum("pkx,pk->px", chosen, rng.dirichlet((1, 1, 1), _SAMPLES))
     points = np.vstack([points, corners[rng.permutation(len(corners))[:_SAMPLES]]])
-    model, dot, request = _bvh(solid), coal.Sphere(1e-9), coal.DistanceRequest()
-    origin = coal.Transform3s()
-    distances = (
-        coal.distance(dot, coal.Transform3s(np.eye(3), point), model, origin, request, coal.DistanceResult())
-        for point in points
-    )
-    return float(max(distances))
-
-
-def _bvh(solid: Manifold) -> coal.BVHModelOBBRSS:
-    corners, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    corners.extend(vertices_of(solid))
-    faces.extend(coal.Triangle(*face) for face in np.asarray(solid.to_mesh64().tri_verts).tolist())
-    model = coal.BVHModelOBBRSS()
-    model.beginModel(len(faces), len(corners))
-    model.addSubModel(corners, faces)
-    model.endModel()
-    return model
+    return farthest_from_surface(points, vertices_of(solid), solid.to_mesh64().tri_verts)
 
 
 def _check_whole(solid: Manifold) -> None:

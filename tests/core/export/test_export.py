@@ -46,7 +46,7 @@ def test_the_motion_earns_what_was_simulated(made):
 
 def test_the_tool_is_written_and_earns_the_same_by_its_files(made):
     folder, found = made
-    assert found.read["mujoco"] == pytest.approx(found.replays["mujoco"].reward, abs=0.02)
+    assert found.read_back["mujoco"] == pytest.approx(found.replays["mujoco"].reward, abs=0.02)
     assert found.payload["mass_kg"] == pytest.approx(found.printed.mounted.mass, abs=1e-5)
     assert found.printed.mounted.mass > found.candidate.tool.mass
     names = {file.name for file in (folder / "tool").iterdir()}

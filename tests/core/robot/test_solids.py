@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
-from core.robot.solids import Solids, body_solids, gap, robot_solids, signed_distance
+from core.robot.solids import Solids, body_solids, farthest_from_surface, gap, robot_solids, signed_distance
 from core.scene import Body
 from tests.panda import PANDA
 
@@ -52,3 +52,10 @@ def test_the_robots_solids_are_those_of_its_description():
     arm, with_gripper = ({one.name for one in robot_solids(PANDA, gripper)} for gripper in (False, True))
     assert {f"panda_link{number}" for number in range(8)} <= arm
     assert {"left_finger", "right_finger"} <= with_gripper
+
+
+def test_the_farthest_point_from_a_surface():
+    cube = trimesh.creation.box((2.0, 2.0, 2.0))
+    points = np.array([[0.0, 0.0, 0.9], [3.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
+    assert farthest_from_surface(points, cube.vertices, cube.faces) == pytest.approx(2.0)
+    assert farthest_from_surface(points[2:], cube.vertices, cube.faces) == pytest.approx(0.5)  # inside, too
