@@ -5,14 +5,17 @@ Plugins import it from `core.interfaces`. Covered by `tests/core/designs/test_va
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from core.geometry import Array
 
 D = TypeVar("D")
+
+SHIFTS = (0.2, 10.0)  # of a move, in steps
 
 
 def _none() -> Array:
@@ -25,49 +28,62 @@ class Numbers:
 
     Attributes:
         values: what they are now.
-        steps: a small change of each, which a search begins with.
+        steps: a small change of each.
         lower: with ``upper`` their bounds.
-        modes: (N, N), in steps; each column is a change of numbers that belong together. By default each number
-            has a mode of its own.
+        shapes: those (K, C) of the tables that they form, one after the other: K points in order, such as waypoints,
+            with C coordinates each. By default each number has a table of its own.
     """
 
     values: Array = field(default_factory=_none)
     steps: Array = field(default_factory=_none)
     lower: Array = field(default_factory=_none)
     upper: Array = field(default_factory=_none)
-    modes: Array = field(default_factory=_none)
+    shapes: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
-        if not self.modes.size:
-            object.__setattr__(self, "modes", np.eye(len(self.values)))
+        if not self.shapes:
+            object.__setattr__(self, "shapes", ((1, 1),) * len(self.values))
 
     @classmethod
-    def near(cls, values: Array, step: float, most: float) -> Numbers:
-        """Numbers of one kind, with the same step, from -``most`` to ``most``."""
-        same = np.ones(np.size(values))
-        return cls(np.ravel(values).astype(np.float64), step * same, -most * same, most * same)
+    def near(cls, points: Array, steps: float | Array, most: float | Array) -> Numbers:
+        """Make a table of points (K, C), or of one (C,), with bounds from -``most`` to ``most``.
 
-    @classmethod
-    def along(cls, points: Array, step: float, most: float) -> Numbers:
-        """Numbers of one kind, of points (K, C) in order.
-
-        The modes are cosines along the order of the points. The first one shifts all points alike, and each later one
-        is smaller. So a search begins with smooth changes, as STOMP does (M. Kalakrishnan et al., ICRA 2011).
+        ``steps`` and ``most`` are those of all coordinates, or of each (C,).
         """
-        count, each = points.shape
-        order = np.arange(count)
-        waves = np.cos(np.pi * np.outer(order + 0.5, order) / max(count, 1)) / (1.0 + order)
-        return replace(cls.near(points, step, most), modes=np.kron(waves, np.eye(each)))
+        table = np.atleast_2d(points).astype(np.float64)
+        same = np.ones(table.shape)
+        each, lower, upper = (np.ravel(same * n) for n in (steps, -np.asarray(most), most))
+        return cls(table.ravel(), each, lower, upper, ((len(table), table.shape[1]),))
 
-    def changed(self, amounts: Array) -> Array:
-        """Return the values (N,) with ``amounts`` (N,) of each mode added, within the bounds."""
-        return np.clip(self.values + self.steps * (self.modes @ amounts), self.lower, self.upper)
+    def moved(self, values: Array, others: Array, rng: np.random.Generator) -> Array:
+        """Return ``values`` (N,) after a random move of neighbouring points of one table, within the bounds.
+
+        One of their coordinates shifts by up to ten steps, all alike. Or, as often, where there are ``others`` (M, N),
+        the points go towards those of one of them, or away, by an amount drawn from the standard normal distribution.
+        """
+        moved, points = values.copy(), self._neighbours(rng)
+        if len(others) and rng.random() < 0.5:
+            points = points.ravel()
+            moved[points] += rng.standard_normal() * (others[rng.integers(len(others))] - values)[points]
+        else:
+            points = points[:, rng.integers(points.shape[1])]
+            size = np.exp(rng.uniform(*np.log(SHIFTS)))  # small and large ones as often: nobody knows the scale
+            moved[points] += rng.choice((-size, size)) * self.steps[points]
+        return np.clip(moved, self.lower, self.upper)
+
+    def _neighbours(self, rng: np.random.Generator) -> npt.NDArray[np.intp]:
+        """Draw neighbouring points, of large tables more often; the numbers' indices, (P, C)."""
+        ends = np.cumsum([count * each for count, each in self.shapes])
+        table = int(np.searchsorted(ends, rng.integers(len(self)), side="right"))
+        count, each = self.shapes[table]
+        begin, end = np.sort(rng.choice(count + 1, 2, replace=False))
+        found: npt.NDArray[np.intp] = ends[table] + np.arange((begin - count) * each, (end - count) * each)
+        return found.reshape(-1, each)
 
     def __add__(self, other: Numbers) -> Numbers:
         ours, theirs = ((n.values, n.steps, n.lower, n.upper) for n in (self, other))
         values, steps, lower, upper = (np.concatenate(pair) for pair in zip(ours, theirs, strict=True))
-        corner = np.zeros((len(self), len(other)))
-        return Numbers(values, steps, lower, upper, np.block([[self.modes, corner], [corner.T, other.modes]]))
+        return Numbers(values, steps, lower, upper, self.shapes + other.shapes)
 
     def __len__(self) -> int:
         return len(self.values)

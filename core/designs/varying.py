@@ -40,9 +40,9 @@ def tool_numbers(tool: Tool) -> Numbers:
     """
     if tool.bearers:
         return Numbers()
-    kinds = ((GROWTH, MOST_GROWTH), (SLIDE_M, MOST_SLIDE_M), (TURN_RAD, MOST_TURN_RAD))
-    found = sum((Numbers.near(np.zeros(3), *kind) for _ in tool.components for kind in kinds), Numbers())
-    return replace(found, modes=found.modes / np.sqrt(max(len(found), 1)))  # all together change a tool by one step
+    steps = np.repeat((GROWTH, SLIDE_M, TURN_RAD), 3)
+    most = np.repeat((MOST_GROWTH, MOST_SLIDE_M, MOST_TURN_RAD), 3)
+    return sum((Numbers.near(np.zeros(9), steps, most) for _ in tool.components), Numbers())
 
 
 def vary_tool(tool: Tool, values: Array) -> Tool:

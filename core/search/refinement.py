@@ -1,4 +1,4 @@
-"""Refine the numbers of good candidates by CMA-ES, without asking a model."""
+"""Refine the numbers of good candidates by an evolution strategy, without asking a model."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
-from cmaes import SepCMA
 
 from core.design import Candidate, Evaluation, best_first, best_tools
 from core.errors import UsageError
@@ -16,7 +15,7 @@ from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers
 POPULATION = 12  # candidates that a start is given at a time
 STARTS = (4, 2, 1)  # candidates that are refined side by side, and go on: the best half of them each time
 SHARES = (0.25, 0.5, 1.0)  # of the rollouts, after which that is so
-SPREAD = 0.5  # at the beginning, of each mode
+MORE = 0.3  # the chance of another move in the same candidate
 TRIES = 20  # draws for a candidate that keeps the rules
 
 
@@ -42,9 +41,11 @@ class Varies(Designer, Protocol):
 class Refinement(EvolutionStrategy):
     """After the generations of another strategy, refine its best candidates.
 
-    The best candidates of different tools start side by side, each with a search of its own, the separable CMA-ES of
-    R. Ros and N. Hansen ("A simple modification in CMA-ES achieving linear time and space complexity", PPSN 2008).
-    After a quarter of the rollouts the better half goes on, and after a half of them the best one.
+    The best candidates of different tools start side by side, each with a search of its own: a (1 + 12) evolution
+    strategy (H.-G. Beyer and H.-P. Schwefel, "Evolution strategies: a comprehensive introduction", Natural Computing 1,
+    2002). Each of twelve variants of the best so far makes a few random moves (`Numbers.moved`), toward other
+    candidates that differ in numbers alone, too. After a quarter of the rollouts the better half of the searches goes
+    on, and after a half of them the best one.
 
     Args:
         strategy: gives the first generations.
@@ -95,32 +96,44 @@ class Refinement(EvolutionStrategy):
         best = [e for e in best_tools(best_first(self._earlier, self.tie)) if e.reward > 0]
         found = [(e, self._varies.parameters(e.candidate)) for e in best]
         varied = [(e, numbers) for e, numbers in found if len(numbers) > 1][: STARTS[0]]
-        return [_Search(number, self._varies, *start) for number, start in enumerate(varied)]
+        earned = [e.candidate for e in self._earlier if e.reward > 0]
+        return [_Search(number, self._varies, *start, earned) for number, start in enumerate(varied)]
 
 
 class _Search:
     """The search that begins at one evaluation; ``number`` stands in its candidates' ids as that of an agent."""
 
-    def __init__(self, number: int, designer: Varies, start: Evaluation, numbers: Numbers) -> None:
+    def __init__(
+        self, number: int, designer: Varies, start: Evaluation, numbers: Numbers, earned: Sequence[Candidate]
+    ) -> None:
         self.number, self.best = number, start.reward
         self._designer, self._start, self._numbers = designer, start.candidate, numbers
-        self._asked: dict[str, Array] = {}
-        seed = int(start.candidate.content[:8], 16)
-        self._cma = SepCMA(np.zeros(len(numbers)), SPREAD, seed=seed, population_size=POPULATION)
+        self._values, self._asked = numbers.values, dict[str, Array]()
+        others = [designer.toward(start.candidate, other) for other in earned if other.id != start.candidate.id]
+        self._others = np.array([values for values in others if values is not None])
+        self._rng = np.random.default_rng(int(start.candidate.content[:8], 16))
 
     def ask(self, generation: int) -> Iterator[Candidate]:
         """Yield a population; what breaks a rule is drawn again."""
         for strategy in range(POPULATION):
             for _ in range(TRIES):
-                drawn = self._cma.ask()
-                values = self._numbers.changed(drawn)
+                values = self._moved()
                 candidate = self._designer.vary(self._start, values, (generation, self.number, strategy, 0))
                 if candidate.problem is None:
                     break
-            self._asked[candidate.id] = drawn
+            self._asked[candidate.id] = values
             yield candidate
 
+    def _moved(self) -> Array:
+        values = self._values
+        while True:
+            values = self._numbers.moved(values, self._others, self._rng)
+            if self._rng.random() >= MORE:
+                return values
+
     def tell(self, evaluations: Sequence[Evaluation]) -> None:
-        """Take the rewards of the whole population."""
-        self._cma.tell([(self._asked.pop(e.candidate.id), -e.reward) for e in evaluations])
-        self.best = max(self.best, *(e.reward for e in evaluations))
+        """Take the rewards of the whole population, and go on from the best that is not worse."""
+        best = max(evaluations, key=lambda evaluation: evaluation.reward)
+        if best.reward >= self.best:
+            self.best, self._values = best.reward, self._asked[best.candidate.id]
+        self._asked.clear()

@@ -21,7 +21,7 @@ from core.errors import choices
 from core.geometry import Array, Pose
 from core.interfaces import ActionPlan, ActionRepresentation, Anchor, Brief, Numbers, Seen, Tempo, Waypoints
 from core.text import kind, shorten
-from plugins.actions.waypoints import STEP_M, STEP_RAD
+from plugins.actions.waypoints import MOST, STEPS
 
 WORLD = "world"
 STEP_LOG = 0.2  # a small change of a speed or time, as a logarithm
@@ -184,20 +184,20 @@ class AnchoredActions(ActionRepresentation):
         """Return offsets and angles of all steps, and the logarithms of speeds, times and waits that are given."""
         if not isinstance(plan, AnchoredPlan):
             return Numbers()
-        offsets, angles = np.array([step.offset for step in plan.steps]), np.array([step.rpy for step in plan.steps])
-        found = Numbers.along(offsets, STEP_M, MAX_REACH_M) + Numbers.along(angles, STEP_RAD, MAX_ANGLE_RAD)
+        found = Numbers.near(np.array([[*step.offset, *step.rpy] for step in plan.steps]), STEPS, MOST)
         for _, name, value in _tempi(plan):
             most = np.log(MAX_SPEED if name == "speed" else MAX_SECONDS)
-            found += Numbers(*(np.array([n]) for n in (np.log(value), STEP_LOG, np.log(_LEAST), most)))
+            now, step, least, longest = (np.array([n]) for n in (np.log(value), STEP_LOG, np.log(_LEAST), most))
+            found += Numbers(now, step, least, longest)
         return found
 
     def with_parameters(self, plan: ActionPlan, values: Array) -> AnchoredPlan:
         assert isinstance(plan, AnchoredPlan)
-        count = 3 * len(plan.steps)
-        rows = np.round(values[: 2 * count], _DIGITS).reshape(2, -1, 3).swapaxes(0, 1).tolist()
+        count = 6 * len(plan.steps)
+        rows = np.round(values[:count], _DIGITS).reshape(-1, 2, 3).tolist()
         placed: list[dict[str, Any]] = [{"offset": tuple(offset), "rpy": tuple(rpy)} for offset, rpy in rows]
         steps = [replace(step, **at) for step, at in zip(plan.steps, placed, strict=True)]
-        for (number, name, _), value in zip(_tempi(plan), np.exp(values[2 * count :]).tolist(), strict=True):
+        for (number, name, _), value in zip(_tempi(plan), np.exp(values[count:]).tolist(), strict=True):
             tempo: dict[str, Any] = {name: round(value, _DIGITS)}
             steps[number] = replace(steps[number], **tempo)
         return replace(plan, steps=tuple(steps))

@@ -12,7 +12,8 @@ from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, WAYPOINT, check_plan
 from core.geometry import Array
 from core.interfaces import ActionPlan, ActionRepresentation, Brief, Numbers, Waypoints
 
-STEP_M, STEP_RAD = 0.01, 0.05  # small changes, of a search without a model
+STEPS = np.repeat((0.01, 0.05), 3)  # small changes, metres and radians, of a search without a model
+MOST = np.repeat((MAX_REACH_M, MAX_ANGLE_RAD), 3)
 DIGITS = 5  # hundredths of a millimetre
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
@@ -49,13 +50,11 @@ class WaypointActions(ActionRepresentation):
         """Return the coordinates and angles of all waypoints."""
         if not isinstance(plan, Waypoints):
             return Numbers()
-        position, angles = plan.poses[:, :3], plan.poses[:, 3:6]
-        return Numbers.along(position, STEP_M, MAX_REACH_M) + Numbers.along(angles, STEP_RAD, MAX_ANGLE_RAD)
+        return Numbers.near(plan.poses[:, :6], STEPS, MOST)
 
     def with_parameters(self, plan: ActionPlan, values: Array) -> Waypoints:
         assert isinstance(plan, Waypoints)
-        position, angles = values.reshape(2, -1, 3)
-        return replace(plan, poses=np.hstack([np.round(position, DIGITS), np.round(angles, DIGITS), plan.poses[:, 6:]]))
+        return replace(plan, poses=np.hstack([np.round(values.reshape(-1, 6), DIGITS), plan.poses[:, 6:]]))
 
 
 def _with_numbers(plan: object) -> object:

@@ -125,16 +125,36 @@ def test_plans_with_as_many_waypoints_lead_to_each_other():
     assert ACTIONS.toward(plan, longer) is None
 
 
-def test_the_first_mode_of_points_shifts_all_and_later_ones_change_less():
-    points = Numbers.along(np.zeros((5, 3)), 0.01, 0.02)
-    shifted = points.changed(np.eye(15)[1]).reshape(5, 3)
-    assert shifted == pytest.approx(np.tile([0, 0.01, 0], (5, 1)))
-    sizes = np.abs(points.modes).max(axis=0)
-    assert (np.diff(sizes[::3]) < 0).all()
-    assert np.linalg.matrix_rank(points.modes) == 15
-    assert points.changed(np.full(15, 100.0)).max() == 0.02
+TABLES = Numbers.near(np.zeros((5, 3)), np.array([0.01, 0.01, 0.05]), 0.4) + Numbers.near(np.zeros(2), 0.1, 1.0)
 
 
-def test_modes_of_joined_numbers_keep_apart():
-    both = Numbers.near(np.zeros(2), 0.1, 1.0) + Numbers.along(np.zeros((2, 1)), 0.01, 1.0)
-    assert both.changed(np.array([0, 1, 1, 0])) == pytest.approx([0, 0.1, 0.01, 0.01])
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_move_shifts_one_coordinate_of_neighbouring_points(seed):
+    moved = TABLES.moved(TABLES.values, np.empty(0), np.random.default_rng(seed)) / TABLES.steps
+    changed = np.flatnonzero(moved)
+    assert len({*np.round(moved[changed], 9)}) == 1 or np.abs(moved).max() == pytest.approx(8)  # cut off at the bound
+    assert 0.2 - 1e-9 <= np.abs(moved[changed]).min() <= np.abs(moved).max() <= 10 + 1e-9
+    assert {*np.diff(changed)} <= {3}
+    assert changed[-1] < 15 or len(changed) == 1
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_move_goes_toward_another_design_in_whole_points(seed):
+    other = np.linspace(0.01, 0.17, 17)
+    moved = TABLES.moved(TABLES.values, other[None], np.random.default_rng(seed))
+    changed = np.flatnonzero(moved)
+    if len({*np.round((moved / other)[changed], 9)}) == 1 and len(changed) > 1:
+        assert {*np.diff(changed)} == {1}
+        assert (changed[0] % 3, len(changed) % 3) == (0, 0) or {*changed} == {15, 16}
+
+
+def test_moves_keep_within_the_bounds_and_reach_all_numbers():
+    rng, values = np.random.default_rng(0), TABLES.values
+    seen = np.zeros(len(TABLES), dtype=bool)
+    for _ in range(300):
+        values = TABLES.moved(values, np.full((1, len(TABLES)), 5.0), rng)
+        assert (TABLES.lower <= values).all()
+        assert (values <= TABLES.upper).all()
+        seen |= values != 0
+    assert seen.all()
+    assert (TABLES.values == 0).all()

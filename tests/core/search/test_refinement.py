@@ -31,6 +31,9 @@ class Plans:
     def parameters(self, candidate):
         return Numbers.near(candidate.plan.poses, 0.02, 3.0)
 
+    def toward(self, candidate, other):
+        return other.plan.poses.ravel() if self.offsets[other.strategy] < 0.35 else None
+
     def vary(self, candidate, values, key):
         generation, agent, strategy, action = key
         new = replace(candidate, plan=Waypoints(values[None]), parents=(candidate.id,))
@@ -103,8 +106,8 @@ def test_a_run_is_refined_alike_from_the_start_and_once_it_is_finished(tmp_path,
     whole = Experiment(*words, "evolution.refine=24", "executor.workers=1").run(tmp_path / "whole")
     refined = [e.candidate for e in whole.generations[1].evaluations]
     assert all(candidate.parents and candidate.problem is None for candidate in refined)
-    for found in ({c.tool.content for c in refined}, {c.plan.content for c in refined}):
-        assert len(found) == len(refined)
+    assert len({(c.tool.content, c.plan.content) for c in refined}) == len(refined)
+    assert min(len({c.tool.content for c in refined}), len({c.plan.content for c in refined})) > 3
 
     Experiment(*words, "executor.workers=2").run(tmp_path / "later")
     resume(tmp_path / "later", ["evolution.refine=24"])
