@@ -77,7 +77,8 @@ def _nearest(some: Sequence[Track], others: Sequence[Track], samples: Indices) -
     least = np.full(len(samples), NEAR_M)
     for one in some:
         for other in others:
-            if ((one.lowest - NEAR_M > other.highest) | (other.lowest - NEAR_M > one.highest)).any():
+            (low, high), (below, above) = ((of.low.min(axis=0), of.high.max(axis=0)) for of in (one, other))
+            if ((low - NEAR_M > above) | (below - NEAR_M > high)).any():
                 continue
             for i, k in enumerate(samples.tolist()):
                 a, b = (min(k, len(track.positions) - 1) for track in (one, other))

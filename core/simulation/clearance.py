@@ -12,7 +12,7 @@ from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout,
 from core.robot.trajectory import at_home
 from core.scene import Scene, State
 from core.simulation.gaps import may_meet, neighbours
-from core.simulation.tracks import SAMPLE_HZ, body_tracks, robot_tracks
+from core.simulation.tracks import SAMPLE_HZ, follow
 
 DEEP_M = 0.005  # a motion that leads farther into a fixed body is pushed off its way
 REST = 0.001  # a body whose position (m) or quaternion changes by more in the time below is not at rest
@@ -25,14 +25,14 @@ class Idle:
 
     Attributes:
         outcome: of that rollout.
-        fixed: a scene of the bodies that never move.
-        free: a scene of the other bodies, where they rest, made fixed.
+        scene: its bodies, where they rest, all made fixed.
+        fixed: the names of those that never move.
         share: the seconds of processor time that a second of a rollout takes.
     """
 
     outcome: Outcome
-    fixed: Scene
-    free: Scene
+    scene: Scene
+    fixed: frozenset[str]
     share: float
 
     def foresee(self, robot: Robot, job: Rollout, margin: float) -> Outcome | None:
@@ -44,13 +44,12 @@ class Idle:
         if job.tool.bearers:  # where its joints go is unknown
             return None
         recording = _recording(robot, job.trajectory)
-        own = robot_tracks(robot, job.tool, recording)
-        for scene, gap in ((self.free, margin), (self.fixed, -DEEP_M)):
-            pairs = neighbours(own, body_tracks(scene, recording), max(gap, 0.0))
-            every = np.ones((len(pairs), len(recording.times) - 1), dtype=bool)
-            if pairs and may_meet(pairs, np.full(len(pairs), -gap), every).any():
-                return None
-        return self.outcome
+        tracks = follow(self.scene, robot, job.tool, recording)
+        pairs = neighbours(tracks, margin)
+        fixed = np.array([owner in self.fixed for owner in tracks.solids.owners])
+        every = np.ones((len(pairs), len(recording.times) - 1), dtype=bool)
+        met = may_meet(tracks, pairs, np.where(fixed[pairs[:, 1]], DEEP_M, -margin), every).any()
+        return None if met else self.outcome
 
     def film(self, robot: Robot, job: Rollout) -> Recording:
         """Return the recording of a rollout that touches nothing."""
@@ -92,4 +91,5 @@ def find_idle(task: Task, simulator: Simulator, seed: int, settings: RolloutSett
     poses = {name: end.pose(name) for name in end.names}
     free = tuple(replace(body, pose=poses[body.name], mass=0.0) for body in scene.free if body.name in poses)
     fixed = tuple(body for body in scene.bodies if body.fixed)
-    return Idle(outcome, Scene(fixed), Scene(free), took / (job.settle_s + job.hold_s))
+    names = frozenset(body.name for body in fixed)
+    return Idle(outcome, Scene((*fixed, *free)), names, took / (job.settle_s + job.hold_s))

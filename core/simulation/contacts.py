@@ -22,7 +22,8 @@ from core.interfaces import Contact, Recording, Robot
 from core.scene import Scene, State, Trace
 from core.simulation.gaps import gap_bounds, may_meet, neighbours
 from core.simulation.sampling import Indices, coarse_samples, subset
-from core.simulation.tracks import Track, body_tracks, robot_tracks
+from core.simulation.solids import ROBOT
+from core.simulation.tracks import Track, Tracks, follow
 from core.traces import TRACE_HZ
 
 TOUCH_M, HULL_M = 0.0005, 0.001  # the largest gap of a contact; so much more for each hull: PyBullet's margin
@@ -91,18 +92,19 @@ class Contacts:
 def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> Contacts:
     """Find the contacts of a rollout of ``tool`` in ``scene``, at samples about `SAMPLE_HZ` apart."""
     taken = subset(recording, coarse_samples(recording))
-    own, bodies = robot_tracks(robot, tool, taken), body_tracks(scene, taken)
-    links, mounts = len(own) - len(tool.parts), tool.mounts
-    kinds = {id(track): "tool" if i >= links or track.name in mounts else "arm" for i, track in enumerate(own)}
+    tracks = follow(scene, robot, tool, taken)
+    own = [track for track in tracks if track.owner == ROBOT]
+    bodies, links, mounts = tracks[len(own) :], len(own) - len(tool.parts), tool.mounts
+    kinds = ["tool" if i >= links or track.name in mounts else "arm" for i, track in enumerate(own)]
     struck = _struck(taken)
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
-    pairs = neighbours(own, bodies, TOUCH_M + 2 * HULL_M, scene.joined)
-    intervals = _near(pairs, struck, len(taken.times) - 1) if pairs else ((), ())
-    for (one, other), near, hit in zip(pairs, *intervals, strict=True):
+    pairs = neighbours(tracks, TOUCH_M + 2 * HULL_M, scene.joined)
+    for (i, j), near, hit in zip(pairs.tolist(), *_near(tracks, pairs, struck), strict=True):
         if not (near.any() or hit.any()):
             continue
-        key = kinds.get(id(one), "body"), one.name, other.name
+        one, other = tracks[i], tracks[j]
+        key = kinds[i] if i < len(own) else "body", one.name, other.name
         touched, depth = _touched(one, other, near, hit)
         if touched.any():
             touching[key] = touching.get(key, False) | touched
@@ -143,12 +145,15 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     return Trace(instants, scene.complete(State.stack(films)), touching, forces if measured else None)
 
 
-def _near(pairs: Sequence[tuple[Track, Track]], struck: Mapping[str, Flags], count: int) -> tuple[Flags, Flags]:
-    """Report in which intervals each pair may touch, and in which one was struck near the other: (P, count)."""
-    never = np.zeros(count, dtype=bool)
-    hit = np.array([struck.get(one.owner, never) | struck.get(other.owner, never) for one, other in pairs])
-    near = may_meet(pairs, np.array([-touch(*pair) for pair in pairs]), np.ones_like(hit))
-    return near, may_meet(pairs, np.full(len(pairs), -STRUCK_M), hit)
+def _near(tracks: Tracks, pairs: Indices, struck: Mapping[str, Flags]) -> tuple[Flags, Flags]:
+    """Report in which intervals each pair may touch, and in which one was struck near the other: (P, T - 1)."""
+    never = np.zeros(tracks.samples - 1, dtype=bool)
+    hits = np.array([struck.get(owner, never) for owner in tracks.solids.owners])
+    hit = hits[pairs[:, 0]] | hits[pairs[:, 1]]
+    most = np.array([touch(tracks[i], tracks[j]) for i, j in pairs.tolist()])
+    return may_meet(tracks, pairs, -most, np.ones_like(hit)), may_meet(
+        tracks, pairs, np.full(len(pairs), -STRUCK_M), hit
+    )
 
 
 def touch(one: Track, other: Track) -> float:
@@ -175,8 +180,7 @@ def _touched(one: Track, other: Track, near: Flags, struck: Flags) -> tuple[Flag
 
 def _gaps(one: Track, other: Track, at: Indices, most: float) -> Array:
     """The gaps (N,) of two solids at samples ``at``, metres, negative if they overlap; exact up to ``most``."""
-    bounds = gap_bounds(one, other, at)
-    gaps = np.full(len(at), -np.inf) if bounds is None else bounds
+    gaps = gap_bounds(one, other, at)
     distance = coal.ComputeDistance(other.geometry, one.geometry)
     for i in np.flatnonzero(gaps <= most).tolist():
         gaps[i] = _distance(distance, one, other, int(at[i]))

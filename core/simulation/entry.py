@@ -6,10 +6,19 @@ way out is downward, and no longer than the sheet is thick. Covered by `tests/co
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
 from core.geometry import Array
 from core.simulation.gaps import spans
-from core.simulation.tracks import ROBOT, Track
+from core.simulation.solids import ROBOT, Solids
+from core.simulation.tracks import Track
 
+DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
+THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much
+THROUGH = 2 / 3  # share of the way to the middle that counts as a passage if the solid leaves on the other side
 CUT_M = (0.001, 0.003)  # so much farther in than the least way out: twice the thickness, within these limits
 # Two solids only touch while they are no deeper than this share of the thinner one's thickness, and this depth: one of
 # them the robot's, or two bodies, which may fall onto a thin wall at 4 m/s, 10 mm in an engine's step.
@@ -18,21 +27,42 @@ BODY_SKIN, BODY_SKIN_M = 0.5, 0.01
 SAME = 0.9  # cosine of two directions that are about the same
 
 
-def thickness(one: Track, other: Track) -> float:
-    """The thickness of the thinner one, metres."""
-    return 2 * min(one.half_width, other.half_width)
+class Depths(NamedTuple):
+    """How deep in each other, metres, two solids are when something begins; arrays (P,) for many pairs.
 
+    Attributes:
+        thick: as deep as the thinner one is thick.
+        deep: from here on, it is too deep.
+        through: from here on, they may have passed through each other.
+        skin: up to here they only touch: the side that each is on is clear.
+        cut: so much farther in than the least way out is a cut.
+    """
 
-def cut(one: Track, other: Track) -> float:
-    """How much farther in than the least way out, metres, is a cut."""
-    return min(max(2 * thickness(one, other), CUT_M[0]), CUT_M[1])
+    thick: Array
+    deep: Array
+    through: Array
+    skin: Array
+    cut: Array
 
+    @classmethod
+    def of(cls, solids: Solids, pairs: npt.NDArray[np.intp]) -> Depths:
+        """Compute them for pairs (P, 2) of solids, of which the first one may be the robot's."""
+        one, other = solids.widths[pairs.T]
+        across, thick = one + other, 2 * np.minimum(one, other)
+        robots = np.array([owner == ROBOT for owner in solids.owners])[pairs[:, 0]]
+        pressed = np.minimum(across / 2, thick)
+        return cls(
+            thick,
+            np.minimum(DEEP_M, np.maximum(pressed, np.minimum(THIN_M, 0.9 * across))),
+            THROUGH * across,
+            np.where(robots, np.minimum(SKIN_M, SKIN * thick), np.minimum(BODY_SKIN_M, BODY_SKIN * thick)),
+            np.minimum(np.maximum(2 * thick, CUT_M[0]), CUT_M[1]),
+        )
 
-def skin(one: Track, other: Track) -> float:
-    """The depth, metres, below which two solids only touch: the side that each is on is clear."""
-    if one.owner == ROBOT:
-        return min(SKIN_M, SKIN * thickness(one, other))
-    return min(BODY_SKIN_M, BODY_SKIN * thickness(one, other))
+    @property
+    def least(self) -> Array:
+        """The least of what counts."""
+        return np.minimum(np.minimum(self.deep, self.through), self.skin)
 
 
 class Side:

@@ -6,14 +6,14 @@ Along any direction the gap between two convex solids is no larger than their di
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 import coal
 import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array, Box, Capsule, Cylinder, Shape, Sphere
-from core.simulation.tracks import Track, lengths
+from core.simulation.tracks import Track, Tracks, lengths
 
 Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
@@ -21,94 +21,68 @@ Indices = npt.NDArray[np.intp]
 ROUNDING_M = 1e-9  # in comparisons of lengths
 _AT_ONCE = 60_000  # pairs times intervals
 _EYE = np.eye(3)
-_SMOOTH = Box | Capsule | Cylinder | Sphere  # whose extents are formulas
+SMOOTH = Box | Capsule | Cylinder | Sphere  # whose extents are formulas
 
 
-def neighbours(
-    robot: Sequence[Track],
-    bodies: Sequence[Track],
-    margin: float = 0.0,
-    joined: Collection[frozenset[str]] = (),
-) -> list[tuple[Track, Track]]:
-    """Pair solids of different owners, of which one ever is within ``margin`` metres of where the other ever is.
+def neighbours(tracks: Tracks, margin: float = 0.0, joined: Collection[frozenset[str]] = ()) -> Indices:
+    """Pair solids (P, 2) of different owners, one of which ever is within ``margin`` metres of where the other ever is.
 
     At least one of them is in motion. Only their bounding boxes are compared. Owners that are ``joined`` are no pair.
     """
-    moving = [track for track in (*robot, *bodies) if len(track.positions) > 1]
-    if not moving or not bodies:
-        return []
-    low, high = np.array([(track.lowest, track.highest) for track in moving]).swapaxes(0, 1)
-    below, above = np.array([(track.lowest, track.highest) for track in bodies]).swapaxes(0, 1)
-    met = ((low - margin <= above[:, None]) & (high + margin >= below[:, None])).all(axis=2)
-    order = {id(track): i for i, track in enumerate(moving)}
-    return [
-        (moving[i], bodies[j])
-        for j, i in np.argwhere(met).tolist()
-        if i < order.get(id(bodies[j]), len(moving))
-        and moving[i].owner != bodies[j].owner  # each pair once
-        and not (joined and frozenset((moving[i].owner, bodies[j].owner)) in joined)
-    ]
+    if tracks.samples < 2:
+        return np.empty((0, 2), dtype=np.intp)
+    moving, owners = tracks.moving, tracks.solids.owner_numbers
+    low, high = (tracks.by_sample(values) for values in (tracks.rows.low, tracks.rows.high))
+    lowest, highest = tracks.rows.low[:, tracks.first], tracks.rows.high[:, tracks.first]
+    lowest[:, moving], highest[:, moving] = low.min(axis=2), high.max(axis=2)
+    near = (lowest[:, None, moving] - margin <= highest[..., None]) & (
+        highest[:, None, moving] + margin >= lowest[..., None]
+    )
+    once = (tracks.moves[:, None] == 0) | (np.arange(len(tracks))[:, None] > moving)
+    pairs = np.argwhere(near.all(axis=0) & once & (owners[:, None] != owners[moving]))[:, ::-1]
+    pairs[:, 0] = moving[pairs[:, 0]]
+    if joined:
+        names = tracks.solids.owners
+        pairs = pairs[[frozenset((names[i], names[j])) not in joined for i, j in pairs.tolist()]]
+    return pairs
 
 
-def may_meet(
-    pairs: Sequence[tuple[Track, Track]], least: Array, within: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.bool_]:
+def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Report where solids may get as deep in each other as ``least`` (P,), from a sample to the next: (P, T - 1).
 
-    Only intervals ``within`` (P, T - 1) are looked at, all pairs at once. Boxes along the world's axes are compared
-    first, then those along the solids' own. Along an axis that is fixed in one solid, points of the other move
+    Only intervals ``within`` (P, T - 1) are looked at, all ``pairs`` (P, 2) at once. Boxes along the world's axes are
+    compared first, then those along the solids' own. Along an axis that is fixed in one solid, points of the other move
     straight on, but for what the two turn, and the gap to them is a concave function of time: it is smallest at one
     of the ends. So solids that slide along each other don't come nearer.
     """
-    if len(pairs) > (some := max(1, _AT_ONCE // within.shape[1])):  # small arrays stay in the processor's cache
+    if len(pairs) > (some := max(1, _AT_ONCE // max(within.shape[1], 1))):  # small arrays stay in the processor's cache
         parts = [slice(begin, begin + some) for begin in range(0, len(pairs), some)]
-        return np.concatenate([may_meet(pairs[part], least[part], within[part]) for part in parts])
-    tracks = list({id(track): track for pair in pairs for track in pair}.values())
-    number = {id(track): i for i, track in enumerate(tracks)}
-    counts = np.array([len(track.positions) for track in tracks])
-    first, moves = np.cumsum(counts) - counts, (counts > 1).astype(np.intp)
-    rotations, positions, middles, asides, turns = (
-        np.concatenate([getattr(track, name) for track in tracks])
-        for name in ("rotations", "positions", "middles", "aside", "turned")
-    )
-    halves, reaches = np.array([track.box for track in tracks]), np.array([track.reach for track in tracks])
-    radii = np.array([track.box[0] if isinstance(track.shape, Sphere) else np.inf for track in tracks])
-    both = np.array([[number[id(track)] for track in pair] for pair in pairs])
+        return np.concatenate([may_meet(tracks, pairs[part], least[part], within[part]) for part in parts])
+    solids, rows, intervals = tracks.solids, tracks.rows, within.shape[1]
 
     # Solids are no deeper in each other than their boxes along any axis.
-    low, high = np.empty((3, len(tracks), within.shape[1])), np.empty((3, len(tracks), within.shape[1]))
-    for i, track in enumerate(tracks):
-        low[:, i], high[:, i] = track.low[: within.shape[1]].T, track.high[: within.shape[1]].T
-    near, deep = within.copy(), (least - ROUNDING_M)[:, None]
-    for below, above in zip(low, high, strict=True):
-        near &= above[both[:, 0]] - below[both[:, 1]] >= deep
-        near &= above[both[:, 1]] - below[both[:, 0]] >= deep
-    met, at = np.nonzero(near)
-    one, other = both[met].T
-    a, b = first[one] + moves[one] * at, first[other] + moves[other] * at
+    met, at = np.divmod(np.flatnonzero(within), intervals)
+    a, b, deep = tracks.row(pairs[met, 0], at), tracks.row(pairs[met, 1], at), least[met] - ROUNDING_M
+    for low, high in zip(rows.low[::-1], rows.high[::-1], strict=True):  # along z first, since most moves sideways
+        near = np.flatnonzero((high[a] - low[b] >= deep) & (high[b] - low[a] >= deep))
+        met, at, a, b, deep = met[near], at[near], a[near], b[near], deep[near]
 
-    after, others_after = a + moves[one], b + moves[other]
-    # The two ends of all intervals, each once.
-    ends = np.zeros((len(pairs), within.shape[1] + 1), dtype=np.intp)
-    ends[met, at] = ends[met, at + 1] = 1
-    pair, instant = np.nonzero(ends)
-    ends[pair, instant] = np.arange(len(pair))
-    i, j = both[pair].T
-    k, m = first[i] + moves[i] * instant, first[j] + moves[j] * instant
-    seen, mine = _along_axes(
-        rotations[k], rotations[m], middles[k] - middles[m], halves[i], halves[j], radii[i], radii[j]
-    )
-    begin, end = ends[met, at], ends[met, at + 1]
-    turn, others_turn = turns[a], turns[b]
-    apart = positions[a] - positions[b]
-    moved = lengths(positions[after] - positions[others_after] - apart)
-    far = lengths(apart) + moved
+    ends, begin = with_next(met * (intervals + 1) + at)  # each once
+    end, (pair, instant) = begin + 1, np.divmod(ends, intervals + 1)
+    i, j = pairs[pair].T
+    k, m = tracks.row(i, instant), tracks.row(j, instant)
+    turns, middles = (rows.rotations[k], rows.rotations[m]), rows.middles[k] - rows.middles[m]
+    seen, mine = _along_axes(*turns, middles, *solids.halves[[i, j]], *solids.radii[[i, j]])
+    apart = rows.positions[k] - rows.positions[m]
+    moved, far = lengths(apart[end] - apart[begin]), lengths(apart[begin])
+    far += moved
+    turn, others_turn, (reaches, others_reaches) = rows.turned[a], rows.turned[b], solids.reaches[pairs[met].T]
     gaps = np.maximum(
-        np.minimum(seen[begin], seen[end]).max(axis=1) - _curved(far, moved, turn, others_turn, reaches[one]),
-        np.minimum(mine[begin], mine[end]).max(axis=1) - _curved(far, moved, others_turn, turn, reaches[other]),
+        np.minimum(seen[:, begin], seen[:, end]).max(axis=0) - _curved(far, moved, turn, others_turn, reaches),
+        np.minimum(mine[:, begin], mine[:, end]).max(axis=0) - _curved(far, moved, others_turn, turn, others_reaches),
     )
     kept = np.zeros_like(within)
-    kept[met, at] = gaps - asides[a] - asides[b] <= ROUNDING_M - least[met]
+    kept[met, at] = gaps - rows.aside[a] - rows.aside[b] <= ROUNDING_M - least[met]
     return kept
 
 
@@ -172,17 +146,17 @@ def _along_axes(
     radii: Array,
     others_radii: Array,
 ) -> tuple[Array, Array]:
-    """The gaps (N, 6) between two boxes along the second's axes, either way, and along the first's.
+    """The gaps (6, N) between two boxes along the second's axes, either way, and along the first's.
 
     None extends farther from its middle than its radius (N,): that of a ball, infinite for others.
     """
     widths = np.abs(others_rotations.swapaxes(1, 2) @ rotations)
-    ahead, extents = _turned(apart, others_rotations), np.einsum("nij,nj->ni", widths, halves)
-    extents = np.minimum(extents, radii[:, None]) + others_halves
-    seen = np.concatenate([ahead - extents, -ahead - extents], axis=1)
-    ahead, extents = _turned(apart, rotations), _turned(others_halves, widths)
-    extents = np.minimum(extents, others_radii[:, None]) + halves
-    return seen, np.concatenate([ahead - extents, -ahead - extents], axis=1)
+    ahead = np.einsum("ni,nij->jn", apart, others_rotations)
+    extents = np.minimum(np.einsum("nij,nj->in", widths, halves), radii) + others_halves.T
+    seen = np.concatenate([ahead - extents, -ahead - extents])
+    ahead = np.einsum("ni,nij->jn", apart, rotations)
+    extents = np.minimum(np.einsum("ni,nij->jn", others_halves, widths), others_radii) + halves.T
+    return seen, np.concatenate([ahead - extents, -ahead - extents])
 
 
 def _turned(vectors: Array, rotations: Array) -> Array:
@@ -201,13 +175,13 @@ def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Ar
     return curved
 
 
-def gap_bounds(one: Track, other: Track, samples: npt.NDArray[np.intp]) -> Array | None:
-    """Lower bounds (N,) of the gaps between two solids, metres, negative if they overlap; None for hulls.
+def gap_bounds(one: Track, other: Track, samples: npt.NDArray[np.intp]) -> Array:
+    """Lower bounds (N,) of the gaps between two solids, metres, negative if they overlap; for hulls there is none.
 
     They are exact where the gap is along an axis of either frame, or along the radius of a ball or a cylinder.
     """
-    if not isinstance(one.shape, _SMOOTH) or not isinstance(other.shape, _SMOOTH):
-        return None
+    if not isinstance(one.shape, SMOOTH) or not isinstance(other.shape, SMOOTH):
+        return np.full(len(samples), -np.inf)
     (rotation, position), (others_rotation, others_position) = _frames(one, samples), _frames(other, samples)
     back = others_rotation.swapaxes(1, 2)
     turned, ahead = back @ rotation, _turned(position - others_position, others_rotation)
@@ -252,7 +226,7 @@ def _unit(vectors: Array) -> tuple[Array, Array]:
 
 def spans(track: Track, directions: Array) -> tuple[Array, Array]:
     """Where a solid begins and ends along K directions (N, 3, K) of its frame, from the frame's origin: (N, K) each."""
-    if isinstance(track.shape, _SMOOTH):
+    if isinstance(track.shape, SMOOTH):
         far = reach(track.shape, directions)
         return -far, far
     if isinstance(track.geometry, coal.Box):  # of a link: the gripper's fingers have some

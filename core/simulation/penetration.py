@@ -7,10 +7,11 @@ samples poses are interpolated, and an instant is skipped if the solids can't ha
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import coal
@@ -21,15 +22,13 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.scene import Scene
-from core.simulation.entry import Side, cut, skin, thickness
-from core.simulation.gaps import gap_bounds, may_meet, may_meet_closely, neighbours, with_next
-from core.simulation.sampling import Indices, coarse_samples, detours, is_finite, refined_samples, subset
-from core.simulation.tracks import ROBOT, Track, angles, body_tracks, lengths, robot_tracks
+from core.simulation.entry import Depths, Side
+from core.simulation.gaps import SMOOTH, gap_bounds, may_meet, may_meet_closely, neighbours, with_next
+from core.simulation.sampling import Indices, coarse_samples, detours, is_finite, joined, refined_samples, subset
+from core.simulation.solids import ROBOT, all_solids, body_solids
+from core.simulation.tracks import SAMPLE_HZ, Detour, Track, Tracks, angles, follow, lengths
 
-DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
-THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much
 DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
-THROUGH = 2 / 3  # share of the way to the middle that counts as a passage if the solid leaves on the other side
 
 FLUNG_M_S = 5.0  # a body was flung if it is faster than this, and
 FLUNG_TIMES = 2.2  # so many times as fast as the robot ever was: an elastic blow gives twice the speed; and a tenth
@@ -38,6 +37,7 @@ EXPLODED_M_S = 100.0
 
 _FROM_AFAR_M = 0.02  # from this distance on, the first query finds the two apart: the side they came from is known
 _STILL_M = 1e-4  # a pair is looked at again when one of them has moved so far
+_AT_ONCE = 12_000  # samples of solids: their arrays stay in the processor's cache
 _FEW = 24  # samples that are queried as fast as they are compared along an axis
 _COAL_M = 1e-6  # depths that differ by less are equal: the tolerance of Coal's iterations
 _REQUEST = coal.DistanceRequest()
@@ -65,150 +65,167 @@ def findings(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> li
     Raises:
         Explosion: a body's state is not finite, or it is faster than `EXPLODED_M_S` without a fall to explain it.
     """
-    if not is_finite(recording):
-        raise Explosion("a body's state is not finite")
-    samples = coarse_samples(recording)
+    (found,) = findings_of_each(scene, robot, tool, [recording])
+    if isinstance(found, Explosion):
+        raise found
+    return found
+
+
+def findings_of_each(
+    scene: Scene, robot: Robot, tool: Tool, recordings: Sequence[Recording]
+) -> list[list[Finding] | Explosion]:
+    """Find what is unphysical in each rollout of one tool, as `findings`.
+
+    Short ones are looked at together: what numpy does with their samples takes less time than its calls.
+    """
+    found: list[list[Finding] | Explosion] = [Explosion("a body's state is not finite")] * len(recordings)
+    finite = [i for i, recording in enumerate(recordings) if is_finite(recording)]
+    moving = len(all_solids(robot, tool, body_solids(scene)).moving)
+    parts = np.cumsum([moving * len(coarse_samples(recordings[i])) for i in finite]) // _AT_ONCE
+    for part in np.unique(parts):
+        some = [i for i, number in zip(finite, parts, strict=True) if number == part]
+        for i, each in zip(some, _found(scene, robot, tool, [recordings[i] for i in some]), strict=True):
+            found[i] = each
+    return found
+
+
+def _found(
+    scene: Scene, robot: Robot, tool: Tool, recordings: Sequence[Recording]
+) -> Iterator[list[Finding] | Explosion]:
+    """Look at recordings as if they were one. Between two of them there is an interval that is never looked at."""
+    recording, begins = joined(recordings), np.cumsum([0, *(len(each.times) for each in recordings)])
+    each_ones = [coarse_samples(each) for each in recordings]
+    samples = np.concatenate([at + begin for at, begin in zip(each_ones, begins[:-1], strict=True)])
+    aside = zip(*(detours(each, at) for each, at in zip(recordings, each_ones, strict=True)), strict=True)
     coarse = subset(recording, samples)
-    dense = len(samples) < len(recording.times)
-    around, aside = detours(recording, samples) if dense else (None, None)
-    own, bodies = robot_tracks(robot, tool, coarse, around), body_tracks(scene, coarse, aside)
-    pairs = neighbours(own, bodies, joined=scene.joined)
-    meetings = _meetings(pairs, _moving(pairs)) if pairs and len(samples) > 1 else []
-    times = coarse.times
-    if meetings and dense:
-        times, meetings = _closer(scene, robot, tool, recording, samples, own, bodies, meetings)
-    top_speed = partial(_top_speed, own, coarse.times)
-    return _passages(meetings, times) + _flung(coarse, top_speed)
-
-
-def _closer(
-    scene: Scene,
-    robot: Robot,
-    tool: Tool,
-    recording: Recording,
-    samples: Indices,
-    own: Sequence[Track],
-    bodies: Sequence[Track],
-    meetings: Sequence[_Meeting],
-) -> tuple[Array, list[_Meeting]]:
-    """Look at meetings again, with more samples where solids move by more than they are thick; return their times."""
-    wanted = np.ones(len(samples) - 1)
-    for one, other, near in meetings:
-        aside = one.aside[near] + (other.aside[near] if len(other.aside) > 1 else other.aside)
-        ways = _ways(one, other, near) + 2 * aside  # there and back
-        wanted[near] = np.maximum(wanted[near], ways / thickness(one, other))
-    more = refined_samples(samples, wanted)
-    closer = subset(recording, more)
-    if len(more) == len(samples):
-        return closer.times, list(meetings)
-    met = {id(track) for meeting in meetings for track in meeting[:2]}
-    at, others_at = ([i for i, track in enumerate(tracks) if id(track) in met] for tracks in (own, bodies))
-    tracks = dict(zip((id(own[i]) for i in at), robot_tracks(robot, tool, closer, only=at), strict=True))
-    others = body_tracks(scene, closer, only=others_at)
-    tracks.update(zip((id(bodies[i]) for i in others_at), others, strict=True))
-    within = np.zeros((len(meetings), len(samples)), dtype=bool)
-    for i, meeting in enumerate(meetings):
-        within[i, meeting.near] = True
-    within = within[:, np.searchsorted(samples, more[:-1], side="right") - 1]
-    return closer.times, _meetings([(tracks[id(one)], tracks[id(other)]) for one, other, *_ in meetings], within)
+    tracks = follow(scene, robot, tool, coarse, Detour(*map(np.hstack, aside)))
+    parts = np.searchsorted(samples, begins)
+    flung = [_flung(subset(coarse, np.arange(*part)), tracks.part(*part)) for part in pairwise(parts)]
+    pairs = neighbours(tracks, joined=scene.joined)
+    meetings = _meet(tracks, pairs, Depths.of(tracks.solids, pairs), _moving(tracks, pairs, parts))
+    times, wanted = coarse.times, _wanted(meetings)
+    if (wanted > 1).any() and len(samples) < len(recording.times):
+        more = refined_samples(samples, wanted)  # elsewhere no two move near each other
+        closer, before = subset(recording, more), np.searchsorted(samples, more[:-1], side="right") - 1
+        tracks, times = follow(scene, robot, tool, closer, only=meetings.pairs), closer.times
+        parts = np.searchsorted(more, begins)
+        meetings = _meet(tracks, meetings.pairs, meetings.depths, meetings.near[:, before])
+    for (begin, end), thrown in zip(pairwise(parts.tolist()), flung, strict=True):
+        part = meetings._replace(tracks=tracks.part(begin, end), near=meetings.near[:, begin : max(begin, end - 1)])
+        yield thrown if isinstance(thrown, Explosion) else _passages(part, times[begin:end]) + thrown
 
 
 # --- penetration ------------------------------------------------------------------------------------------------
 
 
-def _passages(meetings: Iterable[_Meeting], times: Array) -> list[Finding]:
+class _Meetings(NamedTuple):
+    """P pairs of solids (P, 2) that may get as deep in each other as counts; at least one of each is in motion.
+
+    They may in the intervals ``near`` (P, T - 1).
+    """
+
+    tracks: Tracks
+    pairs: Indices
+    depths: Depths
+    near: npt.NDArray[np.bool_]
+
+
+def _meet(tracks: Tracks, pairs: Indices, depths: Depths, within: npt.NDArray[np.bool_]) -> _Meetings:
+    near = may_meet(tracks, pairs, depths.least, within)
+    met = near.any(axis=1)
+    return _Meetings(tracks, pairs[met], Depths(*(values[met] for values in depths)), near[met])
+
+
+def _moving(tracks: Tracks, pairs: Indices, parts: Indices) -> npt.NDArray[np.bool_]:
+    """Mark the intervals (P, T - 1) in which a pair may have moved since the last marked one.
+
+    In each rollout, from one of ``parts`` (R + 1,) to the next, the first is marked; those between them are not.
+    """
+    rows, begins = tracks.rows, parts[:-1]
+    moved, turned, aside = (tracks.by_sample(values)[:, :-1] for values in (rows.moved, rows.turned, rows.aside))
+    travel = np.zeros((len(moved), tracks.samples))
+    np.cumsum(moved + tracks.solids.reaches[tracks.moving, None] * turned, axis=1, out=travel[:, 1:])
+    travel -= np.repeat(travel[:, begins], np.diff(parts), axis=1)
+    marks, moves = np.floor(travel / _STILL_M), np.zeros((len(tracks), tracks.samples - 1), dtype=bool)
+    moves[tracks.moving] = (marks[:, 1:] > marks[:, :-1]) | (aside > _STILL_M / 2)
+    marked: npt.NDArray[np.bool_] = moves[pairs[:, 0]] | moves[pairs[:, 1]]
+    marked[:, begins[begins < tracks.samples - 1]] = True
+    marked[:, parts[1:-1] - 1] = False
+    return marked
+
+
+def _wanted(meetings: _Meetings) -> Array:
+    """How often to look in each interval (T - 1,): once each time that solids move as far as they are thick.
+
+    It is 0 where none are near each other, nor were shortly before.
+    """
+    tracks, aside = meetings.tracks, meetings.tracks.rows.aside
+    pair, at = np.nonzero(meetings.near)
+    one, other = meetings.pairs[pair].T
+    away = aside[tracks.row(one, at)] + aside[tracks.row(other, at)]
+    ways = _ways(tracks, one, other, at) + 2 * away  # there and back
+    wanted = np.zeros(tracks.samples - 1)
+    np.maximum.at(wanted, at, np.maximum(ways / meetings.depths.thick[pair], 1.0))
+    for _ in range(math.ceil(DEEP_S * SAMPLE_HZ)):  # what comes to rest is near no more, but may stay too deep
+        wanted[1:] = np.maximum(wanted[1:], wanted[:-1] > 0)
+    return wanted
+
+
+def _passages(meetings: _Meetings, times: Array) -> list[Finding]:
     found: dict[tuple[str, str], tuple[float, str]] = {}
-    for one, other, near in meetings:
-        passage = _passage(one, other, near, times)
+    tracks, depths = meetings.tracks, np.array(meetings.depths).T.tolist()
+    for i in np.flatnonzero(meetings.near.any(axis=1)).tolist():
+        one, other = meetings.pairs[i].tolist()
+        passage = _passage(tracks, one, other, np.flatnonzero(meetings.near[i]), depths[i], times)
         if passage is not None:
-            names = one.name, other.name
+            names = tracks[one].name, tracks[other].name
             found[names] = min(found.get(names, passage), passage)
     return [Finding(f"{one!r} {what.format(repr(other))}", True) for (one, other), (_, what) in found.items()]
 
 
-class _Meeting(NamedTuple):
-    """Two solids that may get as deep in each other as counts; at least one of them is in motion.
-
-    ``near`` are the samples, rising, from which on they may, until the next.
-    """
-
-    one: Track
-    other: Track
-    near: Indices
-
-
-def _meetings(pairs: Sequence[tuple[Track, Track]], within: npt.NDArray[np.bool_]) -> list[_Meeting]:
-    if not within.any():
-        return []
-    kinds = [(one.half_width, other.half_width, one.owner == ROBOT) for one, other in pairs]
-    depths = {kind: min(*_limits(*pair), skin(*pair)) for kind, pair in dict(zip(kinds, pairs, strict=True)).items()}
-    least = np.array([depths[kind] for kind in kinds])
-    kept = may_meet(pairs, least, within)
-    return [_Meeting(*pairs[i], np.flatnonzero(kept[i])) for i in np.flatnonzero(kept.any(axis=1)).tolist()]
+def _ways(tracks: Tracks, one: Indices | int, other: Indices | int, near: Indices) -> Array:
+    """How far any point of a solid moves in the frame of another from samples ``near`` to the next, metres, (N,)."""
+    rows, reach = tracks.rows, tracks.solids.reaches[one]
+    at, others_at = tracks.row(one, near), tracks.row(other, near)
+    if not np.any(tracks.moves[other]):
+        return rows.moved[at] + reach * rows.turned[at]
+    after, others_after = at + tracks.moves[one], others_at + tracks.moves[other]
+    apart, apart_after = (rows.positions[i] - rows.positions[j] for i, j in ((at, others_at), (after, others_after)))
+    back, back_after = (rows.rotations[j].swapaxes(1, 2) for j in (others_at, others_after))
+    shift = np.einsum("nij,nj->ni", back_after, apart_after) - np.einsum("nij,nj->ni", back, apart)
+    return lengths(shift) + reach * angles(back @ rows.rotations[at], back_after @ rows.rotations[after])
 
 
-def _moving(pairs: Sequence[tuple[Track, Track]]) -> npt.NDArray[np.bool_]:
-    """Mark the intervals (P, T - 1) in which a pair may have moved since the last marked one; the first is marked."""
-    tracks = list({id(track): track for pair in pairs for track in pair}.values())
-    number = {id(track): i for i, track in enumerate(tracks)}
-    moving = [i for i, track in enumerate(tracks) if len(track.moved) > 1]
-    moved, turned, aside = (
-        np.array([getattr(tracks[i], name)[:-1] for i in moving]) for name in ("moved", "turned", "aside")
-    )
-    travel = np.zeros((len(moving), moved.shape[1] + 1))
-    reaches = np.array([[tracks[i].reach] for i in moving])
-    np.cumsum(moved + reaches * turned, axis=1, out=travel[:, 1:])
-    moves = np.zeros((len(tracks), moved.shape[1]), dtype=bool)
-    moves[moving] = (np.diff(travel // _STILL_M, axis=1) > 0) | (aside > _STILL_M / 2)
-    one, other = np.array([[number[id(track)] for track in pair] for pair in pairs]).T
-    marked: npt.NDArray[np.bool_] = moves[one] | moves[other]
-    marked[:, 0] = True
-    return marked
-
-
-def _ways(one: Track, other: Track, near: Indices) -> Array:
-    """How far any point of the first moves in the frame of the second from samples ``near`` to the next, (N,)."""
-    if len(other.positions) == 1:
-        return one.travel[near + 1] - one.travel[near]
-    apart = one.positions - other.positions
-    back, after = other.rotations[near].swapaxes(1, 2), other.rotations[near + 1].swapaxes(1, 2)
-    shift = np.einsum("nij,nj->ni", after, apart[near + 1]) - np.einsum("nij,nj->ni", back, apart[near])
-    turn = angles(back @ one.rotations[near], after @ one.rotations[near + 1])
-    return lengths(shift) + one.reach * turn
-
-
-def _travel(one: Track, other: Track, near: Indices) -> Array:
+def _travel(tracks: Tracks, number: int, others_number: int, near: Indices) -> Array:
     """How far the first has moved in the frame of the second (see `Track.travel`): (T,).
 
     Where they can't be ``near`` each other it is an upper bound.
     """
+    one, other = tracks[number], tracks[others_number]
     if len(other.positions) == 1:
         return one.travel
     steps = one.moved + one.reach * one.turned + other.moved
     steps += (lengths(one.positions - other.positions) + one.moved + other.moved + one.reach) * other.turned
-    steps[near] = _ways(one, other, near)
+    steps[near] = _ways(tracks, number, others_number, near)
     return np.concatenate([[0.0], np.cumsum(steps[:-1])])
 
 
-def _limits(one: Track, other: Track) -> tuple[float, float]:
-    """The depths, metres, from which two solids are too deep in each other, and may have passed through each other."""
-    across = one.half_width + other.half_width
-    pressed = min(across / 2, thickness(one, other))
-    return min(DEEP_M, max(pressed, min(THIN_M, 0.9 * across))), THROUGH * across
-
-
-def _passage(one: Track, other: Track, near: Indices, times: Array) -> tuple[float, str] | None:
+def _passage(
+    tracks: Tracks, number: int, others_number: int, near: Indices, depths: Sequence[float], times: Array
+) -> tuple[float, str] | None:
     """The time when one got into the other, seconds, and a description; None if it never did."""
-    deep, through = _limits(one, other)
-    limit, touching = min(deep, through), skin(one, other)
-    least, far_in = min(limit, touching), cut(one, other)
-    step = max(min(limit / 4, far_in), min(limit, thickness(one, other)) / 2)
+    one, other = tracks[number], tracks[others_number]
+    thick, deep, through, touching, far_in = depths
+    limit = min(deep, through)
+    least = min(limit, touching)
+    step = max(min(limit / 4, far_in), min(limit, thick) / 2)
     distance = coal.ComputeDistance(other.geometry, one.geometry)
-    deep_ones = _deep(distance, one, other, near, least)
+    deep_ones = _deep(distance, tracks, number, others_number, near, least)
     if not len(deep_ones):
         return None
-    travel = _travel(one, other, near)
+    travel = _travel(tracks, number, others_number, near)
     samples, gone, instants = deep_ones.tolist(), travel.tolist(), times.tolist()  # faster one by one
+    intervals = set(samples)
     last = len(gone) - 1
     # The direction out of ``other`` when they last only touched, if ever; before that nothing counts.
     entry: Array | None = None
@@ -241,7 +258,7 @@ def _passage(one: Track, other: Track, near: Indices, times: Array) -> tuple[flo
         if depth >= least:
             if k == last:
                 return found
-            ahead = min(ahead + step, gone[k + 1])
+            ahead = min(ahead + step, gone[k + 1]) if k in intervals else gone[k + 1]
             k, share = (k + 1, 0.0) if ahead >= gone[k + 1] else (k, share)
             if ahead == gone[k]:
                 continue
@@ -249,28 +266,26 @@ def _passage(one: Track, other: Track, near: Indices, times: Array) -> tuple[flo
             ahead += max(least - depth, step) if -depth < _FROM_AFAR_M else -depth
             if ahead > gone[last]:
                 return found
-            further = bisect_right(gone, ahead) - 1
-            if further > k:
-                k, share = further, 0.0
-                if depth < least:
-                    at = bisect_left(samples, k)
-                    if at == len(samples):
-                        return found
-                    k = samples[at]
+            at = bisect_left(samples, bisect_right(gone, ahead) - 1)
+            if at == len(samples):
+                return found
+            if samples[at] > k:
+                k, share = samples[at], 0.0
                 continue
         share = (ahead - gone[k]) / (gone[k + 1] - gone[k])
 
 
-def _deep(distance: Any, one: Track, other: Track, near: Indices, least: float) -> Indices:
+def _deep(distance: Any, tracks: Tracks, number: int, others_number: int, near: Indices, least: float) -> Indices:
     """Those of the samples ``near`` from which on, until the next, two solids may get as deep as ``least``.
 
     From one sample to the next, a gap can't shrink and grow again by more than the way between.
     """
+    one, other = tracks[number], tracks[others_number]
     least -= _COAL_M
-    at, begin = with_next(near)
-    gaps = gap_bounds(one, other, at)
-    if gaps is not None:
-        near = near[(gaps[begin] + gaps[begin + 1] - _ways(one, other, near)) / 2 <= -least]
+    if isinstance(one.shape, SMOOTH) and isinstance(other.shape, SMOOTH):
+        at, begin = with_next(near)
+        gaps = gap_bounds(one, other, at)
+        near = near[(gaps[begin] + gaps[begin + 1] - _ways(tracks, number, others_number, near)) / 2 <= -least]
     while len(near) > _FEW:  # what slides or rests is apart along the way out at one sample, at many others too
         _, out, rotation, others_rotation = _query(distance, one, other, int(near[0]), 0.0)
         rest = may_meet_closely(one, other, near, least, (out @ rotation, out @ others_rotation))
@@ -295,28 +310,28 @@ def _query(distance: Any, one: Track, other: Track, k: int, share: float) -> tup
 # --- flung ------------------------------------------------------------------------------------------------------
 
 
-def _top_speed(robot: Sequence[Track], times: Array) -> float:
-    return max((track.top_speed(times) for track in robot), default=0.0)
-
-
-def _flung(recording: Recording, top_speed: Callable[[], float]) -> list[Finding]:
+def _flung(recording: Recording, tracks: Tracks) -> list[Finding] | Explosion:
     """Find bodies faster than the robot and a fall can have made them, and bodies that are far away.
 
-    Raises:
-        Explosion: one is faster than `EXPLODED_M_S`.
+    It is an explosion if one is faster than `EXPLODED_M_S`.
     """
     states, found = recording.states, []
     fallen = np.maximum(states.positions[:1, :, 2] - states.positions[:, :, 2], 0.0)
     squares = (states.linear_velocities**2).sum(axis=2) - 2 * _GRAVITY * fallen
     fastest = np.sqrt(np.maximum(squares, 0.0).max(axis=0))
-    farthest = np.linalg.norm(states.positions[:, :, :2], axis=2).max(axis=0)
+    farthest = lengths(states.positions[:, :, :2]).max(axis=0)
     for name, speed, far in zip(states.names, fastest, farthest, strict=True):
         if speed > EXPLODED_M_S:
-            raise Explosion(f"{name!r} reached {speed:.0f} m/s")
-        if speed > FLUNG_M_S and speed > FLUNG_TIMES * (robot_speed := top_speed()):
+            return Explosion(f"{name!r} reached {speed:.0f} m/s")
+        if speed > FLUNG_M_S and speed > FLUNG_TIMES * (robot_speed := _top_speed(tracks, recording.times)):
             found.append(
                 Finding(f"{name!r} was flung: it reached {speed:.1f} m/s, the robot {robot_speed:.1f} m/s", False)
             )
         elif far > LOST_M:
             found.append(Finding(f"{name!r} was flung: it got {far:.1f} m away", False))
     return found
+
+
+def _top_speed(tracks: Tracks, times: Array) -> float:
+    """That of the robot, m/s."""
+    return max((track.top_speed(times) for track in tracks if track.owner == ROBOT), default=0.0)

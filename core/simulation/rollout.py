@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from core.design import SAVED, Candidate, DesignError, Evaluation
+from core.design import SAVED, Candidate, DesignError, Evaluation, Tool
 from core.designs.planning import resolve
 from core.errors import UserError
 from core.geometry import Array
-from core.interfaces import Outcome, Rollout, RolloutSettings, Simulator, Task
+from core.interfaces import Outcome, Recording, Robot, Rollout, RolloutSettings, Simulator, Task
 from core.observations import TRIAL
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
@@ -24,7 +24,7 @@ from core.scene import Scene, State, Trace
 from core.simulation.clearance import Idle, find_idle
 from core.simulation.contacts import Contacts, find_contacts, make_trace
 from core.simulation.observing import observe
-from core.simulation.penetration import Explosion, Finding, findings
+from core.simulation.penetration import Explosion, Finding, findings_of_each
 from core.simulation.sampling import is_finite, sample_hz, thinnest
 from core.task import reward_of
 from core.text import shorten
@@ -181,16 +181,18 @@ def evaluate_batch(
         jobs[i] = job
     outcomes = foreseen | dict(zip(jobs, _outcomes(simulator, task, list(jobs.values())), strict=True))
     finished: dict[int, tuple[State, State]] = {}
-    found: dict[int, list[Finding]] = {}
+    found: dict[int, list[Finding] | Explosion] = {}
+    warned: dict[int, list[Finding]] = {}
     contacts: dict[int, Contacts] = {}
+    if settings.penetration != "ignore":
+        recorded = {i: (jobs[i].tool, film) for i in jobs if (film := outcomes[i].recording) is not None}
+        found = findings(scene, task.robot, recorded)
     for i, outcome in outcomes.items():
         tool = candidates[i].tool
-        if i in jobs and outcome.recording is not None and tool is not None and settings.penetration != "ignore":
-            try:
-                found[i] = findings(scene, task.robot, tool, outcome.recording)
-            except Explosion as error:
-                evaluations[i] = Evaluation(candidates[i], "failed", reason=f"the simulation blew up: {error}")
-                continue
+        if isinstance(unphysical := found.get(i, []), Explosion):
+            evaluations[i] = Evaluation(candidates[i], "failed", reason=f"the simulation blew up: {unphysical}")
+            continue
+        warned[i] = unphysical
         recording = outcome.recording if outcome.error is None and (traced or settings.observe) else None
         if recording is not None and tool is not None and is_finite(recording):
             contacts[i] = find_contacts(scene, task.robot, tool, recording)
@@ -225,8 +227,19 @@ def evaluate_batch(
                 seen = observe(task, scene, motions[i], outcomes[i], evaluation.reward, contacts[i])
                 evaluation = replace(evaluation, details=seen.details())
             evaluation = replace(evaluation, details=evaluation.details | saved.get(i, {}))
-            evaluations[i] = judged(evaluation, found.get(i, []), forbid=settings.penetration == "forbid")
+            evaluations[i] = judged(evaluation, warned[i], forbid=settings.penetration == "forbid")
     return [evaluations[i] for i in range(len(candidates))]
+
+
+def findings(
+    scene: Scene, robot: Robot, recorded: Mapping[int, tuple[Tool, Recording]]
+) -> dict[int, list[Finding] | Explosion]:
+    """Find what is unphysical in recorded rollouts, those with one tool together."""
+    found: dict[int, list[Finding] | Explosion] = {}
+    for tool in dict.fromkeys(tool for tool, _ in recorded.values()):
+        films = {i: recording for i, (with_tool, recording) in recorded.items() if with_tool == tool}
+        found |= zip(films, findings_of_each(scene, robot, tool, [*films.values()]), strict=True)
+    return found
 
 
 def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:

@@ -16,6 +16,7 @@ from tests.core.simulation.test_penetration import body, recording
 
 HULL = Mesh.from_trimesh(trimesh.creation.icosphere(subdivisions=1, radius=0.05).apply_scale([2.0, 1.0, 0.5]))
 SHAPES = [Box((0.1, 0.02, 0.3)), Box((0.2, 0.2, 0.001)), Sphere(0.05), Cylinder(0.05, 0.1), Cylinder(0.1, 0.01)]
+PAIR = np.array([[0, 1]])
 
 
 def tracks(one, other, turns, paths):
@@ -59,7 +60,7 @@ def test_side_by_side_they_are_exact(one, other):
 def test_hulls_have_none():
     hull = Mesh.from_trimesh(Box((0.1, 0.1, 0.1)).to_trimesh())
     a, b = tracks(hull, Sphere(0.1), {}, {"one": np.zeros((1, 3)), "other": np.ones((1, 3))})
-    assert gap_bounds(a, b, np.arange(1)) is None
+    assert gap_bounds(a, b, np.arange(1)).tolist() == [-np.inf]
 
 
 @given(one=st.sampled_from([*SHAPES, HULL]), other=st.sampled_from([*SHAPES, HULL]), seed=st.integers(0, 2**32 - 1))
@@ -76,8 +77,8 @@ def test_solids_do_not_meet_where_they_may_not(one, other, seed):
         for step in steps:
             turning.append(step * turning[-1])
         turns[name] = Rotation.concatenate(turning[1:]).as_quat(scalar_first=True)
-    a, b = tracks(one, other, turns, paths)
-    (may,) = may_meet([(a, b)], np.array([least]), np.ones((1, count - 1), dtype=bool))
+    both = a, b = tracks(one, other, turns, paths)
+    (may,) = may_meet(both, PAIR, np.array([least]), np.ones((1, count - 1), dtype=bool))
     closely = may_meet_closely(a, b, np.flatnonzero(may), least)
     assert set(closely) <= set(np.flatnonzero(may))
     may = np.isin(np.arange(count - 1), closely)
@@ -90,7 +91,7 @@ def test_solids_do_not_meet_where_they_may_not(one, other, seed):
 
 
 def test_what_slides_along_a_surface_does_not_come_nearer():
-    a, b = tracks(
+    both = tracks(
         Box((0.1, 0.1, 0.02)),
         Box((1.0, 1.0, 0.02)),
         {},
@@ -99,8 +100,8 @@ def test_what_slides_along_a_surface_does_not_come_nearer():
             "other": np.zeros((8, 3)),
         },
     )
-    assert not may_meet([(a, b)], np.array([0.001]), np.ones((1, 7), dtype=bool)).any()
-    assert may_meet([(a, b)], np.array([0.0]), np.ones((1, 7), dtype=bool)).all()
+    assert not may_meet(both, PAIR, np.array([0.001]), np.ones((1, 7), dtype=bool)).any()
+    assert may_meet(both, PAIR, np.array([0.0]), np.ones((1, 7), dtype=bool)).all()
 
 
 @pytest.mark.parametrize("shape", [Sphere(0.05), Cylinder(0.05, 0.1), HULL])
@@ -119,7 +120,7 @@ def test_the_shape_tells_what_the_box_around_it_does_not(shape, above, met):
     gap = coal.ComputeDistance(a.geometry, b.geometry)(
         a.at(0, 0.0)[0], b.at(0, 0.0)[0], coal.DistanceRequest(), coal.DistanceResult()
     )
-    a, b = slide(1.0 - gap + above)
-    (may,) = may_meet([(a, b)], np.zeros(1), np.ones((1, 3), dtype=bool))
+    both = a, b = slide(1.0 - gap + above)
+    (may,) = may_meet(both, PAIR, np.zeros(1), np.ones((1, 3), dtype=bool))
     assert may.tolist() == [met or not isinstance(shape, Sphere)] * 3
     assert may_meet_closely(a, b, np.flatnonzero(may), 0.0).tolist() == ([0, 1, 2] if met else [])

@@ -17,7 +17,7 @@ from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import installed
 from core.scene import Body, Goal, Scene, State, table
-from core.simulation.penetration import Explosion, findings
+from core.simulation.penetration import Explosion, findings, findings_of_each
 from core.simulation.rollout import evaluate_batch
 from tests.panda import ARM, PANDA
 
@@ -98,6 +98,30 @@ def test_a_body_that_sinks_in_and_stays():
     path = np.vstack([straight((0.5, 0.3, 0.025), (0.5, 0.3, 0.010), 10), np.tile((0.5, 0.3, 0.010), (10, 1))])
     (found,) = penetrations(scene, recording(scene, {"cube": path}))
     assert "deep inside 'table'" in found
+
+
+def test_a_body_that_is_thrown_in_and_then_rests_there():
+    """What rests is not looked at more often, and not less either."""
+    cube = body("cube", Box((0.05, 0.05, 0.05)), (0.5, 0.3, 0.025))
+    scene, path = Scene((table(), cube)), np.tile((0.5, 0.3, 0.3), (400, 1))
+    path[200:] = (0.5, 0.3, 0.010)
+    path[195:200] = straight((0.5, 0.3, 0.3), (0.5, 0.3, 0.03), 5)
+    (found,) = penetrations(scene, recording(scene, {"cube": path}, hz=400.0))
+    assert "deep inside 'table'" in found
+
+
+def test_rollouts_are_looked_at_together_as_they_are_one_by_one():
+    """Of other lengths and rates; what is at the end of one and the beginning of the next is nothing."""
+    scene = Scene((WALL, body("cube", Box((0.04, 0.04, 0.04)), (0.2, 0.0, 0.25))))
+    here, there = (0.2, 0.0, 0.25), (0.8, 0.0, 0.25)
+    ways = [(here, here, 9, HZ), (there, there, 30, 400.0), (here, there, 400, 400.0), (here, (0.47, 0, 0.25), 1, HZ)]
+    films = [recording(scene, {"cube": straight(*way)}, hz=hz) for *way, hz in ways]
+    lost = replace(films[0], arm=np.full_like(films[0].arm, np.nan))
+    alone = [findings(scene, PANDA, ROD, film) for film in films]
+    *found, exploded = findings_of_each(scene, PANDA, ROD, [*films, lost])
+    assert [len(each) for each in alone] == [0, 0, 1, 0]
+    assert found == alone
+    assert isinstance(exploded, Explosion)
 
 
 def test_a_body_that_turns_through_a_wall():
