@@ -61,6 +61,7 @@ class Observation:
         errors: for each body of the goal, its place at the end minus the wanted one; None: a coordinate is free.
         contacts: the first contacts, the robot's before those of bodies with each other.
         clearances: the least distance of the robot to each body that it did not touch.
+        touch_m: how far from its mount's origin the tool first touched a body that can move; None: it touched none.
         miss: the number of the waypoint, from 1, on the way to which the arm can follow least, and its two errors
             there, metres and radians.
         lag_rad: the largest lag of a joint, and ``lag_s``: when.
@@ -77,6 +78,7 @@ class Observation:
     errors: Mapping[str, Offset] = field(default_factory=dict)
     contacts: tuple[Contact, ...] = ()
     clearances: Mapping[str, float] = field(default_factory=dict)
+    touch_m: float | None = None
     miss: tuple[int, float, float] = (1, 0.0, 0.0)
     lag_rad: float = 0.0
     lag_s: float = 0.0

@@ -22,6 +22,7 @@ from core.report.runs import FinishedRun
 from core.report.tools import every_tool, readable
 from core.search.archive import UNITS, VALUES, Kept, Measure, handed_over, measures_of
 from core.store.database import reading
+from core.store.rows import Details, validated
 from core.text import clean
 
 if TYPE_CHECKING:
@@ -61,15 +62,18 @@ def read_archive(task: str, method: str, run: FinishedRun) -> Archived | None:
     with readable(run):
         found = list(every_tool(run))
         tools = {winner.candidate.rpartition("-")[0]: winner.tool for winner in found}
-        query = "SELECT generation, agent, strategy, plan, reward, distance_m FROM evaluations WHERE status = 'ok'"
+        query = (
+            "SELECT generation, agent, strategy, plan, reward, distance_m, details FROM evaluations WHERE status = 'ok'"
+        )
         evaluations = []
         with reading(run.folder) as database:
-            for *key, reward, distance_m in map(tuple, database.execute(query)):
+            for *key, reward, distance_m, text in map(tuple, database.execute(query)):
                 generation, agent, strategy, action = key
                 tool = tools[f"g{generation}-a{agent}-s{strategy}"]
                 tried = Candidate(tool, NO_PLAN, generation, agent, strategy, action)
                 distance = float("nan") if distance_m is None else distance_m
-                evaluations.append(Evaluation(tried, "ok", reward=reward, distance_m=distance))
+                details = validated(Details, text)
+                evaluations.append(Evaluation(tried, "ok", reward=reward, distance_m=distance, details=details))
     return Archived(task, method, found[0].robot, measures, handed_over(measures, evaluations, run.figures.tie))
 
 

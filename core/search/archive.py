@@ -20,6 +20,7 @@ from core.designs.reading import dump_design
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
+from core.observations import observation
 
 MAX_BINS = 100
 LIGHT_KG = 0.2
@@ -73,13 +74,21 @@ def extent(tool: Tool) -> float:
     return max((float(np.ptp(np.concatenate(of), axis=0).max()) for of in corners.values()), default=0.0)
 
 
+def touch(evaluation: Evaluation) -> float:
+    """Return how far from its mount a tool first touched a body that can move, metres; nan: none, or not observed."""
+    seen = observation(evaluation)
+    return np.nan if seen is None or seen.touch_m is None else seen.touch_m
+
+
 VALUES: dict[str, Callable[[Evaluation], float]] = {
     "mass": lambda evaluation: tool_of(evaluation).mass,
     "extent": lambda evaluation: extent(tool_of(evaluation)),
     "components": lambda evaluation: len(tool_of(evaluation).components),
     "distance": lambda evaluation: evaluation.distance_m,
+    "touch": touch,
 }
-UNITS = {"mass": "kg", "extent": "m", "components": "", "distance": "m"}
+UNITS = {"mass": "kg", "extent": "m", "components": "", "distance": "m", "touch": "m"}
+OBSERVED = ("touch",)  # measures that need observations of rollouts
 MEASURES = {
     measure.name: measure
     for measure in (
@@ -87,6 +96,7 @@ MEASURES = {
         Measure("extent", 0.0, 1.0, 25),
         Measure("components", 0.5, 10.5, 10),
         Measure("distance", 0.0, 2.5, 25),
+        Measure("touch", 0.0, 1.0, 25),
     )
 }
 

@@ -33,7 +33,7 @@ from core.plugins import event_hub, installed
 from core.plugins.blame import describe_failure
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
-from core.search.archive import handed_over, measures_of, save_archive
+from core.search.archive import OBSERVED, handed_over, measures_of, save_archive
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
 from core.search.listeners import add_listener
@@ -70,7 +70,8 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     if given is not None:
         budget = replace(budget, n_tool=1)
     settings = node(cfg.rollout, RolloutSettings)
-    if cfg.prompt.feedback != "paper" or cfg.prompt.critic:
+    observed = any(measure.name in OBSERVED for measure in measures_of(config["evolution"]))
+    if cfg.prompt.feedback != "paper" or cfg.prompt.critic or observed:
         settings = replace(settings, observe=True)
     evaluator = Evaluator(chosen, sim_part, cfg.seed, settings)
     fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)

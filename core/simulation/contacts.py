@@ -23,7 +23,7 @@ from core.scene import Scene, State, Trace
 from core.simulation.gaps import gap_bounds, may_meet, neighbours
 from core.simulation.sampling import Indices, coarse_samples, subset
 from core.simulation.solids import ROBOT
-from core.simulation.tracks import Track, Tracks, follow
+from core.simulation.tracks import Track, Tracks, follow, lengths, mount_positions
 from core.traces import TRACE_HZ
 
 TOUCH_M, HULL_M = 0.0005, 0.001  # the largest gap of a contact; so much more for each hull: PyBullet's margin
@@ -47,6 +47,7 @@ class Contacts:
         resting: the bodies among them that touched before the motion began.
         depths: the largest penetration of each two, metres.
         clearances: the smallest gap between the robot and each body that it never touched, metres.
+        touch_m: how far from its mount's origin the tool first touched a body that can move; None: it touched none.
     """
 
     taken: Recording
@@ -54,6 +55,7 @@ class Contacts:
     resting: frozenset[Key]
     depths: dict[Key, float]
     clearances: dict[str, float]
+    touch_m: float | None = None
 
     @cached_property
     def all(self) -> tuple[Contact, ...]:
@@ -99,6 +101,7 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
     struck = _struck(taken)
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
+    met: list[tuple[int, Track, Track]] = []  # where parts of the tool first touched bodies that can move
     pairs = neighbours(tracks, TOUCH_M + 2 * HULL_M, scene.joined)
     for (i, j), near, hit in zip(pairs.tolist(), *_near(tracks, pairs, struck), strict=True):
         if not (near.any() or hit.any()):
@@ -109,10 +112,13 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
         if touched.any():
             touching[key] = touching.get(key, False) | touched
             depths[key] = max(depth, depths.get(key, depth))
+            if key[0] == "tool" and not scene[other.owner].fixed:
+                met.append((int(touched.argmax()), one, other))
     settled = int(np.searchsorted(taken.times, 0.0, side="right"))
     resting = frozenset(key for key, touched in touching.items() if key[0] == "body" and touched[:settled].any())
     missed = {body.name for body in scene.bodies} - {other for kind, _, other in touching if kind != "body"}
-    return Contacts(taken, touching, resting, depths, _clearances(own, [t for t in bodies if t.owner in missed]))
+    clearances = _clearances(own, [track for track in bodies if track.owner in missed])
+    return Contacts(taken, touching, resting, depths, clearances, _first_touch(robot, tool, taken, met))
 
 
 def up_to_each(contacts: Contacts) -> list[Contacts]:
@@ -218,6 +224,19 @@ def _clearances(robot: Sequence[Track], bodies: Sequence[Track]) -> dict[str, fl
             best = min(best, _distance(coal.ComputeDistance(body.geometry, track.geometry), track, body, sample))
         found[body.owner] = best
     return found
+
+
+def _first_touch(robot: Robot, tool: Tool, taken: Recording, met: Sequence[tuple[int, Track, Track]]) -> float | None:
+    """Measure the distance from the mount's origin to the first contact: the nearest point of the tool, metres."""
+    if not met:
+        return None
+    sample, one, other = min(met, key=lambda first: first[0])
+    result = coal.DistanceResult()
+    distance = coal.ComputeDistance(other.geometry, one.geometry)
+    distance(other.at(sample, 0.0)[0], one.at(sample, 0.0)[0], _REQUEST, result)
+    mount = one.name if one.name in tool.mounts else tool.placed()[one.name][0]
+    origin = mount_positions(robot, tool, subset(taken, np.array([sample])))[mount][0]
+    return float(lengths(result.getNearestPoint2() - origin))
 
 
 def _boxes(tracks: Sequence[Track]) -> tuple[Array, Array]:

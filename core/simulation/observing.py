@@ -89,6 +89,7 @@ def observe(
         errors={name: _offset(goal, end.position(name)) for name in bodies} if goal is not None else {},
         contacts=tuple(_rounded(contact) for contact in found[:MAX_CONTACTS]),
         clearances={name: round(gap, 4) for name, gap in contacts.clearances.items()},
+        touch_m=None if contacts.touch_m is None else round(contacts.touch_m, 4),
         miss=(worst + 1, round(float(motion.misses[worst, 0]), 4), round(float(motion.misses[worst, 1]), 4)),
         lag_rad=round(float(np.nanmax([outcome.tracking_error_rad, lags.max()])), 4),  # an engine may measure none
         lag_s=round(float(taken.times[int(lags.argmax())]), 2),

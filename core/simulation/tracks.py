@@ -240,13 +240,27 @@ def _own_frames(robot: Robot, tool: Tool, recording: Recording) -> tuple[Array, 
     rotations, positions = joint_frames(model, joint_values(robot, tool.gripper, recording.arm, recording.fingers))
     if not tool.bearers:
         return rotations, positions
-    mounts = {}
-    for mount in tool.mounts:
-        joint, at = model.links[mount]
-        mounts[mount] = place(rotations[joint], positions[joint], at.rotation.as_matrix(), at.position)
+    mounts = _mounts(robot, tool, rotations, positions)
     found = bearer_frames(tool, tool_values(robot, tool, recording.fingers), mounts).values()
     turned, moved = zip(*found, strict=True)
     return np.concatenate([rotations, turned]), np.concatenate([positions, moved])
+
+
+def mount_positions(robot: Robot, tool: Tool, recording: Recording) -> dict[str, Array]:
+    """Follow the origin (T, 3) of each mount of a tool."""
+    joints = joint_values(robot, tool.gripper, recording.arm, recording.fingers)
+    frames = _mounts(robot, tool, *joint_frames(robot_model(robot, tool.gripper), joints))
+    return {mount: positions for mount, (_, positions) in frames.items()}
+
+
+def _mounts(robot: Robot, tool: Tool, rotations: Array, positions: Array) -> dict[str, tuple[Array, Array]]:
+    """Place the frames of a tool's mounts, given those of the joints: (T, 3, 3) and (T, 3) for each."""
+    links = robot_model(robot, tool.gripper).links
+    at = {mount: links[mount] for mount in tool.mounts}
+    return {
+        mount: place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
+        for mount, (joint, pose) in at.items()
+    }
 
 
 def _body_frames(states: State) -> tuple[Array, Array]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, TypeVar
+from functools import lru_cache
+from typing import Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic import model_validator as check_whole
@@ -21,6 +22,8 @@ MAX_DEPTH = 50  # of JSON
 MAX_BYTES = 100_000_000  # of a text
 
 T = TypeVar("T")
+
+_adapter: Callable[[Any], TypeAdapter[Any]] = lru_cache(maxsize=64)(TypeAdapter)  # slow to make
 
 
 def dump_plan(plan: ActionPlan) -> str:
@@ -49,7 +52,7 @@ def validated(schema: type[T], value: object) -> T:
         ValueError: it does not fit; one line.
     """
     try:
-        return TypeAdapter(schema).validate_python(value)
+        return cast(T, _adapter(schema).validate_python(value))
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         where = ".".join(map(str, first["loc"]))
@@ -99,6 +102,7 @@ def _observed(value: dict[str, Any]) -> dict[str, Any]:
 
 
 Json = BeforeValidator(parsed)
+Details = Annotated[dict[str, Any], AfterValidator(_observed), Json]  # of an evaluation
 Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**128)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -290,7 +294,7 @@ class _Evaluation(_Schema):
     moved_m: Annotated[dict[str, float], Json]
     warnings: Annotated[list[str], Json]
     content: Id | None = None
-    details: Annotated[dict[str, Any], AfterValidator(_observed), Json] = {}
+    details: Details = {}
 
     @check_whole(mode="after")
     def _fits(self) -> _Evaluation:

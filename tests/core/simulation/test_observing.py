@@ -93,6 +93,18 @@ def test_what_is_observed_of_a_solution():
     assert xs == sorted(xs, reverse=True)
 
 
+def test_where_the_tool_touches_is_measured_from_its_mount():
+    (solved,) = evaluations(SOLUTIONS / "BringCube.json")
+    tool = solved.candidate.tool
+    (blade,) = (component for component in tool.components if component.name == "blade")
+    mount = tool.placed()["blade"][1].inverse().position  # in the blade's frame
+    half = np.array(blade.shape.size) / 2
+    nearest = np.linalg.norm(mount - np.clip(mount, -half, half))
+    farthest = np.linalg.norm(np.abs(mount) + half)
+    assert 0.1 < nearest - 0.001 <= observation(solved).touch_m <= farthest + 0.001 < 1.0
+    assert observed(FAILURES / "BringCube.json")["never touched"].touch_m is None
+
+
 def test_the_worst_miss_names_its_waypoint_and_stuck_its_obstacle():
     found = observed(FAILURES / "BringCube.json")
     number, miss_m, _ = found["unreachable"].miss

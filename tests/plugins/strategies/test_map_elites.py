@@ -1,5 +1,6 @@
 """MAP-Elites: elites of different kinds are shown, and numbers of the archive's members are varied."""
 
+import csv
 import json
 from dataclasses import replace
 
@@ -12,6 +13,8 @@ from core.errors import UserError
 from core.experiment import Experiment
 from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
+from core.report.archives import read_archive
+from core.report.runs import read_run
 from core.search.orchestration import resume, run
 from tests import toys
 from tests.core.run_folders import hook
@@ -177,10 +180,17 @@ def test_an_interrupted_run_comes_to_the_same_archive(toy, tmp_path):  # noqa: F
 def test_a_run_in_an_engine_is_the_same_with_one_worker_and_with_two(tmp_path):
     words = ["task=BringCube", "sim=mujoco", "evolution=map_elites", "evolution.varied=4", "listener=[]", "film=false"]
     words += ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=1", "budget.n_iteration=1"]
-    words += ["evolution.refine=12"]
+    words += ["evolution.refine=12", "evolution.measures=[extent,touch]"]
     for workers in (1, 2):
         Experiment(*words, f"executor.workers={workers}").run(tmp_path / str(workers))
     assert_same_run(tmp_path / "1", tmp_path / "2")
-    assert (tmp_path / "1/archive/archive.csv").read_text().count("\n") > 2
+    rows = list(csv.DictReader((tmp_path / "1/archive/archive.csv").open()))
+    touches = np.array([float(row["touch_m"]) for row in rows])
+    assert len(rows) > 1
+    assert (touches < 1).any()
+    cells = [int(row["cell_touch"]) for row in rows if row["cell_touch"]]
+    assert cells == [24 if not touch < 1 else int(25 * touch) for touch in touches][: len(cells)]
+    stored = read_archive("BringCube", "", read_run(tmp_path / "1")).kept
+    assert [kept.cell[1] for kept in stored if kept.cell] == cells
     generations = json.loads((tmp_path / "1/result.json").read_text())["generations"]
     assert [g["n_candidates"] for g in generations][:2] == [2, 6]
