@@ -13,7 +13,7 @@ from core.design import Evaluation
 
 T = TypeVar("T")
 
-OBSERVATION, TRIAL = "observation", "trial"  # of `Evaluation.details`
+OBSERVATION, TRIAL, TOUCHES = "observation", "trial", "touches"  # of `Evaluation.details`
 
 Class = Literal["solved", "placed", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
 

@@ -69,12 +69,15 @@ def read_archive(task: str, method: str, run: FinishedRun) -> Archived | None:
         with reading(run.folder) as database:
             for *key, reward, distance_m, text in map(tuple, database.execute(query)):
                 generation, agent, strategy, action = key
-                tool = tools[f"g{generation}-a{agent}-s{strategy}"]
+                tool = tools.get(f"g{generation}-a{agent}-s{strategy}")
+                if tool is None:
+                    continue  # all its plans stopped
                 tried = Candidate(tool, NO_PLAN, generation, agent, strategy, action)
                 distance = float("nan") if distance_m is None else distance_m
                 details = validated(Details, text)
                 evaluations.append(Evaluation(tried, "ok", reward=reward, distance_m=distance, details=details))
-    return Archived(task, method, found[0].robot, measures, handed_over(measures, evaluations, run.figures.tie))
+        kept = handed_over(measures, evaluations, run.figures.tie)
+    return Archived(task, method, found[0].robot, measures, kept)
 
 
 def read_archives(results: Results, problems: list[str]) -> list[Archived]:

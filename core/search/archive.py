@@ -20,7 +20,7 @@ from core.designs.reading import dump_design
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
-from core.observations import observation
+from core.observations import TOUCHES, observation
 
 MAX_BINS = 100
 LIGHT_KG = 0.2
@@ -75,9 +75,13 @@ def extent(tool: Tool) -> float:
 
 
 def touch(evaluation: Evaluation) -> float:
-    """Return how far from its mount a tool first touched a body that can move, metres; nan: none, or not observed."""
+    """Return how far from its mount a tool first touched a body that can move, metres; nan: none, or not observed.
+
+    Of several trials it is the mean of those in which it touched one.
+    """
     seen = observation(evaluation)
-    return np.nan if seen is None or seen.touch_m is None else seen.touch_m
+    touches = evaluation.details.get(TOUCHES) or [seen.touch_m if seen is not None else None]
+    return float(np.mean([np.nan if of is None else of for of in touches]))
 
 
 VALUES: dict[str, Callable[[Evaluation], float]] = {

@@ -14,7 +14,8 @@ from core.config.settings import PerturbationRange
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
-from core.interfaces import Simulator, Task
+from core.interfaces import Simulator, Task, observation
+from core.observations import TOUCHES
 from core.plugins import Part, RobotPart, TaskPart
 from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import Evaluator
@@ -126,7 +127,8 @@ def worst(
     The reward is the lowest of the engines' combined rewards; a rejected or failed trial counts 0.
     ``details["engines"]`` holds each engine's mean, standard deviation and rewards. All else is taken from the trial
     with the lowest reward that succeeded, in the worst engine if there is one there; if none succeeded, from the first.
-    Failures become warnings; ``trial`` is what they call a trial.
+    ``details[TOUCHES]`` holds `Observation.touch_m` of all trials that have one. Failures become warnings; ``trial`` is
+    what they call a trial.
     """
     figures = {engine: statistics(evaluations) for engine, evaluations in tried.items()}
     rewards = {engine: combine(of["rewards"]) for engine, of in figures.items()}
@@ -141,9 +143,10 @@ def worst(
         if e.status != "ok" and shown.status == "ok"
     ]
     warnings, reward = (*shown.warnings, *failures), rewards[lowest]
-    return replace(
-        shown, candidate=candidate, reward=reward, warnings=warnings, details=shown.details | {"engines": figures}
-    )
+    seen = [observation(e) for e in (*tried[lowest], *others)]
+    touches = [of.touch_m for of in seen if of is not None and of.touch_m is not None]
+    details = shown.details | {"engines": figures} | ({TOUCHES: touches} if touches else {})
+    return replace(shown, candidate=candidate, reward=reward, warnings=warnings, details=details)
 
 
 def statistics(evaluations: Sequence[Evaluation]) -> dict[str, Any]:

@@ -31,6 +31,15 @@ def test_each_cell_has_its_best_tool_and_picks_are_named(tmp_path):
     assert found.filled == 4
 
 
+def test_a_tool_whose_plans_all_stopped_is_left_out(tmp_path):
+    folder = tmp_path / "run"
+    archive(folder)
+    stopped = '{"stopped": {"after": 1, "of": 2}}'
+    edit(folder, "UPDATE evaluations SET details = ? WHERE candidate = 'g0-a0-s3-p0'", stopped)
+    found = read_archive("BringCube", "map_elites", read_run(folder))
+    assert max(kept.evaluation.reward for kept in found.kept) == 0.7
+
+
 def test_other_strategies_have_none(tmp_path):
     assert read_archive("BringCube", "", read_run(write_run(tmp_path / "run"))) is None
 

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,8 +15,10 @@ from core.design import Candidate, Component, Evaluation, Tool
 from core.errors import UsageError
 from core.evaluate import evaluate
 from core.geometry import Box, Pose
+from core.interfaces import Observation
 from core.plugins import installed
 from core.search.archive import Archive, Measure, extent, handed_over, measures_of, picks, read_measures, save_archive
+from core.simulation.robustness import worst
 from tests.core.run_folders import PLAN, hook
 
 EXTENT, DISTANCE = Measure("extent", 0.0, 1.0, 10), Measure("distance", 0.0, 2.0, 4)
@@ -67,6 +70,14 @@ def test_the_extent_is_the_longest_side_of_all_components_together():
     assert extent(Tool()) == 0
     pad = Component("pad", "left_finger", Pose(np.array([9.0, 0.0, 0.0])), Box((0.02, 0.01, 0.05)))
     assert extent(Tool((pad,), gripper=True)) == pytest.approx(0.05)
+
+
+def test_where_a_tool_touches_is_the_mean_of_the_trials_in_which_it_does():
+    (measure,) = read_measures(["touch"])
+    trials = [replace(earned(0.5), details=Observation("missed", touch_m=at).details()) for at in (0.31, None, 0.51)]
+    assert [measure.bin(evaluation) for evaluation in (*trials, earned(0.5))] == [7, 24, 12, 24]
+    assert measure.bin(worst(earned(0.5).candidate, {"mujoco": trials[1:], "sapien": trials[:1]})) == 10
+    assert measure.bin(worst(earned(0.5).candidate, {"mujoco": trials[1:2]})) == 24
 
 
 # --- the setting ------------------------------------------------------------------------------------------------
