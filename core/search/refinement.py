@@ -43,9 +43,9 @@ class Refinement(EvolutionStrategy):
 
     The best candidates of different tools start side by side, each with a search of its own: a (1 + 12) evolution
     strategy (H.-G. Beyer and H.-P. Schwefel, "Evolution strategies: a comprehensive introduction", Natural Computing 1,
-    2002). Each of twelve variants of the best so far makes a few random moves (`Numbers.moved`), toward other
-    candidates that differ in numbers alone, too. After a quarter of the rollouts the better half of the searches goes
-    on, and after a half of them the best one.
+    2002). Each of twelve variants of the best so far makes a random move, or a few (`Numbers.moved`), some of them
+    toward other candidates that differ in numbers alone. After a quarter of the rollouts the better half of the
+    searches goes on, and after a half of them the best one.
 
     Args:
         strategy: gives the first generations.
