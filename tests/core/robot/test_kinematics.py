@@ -87,7 +87,8 @@ def test_a_home_out_of_reach():
 
 
 def test_one_arm_per_process():
-    assert arm_of(installed().create("robot", "panda")) is ARM
+    one, other = (installed().create("robot", "panda") for _ in range(2))
+    assert arm_of(one) is arm_of(other)
 
 
 @pytest.mark.slow
