@@ -58,7 +58,7 @@ NOT_SETTINGS = {"task": ("tool_kinds", "paper"), "robot": ("base",), "evolution"
 
 WORDS: dict[str, dict[str, Any]] = {
     "robot": {"base": [0.0, 0.0, 0.0, 0.0]},
-    "evolution": {"refine": 0, "near_duplicates": True},
+    "evolution": {"refine": 0, "near_duplicates": False},
 }
 """Those of them that every part of the kind has, with their defaults."""
 

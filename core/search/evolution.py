@@ -39,13 +39,13 @@ def evolve(
     known: Known | None = None,
     robot: Robot | None = None,
     *,
-    near_duplicates: bool = True,
+    near_duplicates: bool = False,
 ) -> Result:
     """Run the generations of a strategy, fewer if the highest reward reaches ``budget.stop_reward``.
 
     ``evaluate`` is called in the executor's workers with candidates of one tool. If it has a ``batch`` above 1, it is
     called with all candidates that have arrived. Candidates whose evaluation is ``known`` are not evaluated. Tools must
-    suit ``robot``, by default the default one. Near-duplicates are tried unless ``near_duplicates`` is off. A limit
+    suit ``robot``, by default the default one. Near-duplicates are tried only with ``near_duplicates``. A limit
     that the strategy runs into, or an interrupt, ends the loop early (`Result.stopped`).
     """
     began = time.monotonic()

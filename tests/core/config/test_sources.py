@@ -38,7 +38,7 @@ def test_the_configs_are_the_factories_own_defaults(kind, name):
         assert document.keys() >= {"tool_kinds", "paper"}
         document = {key: value for key, value in document.items() if key not in ("tool_kinds", "paper")}
     if kind == "evolution":
-        assert (document.pop("refine"), document.pop("near_duplicates")) == (0, True)
+        assert (document.pop("refine"), document.pop("near_duplicates")) == (0, False)
     document = {key: inspect.Parameter.empty if value == MISSING else value for key, value in document.items()}
     expected = {key: asdict(value) if is_dataclass(value) else value for key, value in defaults.items()}
     own = {key: expected[key] if value == f"${{{key}}}" else value for key, value in document.items()}  # the run's
