@@ -336,29 +336,23 @@ class Evaluate(Protocol):
 
     @property
     def batch(self) -> int:
-        """The best number of candidates in a call; above 1 they need not share a tool."""
+        """The best number of candidates in a call; with 1 the candidates of a call share a tool."""
+        return 1
 
     def prepare(self) -> None:
         """Make what calls need, such as the engine. A worker does it before its first chunk."""
 
+    @abstractmethod
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         """Return one evaluation for each candidate, in order."""
 
 
-class Fitness(ABC):
+class Fitness(Evaluate, ABC):
     """The rule that turns a candidate's rollouts into one evaluation. It is picklable, and called in workers.
 
     Its factory takes its settings, and ``evaluator``, which evaluates candidates in the chosen engine (a
     `core.simulation.rollout.Evaluator`).
     """
-
-    @property
-    def batch(self) -> int:
-        """The best number of candidates in a call; with 1 the candidates of a call share a tool."""
-        return 1
-
-    def prepare(self) -> None:  # noqa: B027  # it may have nothing to make
-        """Make what calls need; see `Evaluate.prepare`."""
 
     def instructions(self) -> str:
         """Return the part of the prompt that says what a design is judged by; empty: the reward of one rollout."""
@@ -368,9 +362,15 @@ class Fitness(ABC):
         """Return what a run tries its best candidate on at the end, by engine: trials that the search never sees."""
         return {}
 
-    @abstractmethod
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        """Return one evaluation for each candidate, in order."""
+    def evaluate(
+        self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
+    ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
+        """Yield all candidates of a generation with their evaluations, or some with what went wrong (`Executor.map`).
+
+        A fitness that compares candidates with each other may group them anew. ``earlier`` gives those that the run
+        has evaluated by then.
+        """
+        return executor.map(self, chunks)
 
 
 class Executor(ABC):

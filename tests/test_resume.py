@@ -97,8 +97,18 @@ def assert_same_run(one, other):
         (6, ["evolution=map_elites", "evolution.varied=4"]),
         (6, ["evolution=islands"]),
         (6, ["evolution.refine=12"]),
+        (
+            6,
+            [
+                "task.variation=near",
+                "fitness=layouts",
+                "fitness.layouts=3",
+                "fitness.unseen=0",
+                "fitness.stop_behind=1",
+            ],
+        ),
     ],
-    ids=["vlmgineer", "map_elites", "islands", "refined"],
+    ids=["vlmgineer", "map_elites", "islands", "refined", "raced"],
 )
 def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(points, words, tmp_path):
     command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(points), *words]

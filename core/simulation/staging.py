@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, islice
+
+import numpy as np
 
 from core.design import SAVED, STOPPED, Candidate, Evaluation
 from core.errors import UsageError
-from core.interfaces import Evaluate
+from core.interfaces import Evaluate, Executor
 from core.simulation.robustness import mean, worst
 from core.simulation.rollout import Evaluator
 
 Combine = Callable[[Sequence[float]], float]
 
 _ROUNDING = 1e-9  # in comparisons of rewards
+SPREAD = 0.2  # how much two designs' rewards differ, more or less, from trial to trial
 LEAST_M = 0.02  # of a clearance: joints lag by up to half of it
 
 
@@ -35,38 +40,60 @@ class Stops:
 
     Attributes:
         below: it stops when it can earn no more than this any more; it loses nothing that earns more. None: never.
-        first: it stops when it earned no more than this in its first trial. It may earn more in others. None: never.
+        behind: it stops when it has earned less than the best one in the same trials, by so many standard errors of the
+            mean difference. It may earn more in the others. None: never.
 
     Raises:
-        UsageError: one is no reward below 1.
+        UsageError: one is out of range.
     """
 
     below: float | None = None
-    first: float | None = None
+    behind: float | None = None
 
     def __post_init__(self) -> None:
-        for name, reward in (("below", self.below), ("first", self.first)):
-            if reward is not None and not 0 <= reward < 1:
-                raise UsageError(f"fitness.stop_{name} must be null, or from 0 to below 1, got {reward}")
+        if self.below is not None and not 0 <= self.below < 1:
+            raise UsageError(f"fitness.stop_below must be null, or from 0 to below 1, got {self.below}")
+        if self.behind is not None and not 0 < self.behind < math.inf:
+            raise UsageError(f"fitness.stop_behind must be null, or above 0, got {self.behind}")
 
     def instructions(self) -> str:
         """Return the sentences of the prompt that say when a plan is given up; empty: never."""
-        said = {
-            "as soon as it can't earn more than {:g} any more": self.below,
-            "after the first trial, if that earned no more than {:g}": self.first,
-        }
-        when = ", or ".join(text.format(reward) for text, reward in said.items() if reward is not None)
-        return when and f" A plan is given up {when}; trials that it has not come to count 0."
+        said = []
+        if self.below is not None:
+            said.append(f"as soon as it can't earn more than {self.below:g} any more")
+        if self.behind is not None:
+            said.append("as soon as it is clearly behind another one in the same trials")
+        return f" A plan is given up {', or '.join(said)}; trials that it has not come to count 0." if said else ""
 
-    def why(self, tried: Mapping[str, Sequence[Evaluation]], counts: Mapping[str, int], combine: Combine) -> str:
-        """Say why a candidate stops after the trials of each engine, of ``counts`` there are; empty: it goes on."""
-        trials = [evaluation for of in tried.values() for evaluation in of]
-        if self.first is not None and trials[0].status != "rejected" and trials[0].reward <= self.first:
-            return f"it earned {trials[0].reward:.3g} in the first, and fitness.stop_first is {self.first:g}"
-        most = min(combine(_filled(tried.get(engine, ()), count, 1.0)) for engine, count in counts.items())
+    def why(self, tried: Tried, combine: Combine, best: Sequence[float] = ()) -> str:
+        """Say why a candidate stops after its trials so far; empty: it goes on.
+
+        ``best`` is what the best one earned in the same trials. What was rejected each time goes on, since that costs
+        little.
+        """
+        if self.behind is not None and best and any(e.status != "rejected" for e in tried.every):
+            own = [float(e.reward) for e in tried.every]
+            errors = lead(best, own)
+            if errors > self.behind:
+                means = f"it earned {mean(own):.3g} on average, and the best one {mean(best):.3g}"
+                return f"{means}: {errors:.2g} standard errors more; fitness.stop_behind is {self.behind:g}"
+        most = min(combine(_filled(tried.tried.get(engine, ()), count, 1.0)) for engine, count in tried.counts.items())
         if self.below is not None and most <= self.below + _ROUNDING:
             return f"it can't earn more than {most:.3g} any more, and fitness.stop_below is {self.below:g}"
         return ""
+
+
+def lead(best: Sequence[float], own: Sequence[float]) -> float:
+    """By how many standard errors rewards are ahead of others in the same trials, on average.
+
+    As in a race (M. Birattari et al., "A racing algorithm for configuring metaheuristics", GECCO 2002) differences are
+    paired, since trials differ in how hard they are. `SPREAD` stands for one more difference's deviation, so that the
+    first trial has an error too.
+    """
+    differences = np.subtract(best, own)
+    deviations = differences - differences.mean()
+    error = math.sqrt(SPREAD**2 + float(deviations @ deviations)) / len(differences)
+    return float(differences.mean()) / error
 
 
 def _filled(tried: Sequence[Evaluation], count: int, reward: float) -> list[float]:
@@ -92,10 +119,20 @@ class Tried:
     seconds: float = 0.0
     stopped: str = ""
 
+    @property
+    def every(self) -> list[Evaluation]:
+        """All its evaluations, engine by engine."""
+        return [evaluation for of in self.tried.values() for evaluation in of]
+
+    def add(self, engine: str, evaluation: Evaluation, seconds: float) -> None:
+        """Add a trial."""
+        self.tried.setdefault(engine, []).append(evaluation)
+        self.seconds += seconds
+
     def combined(self, combine: Combine = mean, trial: str = "change") -> Evaluation:
         """Combine its evaluations (`worst`): trials that it did not come to count 0."""
         found = worst(self.candidate, self.tried, combine, trial)
-        every = [evaluation for of in self.tried.values() for evaluation in of]
+        every = self.every
         details = {key: value for key, value in found.details.items() if key != SAVED}
         saved = [evaluation.details[SAVED] for evaluation in every if SAVED in evaluation.details]
         left = sum(self.counts.values()) - len(every)
@@ -117,20 +154,89 @@ def try_in_turn(
     combine: Combine,
     stops: Stops,
 ) -> list[Tried]:
-    """Try each candidate with one evaluator of each engine after the other, until it stops."""
+    """Try each candidate with one evaluator of each engine after the other, until it stops; not `Stops.behind`."""
+    alone = replace(stops, behind=None)
     counts = {engine: len(of) for engine, of in evaluators.items()}
     found = [Tried(candidate, counts) for candidate in candidates]
-    order = [(engine, evaluate) for engine, of in evaluators.items() for evaluate in of]
-    for number, (engine, evaluate) in enumerate(order, start=1):
+    for number, (engine, evaluate) in enumerate(_in_order(evaluators), start=1):
         going = [trials for trials in found if not trials.stopped]
         if not going:
             break
-        began = time.process_time()
-        evaluations = evaluate([trials.candidate for trials in going])
-        took = time.process_time() - began
+        evaluations, seconds = _Timed(evaluate)([trials.candidate for trials in going])
         for trials, evaluation in zip(going, evaluations, strict=True):
-            trials.tried.setdefault(engine, []).append(evaluation)
-            trials.seconds += took / len(going)
-            if number < len(order):
-                trials.stopped = stops.why(trials.tried, counts, combine)
+            trials.add(engine, evaluation, seconds)
+            if number < sum(counts.values()):
+                trials.stopped = alone.why(trials, combine)
     return found
+
+
+def race(
+    chunks: Iterable[list[Candidate]],
+    executor: Executor,
+    evaluators: Mapping[str, Sequence[Evaluate]],
+    combine: Combine,
+    stops: Stops,
+    earlier: Callable[[], Iterable[Evaluation]],
+    combined: Callable[[Sequence[Tried]], list[Evaluation]],
+) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
+    """Try all candidates in a first trial, those that do not stop in a second one, and so on (see `Fitness.evaluate`).
+
+    Candidates compete with each other and with those of ``earlier``, which is called after all of ``chunks`` were
+    read. ``combined`` makes evaluations of their trials.
+    """
+    counts = {engine: len(of) for engine, of in evaluators.items()}
+    trials: dict[tuple[int, ...], Tried] = {}
+    last = sum(counts.values())
+    for number, (engine, evaluate) in enumerate(_in_order(evaluators), start=1):
+        tried: list[list[Tried]] = []
+        for chunk, result in executor.map(_Timed(evaluate), chunks):
+            if isinstance(result, Exception):
+                yield chunk, result
+                continue
+            evaluations, seconds = result
+            own = [trials.setdefault(candidate.key, Tried(candidate, counts)) for candidate in chunk]
+            for of, evaluation in zip(own, evaluations, strict=True):
+                of.add(engine, evaluation, seconds)
+            tried.append(own)
+        if number < last:
+            going = list(chain.from_iterable(tried))
+            rivals = [[float(e.reward) for e in of.every] for of in going]
+            rivals += [rewards for e in earlier() if len(rewards := _first(e, counts, number)) == number]
+            best = max(rivals, key=lambda rewards: (mean(rewards), rewards), default=())
+            for of in going:
+                of.stopped = stops.why(of, combine, best)
+        for own in tried:
+            ended = [of for of in own if of.stopped or number == last]
+            if ended:
+                yield [of.candidate for of in ended], combined(ended)
+        chunks = [left for own in tried if (left := [of.candidate for of in own if not of.stopped])]
+
+
+def _in_order(evaluators: Mapping[str, Sequence[Evaluate]]) -> list[tuple[str, Evaluate]]:
+    return [(engine, evaluate) for engine, of in evaluators.items() for evaluate in of]
+
+
+def _first(evaluation: Evaluation, engines: Iterable[str], number: int) -> list[float]:
+    """What an evaluation's first ``number`` trials earned, or as many as it has."""
+    figures = evaluation.details.get("engines", {})
+    rewards = (float(reward) for engine in engines for reward in figures.get(engine, {}).get("rewards", ()))
+    return list(islice(rewards, number))
+
+
+@dataclass(frozen=True)
+class _Timed:
+    """Evaluate candidates, and measure the processor time of each, in seconds."""
+
+    evaluate: Evaluate
+
+    @property
+    def batch(self) -> int:
+        return self.evaluate.batch
+
+    def prepare(self) -> None:
+        self.evaluate.prepare()
+
+    def __call__(self, candidates: Sequence[Candidate]) -> tuple[list[Evaluation], float]:
+        began = time.process_time()
+        found = self.evaluate(candidates)
+        return found, (time.process_time() - began) / len(candidates)

@@ -2,7 +2,8 @@
 
 For each seed the embedded designer makes a small population for one of ``tasks``. Every second tool with its plans is
 made for a layout far from those in which all are tried, so that it misses. They are tried in layouts, once in full and
-once in stages. Printed are, for each task, the winners that agree and the processor time of both.
+once in stages. Printed are, for each task, the winners that agree, how many of the five best of all were tried to the
+end, and the processor time of both.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from functools import partial
+from typing import Any
 
 from core.config.compose import load, node, part, task_part
 from core.config.schemas import PromptConfig
@@ -21,13 +22,15 @@ from core.designs.composer import PromptComposer
 from core.interfaces import Budget, Fitness, RolloutSettings
 from core.plugins import event_hub
 from core.search.designer import make_designer
+from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator
 from tests.benchmarks import measuring
+from tests.example_plugin.toybench.here import Here
 
 
 @dataclass
 class Settings:
-    """``plans`` for each of ``tools``; the last four are settings of ``fitness=layouts``."""
+    """``plans`` for each of ``tools``; ``first`` of the ``seeds``; the others are settings of ``fitness=layouts``."""
 
     seeds: int = 30
     tasks: list[str] = field(default_factory=lambda: ["BringCube", "DislodgeCube", "HighObject"])
@@ -37,9 +40,11 @@ class Settings:
     layouts: int = 3
     clearance: float | None = 0.05
     stop_below: float | None = None
-    stop_first: float | None = 0.0
+    stop_behind: float | None = 1.5
+    first: int = 0
 
 
+TOP = 5  # as many as `Budget.k_top` by default
 ELSEWHERE = 1000  # from a seed to that of the layout, drawn widely, for which every second tool is made
 
 
@@ -47,7 +52,8 @@ ELSEWHERE = 1000  # from a seed to that of the layout, drawn widely, for which e
 class Measured:
     """Two searches of one population: processor seconds, trials that earned nothing, and whether their results agree.
 
-    ``same`` is true if the same candidate wins with the same reward; ``rewards`` is how many differ.
+    ``same`` is true if the same candidate wins with the same reward; ``top`` is how many of the five best were tried to
+    the end; ``rewards`` is how many differ.
     """
 
     task: str
@@ -57,6 +63,7 @@ class Measured:
     trials: int
     saved: int
     same: bool
+    top: int
     rewards: int
 
 
@@ -64,7 +71,7 @@ def main() -> None:
     given = measuring.settings(sys.argv[1:], Settings)
     names = measuring.tasks(given.tasks)
     found = []
-    for seed in range(given.seeds):
+    for seed in range(given.first, given.first + given.seeds):
         found.append(measure(names[seed % len(names)], seed, given))
         sys.stderr.write(f"{found[-1]}\n")
     sys.stdout.write(table(found))
@@ -73,23 +80,28 @@ def main() -> None:
 def table(found: Sequence[Measured]) -> str:
     """Write a row for each task, and one for all."""
     lines = [
-        "| task | runs | same winner | rewards differ | trials that earn 0 | saved | full (s) | staged (s) | times |",
-        "|---|---|---|---|---|---|---|---|---|",
+        f"| task | runs | same winner | of the {TOP} best | rewards differ | trials that earn 0 | saved "
+        "| full (s) | staged (s) | times |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for name in [*dict.fromkeys(one.task for one in found), "all"]:
         own = [one for one in found if name in (one.task, "all")]
-        trials, full, staged = (sum(getattr(one, of) for one in own) for of in ("trials", "full_s", "staged_s"))
-        missed, saved, rewards = (sum(getattr(one, of) for one in own) for of in ("missed", "saved", "rewards"))
+
+        def total(of: str, own: Sequence[Measured] = own) -> Any:
+            return sum(getattr(one, of) for one in own)
+
+        full, staged = total("full_s"), total("staged_s")
         lines.append(
-            f"| {name} | {len(own)} | {sum(one.same for one in own)} | {rewards} | {missed} of {trials} | {saved} | "
-            f"{full:.1f} | {staged:.1f} | {full / staged:.2f} |"
+            f"| {name} | {len(own)} | {total('same')} | {total('top')} of {TOP * len(own)} | {total('rewards')} "
+            f"| {total('missed')} of {total('trials')} | {total('saved')} "
+            f"| {full:.1f} | {staged:.1f} | {full / staged:.2f} |"
         )
     return "\n".join(lines) + "\n"
 
 
 def measure(task: str, seed: int, given: Settings) -> Measured:
     """Try one population in full and in stages; what the engine needs once is made before."""
-    stages = {"clearance": given.clearance, "stop_below": given.stop_below, "stop_first": given.stop_first}
+    stages = {"clearance": given.clearance, "stop_below": given.stop_below, "stop_behind": given.stop_behind}
     words = [
         f"task={task}",
         f"sim={given.sim}",
@@ -105,25 +117,28 @@ def measure(task: str, seed: int, given: Settings) -> Measured:
     evaluator = Evaluator(task_part(here), part("sim", here.sim), seed, node(here.rollout, RolloutSettings))
     candidates = [of for of in population(here, evaluator) if of.strategy % 2 == 0]
     candidates += [of for of in population(elsewhere, evaluator) if of.strategy % 2]
-    make = partial(part("fitness", here.fitness).create, evaluator=evaluator)
-    make().prepare()
-    evaluator(candidates[:1])
-    full, full_s = timed(make(), candidates)
-    for name, value in stages.items():
-        here.fitness[name] = value
-    staged, staged_s = timed(part("fitness", here.fitness).create(evaluator=evaluator), candidates)
+    in_full = part("fitness", here.fitness).create(evaluator=evaluator)
+    here.fitness.update(stages)
+    in_stages = part("fitness", here.fitness).create(evaluator=evaluator)
+    for fitness in (in_full, in_stages):
+        fitness(candidates[:1])
+    full, full_s = timed(in_full, candidates)
+    staged, staged_s = timed(in_stages, candidates)
     trials = [reward for e in full for of in e.details.get("engines", {}).values() for reward in of["rewards"]]
     best, other = (next(iter(best_first(of)), None) for of in (full, staged))
     same = best is other or (best is not None and other is not None and best.candidate.id == other.candidate.id)
+    ended = {e.candidate.id for e in staged if not e.stopped}
+    top = sum(e.candidate.id in ended for e in sorted(full, key=lambda e: -e.reward)[:TOP])
     differ = sum(abs(a.reward - b.reward) > 1e-9 for a, b in zip(full, staged, strict=True) if not b.stopped)
     saved = sum(e.details.get("saved", {}).get("rollouts", 0) for e in staged)
-    return Measured(task, full_s, staged_s, trials.count(0.0), len(trials), saved, same, differ)
+    return Measured(task, full_s, staged_s, trials.count(0.0), len(trials), saved, same, top, differ)
 
 
 def timed(fitness: Fitness, candidates: Sequence[Candidate]) -> tuple[list[Evaluation], float]:
-    """Evaluate candidates, and measure the processor time."""
+    """Evaluate candidates as a run does, in this process, and measure the processor time."""
     began = time.process_time()
-    return fitness(candidates), time.process_time() - began
+    found = list(evaluate_all(candidates, fitness, Here()))
+    return sorted(found, key=lambda e: e.candidate.key), time.process_time() - began
 
 
 def population(cfg, evaluator: Evaluator) -> list[Candidate]:  # type: ignore[no-untyped-def]

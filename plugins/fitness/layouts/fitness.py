@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,12 +11,12 @@ import numpy as np
 
 from core.design import Candidate, Evaluation
 from core.errors import UsageError, choices
-from core.interfaces import Fitness, Simulator, Task
+from core.interfaces import Executor, Fitness, Simulator, Task
 from core.layouts import NONE, describe_ranges
 from core.plugins import Part
 from core.simulation.robustness import CheckedEvaluator, engines, mean
 from core.simulation.rollout import Evaluator
-from core.simulation.staging import Stops, foreseeing, try_in_turn
+from core.simulation.staging import Stops, Tried, foreseeing, race, try_in_turn
 
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
 _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts more
@@ -47,7 +47,7 @@ class Layouts(Fitness):
         unseen: how many other layouts the best candidate is tried in at the end.
         unseen_sims: the engines for those, with their own settings; none: the engines of the search.
         clearance: see `core.simulation.staging.foreseeing`; not in the unseen ones.
-        stop_below: see `core.simulation.staging.Stops`, as for ``stop_first``.
+        stop_below: see `core.simulation.staging.Stops`, as for ``stop_behind``.
 
     Raises:
         UserError: a setting or an engine that can't be used, or a task whose layouts are all the same.
@@ -63,11 +63,13 @@ class Layouts(Fitness):
         unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
         clearance: float | None = None,
         stop_below: float | None = None,
-        stop_first: float | None = None,
+        stop_behind: float | None = None,
     ) -> None:
         for name, count, least in (("layouts", layouts, 1), ("unseen", unseen, 0)):
             if count < least:
                 raise UsageError(f"fitness.{name} must be at least {least}, got {count}")
+        if stop_behind is not None and combine != "mean":
+            raise UsageError(f"fitness.stop_behind compares means; with fitness.combine={combine} it must be null")
         if evaluator.seed + layouts > _MOST_SEED:
             raise UsageError(f"seed and fitness.layouts together must be at most {_MOST_SEED}; those after are unseen")
         if combine not in COMBINE:
@@ -78,7 +80,7 @@ class Layouts(Fitness):
             mend = f"add {others}" if others else "the task has no variations"
             raise UsageError(f"fitness=layouts: all layouts of {task.name} are the same; {mend}")
         self._evaluator, self._combine, self._unseen = evaluator, combine, unseen
-        self._stops = Stops(stop_below, stop_first)
+        self._stops = Stops(stop_below, stop_behind)
         self._sims = engines(sims, evaluator.sim) if sims else {evaluator.sim.name: evaluator.sim}
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(evaluator.seed, evaluator.seed + layouts)
@@ -129,14 +131,23 @@ class Layouts(Fitness):
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         combine, _ = COMBINE[self._combine]
+        return self._combined(try_in_turn(candidates, self._evaluators, combine, self._stops))
+
+    def evaluate(
+        self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
+    ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
+        if self._stops.behind is None:
+            return super().evaluate(chunks, executor, earlier)
+        combine, _ = COMBINE[self._combine]
+        return race(chunks, executor, self._evaluators, combine, self._stops, earlier, self._combined)
+
+    def _combined(self, every: Sequence[Tried]) -> list[Evaluation]:
+        """Combine the trials of each candidate, and add the layouts in which its plan failed."""
+        combine, _ = COMBINE[self._combine]
         task = self._evaluator.task.create()
-        return [
-            self._explained(task, tried.combined(combine, "layout"), tried.tried)
-            for tried in try_in_turn(candidates, self._evaluators, combine, self._stops)
-        ]
+        return [self._explained(task, tried.combined(combine, "layout"), tried.tried) for tried in every]
 
     def _explained(self, task: Task, evaluation: Evaluation, tried: Mapping[str, Sequence[Evaluation]]) -> Evaluation:
-        """Add the layouts in which the plan failed."""
         if evaluation.status == "rejected":
             return evaluation
         poor = sorted(

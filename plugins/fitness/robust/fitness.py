@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 from core.config.settings import PerturbationRange
 from core.design import Candidate, Evaluation
-from core.interfaces import Fitness
+from core.interfaces import Executor, Fitness
 from core.simulation.robustness import check_draws, engines, mean, perturbed
 from core.simulation.rollout import Evaluator
-from core.simulation.staging import Stops, foreseeing, try_in_turn
+from core.simulation.staging import Stops, Tried, foreseeing, race, try_in_turn
 
 
 class Robust(Fitness):
@@ -23,7 +23,7 @@ class Robust(Fitness):
         seeds: of the perturbations; each costs a rollout in each engine.
         perturbation: the ranges of the perturbations.
         clearance: see `core.simulation.staging.foreseeing`.
-        stop_below: see `core.simulation.staging.Stops`, as for ``stop_first``.
+        stop_below: see `core.simulation.staging.Stops`, as for ``stop_behind``.
 
     Raises:
         UserError: an engine or a seed that can't be used.
@@ -37,10 +37,10 @@ class Robust(Fitness):
         perturbation: PerturbationRange = PerturbationRange(),  # noqa: B008
         clearance: float | None = None,
         stop_below: float | None = None,
-        stop_first: float | None = None,
+        stop_behind: float | None = None,
     ) -> None:
         check_draws(seeds)
-        evaluator, self.stops = foreseeing(evaluator, clearance), Stops(stop_below, stop_first)
+        evaluator, self.stops = foreseeing(evaluator, clearance), Stops(stop_below, stop_behind)
         self.draws, self.perturbation = len(seeds), perturbation
         self.evaluators = {
             name: [perturbed(replace(evaluator, sim=sim), perturbation, seed) for seed in seeds]
@@ -72,4 +72,15 @@ class Robust(Fitness):
                 evaluator.prepare()
 
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        return [tried.combined() for tried in try_in_turn(candidates, self.evaluators, mean, self.stops)]
+        return _combined(try_in_turn(candidates, self.evaluators, mean, self.stops))
+
+    def evaluate(
+        self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
+    ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
+        if self.stops.behind is None:
+            return super().evaluate(chunks, executor, earlier)
+        return race(chunks, executor, self.evaluators, mean, self.stops, earlier, _combined)
+
+
+def _combined(every: Sequence[Tried]) -> list[Evaluation]:
+    return [tried.combined() for tried in every]
