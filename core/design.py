@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -271,6 +271,16 @@ class Evaluation:
     def stopped(self) -> bool:
         """Whether it was given up before its last trial; its reward is what is certain."""
         return STOPPED in self.details
+
+
+def count_rollouts(status: str, details: Mapping[str, Any]) -> int:
+    """Count the rollouts of an `Evaluation`: one for each trial that was simulated; none of what was not tried."""
+    if SAME_AS in details or status == "rejected":
+        return 0
+    engines, stopped = details.get("engines"), details.get(STOPPED)
+    trials = sum(len(of["rewards"]) for of in engines.values()) if engines else 1
+    foreseen = details.get(SAVED, {}).get("rollouts", 0) - (stopped["of"] - stopped["after"] if stopped else 0)
+    return trials - int(foreseen)
 
 
 @dataclass(frozen=True)

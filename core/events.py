@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from core.design import SAME_AS, SAVED, TIE, Evaluation, best_first
+from core.design import SAME_AS, SAVED, TIE, Evaluation, best_first, count_rollouts
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
 
 INTERRUPTED = "interrupted"
@@ -106,8 +106,14 @@ class Result:
 
     @property
     def n_evaluations(self) -> int:
-        """The number of candidates that were tried, the failed ones included."""
+        """The number of candidates that were not rejected. Some may share an evaluation."""
         return sum(g.count("ok") + g.count("failed") for g in self.generations)
+
+    @property
+    def rollouts(self) -> int:
+        """How many rollouts there were; equal candidates share theirs."""
+        found = {e.candidate.content: e for generation in self.generations for e in generation.evaluations}
+        return sum(count_rollouts(e.status, e.details) for e in found.values())
 
     @property
     def saved(self) -> Saved:

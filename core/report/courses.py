@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from core.design import count_rollouts
 from core.errors import UserError
 from core.geometry import Array
 from core.report.formats import Cell, Table, columns
 from core.report.plots import Picture, band, legend, line_handles, line_style, new_figure
 from core.report.results import Results
-from core.report.runs import STORE, FinishedRun, count_rollouts
+from core.report.runs import STORE, FinishedRun
 from core.store.database import reading
 from core.store.rows import parsed
 

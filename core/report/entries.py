@@ -17,11 +17,12 @@ from omegaconf import OmegaConf
 from pydantic import Field, TypeAdapter
 
 from core.config.compose import load
+from core.design import count_rollouts
 from core.errors import UserError, choices
 from core.plugins import installed
 from core.report.formats import Column, Table, columns
 from core.report.methods import flatten, label
-from core.report.runs import STORE, FinishedRun, LeftOutRun, count_rollouts, short, spending
+from core.report.runs import STORE, FinishedRun, LeftOutRun, short, spending
 from core.report.statistics import Resampling, interval, mean
 from core.store.database import reading
 from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
@@ -227,9 +228,12 @@ def _result(run: AnyRun, rules: Protocol) -> RunResult:
         raise UserError(f"{short(str(run.folder))} has no {STORE}")
     try:
         with reading(run.folder) as database:
-            tried = database.execute("SELECT status, details FROM evaluations WHERE status != 'rejected'").fetchall()
+            tried = database.execute(
+                "SELECT content, status, details FROM evaluations WHERE status != 'rejected'"
+            ).fetchall()
             (seconds,) = database.execute("SELECT total(seconds) FROM sessions").fetchone()
-        rollouts = sum(count_rollouts(row["status"], parsed(row["details"])) for row in tried)
+        alike = {row["content"]: row for row in tried}  # candidates with the same content are tried once
+        rollouts = sum(count_rollouts(row["status"], parsed(row["details"])) for row in alike.values())
     except (sqlite3.Error, AttributeError, KeyError, TypeError, ValueError) as error:
         raise UserError(f"{short(str(run.folder / STORE))} can't be read: {short(str(error))}") from error
     if isinstance(run, FinishedRun):

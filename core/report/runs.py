@@ -223,9 +223,3 @@ def spending(run: FinishedRun | LeftOutRun) -> Spending | None:
             " sum(completion_tokens), sum(cost_usd) FROM replies"
         ).fetchone()
     return Spending(*row)
-
-
-def count_rollouts(status: str, details: dict[str, Any]) -> int:
-    """Count the rollouts of an evaluation: one in each layout and engine; none of a rejected candidate."""
-    tried = details.get("engines")
-    return sum(len(of["rewards"]) for of in tried.values()) if tried else int(status != "rejected")

@@ -15,7 +15,7 @@ from core.report.formats import Cell, Column, Link, Table, columns
 from core.report.methods import label, robot_of
 from core.report.models import critiques, models
 from core.report.results import Results
-from core.report.runs import Spending, spending
+from core.report.runs import FinishedRun, Spending, spending
 from core.report.statistics import (
     LEAST_DIVISOR,
     deviation,
@@ -222,7 +222,7 @@ def costs(results: Results) -> Table:
     for g in results.groups:
         spent: list[Spending] = [s for s in map(spending, g.runs) if s is not None]
         seconds = sum(run.figures.wall_time_s for run in g.runs)
-        tried = sum(run.figures.n_evaluations for run in g.runs)
+        tried = sum(map(_rollouts, g.runs))
         saved = [run.figures.saved for run in g.runs if run.figures.saved is not None]
         names = ("prompt_tokens", "completion_tokens", "cost_usd")
         rows.append(
@@ -243,6 +243,11 @@ def costs(results: Results) -> Table:
     return Table("costs", "Time and money", head, tuple(rows), note)
 
 
+def _rollouts(run: FinishedRun) -> int:
+    """The rollouts of a run; of an older one its candidates."""
+    return run.figures.n_evaluations if run.figures.rollouts is None else run.figures.rollouts
+
+
 def runs(results: Results) -> Table:
     """All runs that are counted."""
     head = columns(
@@ -253,7 +258,7 @@ def runs(results: Results) -> Table:
         (
             *(g.task, g.method, run.seed, run.best.reward, getattr(run.figures.unseen, "mean", None)),
             *(run.best.distance_m, run.best.generation),
-            *(run.best.candidate, run.figures.n_evaluations, run.figures.wall_time_s),
+            *(run.best.candidate, _rollouts(run), run.figures.wall_time_s),
             *(Link(run.folder.name, run.folder), tuple(Link(what, file) for what, file in run.recordings().items())),
         )
         for g in results.groups

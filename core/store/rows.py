@@ -181,6 +181,7 @@ class Figures:
     tie: Amount = 0.0  # of runs before there was one
     stopped: str | None = None
     unseen: Unseen | None = None
+    rollouts: Count | None = None  # of runs before they were counted
     saved: Saved | None = None
     versions: dict[str, str] = field(default_factory=dict)
 

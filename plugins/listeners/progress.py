@@ -78,7 +78,7 @@ class ProgressListener:
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
         self._stop()
-        count, seconds = result.n_evaluations, result.wall_time_s
+        count, seconds = result.rollouts, result.wall_time_s
         self._print(f"{count} rollouts in {seconds:.0f} s, {count / seconds:.1f} per second")
 
     @hookimpl

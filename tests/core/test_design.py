@@ -8,12 +8,16 @@ from hypothesis import strategies as st
 from core.design import (
     GRIPPER_MOUNTS,
     RIGID_MOUNT,
+    SAME_AS,
+    SAVED,
+    STOPPED,
     Candidate,
     Component,
     DesignError,
     Evaluation,
     Tool,
     best_first,
+    count_rollouts,
     ranked,
 )
 from core.geometry import Box, Pose
@@ -156,3 +160,25 @@ def test_rewards_within_the_tie_of_the_best_count_as_equal():
 def test_of_equal_distances_the_higher_reward_goes_first_and_none_is_the_longest():
     figures = [(0.5, None), (0.501, 1.0), (0.502, 1.0), (0.503, math.nan)]
     assert ranked(figures, lambda f: f) == [figures[2], figures[1], figures[3], figures[0]]
+
+
+TWO_ENGINES = {"engines": {"mujoco": {"rewards": [0.1, 0.2]}, "sapien": {"rewards": [0.0]}}}
+
+
+@pytest.mark.parametrize(
+    ("status", "details", "count"),
+    [
+        ("ok", {}, 1),
+        ("rejected", {}, 0),
+        ("rejected", TWO_ENGINES, 0),
+        ("failed", {}, 1),
+        ("ok", TWO_ENGINES, 3),
+        ("ok", TWO_ENGINES | {SAME_AS: "g0-a0-s0-p0"}, 0),
+        ("ok", {SAVED: {"rollouts": 1, "seconds": 0.5}}, 0),  # foreseen
+        ("ok", TWO_ENGINES | {SAVED: {"rollouts": 1, "seconds": 0.5}}, 2),
+        ("ok", TWO_ENGINES | {SAVED: {"rollouts": 3, "seconds": 0.5}, STOPPED: {"after": 3, "of": 6}}, 3),
+        ("ok", TWO_ENGINES | {SAVED: {"rollouts": 4, "seconds": 0.5}, STOPPED: {"after": 3, "of": 6}}, 2),
+    ],
+)
+def test_rollouts_of_an_evaluation(status, details, count):
+    assert count_rollouts(status, details) == count

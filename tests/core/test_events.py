@@ -48,4 +48,14 @@ def test_what_equal_candidates_share_is_saved_once():
     same = replace(one, candidate=evaluation(1, 0.0).candidate)
     near = replace(one, details=one.details | {SAME_AS: "g0-a0-s0-p0"})
     other = replace(one, candidate=Candidate(Tool(), np.ones((1, 6)), 0, 3))
-    assert Result((Generation(0, (one, same, near)), Generation(1, (other,))), 1.0).saved == (4, 3.0, 1)
+    found = Result((Generation(0, (one, same, near)), Generation(1, (other,))), 1.0)
+    assert found.saved == (4, 3.0, 1)
+
+
+def test_rollouts_of_equal_candidates_count_once():
+    details = {"engines": {"mujoco": {"rewards": [0.1, 0.2]}}}
+    one, same, other = (replace(evaluation(n, 0.7), details=details) for n in range(3))
+    other = replace(other, candidate=Candidate(Tool(), np.ones((1, 6)), 0, 3))
+    near = replace(evaluation(4, 0.7), details=details | {SAME_AS: "g0-a0-s0-p0"})
+    near = replace(near, candidate=Candidate(Tool(), np.full((1, 6), 1.001), 0, 4))
+    assert Result((Generation(0, (one, same, near)), Generation(1, (other,))), 1.0).rollouts == 4

@@ -7,7 +7,6 @@ import pytest
 
 from core.report.__main__ import report
 from core.report.courses import read_course
-from core.report.runs import count_rollouts
 from tests.core.report.conftest import QUICK
 from tests.core.run_folders import write_run
 
@@ -32,18 +31,6 @@ def test_there_is_none_without_a_store(tmp_path):
     folder = write_run(tmp_path)
     (folder / "run.sqlite").unlink()
     assert read_course(folder) is None
-
-
-@pytest.mark.parametrize(
-    ("status", "details", "count"),
-    [
-        ("ok", {}, 1),
-        ("rejected", {}, 0),
-        ("ok", {"engines": {"mujoco": {"rewards": [0.1, 0.2]}, "sapien": {"rewards": [0.0]}}}, 3),
-    ],
-)
-def test_rollouts_of_an_evaluation(status, details, count):
-    assert count_rollouts(status, details) == count
 
 
 def test_effort_is_what_all_runs_spent_by_those_that_reached_it(tmp_path):

@@ -28,7 +28,7 @@ def test_the_numbers_are_those_of_the_result_files(made):
         assert float(row["best reward"]) == stored["best"]["reward"]
         assert float(row["distance (m)"]) == stored["best"]["distance_m"]
         assert (int(row["generation"]), row["candidate"]) == (stored["best"]["generation"], stored["best"]["candidate"])
-        assert int(row["rollouts"]) == stored["n_evaluations"]
+        assert int(row["rollouts"]) == stored["rollouts"]
 
 
 def test_rewards_by_task_and_method_are_those_of_the_result_files(made):

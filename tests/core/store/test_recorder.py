@@ -137,9 +137,10 @@ def test_result_and_generations(opened):
         "stopped": None,
         "generations": [summary(generation)],
         "n_evaluations": 3,
+        "rollouts": 1,  # they are equal
         "saved": None,
         "wall_time_s": 1.5,
-        "rollouts_per_s": 2.0,
+        "rollouts_per_s": 0.667,
     }
 
 
