@@ -124,6 +124,7 @@ class Brief:
     actions: ActionRepresentation = field(kw_only=True)
     tried: tuple[Evaluation, ...] = ()  # all of earlier generations, if the prompt may show them
     style: str = ""  # what a strategy adds to the prompt
+    member: str = ""  # of several models the one that is to answer; empty: any
     critiques: Mapping[str, str] = field(default_factory=dict)  # a critic's words, by candidate
 
 
@@ -174,6 +175,10 @@ class VLM(ABC):
         Raises:
             UserError: the cost is not known.
         """
+
+    def has_member(self, name: str) -> bool:
+        """Report whether it is several models, and ``name`` can be `Brief.member`."""
+        return False
 
     @abstractmethod
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:

@@ -42,7 +42,7 @@ from core.observations import TRIAL
 from core.plugins import describe_part
 from core.replies import checked
 from core.search.critic import Critic, make_critic
-from core.search.teams import Team
+from core.search.teams import Team, check_members
 from core.simulation.pictures import draw_strip, png, report_missing, scene_pictures
 from core.text import shorten
 from core.threads import run_in_thread
@@ -94,6 +94,7 @@ class ModelDesigner:
 
     def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
         """See `core.search.teams.AsksTeams`, and `design`."""
+        check_members(teams, self.vlm)
         self._criticise(generation, [elite for team in teams for elite in team.elites])
         requests = [request for team in teams for request in self.requests(generation, team, apart=len(teams) > 1)]
         failures: list[Reply | None] = []
@@ -264,6 +265,7 @@ class ModelDesigner:
             tried=tried,
             critiques=self.critic.words(team.elites, tried) if self.critic is not None else {},
             style=team.style,
+            member=team.member,
         )
         return brief, float(np.clip(temperature, 0.0, 2.0))
 

@@ -103,6 +103,9 @@ class CachedVLM(VLM):
         self._vlm = vlm
         self._replies = replies
 
+    def has_member(self, name: str) -> bool:
+        return self._vlm.has_member(name)
+
     def complete(self, requests: Sequence[Request]) -> Iterator[Reply]:
         """See `VLM.complete`."""
         yield from (self._replies[request.id] for request in requests if request.id in self._replies)
