@@ -114,7 +114,11 @@ class Here(Executor):
     """Works in this process."""
 
     def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        return ((chunk, function(chunk)) for chunk in chunks)
+        for chunk in chunks:
+            try:
+                yield chunk, function(chunk)
+            except Exception as error:  # belongs to its chunk
+                yield chunk, error
 
     def close(self) -> None:
         pass

@@ -19,8 +19,7 @@ from core.robot.kinematics import arm_of
 from core.robot.self_collision import self_distances
 from core.robots import Robot
 from core.scene import Scene
-from core.simulation.sampling import Indices
-from core.simulation.tracks import Track, body_tracks, robot_tracks
+from core.simulation.tracks import Indices, Track, body_tracks, robot_tracks
 
 HZ = 25.0  # of the instants at which distances are measured
 NEAR_M = 0.3  # farther things are not measured

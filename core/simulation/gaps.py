@@ -13,10 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array, Box, Capsule, Cylinder, Shape, Sphere
-from core.simulation.tracks import Track, Tracks, lengths
+from core.simulation.tracks import Indices, Track, Tracks, lengths
 
 Flags = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.intp]
 
 ROUNDING_M = 1e-9  # in comparisons of lengths
 _AT_ONCE = 60_000  # pairs times intervals
@@ -47,7 +46,7 @@ def neighbours(tracks: Tracks, margin: float = 0.0, joined: Collection[frozenset
     return pairs
 
 
-def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Flags:
     """Report where solids may get as deep in each other as ``least`` (P,), from a sample to the next: (P, T - 1).
 
     Only intervals ``within`` (P, T - 1) are looked at, all ``pairs`` (P, 2) at once. Boxes along the world's axes are
@@ -175,7 +174,7 @@ def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Ar
     return curved
 
 
-def gap_bounds(one: Track, other: Track, samples: npt.NDArray[np.intp]) -> Array:
+def gap_bounds(one: Track, other: Track, samples: Indices) -> Array:
     """Lower bounds (N,) of the gaps between two solids, metres, negative if they overlap; for hulls there is none.
 
     They are exact where the gap is along an axis of either frame, or along the radius of a ball or a cylinder.
@@ -191,7 +190,7 @@ def gap_bounds(one: Track, other: Track, samples: npt.NDArray[np.intp]) -> Array
     )
 
 
-def _frames(track: Track, samples: npt.NDArray[np.intp]) -> tuple[Array, Array]:
+def _frames(track: Track, samples: Indices) -> tuple[Array, Array]:
     if len(track.positions) == 1:
         return track.rotations, track.positions
     return track.rotations[samples], track.positions[samples]

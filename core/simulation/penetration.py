@@ -24,9 +24,9 @@ from core.interfaces import Recording, Robot
 from core.scene import Scene
 from core.simulation.entry import Depths, Side
 from core.simulation.gaps import SMOOTH, gap_bounds, may_meet, may_meet_closely, neighbours, with_next
-from core.simulation.sampling import Indices, coarse_samples, detours, is_finite, joined, refined_samples, subset
+from core.simulation.sampling import coarse_samples, detours, is_finite, joined, refined_samples, subset
 from core.simulation.solids import ROBOT, all_solids, body_solids
-from core.simulation.tracks import SAMPLE_HZ, Detour, Track, Tracks, angles, follow, lengths
+from core.simulation.tracks import SAMPLE_HZ, Detour, Indices, Track, Tracks, angles, follow, lengths
 
 DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
 

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from core.design import Tool
 from core.geometry import Array
@@ -18,11 +17,9 @@ from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.frames import joint_frames, joint_values, place, robot_model
 from core.scene import Scene, State
 from core.simulation.solids import own_solids, thickness
-from core.simulation.tracks import SAMPLE_HZ, Detour, angles, lengths
+from core.simulation.tracks import SAMPLE_HZ, Detour, Indices, angles, lengths
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
-
-Indices = npt.NDArray[np.intp]
 
 
 def thinnest(scene: Scene) -> float:

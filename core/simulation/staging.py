@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, islice
@@ -12,14 +13,14 @@ import numpy as np
 
 from core.design import SAVED, STOPPED, Candidate, Evaluation
 from core.errors import UsageError
-from core.interfaces import Evaluate, Executor
+from core.interfaces import Evaluate, Executor, Fitness
 from core.simulation.robustness import mean, worst
 from core.simulation.rollout import Evaluator
 
 Combine = Callable[[Sequence[float]], float]
 
 _ROUNDING = 1e-9  # in comparisons of rewards
-SPREAD = 0.2  # how much two designs' rewards differ, more or less, from trial to trial
+SPREAD = 0.2  # the deviation of a difference of two rewards, before trials show what it is
 LEAST_M = 0.02  # of a clearance: joints lag by up to half of it
 
 
@@ -86,9 +87,9 @@ class Stops:
 def lead(best: Sequence[float], own: Sequence[float]) -> float:
     """By how many standard errors rewards are ahead of others in the same trials, on average.
 
-    As in a race (M. Birattari et al., "A racing algorithm for configuring metaheuristics", GECCO 2002) differences are
-    paired, since trials differ in how hard they are. `SPREAD` stands for one more difference's deviation, so that the
-    first trial has an error too.
+    Rewards of the same trial are compared, since trials differ in how hard they are (as in the races of M. Birattari et
+    al., "A racing algorithm for configuring metaheuristics", GECCO 2002). `SPREAD` counts as the deviation of one more
+    difference, so that the first trial has an error too.
     """
     differences = np.subtract(best, own)
     deviations = differences - differences.mean()
@@ -154,8 +155,10 @@ def try_in_turn(
     combine: Combine,
     stops: Stops,
 ) -> list[Tried]:
-    """Try each candidate with one evaluator of each engine after the other, until it stops; not `Stops.behind`."""
-    alone = replace(stops, behind=None)
+    """Try each candidate with one evaluator of each engine after the other, until it stops.
+
+    It competes with none, so `Stops.behind` does not count.
+    """
     counts = {engine: len(of) for engine, of in evaluators.items()}
     found = [Tried(candidate, counts) for candidate in candidates]
     for number, (engine, evaluate) in enumerate(_in_order(evaluators), start=1):
@@ -166,7 +169,7 @@ def try_in_turn(
         for trials, evaluation in zip(going, evaluations, strict=True):
             trials.add(engine, evaluation, seconds)
             if number < sum(counts.values()):
-                trials.stopped = alone.why(trials, combine)
+                trials.stopped = stops.why(trials, combine)
     return found
 
 
@@ -240,3 +243,40 @@ class _Timed:
         began = time.process_time()
         found = self.evaluate(candidates)
         return found, (time.process_time() - began) / len(candidates)
+
+
+class SeveralTrials(Fitness):
+    """A fitness that tries each candidate several times, until it stops.
+
+    Args:
+        evaluators: one for each trial, by engine.
+        combine: what becomes of an engine's rewards.
+        stops: when a candidate stops.
+    """
+
+    def __init__(self, evaluators: Mapping[str, Sequence[Evaluate]], combine: Combine, stops: Stops) -> None:
+        self._evaluators, self._combine, self._stops = evaluators, combine, stops
+
+    @abstractmethod
+    def combined(self, every: Sequence[Tried]) -> list[Evaluation]:
+        """Make one evaluation of each candidate's trials, in order."""
+
+    @property
+    def batch(self) -> int:
+        """The smallest batch among its engines."""
+        return min(evaluate.batch for _, evaluate in _in_order(self._evaluators))
+
+    def prepare(self) -> None:
+        for _, evaluate in _in_order(self._evaluators):
+            evaluate.prepare()
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        return self.combined(try_in_turn(candidates, self._evaluators, self._combine, self._stops))
+
+    def evaluate(
+        self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
+    ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
+        """Race the candidates if they stop when they are behind."""
+        if self._stops.behind is None:
+            return super().evaluate(chunks, executor, earlier)
+        return race(chunks, executor, self._evaluators, self._combine, self._stops, earlier, self.combined)

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from core.design import Candidate, Evaluation
+from core.design import Evaluation
 from core.errors import UsageError, choices
-from core.interfaces import Executor, Fitness, Simulator, Task
+from core.interfaces import Simulator, Task
 from core.layouts import NONE, describe_ranges
 from core.plugins import Part
 from core.simulation.robustness import CheckedEvaluator, engines, mean
 from core.simulation.rollout import Evaluator
-from core.simulation.staging import Stops, Tried, foreseeing, race, try_in_turn
+from core.simulation.staging import SeveralTrials, Stops, Tried, foreseeing
 
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
 _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts more
@@ -36,7 +36,7 @@ COMBINE: dict[str, tuple[Callable[[Sequence[float]], float], str]] = {
 """What becomes of a plan's rewards over the layouts, and that in words."""
 
 
-class Layouts(Fitness):
+class Layouts(SeveralTrials):
     """The rewards over layouts, combined, in the engine where that is the lowest.
 
     Args:
@@ -79,15 +79,16 @@ class Layouts(Fitness):
             others = " or ".join(f"task.variation={name}" for name in task.variations)
             mend = f"add {others}" if others else "the task has no variations"
             raise UsageError(f"fitness=layouts: all layouts of {task.name} are the same; {mend}")
-        self._evaluator, self._combine, self._unseen = evaluator, combine, unseen
-        self._stops = Stops(stop_below, stop_behind)
+        self._evaluator, self._unseen = evaluator, unseen
         self._sims = engines(sims, evaluator.sim) if sims else {evaluator.sim.name: evaluator.sim}
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(evaluator.seed, evaluator.seed + layouts)
-        self._evaluators = {
+        evaluators = {
             engine: [foreseeing(evaluate, clearance) for evaluate in of]
             for engine, of in self._in_layouts(self._seeds, self._sims).items()
         }
+        how, self._counts = COMBINE[combine]
+        super().__init__(evaluators, how, Stops(stop_below, stop_behind))
 
     def _in_layouts(self, seeds: Sequence[int], sims: Mapping[str, Part[Simulator]]) -> dict[str, list[Evaluator]]:
         base = self._evaluator
@@ -111,41 +112,19 @@ class Layouts(Fitness):
         return (
             f"A plan is tried with its tool in {len(self._seeds)} layouts{where}. The one that is shown here is the "
             f"first; at the end the best plan is tried in {self._unseen} others{elsewhere}.{drawn} Lengths are in "
-            f"metres, angles in radians, masses in kilograms. What counts is {COMBINE[self._combine][1]}{lowest}; a "
+            f"metres, angles in radians, masses in kilograms. What counts is {self._counts}{lowest}; a "
             "layout where the trial fails counts 0. So tool and plan must fit layouts that differ by as much as that."
             f"{self._stops.instructions()}"
         )
-
-    @property
-    def batch(self) -> int:
-        """The smallest batch among its engines."""
-        return min(evaluator.batch for evaluators in self._evaluators.values() for evaluator in evaluators)
-
-    def prepare(self) -> None:
-        for evaluators in self._evaluators.values():
-            evaluators[0].prepare()
 
     def unseen(self) -> dict[str, list[Evaluator]]:
         seeds = range(UNSEEN, UNSEEN + self._unseen)
         return self._in_layouts(seeds, self._unseen_sims) if self._unseen else {}
 
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        combine, _ = COMBINE[self._combine]
-        return self._combined(try_in_turn(candidates, self._evaluators, combine, self._stops))
-
-    def evaluate(
-        self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
-    ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
-        if self._stops.behind is None:
-            return super().evaluate(chunks, executor, earlier)
-        combine, _ = COMBINE[self._combine]
-        return race(chunks, executor, self._evaluators, combine, self._stops, earlier, self._combined)
-
-    def _combined(self, every: Sequence[Tried]) -> list[Evaluation]:
+    def combined(self, every: Sequence[Tried]) -> list[Evaluation]:
         """Combine the trials of each candidate, and add the layouts in which its plan failed."""
-        combine, _ = COMBINE[self._combine]
         task = self._evaluator.task.create()
-        return [self._explained(task, tried.combined(combine, "layout"), tried.tried) for tried in every]
+        return [self._explained(task, tried.combined(self._combine, "layout"), tried.tried) for tried in every]
 
     def _explained(self, task: Task, evaluation: Evaluation, tried: Mapping[str, Sequence[Evaluation]]) -> Evaluation:
         if evaluation.status == "rejected":

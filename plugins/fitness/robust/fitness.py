@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from core.config.settings import PerturbationRange
-from core.design import Candidate, Evaluation
-from core.interfaces import Executor, Fitness
+from core.design import Evaluation
 from core.simulation.robustness import check_draws, engines, mean, perturbed
 from core.simulation.rollout import Evaluator
-from core.simulation.staging import Stops, Tried, foreseeing, race, try_in_turn
+from core.simulation.staging import SeveralTrials, Stops, Tried, foreseeing
 
 
-class Robust(Fitness):
+class Robust(SeveralTrials):
     """The lowest, over the engines ``sims``, of the mean rewards over perturbed scenes.
 
     Args:
@@ -40,17 +39,18 @@ class Robust(Fitness):
         stop_behind: float | None = None,
     ) -> None:
         check_draws(seeds)
-        evaluator, self.stops = foreseeing(evaluator, clearance), Stops(stop_below, stop_behind)
-        self.draws, self.perturbation = len(seeds), perturbation
-        self.evaluators = {
+        evaluator = foreseeing(evaluator, clearance)
+        evaluators = {
             name: [perturbed(replace(evaluator, sim=sim), perturbation, seed) for seed in seeds]
             for name, sim in engines(sims, evaluator.sim).items()
         }
+        super().__init__(evaluators, mean, Stops(stop_below, stop_behind))
+        self._draws, self._perturbation = len(seeds), perturbation
 
     def instructions(self) -> str:
-        one, most = len(self.evaluators) == 1, self.perturbation
-        times = f"{self.draws} times" if self.draws > 1 else "once"
-        where = f"{'the engine' if one else 'each of the engines'} {', '.join(self.evaluators)}"
+        one, most = len(self._evaluators) == 1, self._perturbation
+        times = f"{self._draws} times" if self._draws > 1 else "once"
+        where = f"{'the engine' if one else 'each of the engines'} {', '.join(self._evaluators)}"
         counts = "the mean of its rewards" if one else "the lowest of the engines' mean rewards"
         return (
             f"A plan is tried with its tool {times} in {where}, each time in a scene that differs a little, "
@@ -58,29 +58,8 @@ class Robust(Fitness):
             f"are moved by up to {most.position:g} m along x and along y and turned by up to {most.yaw:g} rad about z, "
             f"masses differ by up to {most.mass:.0%}, friction by up to {most.friction:.0%}. "
             f"What counts is {counts}; a trial that fails counts 0. So leave margins."
-            f"{self.stops.instructions()}"
+            f"{self._stops.instructions()}"
         )
 
-    @property
-    def batch(self) -> int:
-        """The smallest batch among its engines."""
-        return min(evaluator.batch for evaluators in self.evaluators.values() for evaluator in evaluators)
-
-    def prepare(self) -> None:
-        for evaluators in self.evaluators.values():
-            for evaluator in evaluators:
-                evaluator.prepare()
-
-    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
-        return _combined(try_in_turn(candidates, self.evaluators, mean, self.stops))
-
-    def evaluate(
-        self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
-    ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
-        if self.stops.behind is None:
-            return super().evaluate(chunks, executor, earlier)
-        return race(chunks, executor, self.evaluators, mean, self.stops, earlier, _combined)
-
-
-def _combined(every: Sequence[Tried]) -> list[Evaluation]:
-    return [tried.combined() for tried in every]
+    def combined(self, every: Sequence[Tried]) -> list[Evaluation]:
+        return [tried.combined() for tried in every]
