@@ -177,7 +177,7 @@ class VLM(ABC):
         """
 
     def has_member(self, name: str) -> bool:
-        """Report whether it is several models, and ``name`` can be `Brief.member`."""
+        """Report whether this is several models, one of which has this name (see `Brief.member`)."""
         return False
 
     @abstractmethod
@@ -372,8 +372,8 @@ class Fitness(Evaluate, ABC):
     ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
         """Yield all candidates of a generation with their evaluations, or some with what went wrong (`Executor.map`).
 
-        A fitness that compares candidates with each other may group them anew. ``earlier`` gives those that the run
-        has evaluated by then.
+        A fitness that compares candidates with each other may group them anew. ``earlier`` returns all evaluations
+        that the run has by then.
         """
         return executor.map(self, chunks)
 

@@ -38,7 +38,8 @@ def check_members(teams: Iterable[Team], vlm: VLM) -> None:
     for team in teams:
         if team.member and not vlm.has_member(team.member):
             raise UsageError(
-                f"evolution.members: {vlm.model} has no member {team.member!r}; give vlm=ensemble and its vlm.members"
+                f"evolution.members: {vlm.model} has no member {team.member!r}; name members of several models "
+                "(docs/models.md#several-models), or none"
             )
 
 

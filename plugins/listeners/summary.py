@@ -107,7 +107,7 @@ def _saved(result: Result) -> Iterable[str]:
     if rollouts:
         yield f"{rollouts} rollout{'s' * (rollouts > 1)} saved, about {seconds:.0f} s of processor time"
     if near_duplicates:
-        yield f"{near_duplicates} near-duplicate{'s' * (near_duplicates > 1)} not tried"
+        yield f"{near_duplicates} near-duplicate{'s' * (near_duplicates > 1)} of earlier candidates not tried"
 
 
 def _spent(replies: list[Reply]) -> str:

@@ -92,7 +92,9 @@ def test_what_the_model_took(capsys):
 def test_what_was_saved(capsys):
     details = {"saved": {"rollouts": 3, "seconds": 1.6}}
     assert "3 rollouts saved, about 2 s of processor time\n" in summary(capsys, [0.5], details=details)
-    assert "1 near-duplicate not tried\n" in summary(capsys, [0.5], details=details | {"same_as": "g0-a0-s0-p0"})
+    assert "1 near-duplicate of earlier candidates not tried\n" in summary(
+        capsys, [0.5], details=details | {"same_as": "g0-a0-s0-p0"}
+    )
     assert not {"saved", "near-duplicate"} & set(summary(capsys, [0.5]).split())
 
 

@@ -98,7 +98,9 @@ def test_each_island_may_have_a_model_of_its_own(toy, tmp_path):  # noqa: F811
     assert {model for name, model in models.items() if name.endswith(("a0", "a2"))} == {"a toy"}
     assert {model for name, model in models.items() if name.endswith(("a1", "a3"))} == {"a toy (2)"}
     cfg.evolution.members = ["gemini"]
-    with pytest.raises(UserError, match=r"ensemble of a toy, a toy \(2\) has no member 'gemini'; give vlm=ensemble"):
+    with pytest.raises(
+        UserError, match=r"ensemble of a toy, a toy \(2\) has no member 'gemini'; name members of several"
+    ):
         run(cfg, tmp_path / "other")
     cfg.vlm = {"name": "replay", "run": str(tmp_path / "run")}
     assert run(cfg, tmp_path / "again").best is not None
