@@ -85,7 +85,7 @@ class Stops:
 
 
 def lead(best: Sequence[float], own: Sequence[float]) -> float:
-    """By how many standard errors rewards are ahead of others in the same trials, on average.
+    """Compute by how many standard errors rewards are ahead of others in the same trials, on average.
 
     Rewards of the same trial are compared, since trials differ in how hard they are (as in the races of M. Birattari et
     al., "A racing algorithm for configuring metaheuristics", GECCO 2002). `SPREAD` counts as the deviation of one more
@@ -220,7 +220,7 @@ def _in_order(evaluators: Mapping[str, Sequence[Evaluate]]) -> list[tuple[str, E
 
 
 def _first(evaluation: Evaluation, engines: Iterable[str], number: int) -> list[float]:
-    """What an evaluation's first ``number`` trials earned, or as many as it has."""
+    """Return the rewards of an evaluation's first ``number`` trials, or of as many as it has."""
     figures = evaluation.details.get("engines", {})
     rewards = (float(reward) for engine in engines for reward in figures.get(engine, {}).get("rewards", ()))
     return list(islice(rewards, number))
