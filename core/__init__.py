@@ -1,12 +1,12 @@
 """VLMgineer's framework: the types, the interfaces and the loop. It knows no engine, no model and no task.
 
-Covered by `tests/core/test_experiment.py`.
+Covered by `tests/core/search/test_experiment.py`.
 """
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from core.experiment import Experiment
+    from core.search.experiment import Experiment
 
 __all__ = ["Experiment"]
 
@@ -15,6 +15,6 @@ def __getattr__(name: str) -> Any:
     """Import `Experiment` when it is first used; most commands do not need it."""
     if name != "Experiment":
         raise AttributeError(f"module 'core' has no attribute {name!r}")
-    from core.experiment import Experiment
+    from core.search.experiment import Experiment
 
     return Experiment

@@ -12,7 +12,6 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.cli import arguments, command, print_table, say, write_bytes
 from core.config.compose import check_seed, load, node, part, task_part, tool_part
 from core.design import Candidate, Evaluation
 from core.designs.feedback import combined_figures, describe
@@ -22,7 +21,8 @@ from core.errors import UsageError
 from core.interfaces import Fitness, RolloutSettings, observation
 from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator
-from core.text import clean
+from core.support.cli import arguments, command, print_table, say, write_bytes
+from core.support.text import clean
 
 STOPPED_RAD = 0.02  # lag of a joint above which something held it back; reference solutions stay below 0.012
 USAGE = "usage: python -m core.evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
@@ -68,8 +68,8 @@ def record(evaluation: Evaluation) -> dict[str, Any]:
     }
 
 
-def main() -> None:
-    cfg = load("evaluate", arguments(USAGE))
+def main(words: list[str]) -> None:
+    cfg = load("evaluate", arguments(USAGE, words))
     if OmegaConf.is_missing(cfg, "designs"):
         raise UsageError(f"no designs file given; {USAGE}")
     records = [record(evaluation) for evaluation in evaluate(cfg)]

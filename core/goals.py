@@ -13,9 +13,9 @@ from typing import Protocol
 import numpy as np
 
 from core.geometry import Array, Pose, Vector
-from core.joints import PlacedJoint, Placement, rotate
-from core.states import State
-from core.traces import Trace
+from core.values.joints import PlacedJoint, Placement, rotate
+from core.values.states import State
+from core.values.traces import Trace
 
 Place = tuple[float | None, float | None, float | None]
 

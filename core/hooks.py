@@ -17,6 +17,7 @@ when it is first used, which keeps discovery quick::
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import pluggy
@@ -33,6 +34,20 @@ hookimpl = pluggy.HookimplMarker(PROJECT)
 
 Factory = Callable[..., Any] | str
 Factories = Mapping[str, Factory]
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command, which is typed as ``vlmgineer NAME ARGUMENT ...``.
+
+    Attributes:
+        help: what it does, in one line.
+        main: is called with the list of arguments, and returns an exit status; None: 0. It may raise a `UserError`,
+            which is printed as one line. A string ``"module:attribute"`` is imported when the command is called.
+    """
+
+    help: str
+    main: Callable[[list[str]], int | None] | str
 
 
 class Parts(Protocol):
@@ -77,6 +92,10 @@ class Parts(Protocol):
     @hookspec
     def listeners(self) -> Factories:
         """Make an object that implements some of `Events` with `hookimpl`."""
+
+    @hookspec
+    def commands(self) -> Mapping[str, Command]:
+        """Give commands by their names: each with a line of help, and what to call. They are no factories."""
 
 
 class Configs(Protocol):

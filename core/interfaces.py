@@ -2,8 +2,8 @@
 
 `core.hooks` says how a plugin offers a part, `core.plugins` finds it. A part is made by calling its factory with the
 part's settings as keyword arguments. The names, types and defaults in the factory's signature are what a configuration
-may set. `core.conformance` checks parts of every kind. Covered by `tests/core/conformance/test_suites.py` and, where a
-part breaks these contracts, by `tests/core/plugins/test_wrong_parts.py`.
+may set. Covered by `tests/plugins/conformance/test_suites.py` and, where a part breaks these contracts, by
+`tests/core/plugins/test_wrong_parts.py`.
 """
 
 from __future__ import annotations
@@ -19,40 +19,40 @@ import numpy.typing as npt
 
 from core.design import TIE, Candidate, DesignError, Evaluation, Tool
 from core.design import Budget as Budget
+from core.design import observation as observation
 from core.errors import UsageError, UserError
 from core.geometry import Array
-from core.jobs import JointTrajectory as JointTrajectory
-from core.jobs import Outcome as Outcome
-from core.jobs import Perception as Perception
-from core.jobs import Pushes as Pushes
-from core.jobs import Recording as Recording
-from core.jobs import Rollout as Rollout
-from core.jobs import RolloutSettings as RolloutSettings
-from core.jobs import World as World
-from core.materials import PAPER as PAPER
-from core.materials import Material as Material
-from core.messages import Estimate as Estimate
-from core.messages import Message as Message
-from core.messages import Picture as Picture
-from core.messages import Reply as Reply
-from core.messages import Text as Text
-from core.numbers import Numbers as Numbers
-from core.numbers import Variable
-from core.observations import Contact as Contact
-from core.observations import Observation as Observation
-from core.observations import observation as observation
-from core.plans import ActionPlan as ActionPlan
-from core.plans import Anchor as Anchor
-from core.plans import Seen as Seen
-from core.plans import Tempo as Tempo
-from core.plans import Waypoints as Waypoints
-from core.robots import ISO_9409_1_50 as ISO_9409_1_50
-from core.robots import Flange as Flange
-from core.robots import Gripper as Gripper
-from core.robots import Robot as Robot
 from core.scene import Camera, State
-from core.spending import Spending as Spending
 from core.task import Task as Task
+from core.values.jobs import JointTrajectory as JointTrajectory
+from core.values.jobs import Outcome as Outcome
+from core.values.jobs import Perception as Perception
+from core.values.jobs import Pushes as Pushes
+from core.values.jobs import Recording as Recording
+from core.values.jobs import Rollout as Rollout
+from core.values.jobs import RolloutSettings as RolloutSettings
+from core.values.jobs import World as World
+from core.values.materials import PAPER as PAPER
+from core.values.materials import Material as Material
+from core.values.messages import Estimate as Estimate
+from core.values.messages import Message as Message
+from core.values.messages import Picture as Picture
+from core.values.messages import Reply as Reply
+from core.values.messages import Text as Text
+from core.values.numbers import Numbers as Numbers
+from core.values.numbers import Variable
+from core.values.observations import Contact as Contact
+from core.values.observations import Observation as Observation
+from core.values.plans import ActionPlan as ActionPlan
+from core.values.plans import Anchor as Anchor
+from core.values.plans import Seen as Seen
+from core.values.plans import Tempo as Tempo
+from core.values.plans import Waypoints as Waypoints
+from core.values.robots import ISO_9409_1_50 as ISO_9409_1_50
+from core.values.robots import Flange as Flange
+from core.values.robots import Gripper as Gripper
+from core.values.robots import Robot as Robot
+from core.values.spending import Spending as Spending
 
 Image = npt.NDArray[np.uint8]
 A = TypeVar("A")

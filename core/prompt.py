@@ -13,7 +13,6 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.cli import arguments, command, say, write_bytes
 from core.config.compose import check_seed, load, node, part, task_part, tool_part
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
@@ -35,9 +34,10 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.plugins import event_hub, installed
+from core.search.agent_groups import Team
 from core.search.designer import DEFAULT_KINDS, make_designer
-from core.search.teams import Team
 from core.simulation.rollout import Evaluator
+from core.support.cli import arguments, command, say, write_bytes
 
 USAGE = (
     "usage: python -m core.prompt task=NAME [prompt=NAME] [tool=NAME] [designs=FILE] [vlm=NAME] [agent=N] "
@@ -175,8 +175,8 @@ def _json(value: object) -> bytes:
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def main() -> None:
-    cfg = load("prompt", arguments(USAGE))
+def main(words: list[str]) -> None:
+    cfg = load("prompt", arguments(USAGE, words))
     OmegaConf.resolve(cfg)
     request = compose(cfg)
     model, estimate = reckon(cfg, request)

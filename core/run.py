@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.cli import command, say
 from core.errors import UsageError, UserError
+from core.support.cli import command, say
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -43,11 +43,10 @@ def _job(cfg: DictConfig) -> None:
         _failures.append(explain(error, "config", ()))
 
 
-def main() -> None:
-    given = sys.argv[1:]
-    flags = [word for word in given if word.startswith("-")]
-    resumed = [word for word in given if word.startswith("resume=")]
-    others = [word for word in given if word not in (*flags, *resumed)]
+def main(words: list[str]) -> None:
+    flags = [word for word in words if word.startswith("-")]
+    resumed = [word for word in words if word.startswith("resume=")]
+    others = [word for word in words if word not in (*flags, *resumed)]
     if flags and {*flags} <= {"--help", "-h"}:
         from core.config.compose import overview
 
@@ -59,10 +58,10 @@ def main() -> None:
 
         resume(Path(resumed[0].removeprefix("resume=")), others)
     else:
-        _hydra()
+        _hydra(words)
 
 
-def _hydra() -> None:
+def _hydra(given: list[str]) -> None:
     import hydra
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
@@ -71,7 +70,7 @@ def _hydra() -> None:
     from core.config.folders import new_folder, stamp
     from core.config.trust import KeyFound
 
-    words = prepared("config", sys.argv[1:])
+    words = prepared("config", given)
     flags = {word for word in words if word.startswith("-")}
     if flags and flags <= {"-m", "--multirun"} and not any("hydra.sweep.dir=" in word for word in words):
         words.append(f"hydra.sweep.dir={new_folder(f'multirun/{stamp()}')}")  # one for all jobs, in any process

@@ -1,6 +1,6 @@
 """Describe a task's scene and its goal.
 
-Nothing here depends on a physics engine: a simulator reads a `Scene` and returns states (`core.states`).
+Nothing here depends on a physics engine: a simulator reads a `Scene` and returns states (`core.values.states`).
 World frame: x forward from the arm's base, y left, z up; metres, kilograms, radians.
 """
 
@@ -13,9 +13,9 @@ import numpy as np
 
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere, Vector, frozen_array
 from core.goals import Goal, describe_goals, goals_reward, needs_trace
-from core.joints import Drive, Joint, JointState, Latch, PlacedJoint
-from core.states import State
-from core.traces import Trace
+from core.values.joints import Drive, Joint, JointState, Latch, PlacedJoint
+from core.values.states import State
+from core.values.traces import Trace
 
 Color = tuple[float, float, float, float]
 
@@ -274,6 +274,6 @@ def floor(height: float = -0.625, friction: float = 0.5) -> Body:
 
 
 __all__ = ["Body", "Camera", "Color", "Geom", "Goal", "Inertia", "Scene", "State", "floor", "table"]
-__all__ += ["Drive", "Joint", "JointState", "Latch"]  # of core.joints; State of core.states
-__all__ += ["Trace", "describe_goals", "goals_reward", "needs_trace"]  # of core.traces and core.goals
+__all__ += ["Drive", "Joint", "JointState", "Latch"]  # of core.values.joints; State of core.values.states
+__all__ += ["Trace", "describe_goals", "goals_reward", "needs_trace"]  # of core.values.traces and core.goals
 __all__ += ["Box", "Cylinder", "Mesh", "Pose", "Sphere"]  # of core.geometry, so that a task needs one import

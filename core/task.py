@@ -13,9 +13,9 @@ import numpy as np
 
 from core.errors import UsageError, choices
 from core.geometry import Array, Pose
-from core.layouts import NONE, Draw, Ranges
-from core.robots import Robot, default_robot
 from core.scene import Camera, Goal, Scene, State, Trace
+from core.values.layouts import NONE, Draw, Ranges
+from core.values.robots import Robot, default_robot
 
 
 class Task(ABC):

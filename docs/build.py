@@ -26,14 +26,12 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from core import facts
 from core.config.compose import load
 from core.design import Candidate, Tool
 from core.designs.planning import resolve
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.interfaces import Perception, RolloutSettings, Waypoints
-from core.layouts import describe_ranges
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
@@ -41,8 +39,10 @@ from core.scene import Body, Box, Camera, Geom, Mesh, Pose, Scene
 from core.search.orchestration import run
 from core.simulation.pictures import draw_strip, save_film
 from core.simulation.rollout import evaluate_batch
+from core.values.layouts import describe_ranges
 from docs import prompt_page
 from docs.diagrams import DRAWINGS
+from plugins.conformance import facts
 from plugins.fitness.layouts.fitness import UNSEEN
 from tests.benchmarks import layouts
 from tests.panda import on_panda

@@ -12,52 +12,14 @@ FONT = "system-ui, 'DejaVu Sans', sans-serif"
 # From the ground up, and within a floor from left to right: a room imports only from rooms before it.
 # `tests/test_architecture.py` checks every module.
 FLOORS = {
-    "values": (
-        "errors",
-        "threads",
-        "files",
-        "scratch",
-        "text",
-        "secrets",
-        "geometry",
-        "numbers",
-        "shapes",
-        "joints",
-        "states",
-        "traces",
-        "goals",
-        "scene",
-        "layouts",
-        "plans",
-        "design",
-        "materials",
-        "robots",
-        "task",
-        "messages",
-        "spending",
-        "jobs",
-        "observations",
-    ),
-    "interfaces and events": ("interfaces", "replies", "events", "hooks"),
-    "plugins and config": ("cli", "plugins", "config"),
-    "robot and designs": ("robot", "imports", "designs"),
+    "ground": ("errors", "support", "geometry"),
+    "values": ("values", "goals", "scene", "design", "task"),
+    "interfaces and events": ("interfaces", "events", "hooks"),
+    "plugins and config": ("plugins", "config"),
+    "robot and solids": ("robot", "solids", "designs"),
     "one rollout": ("simulation",),
     "one run": ("store", "search"),
-    "reports, checks, environments": ("report", "conformance", "gym", "new"),
-    "commands": (
-        "experiment",
-        "__init__",
-        "run",
-        "evaluate",
-        "render",
-        "prompt",
-        "transfer",
-        "export",
-        "gallery",
-        "facts",
-        "view",
-        "__main__",
-    ),
+    "commands": ("__init__", "run", "evaluate", "prompt", "__main__"),
 }
 PARTS = {
     "task": "RoboToolBench, HardToolBench, file",
@@ -70,6 +32,7 @@ PARTS = {
     "fitness": "nominal, robust, layouts, ...",
     "executor": "local, ray",
     "listener": "progress, rerun, summary",
+    "command": "report, export, transfer, ...",
 }
 
 
@@ -111,7 +74,7 @@ def arrow(*corners: tuple[float, float], dashed: bool = False) -> str:
 
 
 def house() -> str:
-    """Draw the floors of ``core/`` and the ten kinds of parts."""
+    """Draw the floors of ``core/`` and the eleven kinds of parts."""
     left, width, storey, gap = 20, 560, 52, 8
     top = 50
     base = top + max(len(FLOORS), len(PARTS)) * (storey + gap)
@@ -135,7 +98,7 @@ def house() -> str:
     for what, label in (("interfaces and events", "implement"), ("plugins and config", "are found by")):
         pieces.append(arrow((rail, middle[what]), (left + width + 2, middle[what])))
         pieces.append(text((rail + left + width) / 2, middle[what] - 7, label, size=12, color=SOFT))
-    return drawing(right + wide + 20, base + 34, "The floors of core, and the ten kinds of parts beside it", pieces)
+    return drawing(right + wide + 20, base + 34, "The floors of core, and the eleven kinds of parts beside it", pieces)
 
 
 def loop() -> str:

@@ -4,8 +4,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Box, Camera, Goal, Scene, State, floor, table
+from core.values.layouts import around
 
 SIDE = 0.07
 START = (1.0, 0.0, SIDE / 2)

@@ -4,8 +4,8 @@ import numpy as np
 
 from core.geometry import Array, Pose
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Box, Camera, Geom, Goal, Scene, State, floor, table
+from core.values.layouts import around
 
 COUNT = 8
 SIDE = 0.03

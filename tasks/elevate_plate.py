@@ -7,8 +7,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
+from core.values.layouts import around
 from tasks.assets import revolved, round_wall
 
 # The plate stands on a foot; around the foot there is a gap of FOOT_HEIGHT between the plate and the table.

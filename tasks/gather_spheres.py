@@ -4,8 +4,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, Sphere, State, floor, table
+from core.values.layouts import around
 
 RADIUS, MASS = 0.02, 0.005
 ROWS, COLUMNS, PITCH, JITTER = 5, 6, 0.048, 0.003  # along x, along y; JITTER: a sphere's largest offset on the grid

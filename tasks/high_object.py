@@ -4,8 +4,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor
+from core.values.layouts import around
 from tasks.assets import board, open_box
 
 SIDE = 0.05

@@ -4,8 +4,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
+from core.values.layouts import around
 
 WIDTH, HEIGHT, WALL = 0.25, 0.20, 0.004  # outer width along x and y; height of the walls; their thickness
 FLAP, SLANT = 0.10, np.radians(25.0)  # length of a flap, and the angle by which it rises outward

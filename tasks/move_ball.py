@@ -4,8 +4,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Camera, Goal, Scene, Sphere, State, floor, table
+from core.values.layouts import around
 
 RADIUS = 0.08
 START = (0.6, 0.3, RADIUS)

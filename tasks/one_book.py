@@ -4,8 +4,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Box, Camera, Geom, Goal, Pose, Scene, State, floor, table
+from core.values.layouts import around
 
 LENGTH, THICKNESS, PITCH = 0.27, 0.039, 0.04  # along x, along y, and from one book to the next along y
 HEIGHTS = (0.17, 0.168, 0.172, 0.21, 0.22)  # from the robot's right to its left

@@ -8,8 +8,8 @@ import trimesh
 
 from core.geometry import Array, Pose
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Mesh, Scene, State, floor
+from core.values.layouts import around
 from tasks.assets import board
 
 PUCK_RADIUS, PUCK_HEIGHT, PUCK_MASS = 0.038, 0.025, 0.17

@@ -7,8 +7,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, floor, table
+from core.values.layouts import around
 from tasks.assets import revolved, round_wall
 
 JAR = (0.58, 0.0)  # x, y of its middle

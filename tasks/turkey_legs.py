@@ -8,8 +8,8 @@ import trimesh
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Mesh, Pose, Scene, Sphere, State, floor, table
+from core.values.layouts import around
 from tasks.assets import board, open_box, revolved, round_wall
 
 POT = (0.75, -0.2)  # x, y of its middle

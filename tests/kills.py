@@ -59,7 +59,7 @@ class Moments:
 
 
 def run_at_once(function, ended, name):
-    """Stand in for `core.threads.run_in_thread`, in the caller's thread."""
+    """Stand in for `core.support.threads.run_in_thread`, in the caller's thread."""
     try:
         function()
     except Exception as error:

@@ -191,10 +191,10 @@ def test_every_module_of_core_has_its_tests():
         pytest.param(tree, id=dotted(file))
         for folder in ("core", "plugins", "tasks")
         for file, tree in modules(folder)
-        if dotted(file) != "core.cli"
+        if dotted(file) != "core.support.cli"
     ],
 )
 def test_text_goes_to_the_terminal_one_way(tree):
-    """By `core.cli.say` and `core.cli.print_table`, which escape what is not printable."""
+    """By `core.support.cli.say` and `core.support.cli.print_table`, which escape what is not printable."""
     called = [ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)]
     assert not {"print", "sys.stdout.write", "sys.stderr.write", "warnings.warn"} & set(called)

@@ -83,7 +83,7 @@ def test_a_mistake_is_one_line_that_says_what_is_wrong(tmp_path, command, words,
     assert not done.stdout
 
 
-# --- python -m core.evaluate, core.render -----------------------------------------------------------------------
+# --- python -m core.evaluate, plugins.render -----------------------------------------------------------------------
 
 
 def test_evaluate_writes_what_each_plan_earned(tmp_path):

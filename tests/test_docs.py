@@ -19,15 +19,15 @@ import yaml
 from PIL import Image
 
 from core.config.compose import load
-from core.conformance.suites import examine
 from core.errors import UsageError
 from core.geometry import Cylinder, Mesh, Sphere
 from core.interfaces import Seen
-from core.new.packages import write as write_package
 from core.plugins import Plugins, installed
 from core.scene import Body, Box, Camera, Geom, Goal, Joint, Pose, Scene, State
 from docs import build, prompt_page
 from docs.diagrams import DRAWINGS
+from plugins.conformance.suites import examine
+from plugins.new.packages import write as write_package
 from tests.core.run_folders import write_run
 from tests.outside_arm import write_arm
 from tests.packages import PYTHON, install
@@ -69,7 +69,7 @@ def test_command(line: str, tmp_path: Path):
         write_arm(tmp_path / "my_lab")
     if words[1] == "core.run" and "--help" not in words:
         words += SMALL
-    if words[1] in ("core.report", "core.gallery"):
+    if words[1] in ("core", "report", "core", "gallery"):
         write_run(tmp_path / words[2] / "0")  # what the page's line before it leaves
     done = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stderr
@@ -224,7 +224,7 @@ def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
-    """Written by `core.new`, changed as the page says, and installed as pip leaves it."""
+    """Written by `plugins.new`, changed as the page says, and installed as pip leaves it."""
     page = ROOT / "docs/strategy_tutorial.md"
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "tournament")}
 
@@ -234,7 +234,7 @@ def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    run("core.new", "strategy", "Tournament")
+    run("core", "new", "strategy", "Tournament")
     package = tmp_path / "tournament"
     assert (package / "tournament/search.py").is_file()
     (package / "tournament/search.py").write_text(blocks(page, "python")[0])

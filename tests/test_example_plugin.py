@@ -97,7 +97,7 @@ def test_runs_side_by_side(site, tmp_path):
                                   "vlm=echo", "executor=here", "listener=csv"])  # fmt: skip
 def test_its_parts_conform(site, tmp_path, part):
     """All but the simulator, which has no physics."""
-    done = python_m(site, tmp_path, "core.conformance", part)
+    done = python_m(site, tmp_path, "core", "conformance", part)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -15,8 +15,8 @@ from core.design import Candidate, Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.plugins import installed
-from core.scratch import scratch
 from core.simulation.rollout import evaluate_batch
+from core.support.scratch import scratch
 from tests.disks import mount
 from tests.engines import every_simulator, simulator
 from tests.processes import SMALL, family, finished, go_on, left_in, start, stored, temporary_in, wait_until

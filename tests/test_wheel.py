@@ -92,6 +92,6 @@ def test_it_works_from_an_empty_folder(wheel, tmp_path):
     assert Path(python("-c", "import core; print(core.__file__)").strip()).is_relative_to(site)
     small = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "executor.workers=1"]
     python("-m", "core.run", "task=LiftBox", *small, "film=false", "hydra.run.dir=run")
-    python("-m", "core.report", "run", "output=report")
-    python("-m", "core.new", "task", "PullBlock")
+    python("-m", "core", "report", "run", "output=report")
+    python("-m", "core", "new", "task", "PullBlock")
     assert {"run", "report", "pull_block"} == {entry.name for entry in empty.iterdir()}

@@ -17,7 +17,6 @@ from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandatoryValue, OmegaConfBaseException
 
-from core.cli import say
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
@@ -32,24 +31,18 @@ from core.interfaces import (
     Task,
     ToolRepresentation,
 )
-from core.materials import Material
 from core.plugins import KINDS, NOT_SETTINGS, Part, RobotPart, TaskPart, ToolPart
+from core.support.cli import say
+from core.values.materials import Material
 
 T = TypeVar("T")
 
 SCHEMAS: dict[str, type] = {
     "config": schemas.RunConfig,
     "evaluate": schemas.EvaluateConfig,
-    "render": schemas.RenderConfig,
     "prompt": schemas.ComposeConfig,
-    "transfer": schemas.TransferConfig,
-    "conformance": schemas.ConformanceConfig,
-    "report": schemas.ReportConfig,
-    "gallery": schemas.GalleryConfig,
-    "export": schemas.ExportConfig,
-    "facts": schemas.FactsConfig,
 }
-"""The schema of each primary config in ``conf/``; ``config`` belongs to ``core.run``."""
+"""The schema of each primary config; ``config`` belongs to ``core.run``. Plugins' commands add theirs (`load`)."""
 
 
 def register(overrides: Sequence[str] = ()) -> None:
@@ -93,12 +86,19 @@ def _checked_addition(word: str, known: set[str], elsewhere: bool) -> str:
     return f"++{plain}" if checked and steps else plain
 
 
-def load(name: str, overrides: Sequence[str]) -> DictConfig:
+def load(name: str, overrides: Sequence[str], schema: type | None = None) -> DictConfig:
     """Compose the primary config ``name`` with command-line overrides.
+
+    Args:
+        name: of a file in ``conf/``, or in a package that a plugin names (`core.hooks.Configs`).
+        overrides: the words of the command line.
+        schema: the dataclass of its keys, for a plugin's command; the file names it ``NAME_schema`` in its defaults.
 
     Raises:
         UserError: a wrong group, key or type; the message says what is possible.
     """
+    if schema is not None:
+        SCHEMAS[name] = schema
     overrides = prepared(name, overrides)
     try:
         config = _compose(name, overrides)

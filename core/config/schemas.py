@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from omegaconf import MISSING
 
-from core.config.settings import Fit, PerturbationRange, Printer, PromptSettings, Sampling
+from core.config.settings import PromptSettings, Sampling
 from core.interfaces import RolloutSettings
-from core.materials import Material
-from core.plugins import KINDS
+from core.values.materials import Material
 
 
 @dataclass
@@ -104,82 +103,6 @@ class EvaluateConfig(TrialConfig):
 
 
 @dataclass
-class TransferConfig:
-    """Settings of ``python -m core.transfer``.
-
-    ``designs``: a designs file, or a run's folder, of which the ``top`` best are taken. ``robots``: entries as those of
-    ``sims``; empty: ``robot`` alone. ``seed`` is the layout's, and ``seeds`` are those of the perturbations.
-    ``output``: a JSON file to write as well.
-    """
-
-    task: dict[str, Any] = MISSING
-    robot: dict[str, Any] = field(default_factory=dict)
-    tool: dict[str, Any] = MISSING
-    material: Material = field(default_factory=Material)
-    executor: dict[str, Any] = MISSING
-    rollout: RolloutSettings = field(default_factory=RolloutSettings)
-    robots: list[Any] = field(default_factory=list)
-    sims: list[Any] = MISSING
-    seed: int = 0
-    seeds: list[int] = MISSING
-    perturbation: PerturbationRange = field(default_factory=PerturbationRange)
-    designs: str = MISSING
-    top: int = 1
-    output: str | None = None
-
-
-@dataclass
-class ExportConfig:
-    """Settings of ``python -m core.export``.
-
-    ``designs``: a run's folder, whose best is exported, or a designs file, of which it is the first. ``sims``: engines
-    that play the motion back. ``rate_hz``: of the samples. ``speed``: 1 is the motion as it was simulated. ``start``:
-    joints (J,) from which the arm approaches, radians; none: its home. ``printer`` and ``fit``: of the tool's parts.
-    """
-
-    task: dict[str, Any] = MISSING
-    robot: dict[str, Any] = field(default_factory=dict)
-    tool: dict[str, Any] = MISSING
-    material: Material = field(default_factory=Material)
-    rollout: RolloutSettings = field(default_factory=RolloutSettings)
-    sims: list[Any] = MISSING
-    seed: int = 0
-    designs: str = MISSING
-    top: int = 1
-    output: str = MISSING
-    rate_hz: float = MISSING
-    speed: float = MISSING
-    start: list[float] = field(default_factory=list)
-    printer: Printer = field(default_factory=Printer)
-    fit: Fit = field(default_factory=Fit)
-
-
-@dataclass
-class RenderConfig(SceneConfig):
-    """Settings of ``python -m core.render``. ``designs``: a file, of which the tool number ``strategy`` is mounted."""
-
-    tool: dict[str, Any] = MISSING
-    designs: str | None = None
-    strategy: int = 0
-    output: str = "scene.png"
-    width: int = 640
-    height: int = 480
-
-
-ConformanceConfig = make_dataclass(
-    "ConformanceConfig",
-    [
-        ("seed", int, 0),
-        ("material", Material, field(default_factory=Material)),
-        *((kind, dict[str, Any] | None, None) for kind in KINDS),
-    ],
-)
-"""Settings of ``python -m core.conformance``: the part of each kind to check, if any. The configs of parts may name
-``seed`` and ``material``.
-"""
-
-
-@dataclass
 class ComposeConfig(SearchConfig):
     """Settings of ``python -m core.prompt``.
 
@@ -190,43 +113,3 @@ class ComposeConfig(SearchConfig):
     designs: str | None = None
     agent: int = 0
     output: str = "prompt"
-
-
-@dataclass
-class ReportConfig:
-    """Settings of ``python -m core.report``.
-
-    ``formats``: the figures' file formats; ``confidence`` and ``resamples`` belong to the bootstrap intervals.
-    ``name``: of what is an entry of a benchmark; ``entries``: results files to compare it with.
-    """
-
-    output: str = "report"
-    formats: list[str] = field(default_factory=lambda: ["png", "svg"])
-    confidence: float = 0.95
-    resamples: int = 10_000
-    name: str = ""
-    entries: list[str] = field(default_factory=list)
-
-
-@dataclass
-class FactsConfig:
-    """Settings of ``python -m core.facts``. ``output``: a JSON file to write as well."""
-
-    robot: dict[str, Any] = MISSING
-    sims: list[Any] = MISSING
-    output: str | None = None
-
-
-@dataclass
-class GalleryConfig:
-    """Settings of ``python -m core.gallery``.
-
-    ``top``: the number of tools for each task; ``apart_mm``: two tools differ if a component's corner is this far
-    away; ``plate_mm``: the printer's build volume (x, y, z); ``min_wall_mm``: the thinnest wall that it prints.
-    """
-
-    output: str = "gallery"
-    top: int = 3
-    apart_mm: float = 10.0
-    plate_mm: list[float] = field(default_factory=lambda: [250.0, 210.0, 220.0])
-    min_wall_mm: float = 0.8

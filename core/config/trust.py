@@ -13,8 +13,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from core.errors import UsageError, UserError
-from core.secrets import holds_secret, is_secret_name
-from core.text import clean
+from core.support.secrets import holds_secret, is_secret_name
+from core.support.text import clean
 
 MAX_BYTES = 100_000  # of a stored configuration
 _HINT = "it would be stored with the run; set the provider's environment variable instead, such as OPENAI_API_KEY"

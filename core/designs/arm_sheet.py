@@ -15,7 +15,7 @@ from core.robot.extents import extents_at_home, fingers_of
 from core.robot.kinematics import Arm, arm_of
 from core.robot.reach import as_table, compute_reach, describe_limits, turns_at
 from core.robot.trajectory import plan_motion
-from core.text import short_number, short_numbers, table
+from core.support.text import short_number, short_numbers, table
 
 WAYS = ("forward", "left", "up")
 LENGTHS_M = (0.1, 0.2, 0.4)

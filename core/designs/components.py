@@ -16,7 +16,6 @@ from typing import Any
 from lxml import etree
 
 from core.design import Component, DesignError, Tool, ToolJoint
-from core.designs.loose import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
 from core.designs.rules import (
     MAX_BEND_M_N,
     MAX_COMPONENT_KG,
@@ -29,12 +28,13 @@ from core.designs.rules import (
     MIN_DENSITY,
     MIN_TOOL_KG,
 )
+from core.designs.tool_joints import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
 from core.designs.weight import describe_weight, mass_limit
 from core.geometry import Compound, Pose, Shape
 from core.interfaces import Robot
-from core.materials import Material
 from core.robot.description import assemble
-from core.text import kind, shorten
+from core.support.text import kind, shorten
+from core.values.materials import Material
 
 MAX_NUMBER = 1000.0  # far above every length, angle and mass of a tool; keeps products finite
 DIGITS = 5  # hundredths of a millimetre

@@ -30,7 +30,7 @@ from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSett
 from core.robot.outline import outline
 from core.robot.trajectory import plan_motion
 from core.scene import Body, describe_goals
-from core.text import short_numbers
+from core.support.text import short_numbers
 
 SUFFIX = ".md.j2"
 REPAIR, CHECK, CRITIC = "repair", "check", "critic"

@@ -17,7 +17,7 @@ from core.designs.layout import describe_shape
 from core.designs.reading import dump_design
 from core.geometry import Box
 from core.interfaces import ToolRepresentation, observation
-from core.text import clean, short_numbers
+from core.support.text import clean, short_numbers
 
 _LONGEST = 240  # characters of a description
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from core.interfaces import Task
-from core.layouts import NONE
+from core.values.layouts import NONE
 
 _SECTION = re.compile(r"\n\n +(Args|Raises):.*?(?=\n? *\"\"\"\n)", re.DOTALL)
 

@@ -11,8 +11,8 @@ from typing import Any
 
 from core.design import Evaluation, best_first
 from core.interfaces import Brief, Contact, Observation, observation
-from core.observations import OBSERVATION, TRIAL
-from core.text import clean, short_numbers
+from core.support.text import clean, short_numbers
+from core.values.observations import OBSERVATION, TRIAL
 
 _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words
 _BODIES, _CONTACTS = 2, 6

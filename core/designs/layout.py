@@ -12,7 +12,7 @@ from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphe
 from core.interfaces import Task
 from core.robot.solids import Solid, signed_distance, solid_geometry
 from core.scene import Body, Geom
-from core.text import short_number, short_numbers, table
+from core.support.text import short_number, short_numbers, table
 
 _ALIKE = 3  # bodies alike, one after the other, from which on they share a row
 _HOLLOW = 3  # parts of a hollow body, and sides on which they bound its middle, at least

@@ -8,7 +8,7 @@ from core.design import RIGID_MOUNT
 from core.geometry import Array
 from core.interfaces import Brief, Robot, Task
 from core.robot.extents import Finger, finger_gap, fingers_of
-from core.text import short_number
+from core.support.text import short_number
 
 _MEET_M = 0.0005  # fingers nearer than this meet
 

@@ -26,7 +26,7 @@ from core.interfaces import (
 )
 from core.plugins import describe_part, installed
 from core.scene import Scene
-from core.text import kind, shorten
+from core.support.text import kind, shorten
 
 NO_PLAN = Waypoints(np.empty((0, 6)))  # of a candidate whose plan can't be read
 

@@ -21,7 +21,7 @@ from core.designs.rules import SpawnRules, check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ActionRepresentation, Robot, ToolRepresentation, Waypoints
 from core.plugins import describe_part
-from core.text import clean, kind, shorten
+from core.support.text import clean, kind, shorten
 
 MAX_NAME = 200
 MAX_DESCRIPTION = 5000

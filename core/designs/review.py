@@ -17,7 +17,7 @@ from core.robot.frames import link_frames
 from core.robot.self_collision import find_self_collision
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion, at_home
-from core.text import clean
+from core.support.text import clean
 
 # A waypoint is reached if it is missed by no more than this.
 REACHED_M, REACHED_RAD = 0.001, 0.01

@@ -12,18 +12,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
-from core.designs.loose import check_joints
 from core.designs.stiffness import bending, corners
+from core.designs.tool_joints import check_joints
 from core.designs.weight import check_weight, mass_limit
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Robot, Task, ToolRepresentation
-from core.materials import PAPER, Material
 from core.plugins import describe_part
 from core.robot.frames import link_frames
 from core.robot.kinematics import arm_of
 from core.robot.solids import Solid, Solids, body_solids, contact, robot_solids, signed_distance, solid_geometry
-from core.text import kind, shorten
+from core.support.text import kind, shorten
+from core.values.materials import PAPER, Material
 
 MAX_COMPONENTS = 100
 MIN_SIDE_M = 0.0005

@@ -4,7 +4,7 @@ A force F across a beam moves its tip by F times the integral of r^2 / (E I), r 
 theory of Euler and Bernoulli), and stresses the outside of a section of thickness t with F r t / 2 I. Torsion is left
 out, and so is that parallel chains of components bear a load together. What is printed with walls and infill has the
 second moment of area I of its walls, and of its inside times the infill.
-Covered by `tests/core/designs/test_rules.py` and, with loads, by `tests/core/export/test_strength.py`.
+Covered by `tests/core/designs/test_rules.py` and, with loads, by `tests/plugins/results/workshop/test_strength.py`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from core.design import Tool
 from core.geometry import Array, Compound, Pose, Shape
-from core.materials import Material
+from core.values.materials import Material
 
 _CORNERS = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, 8).T
 _POINT_M = 1e-6  # what is shorter is no beam, and has no section

@@ -9,9 +9,9 @@ import numpy as np
 from core.design import DesignError, Tool
 from core.geometry import mass_properties
 from core.interfaces import Robot
-from core.materials import PAPER, Material
 from core.robot.frames import open_mounts
 from core.robot.kinematics import arm_of
+from core.values.materials import PAPER, Material
 
 GRAVITY = 9.81  # m/s^2
 

@@ -6,16 +6,16 @@ import os
 import subprocess
 import sys
 
-from core.cli import command, print_table, say
 from core.errors import UsageError, UserError, choices
 from core.plugins.discovery import SWITCH
 from core.plugins.kinds import KINDS
 from core.plugins.registry import installed
+from core.support.cli import command, print_table, say
 
 USAGE = "usage: python -m core.plugins [--check NAME]"
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Print a table of every part, and the plugins that failed to load.
 
     With ``--check NAME`` run the conformance suites of the parts of that name, plugin or distribution.
@@ -23,14 +23,14 @@ def main() -> None:
     Raises:
         UserError: there is no such part, or it fails a check.
     """
-    match sys.argv[1:]:
+    match words:
         case []:
             _list()
         case ["--check", name]:
             _check(name)
         case ["--help" | "-h"]:
             say(*USAGE.splitlines())
-        case words:
+        case _:
             raise UsageError(f"can't read {' '.join(words)!r}; {USAGE}")
 
 
@@ -46,7 +46,7 @@ def _check(name: str) -> None:
     if failures:
         raise UserError(f"{len(failures)} of the plugin's hooks failed")
     failed = 0
-    child = [sys.executable, "-P", "-m", "core.conformance"]
+    child = [sys.executable, "-P", "-m", "core", "conformance"]
     paths = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}  # imports as this process does
     for word in (f"{offer.kind}={offer.name}" for offer in chosen):
         say(word)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import traceback
 
+from core.hooks import Command
 from core.plugins.discovery import Offer
 from core.plugins.registry import Plugins, installed, offer_of
 
@@ -37,9 +38,8 @@ def culprit(error: BaseException, plugins: Plugins | None = None) -> Offer | Non
 
 
 def _module(offer: Offer) -> str:
-    if isinstance(offer.factory, str):
-        return offer.factory.partition(":")[0]
-    return str(getattr(offer.factory, "__module__", ""))
+    factory = offer.factory.main if isinstance(offer.factory, Command) else offer.factory
+    return factory.partition(":")[0] if isinstance(factory, str) else str(getattr(factory, "__module__", ""))
 
 
 def describe_failure(error: Exception, plugins: Plugins | None = None) -> str | None:

@@ -16,11 +16,14 @@ from typing import Any
 import pluggy
 
 from core.errors import UserError, choices
-from core.hooks import PROJECT, Configs, Factory, Parts
+from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.plugins.kinds import KINDS
 
 SWITCH = "VLMGINEER_PLUGINS"
 """The environment variable that names the plugins to load, by entry point or distribution, separated by commas."""
+
+OWN = "core"
+"""The entry point of core's own commands, which is never switched off."""
 
 HOOKS = (*KINDS.values(), *(name for name in vars(Configs) if not name.startswith("_")))
 PACKAGES = ("core", "plugins", "tasks", "conf", "prompts")
@@ -34,7 +37,7 @@ class Offer:
     name: str
     entry_point: str
     distribution: str
-    factory: Factory
+    factory: Factory | Command
 
     def __str__(self) -> str:
         return f"{self.kind} {self.name!r} of {self.distribution} (hook {KINDS[self.kind]!r})"
@@ -104,7 +107,9 @@ class Discovery:
 
     def _offer(self, offer: Offer) -> None:
         taken = self.offers.get((offer.kind, offer.name))
-        if not isinstance(offer.factory, str) and not callable(offer.factory):
+        if offer.kind == "command" and not isinstance(offer.factory, Command):
+            reason = f"is {offer.factory!r}; it must be a core.hooks.Command"
+        elif offer.kind != "command" and not isinstance(offer.factory, str) and not callable(offer.factory):
             reason = f"is {offer.factory!r}; it must be callable, or a text 'module:attribute'"
         elif taken is not None:
             reason = f"is taken by {taken.entry_point} of {taken.distribution}"
@@ -129,7 +134,11 @@ def _switched_on() -> list[tuple[importlib.metadata.EntryPoint, str]]:
     known = {name for entry, distribution in found for name in (entry.name, distribution)}
     for name in sorted(names - known):
         raise choices("plugin or distribution", name, known, f"{SWITCH}={chosen}")
-    return [(entry, distribution) for entry, distribution in found if names & {entry.name, distribution}]
+    return [
+        (entry, distribution)
+        for entry, distribution in found
+        if names & {entry.name, distribution} or entry.name == OWN
+    ]
 
 
 def check_own_packages() -> None:

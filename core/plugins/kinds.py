@@ -7,7 +7,7 @@ from typing import Any
 import pluggy
 
 from core.errors import UserError
-from core.hooks import PROJECT, Events
+from core.hooks import PROJECT, Command, Events
 from core.interfaces import (
     VLM,
     ActionRepresentation,
@@ -31,6 +31,7 @@ KINDS = {
     "fitness": "fitness_functions",
     "executor": "executors",
     "listener": "listeners",
+    "command": "commands",
 }
 """The config group of each kind of part, and the hook that offers it."""
 
@@ -44,6 +45,7 @@ INTERFACES: dict[str, type] = {
     "evolution": EvolutionStrategy,
     "fitness": Fitness,
     "executor": Executor,
+    "command": Command,
 }
 """The interface of each kind; a listener has none, it implements some of `core.hooks.Events`."""
 

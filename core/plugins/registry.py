@@ -18,7 +18,7 @@ from typing_extensions import TypeVar
 
 from core.errors import UsageError, UserError, choices
 from core.geometry import Pose
-from core.hooks import PROJECT
+from core.hooks import PROJECT, Command
 from core.interfaces import (
     VLM,
     ActionRepresentation,
@@ -30,11 +30,11 @@ from core.interfaces import (
     Task,
     ToolRepresentation,
 )
-from core.materials import PAPER, Material
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import check_part
 from core.plugins.settings import check_settings
-from core.robots import set_default_robot
+from core.values.materials import PAPER, Material
+from core.values.robots import set_default_robot
 
 Settings = Mapping[str, Any] | None
 T_co = TypeVar("T_co", covariant=True, default=Any)
@@ -70,14 +70,19 @@ class Plugins(Discovery):
             failed = "".join(f"; plugin {f.entry_point!r} failed to load: {f.reason}" for f in self.failures)
             switched = f"; {SWITCH}={os.environ[SWITCH]} leaves out other plugins" if SWITCH in os.environ else ""
             raise UserError(f"{choices(kind, name, self.names(kind))}{failed}{switched}")
-        if not isinstance(offer.factory, str):
-            return offer.factory
-        module, _, attribute = offer.factory.partition(":")
-        try:
-            return typing.cast(Callable[..., Any], getattr(importlib.import_module(module), attribute))
-        except Exception as error:  # a third-party import may raise anything
-            reason = f"can't be imported: {type(error).__name__}: {error}"
-            raise UserError(f"{kind} {name!r} of {offer.distribution} {reason}") from error
+        if isinstance(offer.factory, Command):
+            return lambda command=offer.factory: command
+        return _imported(offer, offer.factory)
+
+    def run_command(self, name: str, arguments: list[str]) -> int | None:
+        """Call a command with its arguments, and return its exit status; None: 0.
+
+        Raises:
+            UserError: there is no command of that name, it can't be imported, or what it raises itself.
+        """
+        command = self.create("command", name)
+        main: Callable[[list[str]], int | None] = _imported(self.offers["command", name], command.main)
+        return main(arguments)
 
     @overload
     def create(self, kind: Literal["task"], name: str, settings: Settings = ..., **given: Any) -> Task: ...
@@ -144,6 +149,22 @@ class Plugins(Discovery):
             raise UserError("no robot is installed; python -m core.plugins lists what is, and what failed to load")
         first = next((offer for offer in offers if offer.distribution == PROJECT), offers[0])
         return self.create("robot", first.name)
+
+
+def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any]:
+    """Import what a text ``"module:attribute"`` names.
+
+    Raises:
+        UserError: it can't be imported.
+    """
+    if not isinstance(what, str):
+        return what
+    module, _, attribute = what.partition(":")
+    try:
+        return typing.cast(Callable[..., Any], getattr(importlib.import_module(module), attribute))
+    except Exception as error:  # a third-party import may raise anything
+        reason = f"can't be imported: {type(error).__name__}: {error}"
+        raise UserError(f"{offer.kind} {offer.name!r} of {offer.distribution} {reason}") from error
 
 
 _made: weakref.WeakKeyDictionary[Any, Offer] = weakref.WeakKeyDictionary()

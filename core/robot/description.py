@@ -11,8 +11,8 @@ from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool, ToolJoint
 from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere, mass_properties
-from core.robots import Robot
-from core.scratch import scratch, write_once
+from core.support.scratch import scratch, write_once
+from core.values.robots import Robot
 
 MeshPath = Callable[[Path], str]
 BASE = "world_base"  # the root link of an arm that does not stand at the world's origin

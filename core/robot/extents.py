@@ -14,7 +14,7 @@ from core.geometry import Array, Pose
 from core.robot.frames import link_frames, open_mounts, robot_model
 from core.robot.kinematics import arm_of
 from core.robot.solids import corners, robot_solids
-from core.robots import Robot
+from core.values.robots import Robot
 
 Extent = tuple[Array, Array]  # the lowest and the highest x, y and z, metres
 GRIPPER = "gripper"

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
 from core.robot.description import assemble
-from core.robots import Robot
+from core.values.robots import Robot
 
 
 @dataclass(frozen=True, eq=False)

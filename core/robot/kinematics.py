@@ -14,7 +14,7 @@ from core.design import RIGID_MOUNT, Tool
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.robot.description import assemble
-from core.robots import Robot
+from core.values.robots import Robot
 
 # Levenberg-Marquardt: a radian weighs as much as this many metres, so that out of reach the position comes first.
 _RADIAN_WEIGHT = 0.3

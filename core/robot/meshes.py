@@ -16,9 +16,9 @@ import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
 from core.errors import UserError
-from core.files import write_whole
 from core.geometry import Array
 from core.scene import Color
+from core.support.files import write_whole
 
 KINDS = (".stl", ".obj", ".dae", ".ply")
 MAX_MB = 64

@@ -11,8 +11,8 @@ from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array
 from core.robot.description import assemble, read_numbers
 from core.robot.extents import link_extents
-from core.robots import Robot
-from core.text import short_numbers, table
+from core.support.text import short_numbers, table
+from core.values.robots import Robot
 
 HEAD = ("link on its parent", "joint", "xyz", "rpy", "range", "speed", "box around the link")
 _MOTIONS = {"revolute": "turns about", "continuous": "turns about", "prismatic": "slides along"}

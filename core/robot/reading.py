@@ -16,11 +16,11 @@ from core.errors import UsageError, UserError, choices
 from core.geometry import Array, Pose
 from core.robot.frames import link_frames
 from core.robot.kinematics import Arm
-from core.robot.plain import Drive, rigid_parts, write_plain
+from core.robot.normalise import Drive, rigid_parts, write_plain
 from core.robot.solids import robot_solids
 from core.robot.urdf import MOVING, Description, Joint, read_description
-from core.robots import Gripper, Robot
-from core.text import clean, short_numbers
+from core.support.text import clean, short_numbers
+from core.values.robots import Gripper, Robot
 
 # A URDF has none of these; each is a setting.
 REACHES_SPEED_S = 0.5  # in which a joint reaches its speed limit; arms that are built in need 0.13 to 0.79 s

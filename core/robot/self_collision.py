@@ -24,7 +24,7 @@ from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
 from core.robot.frames import RobotModel, joint_frames, joint_values, robot_model
 from core.robot.solids import corners, robot_solids, solid_geometry
-from core.robots import Robot
+from core.values.robots import Robot
 
 # Depth that counts, metres. Hulls are larger than the links: of the poses in which two hulls overlap by more than this,
 # the arm's meshes touch in 94 %.

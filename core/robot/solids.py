@@ -19,8 +19,8 @@ from lxml import etree
 from core.design import Tool
 from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.robot.description import assemble, read_origin, read_shape
-from core.robots import Robot
 from core.scene import Body
+from core.values.robots import Robot
 
 
 @dataclass(frozen=True, eq=False)

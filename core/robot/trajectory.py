@@ -60,7 +60,7 @@ def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, sp
     ``segment_s``, or longer if a joint would exceed its velocity or acceleration limit (times ``speed``).
 
     Args:
-        plan: (N, 6) or (N, 7), see `core.plans.Waypoints`.
+        plan: (N, 6) or (N, 7), see `core.values.plans.Waypoints`.
         home: where the end-effector starts.
         arm: gives kinematics and limits.
         segment_s: the shortest time of a segment, seconds.

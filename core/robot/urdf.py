@@ -25,7 +25,7 @@ from core.geometry import Array, Box, Cylinder, Pose, Sphere
 from core.robot.description import BASE
 from core.robot.meshes import ONE, Scale
 from core.scene import Color
-from core.text import shorten
+from core.support.text import shorten
 
 MAX_BYTES = 10_000_000
 MAX_PARTS = 500  # links, joints, and shapes of a link

@@ -16,8 +16,8 @@ from lxml import etree
 from core.design import Tool
 from core.geometry import Mesh, Pose, Shape
 from core.robot.description import assemble, read_numbers, read_origin, read_shape
-from core.robots import Robot
 from core.scene import Color
+from core.values.robots import Robot
 
 GREY: Color = (0.8, 0.8, 0.8, 1.0)
 

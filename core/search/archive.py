@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pydantic
 
-from core.design import TIE, Evaluation, Tool, best_first
+from core.design import TIE, Evaluation, Tool, best_first, observation
 from core.designs.reading import dump_design
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
-from core.observations import TOUCHES, observation
+from core.values.observations import TOUCHES
 
 MAX_BINS = 100
 LIGHT_KG = 0.2

@@ -9,14 +9,14 @@ from itertools import islice
 
 import numpy as np
 
-from core.cli import say
 from core.design import Evaluation
 from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_telling
 from core.interfaces import VLM, Brief, Picture, Reply, Request, Simulator, Task
 from core.simulation.pictures import png, report_missing
 from core.simulation.views import draw_tool
-from core.text import clean
+from core.support.cli import say
+from core.support.text import clean
 
 MAX_CRITIQUE = 2000  # characters
 _CRITIC = 1_000_000  # in place of an agent's number, keeps a request's random numbers apart

@@ -10,7 +10,6 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 import numpy as np
 import pluggy
 
-from core.cli import say
 from core.config.settings import Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.composer import PromptComposer, answer_schema
@@ -38,14 +37,15 @@ from core.interfaces import (
     ToolRepresentation,
     observation,
 )
-from core.observations import TRIAL
 from core.plugins import describe_part
-from core.replies import checked
+from core.search.agent_groups import Team, check_members
 from core.search.critic import Critic, make_critic
-from core.search.teams import Team, check_members
+from core.search.replies import checked
 from core.simulation.pictures import draw_strip, png, report_missing, scene_pictures
-from core.text import shorten
-from core.threads import run_in_thread
+from core.support.cli import say
+from core.support.text import shorten
+from core.support.threads import run_in_thread
+from core.values.observations import TRIAL
 
 TOOL_KINDS = ("rigid", "gripper")
 DEFAULT_KINDS = ("rigid",)  # for a task that names none
@@ -93,7 +93,7 @@ class ModelDesigner:
         yield from self.design_in(generation, [Team(range(self.budget.n_agent), elites)])
 
     def design_in(self, generation: int, teams: Sequence[Team]) -> Iterator[Candidate]:
-        """See `core.search.teams.AsksTeams`, and `design`."""
+        """See `core.search.agent_groups.AsksTeams`, and `design`."""
         check_members(teams, self.vlm)
         self._criticise(generation, [elite for team in teams for elite in team.elites])
         requests = [request for team in teams for request in self.requests(generation, team, apart=len(teams) > 1)]

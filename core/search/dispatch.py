@@ -12,7 +12,7 @@ from functools import partial
 from typing import TypeVar
 
 from core.errors import Fault, UsageError, check_positive, fault
-from core.threads import run_in_thread
+from core.support.threads import run_in_thread
 
 A = TypeVar("A")
 B = TypeVar("B")

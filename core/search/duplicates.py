@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Candidate, Tool
 from core.geometry import Array, Mesh, Pose
-from core.plans import ActionPlan, Seen, content_of
+from core.values.plans import ActionPlan, Seen, content_of
 
 NEAR_M = 0.001  # between the corners of two tools
 NEAR_MASS = 0.05  # between the masses of two components, as a share

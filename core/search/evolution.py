@@ -21,8 +21,8 @@ from core.plugins import describe_part, installed
 from core.plugins.blame import PluginError
 from core.search.dispatch import CHUNK
 from core.search.duplicates import NearDuplicates
-from core.text import shorten
-from core.threads import run_in_thread
+from core.support.text import shorten
+from core.support.threads import run_in_thread
 
 LINGER_S = 0.2  # how long a chunk waits for one more candidate, for an engine with large batches
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import pluggy
 
-from core.cli import say
 from core.hooks import hookimpl
 from core.plugins import describe_part
+from core.support.cli import say
 
 
 def add_listener(hub: pluggy.PluginManager, listener: object, name: str) -> None:

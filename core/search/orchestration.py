@@ -17,7 +17,6 @@ from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 
-from core.cli import say
 from core.config.compose import check_seed, node, part, task_part, tool_part
 from core.config.resume import changed, hydra_config
 from core.config.schemas import PromptConfig
@@ -36,15 +35,16 @@ from core.robot.tempo import plan_task_motion
 from core.search.archive import OBSERVED, handed_over, measures_of, save_archive
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.search.evolution import evolve
+from core.search.holdout import try_unseen
 from core.search.listeners import add_listener
 from core.search.refinement import Refinement
-from core.search.unseen import try_unseen
 from core.simulation.pictures import report_missing, save_film
 from core.simulation.rollout import Evaluator
 from core.store.artifacts import save_design
 from core.store.database import writing
 from core.store.progress import CachedVLM
 from core.store.recorder import RunStore, best_figures, unseen_figures
+from core.support.cli import say
 
 
 def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:

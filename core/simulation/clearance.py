@@ -11,7 +11,7 @@ from core.design import Tool
 from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout, RolloutSettings, Simulator, Task
 from core.robot.trajectory import at_home
 from core.scene import Scene, State
-from core.simulation.gaps import may_meet, neighbours
+from core.simulation.gap_bounds import may_meet, neighbours
 from core.simulation.tracks import SAMPLE_HZ, follow
 
 DEEP_M = 0.005  # a motion that leads farther into a fixed body is pushed off its way

@@ -20,11 +20,11 @@ from core.design import Tool
 from core.geometry import Array, Mesh
 from core.interfaces import Contact, Recording, Robot
 from core.scene import Scene, State, Trace
-from core.simulation.gaps import gap_bounds, may_meet, neighbours
-from core.simulation.sampling import coarse_samples, subset
+from core.simulation.gap_bounds import gap_bounds, may_meet, neighbours
+from core.simulation.record_rate import coarse_samples, subset
 from core.simulation.solids import ROBOT
 from core.simulation.tracks import Indices, Track, Tracks, follow, lengths, mount_positions
-from core.traces import TRACE_HZ
+from core.values.traces import TRACE_HZ
 
 TOUCH_M, HULL_M = 0.0005, 0.001  # the largest gap of a contact; so much more for each hull: PyBullet's margin
 STRUCK_M_S = 0.3  # a body whose velocity changes by more than this between two samples was struck

@@ -25,10 +25,10 @@ from scipy.spatial.transform import Rotation
 from core.geometry import Array, Sphere
 from core.goals import DONE, progress
 from core.interfaces import Contact, Observation, Outcome, Recording, Task
-from core.observations import Class, Moved, Offset, Point
 from core.robot.trajectory import Motion
 from core.scene import Goal, Scene, State
 from core.simulation.contacts import Contacts, Flags
+from core.values.observations import Class, Moved, Offset, Point
 
 MISSED_M, MISSED_RAD = 0.02, 0.1
 STUCK_RAD = 0.05  # reference solutions lag by less than 0.012

@@ -22,9 +22,9 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.scene import Scene
-from core.simulation.entry import Depths, Side
-from core.simulation.gaps import SMOOTH, gap_bounds, may_meet, may_meet_closely, neighbours, with_next
-from core.simulation.sampling import coarse_samples, detours, is_finite, joined, refined_samples, subset
+from core.simulation.entry_side import Depths, Side
+from core.simulation.gap_bounds import SMOOTH, gap_bounds, may_meet, may_meet_closely, neighbours, with_next
+from core.simulation.record_rate import coarse_samples, detours, is_finite, joined, refined_samples, subset
 from core.simulation.solids import ROBOT, all_solids, body_solids
 from core.simulation.tracks import SAMPLE_HZ, Detour, Indices, Track, Tracks, angles, follow, lengths
 

@@ -12,13 +12,13 @@ import numpy as np
 from PIL import Image as Pillow
 from PIL import ImageDraw
 
-from core.cli import say
 from core.design import Candidate, Tool
 from core.errors import NoPicture, UserError
 from core.interfaces import Image, Observation, Picture, Recording, RolloutSettings, Simulator, Task
 from core.simulation.rollout import prepare
 from core.simulation.views import draw_view
-from core.text import clean
+from core.support.cli import say
+from core.support.text import clean
 
 FILM_HZ = 10
 FRAMES, APART_S = 6, 0.15  # of a strip

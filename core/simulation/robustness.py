@@ -15,10 +15,10 @@ from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Simulator, Task, observation
-from core.observations import TOUCHES
 from core.plugins import Part, RobotPart, TaskPart
 from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import Evaluator
+from core.values.observations import TOUCHES
 
 
 @dataclass(frozen=True)

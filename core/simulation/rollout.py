@@ -14,7 +14,6 @@ from core.designs.planning import resolve
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import Outcome, Recording, Robot, Rollout, RolloutSettings, Simulator, Task
-from core.observations import TRIAL
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
 from core.robot.self_collision import find_self_collision
@@ -25,10 +24,11 @@ from core.simulation.clearance import Idle, find_idle
 from core.simulation.contacts import Contacts, find_contacts, make_trace
 from core.simulation.observing import observe
 from core.simulation.penetration import Explosion, Finding, findings_of_each
-from core.simulation.sampling import is_finite, sample_hz, thinnest
+from core.simulation.record_rate import is_finite, sample_hz, thinnest
+from core.support.text import shorten
 from core.task import reward_of
-from core.text import shorten
-from core.traces import TRACE_HZ
+from core.values.observations import TRIAL
+from core.values.traces import TRACE_HZ
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from core.design import Tool
 from core.geometry import Array, Mesh, Pose, Shape, Sphere
 from core.robot.frames import robot_model
 from core.robot.solids import hull, robot_solids, solid_geometry
-from core.robots import Robot
 from core.scene import Scene
+from core.values.robots import Robot
 
 ROBOT = "the robot"  # the owner of its links and of the tool
 WORLD = -1  # the frame of what never moves

@@ -21,9 +21,9 @@ from core.design import Tool
 from core.geometry import Array, Shape
 from core.interfaces import Recording
 from core.robot.frames import bearer_frames, joint_frames, joint_values, place, robot_model, rotate, tool_values
-from core.robots import Robot
 from core.scene import Scene, State
 from core.simulation.solids import WORLD, Solids, all_solids, body_solids, own_solids
+from core.values.robots import Robot
 
 SAMPLE_HZ = 25.0
 

@@ -17,7 +17,7 @@ from core.geometry import Pose
 from core.interfaces import ToolRepresentation
 from core.robot.description import assemble, tool_urdf
 from core.robot.trajectory import Motion
-from core.robots import Robot
+from core.values.robots import Robot
 
 if TYPE_CHECKING:
     import trimesh

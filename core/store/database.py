@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import UserError
-from core.files import file_mark
-from core.secrets import scrub
 from core.store.rows import MAX_BYTES, TABLES, checksum, damages
-from core.text import clean
+from core.support.files import file_mark
+from core.support.secrets import scrub
+from core.support.text import clean
 
 if TYPE_CHECKING:
     from filelock import FileLock

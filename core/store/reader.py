@@ -1,8 +1,12 @@
-"""Read what a run's store holds. Covered by `tests/core/store/test_database.py` and `tests/core/test_transfer.py`."""
+"""Read what a run's store holds.
+
+Covered by `tests/core/store/test_database.py` and `tests/plugins/test_transfer.py`.
+"""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
@@ -10,11 +14,15 @@ from pathlib import Path
 from sqlite3 import Row
 from typing import Any
 
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from core.config.compose import first_line, load
 from core.config.trust import as_stored
-from core.design import Evaluation
-from core.designs.reading import read_designs
+from core.design import TIE, Candidate, Evaluation, best_first
+from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.errors import UserError
+from core.errors import UsageError, UserError
 from core.interfaces import ToolRepresentation
 from core.store.database import reading
 from core.store.rows import load_plan
@@ -61,3 +69,42 @@ def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: 
             details = json.loads(row["details"])
             evaluations.append(Evaluation(known, "ok", row["reward"], row["distance_m"], details=details))
     return evaluations
+
+
+def chosen_designs(cfg: DictConfig, representation: ToolRepresentation, spawn: SpawnRules) -> list[Candidate]:
+    """Read all designs of the file, or the best of the run, that ``cfg.designs`` names."""
+    path = Path(cfg.designs)
+    if not path.is_dir():
+        return read_designs(load_designs(path), representation, spawn)
+    if cfg.top < 1:
+        raise UsageError(f"top must be at least 1, got {cfg.top}")
+    tie = stored_config(path).get("evolution", {}).get("tie", TIE)  # as the run chose its best
+    return [e.candidate for e in best_first(stored_evaluations(path, representation, spawn), tie)[: cfg.top]]
+
+
+def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> DictConfig:
+    """Compose the primary config ``name`` of a command that takes ``designs``, a file or a run's folder.
+
+    Of a run its task, robot, tool, material, layout and rollout settings count, unless the command line sets them.
+
+    Raises:
+        UserError: no designs are given, or the run's configuration can't be used here.
+    """
+    cfg = load(name, words, schema)
+    if OmegaConf.is_missing(cfg, "designs"):
+        raise UsageError(f"no designs given; {usage}")
+    if not Path(cfg.designs).is_dir():
+        return cfg
+    run = stored_config(Path(cfg.designs))
+    named = {word.lstrip("+~").partition("=")[0] for word in words}
+    try:
+        below = [f"{group}.{name}" for group in ("rollout", "material") for name in run.get(group, {})]
+        for key in ("seed", *below):
+            if not {key, key.partition(".")[0]} & named:
+                OmegaConf.update(cfg, key, OmegaConf.select(OmegaConf.create(run), key))
+        kinds = {"task", "tool", *(["robot"] if run.get("robot") else [])}  # runs of earlier versions had no robot
+        for kind in kinds - {key.partition(".")[0] for key in named}:
+            OmegaConf.update(cfg, kind, run[kind], merge=False, force_add=True)
+    except (KeyError, OmegaConfBaseException) as error:
+        raise UserError(f"{cfg.designs}: its configuration can't be used here: {first_line(error)}") from error
+    return cfg

@@ -25,13 +25,13 @@ from core.design import Candidate, Evaluation
 from core.designs.reading import dump_design
 from core.errors import UserError
 from core.events import Generation, Result, Run
-from core.files import write_whole
 from core.hooks import hookimpl
 from core.interfaces import Picture, Reply, Request, Task, Text
-from core.secrets import scrub
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
 from core.store.progress import FIGURES, StoredProgress, digest
 from core.store.rows import dump_plan
+from core.support.files import write_whole
+from core.support.secrets import scrub
 
 _log = logging.getLogger(__name__)
 

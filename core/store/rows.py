@@ -14,9 +14,9 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic import model_validator as check_whole
 
 from core.design import SAVED
-from core.observations import OBSERVATION, Observation
-from core.plans import ActionPlan, Waypoints
-from core.text import clean
+from core.support.text import clean
+from core.values.observations import OBSERVATION, Observation
+from core.values.plans import ActionPlan, Waypoints
 
 MAX_DEPTH = 50  # of JSON
 MAX_BYTES = 100_000_000  # of a text

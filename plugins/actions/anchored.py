@@ -20,7 +20,7 @@ from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, MAX_WAYPOINTS
 from core.errors import choices
 from core.geometry import Array, Pose
 from core.interfaces import ActionPlan, ActionRepresentation, Anchor, Brief, Numbers, Seen, Tempo, Waypoints
-from core.text import kind, shorten
+from core.support.text import kind, shorten
 from plugins.actions.waypoints import MOST, STEPS
 
 WORLD = "world"

@@ -28,8 +28,8 @@ from typing import Any, TypeVar
 from core.errors import Fault, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Executor
-from core.scratch import scratch, use_scratch
 from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
+from core.support.scratch import scratch, use_scratch
 
 A = TypeVar("A")
 B = TypeVar("B")

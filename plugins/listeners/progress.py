@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from core.design import Evaluation
 from core.hooks import hookimpl
-from core.text import visible
+from core.support.text import visible
 
 if TYPE_CHECKING:
     import rich.progress

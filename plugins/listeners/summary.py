@@ -13,15 +13,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from core.cli import print_table, say
 from core.config.sources import defaults
 from core.design import best_tools
 from core.errors import UserError
 from core.hooks import hookimpl
-from core.materials import PAPER
 from core.plugins import NOT_SETTINGS, installed
-from core.report.formats import number
-from core.text import clean
+from core.support.cli import print_table, say
+from core.support.text import clean, number
+from core.values.materials import PAPER
 
 if TYPE_CHECKING:
     from core.events import Generation, Result, Run
@@ -133,11 +132,11 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
     """Commands to look further."""
     folder = shlex.quote(_short(run.folder))
     if "rerun" in run.config.get("listener", {}):
-        yield f"python -m core.view {folder}"
+        yield f"vlmgineer view {folder}"
     if result.best is None:
         return
-    yield f"python -m core.report {folder}"
-    yield f"python -m core.gallery {folder}"
+    yield f"vlmgineer report {folder}"
+    yield f"vlmgineer gallery {folder}"
     words = [f"{kind}={run.parts[kind]}" for kind in ("task", "sim", "tool")]
     parts = shlex.join([*words, *_task_words(run), *_robot_words(run), *_material_words(run)])
     design = _short(run.folder / "best" / "design.json").replace("\\", "\\\\").replace('"', '\\"')
@@ -148,7 +147,7 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
 
 def _task_words(run: Run) -> Iterable[str]:
     """Overrides that set what of the run's task is not the default."""
-    from core.experiment import hydra_word
+    from core.support.text import hydra_word
 
     chosen, usual = run.config.get("task") or {}, defaults("task", run.parts["task"])
     settings = {key: value for key, value in chosen.items() if key not in ("name", *NOT_SETTINGS["task"])}
@@ -157,7 +156,7 @@ def _task_words(run: Run) -> Iterable[str]:
 
 def _robot_words(run: Run) -> Iterable[str]:
     """Overrides that choose the run's robot, as far as it is not the default one as it is."""
-    from core.experiment import hydra_word  # it imports the search, which `--help` has no need of
+    from core.support.text import hydra_word  # it imports the search, which `--help` has no need of
 
     chosen = dict(run.config.get("robot") or {})
     name = chosen.pop("name", run.task.robot.name)
@@ -170,7 +169,7 @@ def _robot_words(run: Run) -> Iterable[str]:
 def _material_words(run: Run) -> Iterable[str]:
     """Overrides that choose the run's material, as far as it is not the default one as it is."""
     from core.config.compose import load
-    from core.experiment import hydra_word
+    from core.support.text import hydra_word
 
     chosen, usual = {**run.config.get("material", {})}, asdict(PAPER)
     if chosen.get("name", PAPER.name) != PAPER.name:

@@ -56,7 +56,7 @@ def description(file: str) -> str:
 
 
 def measured(name: str) -> dict[str, dict[str, float | None]]:
-    """Read what ``python -m core.facts`` measured of a robot, by engine and figure; empty if it was not."""
+    """Read what ``vlmgineer facts`` measured of a robot, by engine and figure; empty if it was not."""
     file = Path(__file__).with_name("measured") / f"{name}.json"
     figures: dict[str, dict[str, float | None]] = json.loads(file.read_text("utf-8")) if file.exists() else {}
     return figures

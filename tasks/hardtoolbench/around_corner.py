@@ -6,9 +6,9 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.joints import rotate
-from core.layouts import around
 from core.scene import Body, Box, Camera, Goal, Pose, Scene, State, floor, table
+from core.values.joints import rotate
+from core.values.layouts import around
 from tasks.assets import board
 
 LENGTH, WIDTH, HEIGHT, WALL = 0.18, 0.13, 0.105, 0.008  # inside the box

@@ -6,9 +6,9 @@ import trimesh
 from core.design import GRIPPER_MOUNTS
 from core.geometry import Array
 from core.interfaces import Task
-from core.joints import rotate
-from core.layouts import around
 from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Mesh, Pose, Scene, State, Trace, floor, table
+from core.values.joints import rotate
+from core.values.layouts import around
 
 PEG, PEG_WIDTH, LIP = 0.1, 0.01, 0.012  # length, width and height, and the height of the lip at its tip
 HANGS = 0.05  # from the peg's root to the ring, m

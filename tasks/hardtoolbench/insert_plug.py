@@ -5,9 +5,9 @@ import trimesh
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.joints import rotate
-from core.layouts import around
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Mesh, Pose, Scene, State, floor, table
+from core.values.joints import rotate
+from core.values.layouts import around
 from tasks.assets import board
 
 SIDE, STEM = 0.028, 0.05  # of the plug's stem: square section and height

@@ -4,9 +4,9 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.joints import rotate
-from core.layouts import around
 from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
+from core.values.joints import rotate
+from core.values.layouts import around
 
 LENGTH, WIDTH, HEIGHT = 0.28, 0.28, 0.18  # of the stone
 SLAB = 0.05  # height of the slab that it lies on

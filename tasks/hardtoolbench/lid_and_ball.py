@@ -6,9 +6,9 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.joints import rotate
-from core.layouts import around
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
+from core.values.joints import rotate
+from core.values.layouts import around
 from tasks.assets import board, round_wall
 
 POT_RADIUS, POT_HEIGHT, WALL, FLOOR = 0.095, 0.16, 0.006, 0.006

@@ -4,9 +4,9 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.joints import rotate
-from core.layouts import around
 from core.scene import Body, Camera, Cylinder, Goal, Joint, Latch, Pose, Scene, State, floor, table
+from core.values.joints import rotate
+from core.values.layouts import around
 from tasks.assets import board
 
 WIDTH, BOTTOM, TOP = 0.21, 0.014, 0.186  # of the door, and the heights of its lower and upper edge

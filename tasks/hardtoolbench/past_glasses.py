@@ -4,8 +4,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, State, Trace, floor, goals_reward, table
+from core.values.layouts import around
 from tasks.assets import board, revolved
 
 FRONT = (0.67, 0.0)  # x, y of the middle of the cupboard's front edge; its x axis points inward

@@ -6,8 +6,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Camera, Color, Cylinder, Geom, Goal, Pose, Scene, Sphere, State, Trace, floor, table
+from core.values.layouts import around
 from tasks.assets import board, revolved, round_wall
 
 CRUCIBLE, BOWL = (0.74, -0.18), (0.73, 0.15)  # x and y of their middles

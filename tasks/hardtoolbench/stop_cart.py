@@ -4,8 +4,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Box, Camera, Color, Geom, Goal, Pose, Scene, State, Trace, floor, table
+from core.values.layouts import around
 from tasks.assets import board
 
 PLACE = (0.68, 0.0)  # of the track's frame: x points across it and away from the robot, y back to where the carts start

@@ -4,9 +4,9 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.joints import rotate
-from core.layouts import around
 from core.scene import Body, Box, Camera, Cylinder, Geom, Goal, Pose, Scene, State, floor, table
+from core.values.joints import rotate
+from core.values.layouts import around
 
 RADIUS = 0.08
 TOP = 0.016  # of the board, above the table

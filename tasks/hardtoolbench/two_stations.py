@@ -4,8 +4,8 @@ import numpy as np
 
 from core.geometry import Array
 from core.interfaces import Task
-from core.layouts import around
 from core.scene import Body, Camera, Cylinder, Geom, Goal, Joint, Pose, Scene, State, floor, goals_reward, table
+from core.values.layouts import around
 from tasks.assets import board
 
 TUBE_WIDTH, TUBE_HEIGHT, TUBE_LENGTH, WALL = 0.024, 0.03, 0.16, 0.006  # inside

@@ -24,7 +24,6 @@ import cmaes
 import numpy as np
 from rich.console import Console
 
-from core.cli import command
 from core.config.compose import load, part
 from core.design import Candidate, DesignError, Evaluation, best_first
 from core.designs.reading import dump_design, load_designs, read_designs
@@ -38,6 +37,7 @@ from core.simulation.penetration import Explosion, findings
 from core.simulation.pictures import png
 from core.simulation.robustness import engines
 from core.simulation.rollout import Evaluator, Part, evaluate_batch, prepare
+from core.support.cli import command
 from tests.benchmarks import measuring
 from tests.benchmarks.absurd import OBJECTIVES, Start, Watched, hanging, random_start, tried
 

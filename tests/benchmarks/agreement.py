@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from core.cli import arguments, command
 from core.designs.rules import SpawnRules
 from core.plugins import installed
 from core.simulation.robustness import engines
+from core.support.cli import arguments, command
 from tests.benchmarks import measuring
 from tests.benchmarks.loosening import loosened
 from tests.benchmarks.measuring import kept_share, mean, number, share

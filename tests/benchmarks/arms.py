@@ -13,11 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from core.cli import arguments, command
 from core.config.compose import load
 from core.errors import UserError, choices
 from core.plugins import installed
 from core.search.orchestration import resume, run
+from core.support.cli import arguments, command
 from tests.benchmarks import measuring
 
 USAGE = (

@@ -15,12 +15,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import core.simulation.rollout
-from core.cli import arguments, command
 from core.design import Candidate
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings, Simulator, Task
 from core.plugins import installed
+from core.support.cli import arguments, command
 from tests.benchmarks import measuring, throughput
 from tests.benchmarks.clocked import Clock
 

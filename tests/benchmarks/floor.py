@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 from omegaconf import DictConfig
 
-from core.cli import arguments, command
 from core.config.compose import load, node, task_part, tool_part
 from core.design import Candidate, DesignError, Tool
 from core.designs.planning import look
@@ -29,6 +28,7 @@ from core.geometry import Array
 from core.interfaces import Anchor, Perception, RolloutSettings, Task, Waypoints
 from core.plugins import installed
 from core.robot.extents import extents_at_home
+from core.support.cli import arguments, command
 from plugins.executors.local import LocalExecutor
 from plugins.fitness.layouts.fitness import UNSEEN
 from tests.benchmarks import measuring

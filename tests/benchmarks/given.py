@@ -3,7 +3,7 @@
 anchored: the reference solution of each task of HardToolBench; literal: the same tool with the waypoints that its plan
 comes to in the nominal layout; bare: the bare hand, swept through what is to be moved, in the direction that
 `tests.benchmarks.floor` found best; nothing: the bare hand, left where it is. Each is written as a reply of a mailbox,
-and a run of one candidate tries it by the protocol. ``python -m core.report FOLDER`` makes the results files.
+and a run of one candidate tries it by the protocol. ``vlmgineer report FOLDER`` makes the results files.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from core.cli import command
 from core.config.compose import load, task_part
 from core.designs.reading import load_designs
 from core.errors import UsageError
 from core.interfaces import RolloutSettings, Waypoints
 from core.plugins import installed
+from core.support.cli import command
 from plugins.fitness.layouts.fitness import UNSEEN
 from tests.benchmarks import layouts, measuring
 from tests.benchmarks.floor import DIRECTIONS, anchored, sweeps

@@ -14,7 +14,6 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from core.cli import command
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
@@ -24,6 +23,7 @@ from core.plugins import Part, installed
 from core.search.evolution import evaluate_all
 from core.simulation.robustness import engines
 from core.simulation.rollout import Evaluator
+from core.support.cli import command
 from tests.benchmarks import measuring
 
 USAGE = (

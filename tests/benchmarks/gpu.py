@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from core.cli import arguments, command
 from core.design import Candidate
 from core.errors import UsageError, UserError
 from core.interfaces import RolloutSettings, Simulator
 from core.plugins import installed
 from core.simulation.rollout import evaluate_batch, prepare
+from core.support.cli import arguments, command
 from tests.benchmarks import clocked, measuring, throughput
 
 USAGE = (

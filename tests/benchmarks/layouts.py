@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 
-from core.cli import command
 from core.config.compose import load, tool_part
 from core.design import Candidate
 from core.designs.planning import resolve
@@ -28,6 +27,7 @@ from core.interfaces import Evaluate, Perception, RolloutSettings, Task, ToolRep
 from core.plugins import Part, installed
 from core.simulation.robustness import CheckedEvaluator
 from core.simulation.rollout import Evaluator
+from core.support.cli import command
 from plugins.executors.local import LocalExecutor
 from plugins.fitness.layouts.fitness import UNSEEN, Layouts
 from tests.benchmarks import measuring

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from core.design import Candidate, Component, Tool, ToolJoint
-from core.designs.loose import moved
 from core.designs.rules import SpawnRules, check_tool
+from core.designs.tool_joints import moved
 from core.errors import UserError
 from core.geometry import Cylinder
 from plugins.vlms.offline.tools import rods

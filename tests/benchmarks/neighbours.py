@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 from omegaconf import DictConfig
 
-from core.cli import arguments, command
 from core.config.compose import load, node, task_part
 from core.design import Candidate, DesignError
 from core.designs.reading import dump_design, load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.interfaces import RolloutSettings
 from core.plugins import installed
+from core.support.cli import arguments, command
 from plugins.executors.local import LocalExecutor
 from plugins.fitness.layouts.fitness import UNSEEN
 from tests.benchmarks import measuring

@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from core.cli import arguments, command
 from core.design import RIGID_MOUNT, Candidate, Component, Tool
 from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Box, Compound, Mesh, Pose
 from core.interfaces import RolloutSettings, Simulator
 from core.plugins import installed
 from core.simulation.rollout import evaluate_batch
+from core.support.cli import arguments, command
 from tests.benchmarks import measuring
 
 USAGE = "usage: python -m tests.benchmarks.parts [sims=NAME,...] [parts=N] [repeats=N] [page=FILE.md]"

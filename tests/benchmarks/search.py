@@ -2,7 +2,7 @@
 
 Every method is run on every task with every seed: the same designer, and at most the same number of rollouts. Runs are
 kept in ``folder``; what was stopped goes on where it was. ``page=docs/search.md`` gets the table, and
-``python -m core.report FOLDER`` shows all else: curves, intervals, task by task.
+``vlmgineer report FOLDER`` shows all else: curves, intervals, task by task.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from core.cli import arguments, command
 from core.errors import choices
-from core.report.courses import ENOUGH, effort, read_course
-from core.report.results import Results
-from core.report.runs import find_runs
-from core.report.statistics import Resampling, interquartile_mean, interval
+from core.support.cli import arguments, command
+from plugins.results.pages.runs import find_runs
+from plugins.results.report.learning_curves import ENOUGH, effort, read_course
+from plugins.results.report.results import Results
+from plugins.results.report.statistics import Resampling, interquartile_mean, interval
 from tests.benchmarks import measuring
 
 USAGE = (

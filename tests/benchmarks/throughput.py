@@ -26,7 +26,6 @@ from typing import Any
 import numpy as np
 from rich.progress import track
 
-from core.cli import arguments, command
 from core.config.compose import load, node, part
 from core.design import Candidate, Evaluation
 from core.designs.reading import dump_design, parse_reply, read_designs
@@ -38,6 +37,7 @@ from core.prompt import compose
 from core.search.evolution import Trials
 from core.simulation.rollout import Evaluator, Part
 from core.store.recorder import RunStore
+from core.support.cli import arguments, command
 from tests.benchmarks import clocked, measuring
 from tests.benchmarks.clocked import Clocked, Roll, Still
 

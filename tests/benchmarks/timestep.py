@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from core.cli import arguments, command
 from core.errors import UsageError
 from core.simulation.robustness import engines
+from core.support.cli import arguments, command
 from tests.benchmarks import measuring
 from tests.benchmarks.measuring import kept_share, mean, number, share
 

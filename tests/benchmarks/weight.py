@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from core.cli import arguments, command, say
 from core.config.compose import load
 from core.design import best_first
 from core.errors import UserError
 from core.evaluate import evaluate
 from core.search.orchestration import run
+from core.support.cli import arguments, command, say
 from tests.benchmarks import measuring
 
 USAGE = (

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from core.conformance.shapes import bowl, prism
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere, frozen_array, mass_properties
+from plugins.conformance.shapes import bowl, prism
 
 lengths = st.floats(-10, 10)
 vectors = st.tuples(lengths, lengths, lengths)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from core.__main__ import COMMANDS
+from core.plugins import installed
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = [str(Path(sys.executable).with_name("vlmgineer"))]
@@ -27,7 +27,7 @@ def test_every_command_is_listed_with_a_line(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     assert call(tmp_path, "--help").stdout == done.stdout
     listed = [line.split()[0] for line in done.stdout.splitlines() if line.startswith("  ")]
-    assert listed == list(COMMANDS)
+    assert listed == installed().names("command")
     files = [file for file in (ROOT / "core").rglob("*.py") if "    command(main)\n" in file.read_text()]
     assert set(listed) == {file.stem if file.stem != "__main__" else file.parent.name for file in files}
 

@@ -25,12 +25,15 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from core import evaluate, gallery, prompt, run, transfer, view
+from core import evaluate, prompt, run
 from core.errors import UserError
 from core.plugins import Offer, installed
-from core.report import __main__ as report
 from core.store import rows
+from plugins import transfer
 from plugins.executors.local import LocalExecutor
+from plugins.listeners.rerun import view
+from plugins.results import gallery
+from plugins.results.report import command as report
 from tests.core.run_folders import write_run
 
 SMALL = ("budget.n_agent=2", "budget.n_tool=2", "budget.n_action=1", "budget.k_top=2", "budget.n_iteration=1")

@@ -22,12 +22,12 @@ from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Mesh
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
-from core.layouts import Draw
 from core.plugins import installed
 from core.robot.solids import Solids, body_solids, signed_distance
 from core.scene import State
 from core.simulation.robustness import CheckedEvaluator
 from core.simulation.rollout import Part, evaluate_batch
+from core.values.layouts import Draw
 from plugins.fitness.layouts.fitness import UNSEEN
 from tests.benchmarks import layouts
 from tests.engines import every_simulator, simulator

@@ -20,12 +20,12 @@ from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from typing import Any, TypeVar
 
-from core.cli import say
 from core.errors import Fault, UsageError, UserError, check_positive
 from core.interfaces import Executor
-from core.scratch import scratch, use_scratch
 from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
-from core.threads import run_in_thread
+from core.support.cli import say
+from core.support.scratch import scratch, use_scratch
+from core.support.threads import run_in_thread
 
 A = TypeVar("A")
 B = TypeVar("B")

@@ -12,11 +12,11 @@ import numpy as np
 from core.design import Evaluation
 from core.errors import UsageError, choices
 from core.interfaces import Simulator, Task
-from core.layouts import NONE, describe_ranges
 from core.plugins import Part
+from core.simulation.racing import SeveralTrials, Stops, Tried, foreseeing
 from core.simulation.robustness import CheckedEvaluator, engines, mean
 from core.simulation.rollout import Evaluator
-from core.simulation.staging import SeveralTrials, Stops, Tried, foreseeing
+from core.values.layouts import NONE, describe_ranges
 
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
 _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts more
@@ -46,8 +46,8 @@ class Layouts(SeveralTrials):
         sims: see `core.simulation.robustness.engines`; none: the run's engine.
         unseen: how many other layouts the best candidate is tried in at the end.
         unseen_sims: the engines for those, with their own settings; none: the engines of the search.
-        clearance: see `core.simulation.staging.foreseeing`; not in the unseen ones.
-        stop_below: see `core.simulation.staging.Stops`, as for ``stop_behind``.
+        clearance: see `core.simulation.racing.foreseeing`; not in the unseen ones.
+        stop_below: see `core.simulation.racing.Stops`, as for ``stop_behind``.
 
     Raises:
         UserError: a setting or an engine that can't be used, or a task whose layouts are all the same.

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from core.design import Candidate, Evaluation
 from core.interfaces import Fitness
+from core.simulation.racing import foreseeing
 from core.simulation.rollout import Evaluator
-from core.simulation.staging import foreseeing
 
 
 class Nominal(Fitness):
@@ -15,7 +15,7 @@ class Nominal(Fitness):
 
     Args:
         evaluator: tries candidates.
-        clearance: see `core.simulation.staging.foreseeing`.
+        clearance: see `core.simulation.racing.foreseeing`.
     """
 
     def __init__(self, evaluator: Evaluator, clearance: float | None = None) -> None:

@@ -8,9 +8,9 @@ from typing import Any
 
 from core.config.settings import PerturbationRange
 from core.design import Evaluation
+from core.simulation.racing import SeveralTrials, Stops, Tried, foreseeing
 from core.simulation.robustness import check_draws, engines, mean, perturbed
 from core.simulation.rollout import Evaluator
-from core.simulation.staging import SeveralTrials, Stops, Tried, foreseeing
 
 
 class Robust(SeveralTrials):
@@ -21,8 +21,8 @@ class Robust(SeveralTrials):
         sims: see `core.simulation.robustness.engines`.
         seeds: of the perturbations; each costs a rollout in each engine.
         perturbation: the ranges of the perturbations.
-        clearance: see `core.simulation.staging.foreseeing`.
-        stop_below: see `core.simulation.staging.Stops`, as for ``stop_behind``.
+        clearance: see `core.simulation.racing.foreseeing`.
+        stop_below: see `core.simulation.racing.Stops`, as for ``stop_behind``.
 
     Raises:
         UserError: an engine or a seed that can't be used.

@@ -10,11 +10,11 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Literal
 
-from core.cli import say
 from core.design import best_tools
 from core.errors import check_positive
 from core.hooks import hookimpl
 from core.interfaces import Reply, Request
+from core.support.cli import say
 from plugins.listeners.rerun.sinks import address, sinks
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import SplitResult, urlsplit
 
 from core.errors import UsageError
-from core.view import HERE, listens, start_viewer
+from plugins.listeners.rerun.view import HERE, listens, start_viewer
 
 PORT = 9876  # Rerun's own
 _WAIT_S = 15.0

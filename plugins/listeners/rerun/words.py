@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from core.design import Candidate, Evaluation
 from core.events import Generation, Run
 from core.interfaces import Reply
-from core.text import clean
+from core.support.text import clean
 
 MAX_NAME = 200
 MAX_TEXT = 4000

@@ -18,13 +18,13 @@ from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evalu
 from core.events import Generation, Run
 from core.geometry import Array, Pose
 from core.interfaces import Recording, Reply, Request
-from core.report.tools import as_held, solids
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import Motion
 from core.scene import Color, State
 from core.simulation.contacts import find_contacts, make_trace, up_to_each
+from core.simulation.record_rate import subset
 from core.simulation.rollout import prepare
-from core.simulation.sampling import subset
+from core.solids.held import as_held, solids
 from core.task import reward_of
 from plugins.listeners.rerun.arm import links, tracks
 from plugins.listeners.rerun.layout import Contents, layout

@@ -21,7 +21,7 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import brentq
 
-from core.robots import LINK_FRICTION
+from core.values.robots import LINK_FRICTION
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
-from core.joints import Joint, PlacedJoint, Placement, multiply, rotate
 from core.scene import Inertia, Scene, State
+from core.values.joints import Joint, PlacedJoint, Placement, multiply, rotate
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.robot import HOLDS
 from plugins.simulators.mujoco.shapes import Element, add_body

@@ -18,9 +18,9 @@ from core.geometry import Array, Mesh, Pose, Shape
 from core.interfaces import Image, Task
 from core.robot.description import assemble
 from core.robot.visuals import link_visuals
-from core.robots import Robot
 from core.scene import Camera, Color, State
 from core.simulation.rendering import Renderer, joint_positions
+from core.values.robots import Robot
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom
 

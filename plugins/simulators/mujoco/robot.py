@@ -10,7 +10,7 @@ import numpy as np
 from core.design import GRIPPER_MOUNTS, Tool
 from core.geometry import Array
 from core.robot.description import assemble, joint_name
-from core.robots import Robot
+from core.values.robots import Robot
 from plugins.simulators.mujoco.contacts import Collider, Role, Surface
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element

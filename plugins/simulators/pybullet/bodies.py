@@ -13,7 +13,7 @@ from lxml import etree
 
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.scene import Body, Inertia
-from core.scratch import write_once
+from core.support.scratch import write_once
 from plugins.simulators.pybullet.engine import pybullet as p
 
 NO_INERTIA = Inertia(0.0, Pose(), np.zeros(3))  # of what is fixed

@@ -18,9 +18,9 @@ from core.errors import UsageError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
 from core.robot.description import assemble, joint_name, read_numbers, read_origin, to_text
-from core.robots import Robot
 from core.scene import Inertia, Scene, State
 from core.simulation.playback import Thing
+from core.values.robots import Robot
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.forces import Forces

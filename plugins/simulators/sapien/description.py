@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.robot.description import assemble, merged, read_inertia, read_numbers, read_origin, read_shape
-from core.robots import Robot
 from core.scene import Color, Inertia
+from core.values.robots import Robot
 
 
 @dataclass(frozen=True, eq=False)

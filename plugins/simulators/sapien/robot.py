@@ -12,7 +12,7 @@ from core.design import GRIPPER_MOUNTS, Tool, ToolJoint
 from core.geometry import Array
 from core.interfaces import JointTrajectory
 from core.robot.description import joint_name
-from core.robots import Robot as Arm
+from core.values.robots import Robot as Arm
 from plugins.simulators.sapien.bodies import weigh
 from plugins.simulators.sapien.description import Joint, Shape, robot_links
 from plugins.simulators.sapien.engine import physx, sapien

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
-from core.scratch import write_once
+from core.support.scratch import write_once
 from plugins.simulators.sapien.engine import physx, sapien
 
 _SIDES = 64

@@ -11,9 +11,9 @@ from core.design import Tool
 from core.errors import UsageError, check_positive
 from core.interfaces import Outcome, Robot, Rollout, Task
 from core.robot.trajectory import at_home
-from core.scratch import intact, temporary_folder
 from core.simulation.playback import play
 from core.simulation.rendering import DrawingSimulator
+from core.support.scratch import intact, temporary_folder
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.renderer import SapienRenderer
 from plugins.simulators.sapien.world import World

@@ -11,8 +11,8 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Array
 from core.interfaces import JointTrajectory
-from core.robots import Robot as Description
 from core.scene import State
+from core.values.robots import Robot as Description
 from plugins.simulators.sapien.bodies import GRAVITY, Bodies, Weighed
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces

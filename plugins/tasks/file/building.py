@@ -10,8 +10,8 @@ import numpy as np
 
 from core.errors import UserError, choices
 from core.geometry import Box, Pose, Shape
-from core.joints import Placement
 from core.scene import Body, Geom, Scene, floor, table
+from core.values.joints import Placement
 from plugins.tasks.file.files import Files
 from plugins.tasks.file.spec import HEAVIEST, LIGHTEST, BodySpec, ImportSpec, SceneSpec, ShapeSpec, rgba
 from plugins.tasks.file.tree import Tree, Where

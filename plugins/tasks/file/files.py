@@ -8,7 +8,7 @@ from multiprocessing import parent_process
 from pathlib import Path
 
 from core.errors import UserError
-from core.imports import Imported, read_mesh, read_urdf
+from plugins.tasks.file.imports import Imported, read_mesh, read_urdf
 
 HOLDING = (".urdf", ".xml", ".mjcf")
 

@@ -20,8 +20,8 @@ from pydantic_core import ErrorDetails, core_schema
 
 from core.errors import choices
 from core.geometry import Capsule, Cylinder, Sphere
-from core.layouts import NONE
 from core.scene import Camera, Color, Goal, Joint
+from core.values.layouts import NONE
 from plugins.tasks.file.tree import Tree, Where
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)

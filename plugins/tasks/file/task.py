@@ -12,8 +12,8 @@ from core import goals as core_goals
 from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Task
-from core.layouts import NONE
 from core.scene import Scene, State, Trace
+from core.values.layouts import NONE
 from plugins.tasks.file import building, files, tree
 from plugins.tasks.file import spec as schema
 
@@ -21,7 +21,7 @@ VARYING = ("bodies", "imports", "marks", "joints")
 
 
 class FileTask(Task):
-    """A task that a YAML file describes; `python -m core.new scene NAME` writes one that works.
+    """A task that a YAML file describes; `vlmgineer new scene NAME` writes one that works.
 
     Args:
         file: the scene file, relative to the working directory.

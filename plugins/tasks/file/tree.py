@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from core.errors import UserError
-from core.text import clean
+from core.support.text import clean
 
 MAX_BYTES = 100_000
 MAX_DEPTH = 12

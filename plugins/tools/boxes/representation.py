@@ -24,7 +24,7 @@ from core.designs.rules import MAX_COMPONENTS, MAX_SIDE_M, MIN_SIDE_M
 from core.designs.varying import VariedTools
 from core.geometry import Box, Capsule, Compound, Cylinder, Pose, Shape, Sphere
 from core.interfaces import Brief
-from core.text import shorten
+from core.support.text import shorten
 
 FIELD = "tool_components"
 _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "sphere": ("radius",)}

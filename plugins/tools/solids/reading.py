@@ -16,7 +16,7 @@ import numpy as np
 from core.design import DesignError
 from core.designs.components import DIGITS, check_keys, read_number, read_numbers, rounded
 from core.designs.rules import MIN_SIDE_M
-from core.text import kind, shorten
+from core.support.text import kind, shorten
 
 MAX_CHARACTERS = 20_000  # of a component's solid
 MAX_NODES = 40  # of a tool

@@ -18,7 +18,7 @@ from core.geometry import Box, Capsule, Cylinder, Pose, Shape, Sphere
 from core.interfaces import Robot
 from core.robot.solids import gap as gap_between
 from core.scene import Color
-from core.text import shorten
+from core.support.text import shorten
 from plugins.tools.urdf.parsing import attribute, only_child, read_numbers, read_origin
 
 MAX_LINKS = 2 * MAX_COMPONENTS  # some are only frames

@@ -14,7 +14,7 @@ from defusedxml.ElementTree import DefusedXMLParser
 
 from core.design import DesignError
 from core.geometry import Pose
-from core.text import shorten
+from core.support.text import shorten
 
 MAX_CHARACTERS = 1_000_000
 MAX_ELEMENTS = 10_000

@@ -8,7 +8,6 @@ from typing import Any
 
 from core.design import DesignError, Tool
 from core.designs.elites import component_lines
-from core.designs.loose import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
 from core.designs.mounting import describe_mount, first_box
 from core.designs.rules import (
     MAX_BEND_M_N,
@@ -24,12 +23,13 @@ from core.designs.rules import (
     MIN_SIDE_M,
     MIN_TOOL_KG,
 )
+from core.designs.tool_joints import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
 from core.designs.varying import VariedTools
 from core.designs.weight import describe_weight, mass_limit
 from core.errors import UsageError, choices
 from core.interfaces import Brief
 from core.robot.description import tool_urdf
-from core.text import kind, short_numbers
+from core.support.text import kind, short_numbers
 from plugins.tools.urdf.building import SHAPES, build_tool
 from plugins.tools.urdf.parsing import parse_xml
 

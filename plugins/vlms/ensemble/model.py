@@ -20,8 +20,8 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Request, Spending
 from core.plugins import event_hub
 from core.search.listeners import add_listener
-from core.text import clean
-from core.threads import run_in_thread
+from core.support.text import clean
+from core.support.threads import run_in_thread
 from plugins.vlms.ensemble.dealing import Dealer
 
 _LONGEST = 150  # characters of a label

@@ -15,8 +15,8 @@ from typing import Any
 import platformdirs
 
 from core.errors import UserError
-from core.files import write_whole
 from core.interfaces import Reply, Request
+from core.support.files import write_whole
 from plugins.vlms.litellm.client import render
 
 _VERSION = 1  # of keys and entries

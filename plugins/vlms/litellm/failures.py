@@ -11,9 +11,9 @@ from email.utils import parsedate_to_datetime
 from typing import TypeVar
 
 from core.errors import fault
-from core.secrets import scrub
-from core.text import clean
-from core.threads import run_in_thread
+from core.support.secrets import scrub
+from core.support.text import clean
+from core.support.threads import run_in_thread
 from plugins.vlms.litellm.transport import BadAnswer, Redirected
 
 T = TypeVar("T")

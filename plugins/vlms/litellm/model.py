@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from core.errors import LimitReached, UsageError, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request, Spending
-from core.threads import run_in_thread
+from core.support.threads import run_in_thread
 from plugins.vlms.litellm.cache import Cache
 from plugins.vlms.litellm.client import Client, estimate
 from plugins.vlms.litellm.failures import explain, pause, unanswered, within

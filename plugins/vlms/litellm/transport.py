@@ -11,7 +11,7 @@ from typing import Any
 
 import httpx
 
-from core.secrets import is_secret_name, remember
+from core.support.secrets import is_secret_name, remember
 
 MAX_BYTES = 2**25  # of an answer, unpacked
 LONGEST_ERROR = 10_000  # bytes

@@ -12,16 +12,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from core.cli import say
 from core.design import DesignError
 from core.designs.composer import as_markdown
 from core.designs.reading import Unread, parse_reply, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UserError, check_positive
 from core.events import Run
-from core.files import FileMark, file_mark, write_whole
 from core.hooks import hookimpl
 from core.interfaces import VLM, Picture, Reply, Request
+from core.support.cli import say
+from core.support.files import FileMark, file_mark, write_whole
 
 REPLIES = ("reply.json", "reply.md")
 SKIP = "skip"

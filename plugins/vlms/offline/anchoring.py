@@ -10,7 +10,7 @@ import numpy as np
 from core.geometry import Pose
 from core.interfaces import Anchor, Seen
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.sight import Errand, Sight
+from plugins.vlms.offline.scene_analysis import Errand, Sight
 
 _APART_M = 0.03  # two bodies that are nearer give no direction
 

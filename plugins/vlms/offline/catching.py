@@ -7,7 +7,7 @@ import numpy as np
 from core.geometry import Cylinder, Pose, Sphere
 from plugins.vlms.offline.heads import Head, cage
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.sight import Errand, Thing
+from plugins.vlms.offline.scene_analysis import Errand, Thing
 from plugins.vlms.offline.tines import enter
 
 

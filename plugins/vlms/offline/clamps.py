@@ -7,7 +7,7 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Pose
 from plugins.vlms.offline.heads import Head, Piece
-from plugins.vlms.offline.sight import Errand
+from plugins.vlms.offline.scene_analysis import Errand
 from plugins.vlms.offline.tools import FINGER_OPEN, Assembly
 
 

@@ -18,7 +18,7 @@ from plugins.vlms.offline.anchoring import turn_of
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.recognize import recognize
-from plugins.vlms.offline.sight import NothingToMove, Sight
+from plugins.vlms.offline.scene_analysis import NothingToMove, Sight
 from plugins.vlms.offline.tools import rods
 
 _DIGITS = 5  # hundredths of a millimetre

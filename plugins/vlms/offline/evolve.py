@@ -14,7 +14,7 @@ from core.interfaces import Anchor, Seen
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.mutation import cross, mutate, slimmed
 from plugins.vlms.offline.recognize import middle, recognize
-from plugins.vlms.offline.sight import Sight
+from plugins.vlms.offline.scene_analysis import Sight
 
 _TRIES = 12
 

@@ -12,7 +12,7 @@ from plugins.vlms.offline.catching import catcher
 from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.openings import way_out
 from plugins.vlms.offline.rods import drawer, mover
-from plugins.vlms.offline.sight import Errand
+from plugins.vlms.offline.scene_analysis import Errand
 from plugins.vlms.offline.tines import carrier, tipper
 
 _TURNED = np.radians(20.0)  # a goal about an orientation that is farther off than this

@@ -22,10 +22,10 @@ from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.pinch import sample_pinch
 from plugins.vlms.offline.plans import Path, collisions, meets_itself, reach_error
 from plugins.vlms.offline.pour import AT, build_fork, handles, sample_fork
-from plugins.vlms.offline.sight import Errand, Sight
+from plugins.vlms.offline.scene_analysis import Errand, Sight
 from plugins.vlms.offline.sizing import sample_head
+from plugins.vlms.offline.strokes import head_path
 from plugins.vlms.offline.tools import HAND, STYLES, build, tool_boxes
-from plugins.vlms.offline.ways import head_path
 
 _TOOL_TRIES = 12
 _PLAN_TRIES = 5

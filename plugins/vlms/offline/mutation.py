@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Component, Tool
 from core.geometry import Array, Box, Pose
-from core.shapes import resized
+from core.values.shapes import resized
 from plugins.vlms.offline.boxes import Boxes, separations
 
 _COLOR = (0.56, 0.35, 0.68, 1.0)  # of added components

@@ -16,7 +16,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import Boxes
-from plugins.vlms.offline.sight import UP, Errand
+from plugins.vlms.offline.scene_analysis import UP, Errand
 
 _GRID_M, _MOST_RAYS = 0.003, 50  # between rays, and how many lie side by side
 _AROUND_M = 0.04  # how far beside the bodies rays pass

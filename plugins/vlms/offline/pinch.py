@@ -7,7 +7,7 @@ import numpy as np
 from core.geometry import Pose
 from plugins.vlms.offline.heads import Head, Piece
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.sight import UP, Errand
+from plugins.vlms.offline.scene_analysis import UP, Errand
 
 _BRIDGE_M = 0.008  # thickness of what joins the plates
 

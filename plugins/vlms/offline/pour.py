@@ -14,7 +14,7 @@ from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head, Piece
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.sight import UP, Errand, Thing
+from plugins.vlms.offline.scene_analysis import UP, Errand, Thing
 from plugins.vlms.offline.tools import Assembly
 from plugins.vlms.offline.workspace import Workspace
 

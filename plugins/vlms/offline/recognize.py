@@ -7,7 +7,7 @@ import numpy as np
 from core.design import Tool
 from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head, Use
-from plugins.vlms.offline.sight import Errand
+from plugins.vlms.offline.scene_analysis import Errand
 from plugins.vlms.offline.tools import FINGER_OPEN, tool_boxes
 
 _LOW_M = 0.015  # boxes this close to the tool's lowest point form its foot

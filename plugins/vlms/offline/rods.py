@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.geometry import Array, Pose
-from core.joints import Placement
+from core.values.joints import Placement
 from plugins.vlms.offline.heads import Head, Piece, box
 from plugins.vlms.offline.openings import Contact, frame_of, pulled, pushed
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.sight import UP, Errand
+from plugins.vlms.offline.scene_analysis import UP, Errand
 from plugins.vlms.offline.tines import enter
 
 _STEP_M, _STEP_RAD = 0.045, 0.15  # between waypoints

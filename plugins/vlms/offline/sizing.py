@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from plugins.vlms.offline.heads import Head, blade, cage, fork, hook, pen, rake, scoop, wedge
-from plugins.vlms.offline.sight import UP, Errand
+from plugins.vlms.offline.scene_analysis import UP, Errand
 
 _LEAST_M = 0.003  # clearance between a head and the bodies inside it
 

@@ -11,7 +11,7 @@ from core.geometry import Array, Pose
 from plugins.vlms.offline.heads import Head, Piece, box
 from plugins.vlms.offline.openings import Under, under, way_out
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.sight import UP, Errand
+from plugins.vlms.offline.scene_analysis import UP, Errand
 
 _STEP_RAD = 0.15  # between waypoints
 

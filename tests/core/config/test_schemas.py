@@ -2,10 +2,10 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.config.schemas import ComposeConfig, EvaluateConfig, RenderConfig, RunConfig
+from core.config.schemas import ComposeConfig, EvaluateConfig, RunConfig
 from core.errors import UsageError
 
-COMMANDS = {"config": RunConfig, "evaluate": EvaluateConfig, "render": RenderConfig, "prompt": ComposeConfig}
+COMMANDS = {"config": RunConfig, "evaluate": EvaluateConfig, "prompt": ComposeConfig}
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -10,10 +10,10 @@ from omegaconf import OmegaConf
 from core.config.compose import load
 from core.config.trust import read_stored_yaml, refuse_key_words, refuse_keys, refuse_stored_addresses
 from core.errors import UsageError, UserError
-from core.report.runs import LeftOutRun, read_run
 from core.store.database import Database, reading, refuse_links
 from core.store.reader import stored_config
 from core.store.recorder import RunStore
+from plugins.results.pages.runs import LeftOutRun, read_run
 from tests.commands import python_m
 
 KEY = "sk-planted-0123456789"
@@ -127,9 +127,9 @@ def test_no_command_resolves_what_a_run_holds(tmp_path):
     )
     stored(tmp_path / "b", task={"name": "${oc.env:OPENAI_API_KEY}"})
     for words in (
-        ["core.report", "a", "b"],
-        ["core.gallery", "a", "b"],
-        ["core.transfer", "designs=b"],
+        ["core", "report", "a", "b"],
+        ["core", "gallery", "a", "b"],
+        ["core", "transfer", "designs=b"],
         ["core.run", "resume=a"],
         ["core.run", "resume=b"],
     ):

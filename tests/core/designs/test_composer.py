@@ -30,9 +30,9 @@ from core.plugins import installed
 from core.robot.extents import extents_at_home
 from core.robot.reach import as_table, compute_reach
 from core.robot.trajectory import plan_motion
-from core.robots import ISO_9409_1_50
 from core.scene import Body, Geom, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings
+from core.values.robots import ISO_9409_1_50
 from plugins.actions.waypoints import WaypointActions
 from plugins.tools.urdf.representation import UrdfTools
 from plugins.vlms.litellm.client import load as litellm

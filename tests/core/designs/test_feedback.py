@@ -14,7 +14,7 @@ from core.designs.feedback import elite_feedback, generation_lines, last_generat
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Contact, Observation
-from core.observations import TRIAL, Moved
+from core.values.observations import TRIAL, Moved
 from tests.core.designs.test_composer import FOLDER, make_brief
 
 SEEN = Observation(

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from core.conformance.checking import LengthOnly, brief
 from core.design import Component, Tool
 from core.designs.mounting import describe_mount, first_box
 from core.designs.rules import check_tool
 from core.geometry import Box, Pose
+from plugins.conformance.checking import LengthOnly, brief
 from tasks.one_book import OneBook
 from tests.panda import PANDA, on_panda
 

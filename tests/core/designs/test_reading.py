@@ -14,7 +14,7 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Task, ToolRepresentation
 from core.scene import Body, Scene, table
-from core.text import clean
+from core.support.text import clean
 from tests.panda import on_panda
 
 

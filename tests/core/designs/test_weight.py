@@ -13,10 +13,10 @@ from core.designs.rules import check_tool
 from core.designs.stiffness import bending
 from core.designs.weight import check_weight, describe_weight, flange_moment, moment_limit
 from core.geometry import Box, Pose
-from core.materials import PAPER, STEEL_PA, Material
 from core.plugins import installed
 from core.prompt import compose
 from core.robot.kinematics import arm_of
+from core.values.materials import PAPER, STEEL_PA, Material
 from tests.core.designs.test_rules import box, rigid
 from tests.panda import PANDA
 

@@ -6,10 +6,10 @@ import pytest
 import trimesh
 from lxml import etree
 
-from core.conformance.shapes import bowl, prism
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.robot.description import assemble, tool_urdf
+from plugins.conformance.shapes import bowl, prism
 from plugins.robots.descriptions import robots_folder
 from tests.panda import ARM_JOINTS, FINGER_JOINTS, HOME_JOINTS, PANDA
 

@@ -14,7 +14,7 @@ from core.robot.frames import link_frames
 from core.robot.kinematics import arm_of
 from core.robot.reading import GripperOptions, read_robot
 from core.robot.solids import robot_solids
-from core.robots import Robot
+from core.values.robots import Robot
 from tests.outside_arm import FLANGE, HOME, LIMIT, write_arm
 
 

@@ -14,9 +14,9 @@ from core.designs.composer import PromptComposer
 from core.errors import LimitReached, UsageError
 from core.events import Generation
 from core.interfaces import Budget, Picture, Reply, Text
+from core.search.agent_groups import Team
 from core.search.critic import MAX_CRITIQUE, Critic
 from core.search.designer import make_designer
-from core.search.teams import Team
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube

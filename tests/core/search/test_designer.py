@@ -14,8 +14,8 @@ from core.geometry import Box, Pose
 from core.hooks import hookimpl
 from core.interfaces import VLM, Budget, Observation, Picture, Reply, Text
 from core.plugins import event_hub, installed
+from core.search.agent_groups import Team
 from core.search.designer import ModelDesigner
-from core.search.teams import Team
 from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda

@@ -8,9 +8,9 @@ import pytest
 
 from core.design import Candidate, Evaluation, Tool
 from core.errors import UsageError
-from core.experiment import Experiment
 from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
+from core.search.experiment import Experiment
 from core.search.orchestration import resume
 from core.search.refinement import POPULATION, Refinement
 

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import SAVED, Candidate, Component, Tool, ToolJoint
+from core.design import SAVED, Candidate, Component, Tool, ToolJoint, observation
 from core.geometry import Box, Pose
 from core.interfaces import Outcome, Rollout, RolloutSettings, Waypoints
-from core.observations import observation
 from core.plugins import installed
 from core.robot.trajectory import at_home
 from core.simulation.clearance import find_idle

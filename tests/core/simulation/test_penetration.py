@@ -9,8 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from core.conformance.joints import hinge, hinged
-from core.conformance.shapes import bowl, prism
 from core.design import Candidate, Component, Tool
 from core.errors import UsageError
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
@@ -19,6 +17,8 @@ from core.plugins import installed
 from core.scene import Body, Goal, Scene, State, table
 from core.simulation.penetration import Explosion, findings, findings_of_each
 from core.simulation.rollout import evaluate_batch
+from plugins.conformance.joints import hinge, hinged
+from plugins.conformance.shapes import bowl, prism
 from tests.panda import ARM, PANDA
 
 HZ = 25.0

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from core.conformance.worlds import Bodies, cube, stick
 from core.design import Candidate, Tool
-from core.experiment import Experiment
 from core.interfaces import Contact, Observation, Recording, RolloutSettings
 from core.plugins import Offer, installed
 from core.scene import State, table
+from core.search.experiment import Experiment
 from core.search.orchestration import resume, run
 from core.simulation.pictures import APART_S, FILM_HZ, FRAMES, moments, png, save_film
+from plugins.conformance.worlds import Bodies, cube, stick
 from tests import toys
 from tests.engines import every_simulator, simulator
 

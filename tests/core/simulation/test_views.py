@@ -6,12 +6,12 @@ from PIL import Image as Pillow
 from PIL import ImageDraw
 from scipy import ndimage
 
-from core.conformance.worlds import Bodies
 from core.design import Tool
 from core.errors import NoPicture
 from core.plugins import installed
 from core.scene import Body, Box, Camera, floor, table
 from core.simulation.views import _BOTTOM, _LEFT, _RIGHT, _TOP, _VIEWS, SIZE, _outline, _ticks, draw_view, view_camera
+from plugins.conformance.worlds import Bodies
 
 AT, SIDES = np.array([0.7, 0.25, 0.35]), np.array([0.16, 0.12, 0.08])
 CUBE = Body.of("cube", Box(tuple(SIDES)), AT, mass=0.1, color=(0.0, 0.9, 0.1, 1.0))

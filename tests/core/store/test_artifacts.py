@@ -4,7 +4,6 @@ import pytest
 import trimesh
 from lxml import etree
 
-from core.conformance.shapes import bowl
 from core.design import Candidate, Component, Tool, ToolJoint
 from core.geometry import Box, Pose
 from core.interfaces import Task
@@ -12,6 +11,7 @@ from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import plan_motion
 from core.store.artifacts import copied, save_design, tool_mesh
+from plugins.conformance.shapes import bowl
 from tests.panda import FINGER_OPEN, PANDA
 
 FLAP = ToolJoint("hinge", (1, 0, 0), -1, 1)

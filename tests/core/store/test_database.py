@@ -7,10 +7,10 @@ import pytest
 
 from core.errors import UserError
 from core.plugins import installed
-from core.report.runs import read_run
 from core.store.database import FILE, Database, reading
 from core.store.reader import stored_config
-from core.transfer import as_the_run
+from plugins.results.pages.runs import read_run
+from plugins.transfer import configured
 from tests.core.run_folders import write_run
 
 FIGURES = {"best_reward": None, "mean_reward": None, "n_candidates": 0}
@@ -43,7 +43,7 @@ def test_a_log_in_a_folder_that_cannot_be_written(unfinished, sealed, index):
     before = files(folder)
     assert rewards(folder) == [0.3]
     assert read_run(folder).reason.startswith("1 generations and 1 candidates done")
-    assert as_the_run([f"designs={folder}"]).task.name == stored_config(folder)["task"]["name"] == "BringCube"
+    assert configured([f"designs={folder}"]).task.name == stored_config(folder)["task"]["name"] == "BringCube"
     assert installed().create("vlm", "replay", {"run": str(folder)}).model.startswith("replay of ")
     assert files(folder) == before
 

@@ -7,11 +7,11 @@ from contextlib import closing
 import pytest
 
 from core.errors import UserError
-from core.report.runs import FinishedRun, read_run
-from core.report.tools import winners
 from core.store.reader import stored_config
 from core.store.recorder import RunStore
 from core.store.rows import TABLES
+from plugins.results.pages.runs import FinishedRun, read_run
+from plugins.results.pages.tools import winners
 from tests.core.run_folders import edit, write_run
 
 DEEP = "[" * 900 + "]" * 900

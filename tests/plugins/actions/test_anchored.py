@@ -14,13 +14,13 @@ from core.designs.rules import SpawnRules
 from core.geometry import Pose
 from core.interfaces import Anchor, RolloutSettings, Seen, Waypoints
 from core.plugins import installed
-from core.report.runs import read_run
-from core.report.tools import winners
 from core.search.orchestration import resume, run
 from core.simulation.rollout import evaluate_batch
 from core.store.reader import stored_evaluations
 from plugins.actions.anchored import AnchoredActions, AnchoredPlan
 from plugins.actions.waypoints import WaypointActions
+from plugins.results.pages.runs import read_run
+from plugins.results.pages.tools import winners
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 

@@ -11,8 +11,8 @@ import pytest
 
 from core.errors import Fault, UserError
 from core.plugins import installed
-from core.scratch import scratch
 from core.search.dispatch import CHUNK
+from core.support.scratch import scratch
 
 
 def executor(**settings):

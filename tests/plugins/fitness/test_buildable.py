@@ -18,12 +18,12 @@ from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings, Waypoints
-from core.materials import Material
 from core.plugins import ToolPart
 from core.prompt import compose
 from core.search.orchestration import run
 from core.simulation.rollout import Evaluator, Part
 from core.store.database import reading
+from core.values.materials import Material
 
 PLA = Material("pla", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
 PLATE = [500.0, 500.0, 500.0]

@@ -19,11 +19,11 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Perception, RolloutSettings, Waypoints
 from core.plugins import installed
-from core.report.runs import read_run
 from core.search.evolution import evaluate_all
 from core.search.orchestration import resume, run
 from core.simulation.rollout import Evaluator, Part
 from plugins.fitness.layouts.fitness import UNSEEN, worst_quarter
+from plugins.results.pages.runs import read_run
 
 QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)
 WIDE = Evaluator(Part("task", "BringCube", (("variation", "wide"),)), Part("sim", "mujoco"), 3, QUICK)

@@ -25,9 +25,9 @@ from core.events import Generation, Result, Run
 from core.interfaces import Brief, Budget, Reply, Request, RolloutSettings
 from core.plugins import event_hub, installed
 from core.simulation.rollout import evaluate_batch
-from core.view import end, free_port, listens, start_viewer
 from plugins.actions.waypoints import WaypointActions
 from plugins.listeners.rerun.sinks import address
+from plugins.listeners.rerun.view import end, free_port, listens, start_viewer
 from plugins.listeners.rerun.words import MAX_TEXT
 from plugins.listeners.rerun.writer import replay
 from tests.benchmarks import layouts

@@ -13,7 +13,7 @@ from core.design import Candidate, Evaluation
 from core.events import Generation, Result, Run
 from core.interfaces import Reply
 from core.plugins import event_hub, installed
-from core.report.formats import number
+from core.support.text import number
 from tests.commands import python_m
 from tests.core.run_folders import hook
 
@@ -115,9 +115,9 @@ def test_commands_are_quoted(capsys):
     words = [shlex.split(line)[2:] for line in lines]
     folder = "runs/it's here/x=1"
     assert words == [
-        ["core.view", folder],
-        ["core.report", folder],
-        ["core.gallery", folder],
+        ["core", "view", folder],
+        ["core", "report", folder],
+        ["core", "gallery", folder],
         [
             *("core.evaluate", "task=BringCube", "sim=pybullet", "tool=urdf", "seed=3"),
             f'designs="{folder}/best/design.json"',
@@ -172,7 +172,7 @@ def test_a_multirun_says_at_its_end_what_it_came_to(swept):
     runs, best, average = line.split()[-5:-2]
     assert (int(runs), best, average) == (2, number(max(rewards), 3), number(np.mean(rewards), 3))
     commands = [line for line in done.stderr.splitlines() if line.startswith("python -m ")]
-    assert commands == ["python -m core.report 'multirun/of it'", "python -m core.gallery 'multirun/of it'"]
+    assert commands == ["vlmgineer report 'multirun/of it'", "vlmgineer gallery 'multirun/of it'"]
 
 
 @pytest.mark.slow

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from core.conformance.suites import SUITES
 from core.errors import UserError
 from core.geometry import Pose
 from core.plugins import RobotPart, installed
 from core.robot.kinematics import arm_of
+from plugins.conformance.suites import SUITES
 from plugins.robots.descriptions import measured
 
 # The home of most tasks, and where the base has to stand for it.

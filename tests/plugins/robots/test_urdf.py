@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core import evaluate, render
+from core import evaluate
 from core.config.compose import load, robot_part
-from core.conformance.suites import SUITES
 from core.errors import UserError
 from core.plugins import installed
+from plugins import render
+from plugins.conformance.suites import SUITES
 from tests.core.robot.test_reading import gripped
 from tests.outside_arm import FLANGE, HOME, write_arm
 

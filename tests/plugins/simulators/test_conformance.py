@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from core.conformance.repeat import digest
-from core.conformance.suites import SUITES
 from core.plugins import installed
+from plugins.conformance.repeat import digest
+from plugins.conformance.suites import SUITES
 from tests.engines import every_simulator, simulator
 
 ROOT = Path(__file__).parents[3]
@@ -26,7 +26,7 @@ def test_same_bits_in_every_process_and_simulator(engine):
     first = digest(simulator(engine))
     assert digest(installed().create("sim", engine)) == first
     code = (
-        "from core.conformance.repeat import digest; from core.plugins import installed;"
+        "from plugins.conformance.repeat import digest; from core.plugins import installed;"
         f"print(digest(installed().create('sim', {engine!r})))"
     )
     again = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)

@@ -8,7 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.conformance.worlds import (
+from core.design import Candidate, Component, Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.errors import NoPicture
+from core.geometry import Box, Cylinder, Pose, Sphere
+from core.interfaces import JointTrajectory, Outcome, Rollout, RolloutSettings
+from core.plugins import installed
+from core.scene import Body, table
+from core.simulation.playback import play
+from core.simulation.rollout import prepare
+from plugins.conformance.worlds import (
     BARE,
     GRAVITY,
     GREY,
@@ -25,16 +35,6 @@ from core.conformance.worlds import (
     still,
     wait,
 )
-from core.design import Candidate, Component, Tool
-from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
-from core.errors import NoPicture
-from core.geometry import Box, Cylinder, Pose, Sphere
-from core.interfaces import JointTrajectory, Outcome, Rollout, RolloutSettings
-from core.plugins import installed
-from core.scene import Body, table
-from core.simulation.playback import play
-from core.simulation.rollout import prepare
 
 pytest.importorskip("mujoco")
 
@@ -385,7 +385,7 @@ def test_mujoco_gl_switches_its_own_renderer_off(word, monkeypatch):
 
 
 def test_a_wrong_mujoco_gl_is_one_line(tmp_path):
-    done = without([], ["core.render", "sim=mujoco"], tmp_path, MUJOCO_GL="nonsense")
+    done = without([], ["core", "render", "sim=mujoco"], tmp_path, MUJOCO_GL="nonsense")
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
     assert "MUJOCO_GL=nonsense does not work here" in done.stderr
@@ -393,7 +393,7 @@ def test_a_wrong_mujoco_gl_is_one_line(tmp_path):
 
 @pytest.mark.slow
 def test_render_says_who_drew(tmp_path, own_renderer):
-    arguments = ["core.render", "sim=mujoco", "width=32", "height=24"]
+    arguments = ["core", "render", "sim=mujoco", "width=32", "height=24"]
     done = without(["pybullet"], arguments, tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("scene.png\ndrawn by MuJoCo's renderer on ")

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.conformance.worlds import BARE, FAR, GRAVITY, Bodies, cube, end, film, start, still
 from core.geometry import Box, Pose, Sphere
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Drive, Joint, Latch, Scene
 from core.simulation.playback import play
+from plugins.conformance.worlds import BARE, FAR, GRAVITY, Bodies, cube, end, film, start, still
 
 pytest.importorskip("mujoco")
 

@@ -1,4 +1,4 @@
-"""MuJoCo Warp on the processor: a few of the checks that every engine has to pass (``python -m core.conformance
+"""MuJoCo Warp on the processor: a few of the checks that every engine has to pass (``vlmgineer conformance
 sim=mujoco_warp sim.device=cpu`` runs them all, in some minutes), and what is its own. Kernels are compiled in the first
 minute; later runs find them.
 """
@@ -10,10 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.conformance import bodies, joints, output, repeat, robot, shapes
-from core.conformance.joints import hinge, hinged
-from core.conformance.repeat import bits
-from core.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, motion, start, stick, still
 from core.design import Component, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
@@ -23,6 +19,10 @@ from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
 from core.scene import Body, Joint, Scene, table
 from core.simulation.rollout import evaluate_batch
+from plugins.conformance import bodies, joints, output, repeat, robot, shapes
+from plugins.conformance.joints import hinge, hinged
+from plugins.conformance.repeat import bits
+from plugins.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, motion, start, stick, still
 
 pytest.importorskip("mujoco_warp")
 

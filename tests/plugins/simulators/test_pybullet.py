@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from core.conformance.worlds import BARE, Bodies, cube, move, stick
 from core.geometry import Box, Pose
 from core.plugins import installed
 from core.scene import Body, Geom, Scene, table
+from plugins.conformance.worlds import BARE, Bodies, cube, move, stick
 from tests.panda import PANDA
 
 pytest.importorskip("pybullet")

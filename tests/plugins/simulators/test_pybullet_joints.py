@@ -1,16 +1,16 @@
-"""Test what PyBullet alone does with joints between bodies. What every engine must do is in core.conformance."""
+"""Test what PyBullet alone does with joints between bodies. What every engine must do is in plugins.conformance."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from core.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, film, motion, move, stick, still
 from core.errors import UsageError
 from core.geometry import Box
 from core.interfaces import Rollout
 from core.plugins import installed
 from core.scene import Body, Drive, Joint, Latch, Scene, table
+from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, film, motion, move, stick, still
 from tests.plugins.simulators.test_pybullet import PLAN, THINGS, bits, hammer
 
 pytest.importorskip("pybullet")

@@ -6,7 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.conformance.worlds import (
+from core.design import Component, Tool
+from core.errors import UsageError
+from core.geometry import Box, Pose, Sphere
+from core.interfaces import Rollout
+from core.plugins import installed
+from core.robot.trajectory import plan_motion
+from core.scene import Body, Drive, Joint, Latch, table
+from core.simulation.playback import play
+from plugins.conformance.worlds import (
     BARE,
     GRAVITY,
     GREY,
@@ -22,14 +30,6 @@ from core.conformance.worlds import (
     still,
     wait,
 )
-from core.design import Component, Tool
-from core.errors import UsageError
-from core.geometry import Box, Pose, Sphere
-from core.interfaces import Rollout
-from core.plugins import installed
-from core.robot.trajectory import plan_motion
-from core.scene import Body, Drive, Joint, Latch, table
-from core.simulation.playback import play
 
 pytest.importorskip("sapien", exc_type=ImportError)
 
@@ -136,7 +136,7 @@ def test_the_mounted_tool_adds_its_inertia():
 @pytest.mark.slow
 def test_render_says_who_drew(tmp_path):
     pytest.importorskip("pybullet")
-    done = without([], ["core.render", "sim=sapien", "width=32", "height=24"], tmp_path)
+    done = without([], ["core", "render", "sim=sapien", "width=32", "height=24"], tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: SAPIEN's own renderer needs Vulkan")
 

@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from core.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, move, stick, still
 from core.errors import UserError
 from core.geometry import Box
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import installed
 from core.scene import Body, floor, table
+from plugins.conformance.worlds import BARE, GREY, HAND, Bodies, cube, end, film, move, stick, still
 from tests.engines import every_simulator, simulator
 from tests.packages import without
 from tests.panda import FINGER_OPEN

@@ -10,12 +10,12 @@ from omegaconf import OmegaConf
 
 from core.design import Candidate, Evaluation, best_first
 from core.errors import UserError
-from core.experiment import Experiment
 from core.interfaces import Budget, Numbers, Waypoints
 from core.plugins import installed
-from core.report.archives import read_archive
-from core.report.runs import read_run
+from core.search.experiment import Experiment
 from core.search.orchestration import resume, run
+from plugins.results.pages.runs import read_run
+from plugins.results.report.archives import read_archive
 from tests import toys
 from tests.core.run_folders import hook
 from tests.test_resume import assert_same_run, toy  # noqa: F401 - a fixture

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.conformance.joints import hinge, hinged, sliding, tongs
 from core.design import DesignError, ToolJoint
 from core.interfaces import Brief
 from core.plugins import installed
 from plugins.actions.waypoints import WaypointActions
+from plugins.conformance.joints import hinge, hinged, sliding, tongs
 from tasks.bring_cube import BringCube
 from tests.panda import PANDA, on_panda
 

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.rules import check_tool
 from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Pose, Sphere
-from core.shapes import resized
+from core.values.shapes import resized
 from plugins.tools.solids.making import MAX_PARTS
 from plugins.tools.solids.reading import MAX_NODES
 from plugins.tools.solids.representation import SolidTools

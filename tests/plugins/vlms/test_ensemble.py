@@ -14,7 +14,6 @@ from omegaconf import OmegaConf
 
 from core.config.compose import load
 from core.config.trust import refuse_keys
-from core.conformance.suites import SUITES
 from core.design import Candidate, Evaluation
 from core.errors import LimitReached, UsageError, UserError
 from core.events import Generation
@@ -22,6 +21,7 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Waypoints
 from core.plugins import Offer, installed
 from core.search.orchestration import resume, run
+from plugins.conformance.suites import SUITES
 from plugins.vlms.ensemble.dealing import Dealer
 from plugins.vlms.ensemble.model import Ensemble
 from tests.plugins.vlms.asking import KEYS

@@ -23,7 +23,7 @@ from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline import heads
 from plugins.vlms.offline.designer import OfflineDesigner
 from plugins.vlms.offline.pour import handles
-from plugins.vlms.offline.sight import Sight
+from plugins.vlms.offline.scene_analysis import Sight
 from plugins.vlms.offline.tools import STYLES, build
 from plugins.vlms.offline.workspace import workspace_of
 from tasks.high_object import HighObject

@@ -9,7 +9,7 @@ from core.plugins import installed
 from core.simulation.rollout import RolloutSettings, evaluate_batch
 from plugins.vlms.offline.guided import guided, suits
 from plugins.vlms.offline.openings import frame_of, pulled, pushed, under, way_out
-from plugins.vlms.offline.sight import UP
+from plugins.vlms.offline.scene_analysis import UP
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.plugins.vlms.test_offline import brief, candidates, sight
 

@@ -10,10 +10,10 @@ import yaml
 from core.config.compose import load, node
 from core.design import Candidate, Tool
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings, Waypoints
-from core.layouts import Draw
 from core.plugins import installed
 from core.robot.solids import Solids, body_solids, signed_distance
 from core.simulation.rollout import evaluate_batch
+from core.values.layouts import Draw
 from plugins.fitness.layouts.fitness import UNSEEN
 from tests.benchmarks import layouts
 from tests.engines import every_simulator, simulator

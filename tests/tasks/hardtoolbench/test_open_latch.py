@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from core.geometry import Array
-from core.joints import Placement
 from core.scene import Pose
+from core.values.joints import Placement
 from tasks.hardtoolbench.open_latch import OPEN, OpenLatch
 
 TASK = OpenLatch()

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.errors import UserError
-from core.layouts import NONE
+from core.values.layouts import NONE
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import MAX_BYTES
 from tests.plugins.tasks.file.mistakes import GOOD, MISTAKES

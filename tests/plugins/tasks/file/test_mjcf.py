@@ -8,18 +8,18 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.conformance.worlds import FAR, GRAVITY
 from core.errors import UserError
 from core.geometry import Box, Pose
-from core.imports import solids
 from core.scene import Scene
+from plugins.conformance.worlds import FAR, GRAVITY
 from plugins.tasks.file import mjcf
 from plugins.tasks.file.building import with_starts
 from plugins.tasks.file.files import Files
+from plugins.tasks.file.imports import solids
 from plugins.tasks.file.mjcf import read_mjcf
-from tests.core.imports.conftest import called
-from tests.core.imports.test_engines import played
 from tests.engines import every_simulator
+from tests.plugins.tasks.file.imports.conftest import called
+from tests.plugins.tasks.file.imports.test_engines import played
 
 
 @pytest.fixture(autouse=True)

@@ -1,4 +1,4 @@
-"""The scene that `core.new scene` writes, from the file to rollouts, pictures and prompts; and what files can say."""
+"""The scene of ``vlmgineer new scene``, from the file to rollouts, pictures and prompts; and what files can say."""
 
 import pickle
 from dataclasses import replace
@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from core.conformance.suites import SUITES, examine
 from core.design import Tool
 from core.designs.excerpts import helpers, task_source
 from core.errors import UsageError, UserError
 from core.geometry import Box, Capsule, Mesh
 from core.interfaces import JointTrajectory, Rollout
-from core.new.scenes import write_scene
 from core.plugins import TaskPart
 from core.robot.kinematics import arm_of
+from plugins.conformance.suites import SUITES, examine
+from plugins.new.scenes import write_scene
 from plugins.tasks.file.task import FileTask
 from tests.engines import every_simulator, simulator
 from tests.plugins.tasks.file.mistakes import GOOD

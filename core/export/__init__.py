@@ -1,1 +1,0 @@
-"""From a design to the workbench: motions for a real arm, and tools to make (`python -m core.export`)."""

@@ -1,1 +1,0 @@
-"""Write plugin packages to start from: ``python -m core.new``."""

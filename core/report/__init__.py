@@ -1,1 +1,0 @@
-"""``python -m core.report``: runs in, tables, figures and a page out."""

@@ -1,0 +1,253 @@
+"""Bound the gaps between two solids at many samples at once.
+
+Along any direction the gap between two convex solids is no larger than their distance. Covered by
+`tests/core/simulation/test_gap_bounds.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import coal
+import numpy as np
+import numpy.typing as npt
+
+from core.geometry import Array, Box, Capsule, Cylinder, Shape, Sphere
+from core.simulation.tracks import Indices, Track, Tracks, lengths
+
+Flags = npt.NDArray[np.bool_]
+
+ROUNDING_M = 1e-9  # in comparisons of lengths
+_AT_ONCE = 60_000  # pairs times intervals
+_EYE = np.eye(3)
+SMOOTH = Box | Capsule | Cylinder | Sphere  # whose extents are formulas
+
+
+def neighbours(tracks: Tracks, margin: float = 0.0, joined: Collection[frozenset[str]] = ()) -> Indices:
+    """Pair solids (P, 2) of different owners, one of which ever is within ``margin`` metres of where the other ever is.
+
+    At least one of them is in motion. Only their bounding boxes are compared. Owners that are ``joined`` are no pair.
+    """
+    if tracks.samples < 2:
+        return np.empty((0, 2), dtype=np.intp)
+    moving, owners = tracks.moving, tracks.solids.owner_numbers
+    low, high = (tracks.by_sample(values) for values in (tracks.rows.low, tracks.rows.high))
+    lowest, highest = tracks.rows.low[:, tracks.first], tracks.rows.high[:, tracks.first]
+    lowest[:, moving], highest[:, moving] = low.min(axis=2), high.max(axis=2)
+    near = (lowest[:, None, moving] - margin <= highest[..., None]) & (
+        highest[:, None, moving] + margin >= lowest[..., None]
+    )
+    once = (tracks.moves[:, None] == 0) | (np.arange(len(tracks))[:, None] > moving)
+    pairs = np.argwhere(near.all(axis=0) & once & (owners[:, None] != owners[moving]))[:, ::-1]
+    pairs[:, 0] = moving[pairs[:, 0]]
+    if joined:
+        names = tracks.solids.owners
+        pairs = pairs[[frozenset((names[i], names[j])) not in joined for i, j in pairs.tolist()]]
+    return pairs
+
+
+def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Flags:
+    """Report where solids may get as deep in each other as ``least`` (P,), from a sample to the next: (P, T - 1).
+
+    Only intervals ``within`` (P, T - 1) are looked at, all ``pairs`` (P, 2) at once. Boxes along the world's axes are
+    compared first, then those along the solids' own. Along an axis that is fixed in one solid, points of the other move
+    straight on, but for what the two turn, and the gap to them is a concave function of time: it is smallest at one
+    of the ends. So solids that slide along each other don't come nearer.
+    """
+    if len(pairs) > (some := max(1, _AT_ONCE // max(within.shape[1], 1))):  # small arrays stay in the processor's cache
+        parts = [slice(begin, begin + some) for begin in range(0, len(pairs), some)]
+        return np.concatenate([may_meet(tracks, pairs[part], least[part], within[part]) for part in parts])
+    solids, rows, intervals = tracks.solids, tracks.rows, within.shape[1]
+
+    # Solids are no deeper in each other than their boxes along any axis.
+    met, at = np.divmod(np.flatnonzero(within), intervals)
+    a, b, deep = tracks.row(pairs[met, 0], at), tracks.row(pairs[met, 1], at), least[met] - ROUNDING_M
+    for low, high in zip(rows.low[::-1], rows.high[::-1], strict=True):  # along z first, since most moves sideways
+        near = np.flatnonzero((high[a] - low[b] >= deep) & (high[b] - low[a] >= deep))
+        met, at, a, b, deep = met[near], at[near], a[near], b[near], deep[near]
+
+    ends, begin = with_next(met * (intervals + 1) + at)  # each once
+    end, (pair, instant) = begin + 1, np.divmod(ends, intervals + 1)
+    i, j = pairs[pair].T
+    k, m = tracks.row(i, instant), tracks.row(j, instant)
+    turns, middles = (rows.rotations[k], rows.rotations[m]), rows.middles[k] - rows.middles[m]
+    seen, mine = _along_axes(*turns, middles, *solids.halves[[i, j]], *solids.radii[[i, j]])
+    apart = rows.positions[k] - rows.positions[m]
+    moved, far = lengths(apart[end] - apart[begin]), lengths(apart[begin])
+    far += moved
+    turn, others_turn, (reaches, others_reaches) = rows.turned[a], rows.turned[b], solids.reaches[pairs[met].T]
+    gaps = np.maximum(
+        np.minimum(seen[:, begin], seen[:, end]).max(axis=0) - _curved(far, moved, turn, others_turn, reaches),
+        np.minimum(mine[:, begin], mine[:, end]).max(axis=0) - _curved(far, moved, others_turn, turn, others_reaches),
+    )
+    kept = np.zeros_like(within)
+    kept[met, at] = gaps - rows.aside[a] - rows.aside[b] <= ROUNDING_M - least[met]
+    return kept
+
+
+def may_meet_closely(
+    one: Track, other: Track, near: Indices, least: float, along: tuple[Array, Array] | None = None
+) -> Indices:
+    """Return those samples of ``near`` from which on two solids may get as deep as ``least`` until the next.
+
+    As `may_meet`, but by their shapes, not by boxes around them. ``along``: two axes (3,) to compare, one fixed in the
+    first and one in the second; the default are those of their frames.
+    """
+    if along is not None:
+        axes, others_axes = (axis[:, None] for axis in along)
+    else:  # those of boxes have been compared
+        axes, others_axes = (_EYE[:, : 0 if isinstance(track.shape, Box | Sphere) else 3] for track in (other, one))
+        if not (axes.size or others_axes.size):
+            return near
+    at, begin = with_next(near)
+    (rotations, positions), (others_rotations, others_positions) = _frames(one, at), _frames(other, at)
+    apart, turned = positions - others_positions, others_rotations.swapaxes(1, 2) @ rotations
+    end = begin + 1
+    turn, others_turn = one.turned[near], other.turned[near] if len(other.turned) > 1 else other.turned
+    moved = lengths(apart[end] - apart[begin])
+    far = lengths(apart[begin]) + moved
+    least_gap = np.full(len(near), -np.inf)
+    if others_axes.size:
+        along_other = _along(other, one, others_axes, turned, _turned(apart, others_rotations))
+        gaps = np.minimum(along_other[begin], along_other[end]).max(axis=1)
+        least_gap = gaps - _curved(far, moved, turn, others_turn, one.reach)
+    if axes.size:
+        along_one = _along(one, other, axes, turned.swapaxes(1, 2), -_turned(apart, rotations))
+        gaps = np.minimum(along_one[begin], along_one[end]).max(axis=1)
+        least_gap = np.maximum(least_gap, gaps - _curved(far, moved, others_turn, turn, other.reach))
+    aside = one.aside[near] + (other.aside[near] if len(other.aside) > 1 else other.aside)
+    kept: Indices = near[least_gap - aside <= ROUNDING_M - least]
+    return kept
+
+
+def with_next(near: Indices) -> tuple[Indices, Indices]:
+    """Return the rising samples ``near`` and their next ones, rising, and where in there each of ``near`` is."""
+    begin = np.arange(len(near))
+    begin[1:] += np.cumsum(np.diff(near) > 1)  # the sample before is not near: two more, else one
+    at = np.empty(begin[-1] + 2 if len(near) else 0, dtype=np.intp)
+    at[begin], at[begin + 1] = near, near + 1
+    return at, begin
+
+
+def _along(track: Track, other: Track, axes: Array, turned: Array, ahead: Array) -> Array:
+    """The gaps (N, 2 K) along axes (3, K) of ``track``, either way; the other is turned and ahead in its frame."""
+    (low, high), (others_low, others_high) = spans(track, axes[None]), spans(other, turned.swapaxes(1, 2) @ axes)
+    ahead = ahead @ axes
+    return np.concatenate([ahead + others_low - high, low - ahead - others_high], axis=1)
+
+
+def _along_axes(
+    rotations: Array,
+    others_rotations: Array,
+    apart: Array,
+    halves: Array,
+    others_halves: Array,
+    radii: Array,
+    others_radii: Array,
+) -> tuple[Array, Array]:
+    """The gaps (6, N) between two boxes along the second's axes, either way, and along the first's.
+
+    None extends farther from its middle than its radius (N,): that of a ball, infinite for others.
+    """
+    widths = np.abs(others_rotations.swapaxes(1, 2) @ rotations)
+    ahead = np.einsum("ni,nij->jn", apart, others_rotations)
+    extents = np.minimum(np.einsum("nij,nj->in", widths, halves), radii) + others_halves.T
+    seen = np.concatenate([ahead - extents, -ahead - extents])
+    ahead = np.einsum("ni,nij->jn", apart, rotations)
+    extents = np.minimum(np.einsum("ni,nij->jn", others_halves, widths), others_radii) + halves.T
+    return seen, np.concatenate([ahead - extents, -ahead - extents])
+
+
+def _turned(vectors: Array, rotations: Array) -> Array:
+    """Give vectors (N, 3) in frames with rotations (N, 3, 3): half of the time of a product for each."""
+    turned: Array = np.einsum("ni,nij->nj", vectors, rotations)
+    return turned
+
+
+def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Array | float) -> Array:
+    """How far points of a solid get from a straight way in the frame of another, metres, at most.
+
+    It is an eighth of the acceleration, in units of the interval.
+    """
+    points = far + reach
+    curved: Array = (others_turn**2 * points + 2 * others_turn * (moved + reach * turn) + turn**2 * reach) / 8
+    return curved
+
+
+def gap_bounds(one: Track, other: Track, samples: Indices) -> Array:
+    """Lower bounds (N,) of the gaps between two solids, metres, negative if they overlap; for hulls there is none.
+
+    They are exact where the gap is along an axis of either frame, or along the radius of a ball or a cylinder.
+    """
+    if not isinstance(one.shape, SMOOTH) or not isinstance(other.shape, SMOOTH):
+        return np.full(len(samples), -np.inf)
+    (rotation, position), (others_rotation, others_position) = _frames(one, samples), _frames(other, samples)
+    back = others_rotation.swapaxes(1, 2)
+    turned, ahead = back @ rotation, _turned(position - others_position, others_rotation)
+    return np.maximum(
+        _seen(other.shape, one.shape, turned, ahead),
+        _seen(one.shape, other.shape, turned.swapaxes(1, 2), -_turned(ahead, turned)),
+    )
+
+
+def _frames(track: Track, samples: Indices) -> tuple[Array, Array]:
+    if len(track.positions) == 1:
+        return track.rotations, track.positions
+    return track.rotations[samples], track.positions[samples]
+
+
+def _seen(shape: Shape, other: Shape, turned: Array, ahead: Array) -> Array:
+    """The largest gap along the axes and a radius of ``shape``; rotations and positions of the other in its frame."""
+    gaps = np.abs(ahead) - reach(other, turned.swapaxes(1, 2))
+    match shape:
+        case Box(size):
+            largest: Array = (gaps - np.asarray(size) / 2).max(axis=1)
+        case Sphere(radius):
+            out, far = _unit(ahead)
+            largest = far - radius - reach(other, (turned.swapaxes(1, 2) @ out[:, :, None]))[:, 0]
+        case Cylinder(radius, length) | Capsule(radius, length):
+            out, far = _unit(ahead * (1.0, 1.0, 0.0))
+            radial = far - radius - reach(other, (turned.swapaxes(1, 2) @ out[:, :, None]))[:, 0]
+            end = length / 2 + (radius if isinstance(shape, Capsule) else 0.0)
+            largest = np.maximum(gaps[:, 2] - end, radial)
+    if isinstance(shape, Box) and isinstance(other, Sphere):  # near an edge or a corner of the box
+        beyond = np.maximum(np.abs(ahead) - np.asarray(shape.size) / 2, 0.0)
+        far = np.sqrt((beyond * beyond).sum(axis=1))
+        largest = np.where(far > 0, far - other.radius, largest)
+    return largest
+
+
+def _unit(vectors: Array) -> tuple[Array, Array]:
+    """Directions (N, 3) and lengths (N,)."""
+    lengths = np.sqrt((vectors * vectors).sum(axis=1))
+    return vectors / np.maximum(lengths, 1e-12)[:, None], lengths
+
+
+def spans(track: Track, directions: Array) -> tuple[Array, Array]:
+    """Where a solid begins and ends along K directions (N, 3, K) of its frame, from the frame's origin: (N, K) each."""
+    if isinstance(track.shape, SMOOTH):
+        far = reach(track.shape, directions)
+        return -far, far
+    if isinstance(track.geometry, coal.Box):  # of a link: the gripper's fingers have some
+        far = reach(Box(tuple(2 * track.geometry.halfSide)), directions)
+        return -far, far
+    along = np.asarray(track.geometry.points()) @ directions.swapaxes(0, 1).reshape(3, -1)  # one product is fast
+    count = directions.shape[::2]
+    return along.min(axis=0).reshape(count), along.max(axis=0).reshape(count)
+
+
+def reach(shape: Shape, directions: Array) -> Array:
+    """How far a shape extends from its middle along K directions (N, 3, K) of its frame: (N, K)."""
+    match shape:
+        case Box(size):
+            extents: Array = (np.abs(directions) * (np.asarray(size) / 2)[:, None]).sum(axis=1)
+        case Cylinder(radius, length):
+            across = np.sqrt(directions[:, 0] ** 2 + directions[:, 1] ** 2)
+            extents = radius * across + length / 2 * np.abs(directions[:, 2])
+        case Capsule(radius, length):
+            extents = radius + length / 2 * np.abs(directions[:, 2])
+        case Sphere(radius):
+            extents = np.full((len(directions), directions.shape[2]), radius)
+        case _:
+            raise TypeError(shape)
+    return extents

@@ -1,0 +1,1 @@
+"""Files, texts, threads, keys, and the command line."""

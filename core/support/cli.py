@@ -1,0 +1,197 @@
+"""Read a command's words, print its tables, and end it: 0 done, 1 error, 2 wrong usage, 130 interrupted."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import os
+import select
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Collection, Iterable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import ClassVar, NoReturn, TextIO
+
+from core.errors import UsageError, UserError
+from core.support.scratch import remove_scratch
+from core.support.secrets import Scrubbed
+from core.support.text import clean, visible
+
+
+def command(function: Callable[[list[str]], int | None]) -> NoReturn:
+    """Call ``function`` with the arguments, and end the process with its exit status; a mistake is one line on
+    standard error.
+
+    Keys are left out of all that it prints.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # for an encoding that has not every letter
+    sys.stdout, sys.stderr = Scrubbed(sys.stdout), Scrubbed(sys.stderr)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # ignored where a shell runs it in the background
+            signal.signal(number, _Interrupt())
+    sys.excepthook = _show_traceback
+    threading.excepthook = lambda args: _show_traceback(args.exc_type, args.exc_value, args.exc_traceback)
+    try:
+        status = function(sys.argv[1:])
+        sys.stdout.flush()
+    except BrokenPipeError:
+        if not _reader_is_gone():
+            raise
+        _leave("", 1)  # such as head, which reads a few lines
+    except UserError as error:
+        _leave(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
+    except KeyboardInterrupt as interrupt:
+        _leave(f"interrupted{''.join(f'; {why}' for why in interrupt.args)}", 130)
+    sys.exit(status or 0)
+
+
+def arguments(usage: str, given: Sequence[str]) -> list[str]:
+    """Return the command line's overrides; with ``--help`` print the usage and end the process."""
+    given = _help_or_words(usage, given)
+    unknown = [argument for argument in given if argument.startswith("-") or "=" not in argument]
+    if unknown:
+        raise UsageError(f"can't read {unknown[0]!r}; {usage}")
+    return given
+
+
+def folders_and_overrides(usage: str, given: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """Return the folders that the command line names, as they are or as ``runs=FOLDER``, and its overrides.
+
+    A path that exists is a folder, even with a ``=`` in its name, as a multirun's jobs may have.
+    """
+    folders: list[Path] = []
+    overrides: list[str] = []
+    for word in _help_or_words(usage, given):
+        if word.startswith("-"):
+            raise UsageError(f"can't read {word!r}; {usage}")
+        key, equals, value = word.partition("=")
+        if not equals or Path(word).exists():
+            folders.append(Path(word))
+        elif key in ("run", "runs"):
+            folders += [Path(name.strip("'\" ")) for name in _listed(value)]
+        else:
+            overrides.append(word)
+    return folders, overrides
+
+
+def _listed(value: str) -> list[str]:
+    """Split ``[A,B]``, as Hydra writes lists; anything else is one item."""
+    listed = value.startswith("[") and value.endswith("]") and not Path(value).exists()
+    return value[1:-1].split(",") if listed else [value]
+
+
+def _help_or_words(usage: str, given: Sequence[str]) -> list[str]:
+    if "--help" in given or "-h" in given:
+        say(*usage.splitlines())
+        sys.stdout.flush()
+        sys.exit(0)
+    return list(given)
+
+
+def say(*lines: str, file: TextIO | None = None, style: str = "") -> None:
+    """Print lines: the one way for text to a terminal. What is not printable is escaped, since others may have written
+    it: a model, a provider, an owner of a folder. A ``style`` such as ``red`` is for terminals that take colours.
+    """
+    file = sys.stdout if file is None else file
+    text = "".join(f"{visible(line)}\n" for line in lines)
+    if style and text:
+        import rich.console
+
+        rich.console.Console(file=file).print(
+            text, style=style, markup=False, highlight=False, soft_wrap=True, emoji=False, end=""
+        )
+        return
+    file.write(text)
+
+
+def write_bytes(file: Path, data: bytes) -> None:
+    """Write an output file that the user named.
+
+    Raises:
+        UserError: it can't be written.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(data)
+    except OSError as error:
+        raise UserError(f"can't write {file}: {error.strerror}") from error
+
+
+def print_table(
+    columns: Sequence[str], rows: Iterable[Sequence[str]], numbers: Collection[str] = (), file: TextIO | None = None
+) -> None:
+    """Print a table: folded to the width of a terminal, elsewhere one line per row. No cell is cut.
+
+    Args:
+        columns: their names.
+        rows: cells; control characters are left out.
+        numbers: the columns that are aligned to the right, and never folded.
+        file: standard output by default.
+    """
+    import rich.console
+    import rich.table
+    import rich.text
+
+    file = sys.stdout if file is None else file
+    grid = [[clean(cell, 2000) for cell in row] for row in rows]
+    table = rich.table.Table(box=None, header_style="bold", pad_edge=False)
+    for k, name in enumerate(columns):
+        number = name in numbers
+        width = max((len(row[k]) for row in grid), default=0) if number else None
+        table.add_column(name, justify="right" if number else "left", overflow="fold", min_width=width)
+    for row in grid:
+        table.add_row(*map(rich.text.Text, row))
+    console = rich.console.Console(file=file, width=None if file.isatty() else 100_000)
+    with console.capture() as printed:
+        console.print(table, crop=False)
+    file.write("".join(f"{line.rstrip()}\n" for line in printed.get().splitlines()))
+
+
+class _Interrupt:
+    """Turn the first signal into an interrupt, which leaves time to clean up; a second one ends the process at once.
+
+    Some senders signal the process, then its group: signals within a second count as one.
+    """
+
+    first: ClassVar[float] = math.inf
+
+    def __call__(self, *_: object) -> None:
+        now = time.monotonic()
+        if now > _Interrupt.first + 1.0:
+            remove_scratch()
+            os._exit(130)
+        if now < _Interrupt.first:
+            _Interrupt.first = now
+            raise KeyboardInterrupt
+
+
+def _show_traceback(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
+    say(*"".join(traceback.format_exception(kind, error, trace)).splitlines(), file=sys.stderr)
+
+
+def _reader_is_gone() -> bool:
+    """Check whether standard output was closed at its other end."""
+    if not hasattr(select, "poll"):  # on Windows
+        return False
+    output = select.poll()
+    output.register(sys.stdout, 0)  # 0: errors only
+    return bool(output.poll(0))
+
+
+def _leave(line: str, code: int) -> NoReturn:
+    """Print ``line`` and end the process at once, without waiting for other threads.
+
+    A thread inside a library could crash while the interpreter shuts down.
+    """
+    with contextlib.suppress(OSError):  # the other end may be closed
+        say(*line.splitlines(), file=sys.stderr)
+        sys.stderr.flush()
+        sys.stdout.flush()
+    remove_scratch()
+    os._exit(code)

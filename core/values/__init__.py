@@ -1,0 +1,1 @@
+"""What passes between the rooms, typed: tools, plans, jobs, observations, joints, materials, messages."""

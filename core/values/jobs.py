@@ -1,0 +1,181 @@
+"""Define what a simulator takes and returns: joint trajectories, rollouts, recordings and outcomes.
+
+Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/test_trajectory.py` and
+`tests/core/simulation/test_rendering.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from core.errors import UsageError, check_positive, choices
+from core.geometry import Array
+from core.values.states import State
+from core.values.tools import Tool
+
+
+@dataclass(frozen=True, eq=False)
+class JointTrajectory:
+    """The joint targets over time that every engine plays.
+
+    ``times`` (T,) rises from 0, in seconds; ``arm`` (T, J) is in radians; ``fingers`` (T,) is each finger's distance
+    from the middle, in metres (0 closed, 0.04 open). Targets are linear between instants, and constant after the last.
+    """
+
+    times: Array
+    arm: Array
+    fingers: Array
+
+    @property
+    def duration(self) -> float:
+        return float(self.times[-1])
+
+    def sample(self, times: Array) -> tuple[Array, Array]:
+        """Return arm targets (S, 7) and finger targets (S,) at instants (S,)."""
+        arm = np.stack([np.interp(times, self.times, joint) for joint in self.arm.T], axis=-1)
+        return arm, np.interp(times, self.times, self.fingers)
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """One job for a simulator.
+
+    It spawns the layout of ``seed``, and the robot with ``tool`` at the trajectory's first targets. It lets
+    ``settle_s`` pass, notes the start state, plays the trajectory, holds the last targets for ``hold_s``, and notes the
+    end state. With ``record_hz`` > 0 all of it is recorded at that rate, and with ``forces`` contact forces too.
+    """
+
+    tool: Tool
+    trajectory: JointTrajectory
+    seed: int = 0
+    settle_s: float = 0.5
+    hold_s: float = 1.0
+    record_hz: float = 0.0
+    forces: bool = False
+
+
+@dataclass
+class Perception:
+    """The noise of what plans see: standard deviations of x and y, metres, and of the yaw, radians."""
+
+    position: float = 0.0
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("position", self.position), ("yaw", self.yaw)):
+            if not 0 <= value <= 1:
+                raise UsageError(f"rollout.perception.{name} must be between 0 and 1, got {value}")
+
+
+PENETRATION_MODES = ("forbid", "warn", "ignore")
+
+
+@dataclass
+class RolloutSettings:
+    """How a plan is executed. Times are in seconds.
+
+    ``segment_s`` is the shortest time of a segment; ``settle_s`` and ``hold_s`` are the pauses before and after the
+    motion. ``speed`` is the share of the arm's velocity and acceleration limits that is used. A plan whose motion lasts
+    longer than ``max_motion_s`` is rejected. ``penetration`` says what a rollout earns in which solids passed through
+    one another (`core.simulation.penetration`): with ``forbid`` nothing, with ``warn`` the task's reward; both add a
+    warning. With ``ignore`` nothing is checked. A plan that drives the arm through itself or the tool through the arm
+    (`core.robot.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``. With ``observe`` each
+    evaluation's details hold an observation of its rollout (`core.simulation.observing`). Plans that look see the scene
+    with the noise of ``perception``.
+    """
+
+    segment_s: float = 0.5
+    settle_s: float = 0.5
+    hold_s: float = 1.0
+    speed: float = 0.95
+    max_motion_s: float = 120.0
+    penetration: str = "forbid"
+    observe: bool = False
+    perception: Perception = field(default_factory=Perception)
+
+    def __post_init__(self) -> None:
+        check_positive("rollout.", segment_s=self.segment_s, speed=self.speed, max_motion_s=self.max_motion_s)
+        for name, seconds in (("settle_s", self.settle_s), ("hold_s", self.hold_s)):
+            if not 0 <= seconds <= 60:
+                raise UsageError(f"rollout.{name} must be between 0 and 60 seconds, got {seconds}")
+        if self.speed > 1:
+            raise UsageError(f"rollout.speed is a share of the arm's limits, at most 1, got {self.speed}")
+        if self.penetration not in PENETRATION_MODES:
+            raise choices("rollout.penetration", self.penetration, PENETRATION_MODES)
+
+
+@dataclass(frozen=True, eq=False)
+class Pushes:
+    """What bodies push the tool with: N contact points, of all steps of a rollout.
+
+    Attributes:
+        samples: (N,) the number of the recording's instant that comes next.
+        bodies: (N,) names.
+        points: (N, 3) in the world.
+        forces: (N, 3) on the tool, newtons: what the impulse adds to the mean since the instant before. Friction is in
+            them if the engine tells it.
+    """
+
+    samples: npt.NDArray[np.int64]
+    bodies: npt.NDArray[np.str_]
+    points: Array
+    forces: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A rollout over time: instants (T,) in seconds, arm joints (T, J), and states stacked over T.
+
+    ``fingers`` (T, F + K) are the joints of the robot's F fingers, and then those of the tool (`Tool.bearers`).
+    ``forces`` has, for each two things that touched, the mean of their normal force since the instant before, newtons
+    (T,): an impulse divided by its time, which engines with different time steps agree on. Of two names the first is
+    ``tool``, a link of the arm, or a body, the second a body; of two bodies the one that the scene lists first.
+    ``pushes`` come with the forces; None: the engine does not tell where they act.
+    """
+
+    times: Array
+    arm: Array
+    fingers: Array
+    states: State
+    forces: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    pushes: Pushes | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """The result of a rollout: the states of its world after settling and at the end.
+
+    ``tracking_error_rad`` is the largest lag of an arm joint behind its target. ``error`` says why the rollout failed;
+    then the states are None.
+    """
+
+    start: State | None
+    end: State | None
+    tracking_error_rad: float = float("nan")
+    error: str | None = None
+    recording: Recording | None = None
+    warnings: tuple[str, ...] = ()
+
+
+class World(Protocol):
+    """An engine's world with a scene and the robot, stepped by its caller (`core.simulation.playback`).
+
+    A world may have a method ``launch()``, which its caller calls once, when the robot's motion begins: then bodies get
+    their velocities (`Body.velocity`), and the time of drives begins (`Drive`).
+    """
+
+    time_step: float
+
+    def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+        """Drive the joints to targets (J,) and a finger opening at these speeds, and advance by one time step."""
+
+    def joints(self) -> tuple[Array, Array]:
+        """Return the arm's joints (J,), and the fingers' with the tool's (F + K,); see `Recording`."""
+
+    def state(self) -> State:
+        """Return the state of the free bodies."""

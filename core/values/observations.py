@@ -1,0 +1,103 @@
+"""Define what is observed of a rollout: contacts, motions, and what became of the bodies of the task's goal.
+
+Plugins import it from `core.interfaces`. Covered by `tests/core/simulation/test_observing.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal, TypeVar
+
+T = TypeVar("T")
+
+OBSERVATION, TRIAL, TOUCHES = "observation", "trial", "touches"  # of `Evaluation.details`
+
+Class = Literal["solved", "placed", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
+
+Point = tuple[float, float, float]
+Offset = tuple[float | None, float | None, float | None]
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two things that touched in a rollout, from ``first_s`` to ``last_s``, perhaps with pauses.
+
+    Times are those of a `Recording`, seconds. ``one`` is a component of the tool, a link of the arm or a body, as
+    ``kind`` says; ``other`` is a body. A finger counts as the tool if attachments hang from it. ``depth_m`` is the
+    largest penetration; a negative one is the smallest gap. ``force_n`` is the largest force; None: not measured.
+    """
+
+    kind: Literal["tool", "arm", "body"]
+    one: str
+    other: str
+    first_s: float
+    last_s: float
+    depth_m: float
+    force_n: float | None = None
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A body's way from its start to its end, its place at the end, metres, and how far its upward axis turned."""
+
+    by: Point
+    to: Point
+    tilt_deg: float
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The observations of a rollout. Lengths are metres, times seconds from the start of the motion.
+
+    Attributes:
+        result: what became of the bodies of the task's goal, see `core.simulation.observing`.
+        what: the body that this happened to, or the thing that the robot was stuck at.
+        at_s: when it happened.
+        left: the bodies of the goal that are not in place.
+        moved: the free bodies that moved, and those of the goal.
+        errors: for each body of the goal, its place at the end minus the wanted one; None: a coordinate is free.
+        contacts: the first contacts, the robot's before those of bodies with each other.
+        clearances: the least distance of the robot to each body that it did not touch.
+        touch_m: how far from its mount's origin the tool first touched a body that can move; None: it touched none.
+        miss: the number of the waypoint, from 1, on the way to which the arm can follow least, and its two errors
+            there, metres and radians.
+        lag_rad: the largest lag of a joint, and ``lag_s``: when.
+        arrivals: when each waypoint is reached.
+        instants: of the places in ``paths``.
+        paths: the places of some bodies that moved: first those of ``left``, then the goal's others.
+    """
+
+    result: Class
+    what: str = ""
+    at_s: float | None = None
+    left: tuple[str, ...] = ()
+    moved: Mapping[str, Moved] = field(default_factory=dict)
+    errors: Mapping[str, Offset] = field(default_factory=dict)
+    contacts: tuple[Contact, ...] = ()
+    clearances: Mapping[str, float] = field(default_factory=dict)
+    touch_m: float | None = None
+    miss: tuple[int, float, float] = (1, 0.0, 0.0)
+    lag_rad: float = 0.0
+    lag_s: float = 0.0
+    arrivals: tuple[float, ...] = ()
+    instants: tuple[float, ...] = ()
+    paths: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
+
+    def details(self) -> dict[str, Any]:
+        """Return the entry of `Evaluation.details` that `observation` reads back."""
+        return {OBSERVATION: asdict(self)}
+
+
+def read_observation(stored: dict[str, Any]) -> Observation:
+    """Read an observation as `Observation.details` wrote it."""
+    parts = {
+        "moved": {name: _made(Moved, moved) for name, moved in stored.get("moved", {}).items()},
+        "contacts": tuple(_made(Contact, contact) for contact in stored.get("contacts", ())),
+    }
+    return _made(Observation, stored | parts)
+
+
+def _made(kind: type[T], values: Mapping[str, Any]) -> T:
+    """Make a dataclass of those of the values that it has fields for: a newer version may have stored more."""
+    return kind(**{field.name: values[field.name] for field in fields(kind) if field.name in values})  # type: ignore[arg-type]

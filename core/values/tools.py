@@ -1,0 +1,191 @@
+"""Define tools: components, the joints between them, and the convex shapes that collide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from core.geometry import Compound, Pose, Shape
+from core.values.plans import content_of, digest
+
+RIGID_MOUNT = "tool_mount"
+GRIPPER_MOUNTS = ("left_finger", "right_finger")
+TOOL_FRICTION = 0.5  # of printed plastic
+
+
+class DesignError(ValueError):
+    """A design breaks a rule. The message says what is wrong, where, and how to mend it."""
+
+
+@dataclass(frozen=True)
+class ToolJoint:
+    """A joint without a motor, by which a component moves against its parent. Units are SI, angles radians.
+
+    Attributes:
+        kind: ``hinge`` or ``slider``.
+        axis: (3,) the direction that it turns about or moves along, in the component's frame; it becomes a unit vector.
+        lower: with ``upper`` its range; at 0 the component is where its pose says.
+        origin: (3,) a point of a hinge's axis, in the component's frame.
+        damping: N m s/rad, or N s/m.
+        friction: the largest torque or force of dry friction, N m or N.
+        stiffness: of a spring, N m/rad or N/m; 0: there is none.
+        rest: where the spring is relaxed.
+
+    Raises:
+        DesignError: the axis has no length, 0 is not in the range, or a number is negative that must not be.
+    """
+
+    kind: Literal["hinge", "slider"]
+    axis: tuple[float, float, float]
+    lower: float
+    upper: float
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    damping: float = 0.0
+    friction: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+
+    def __post_init__(self) -> None:
+        length = float(np.linalg.norm(self.axis))
+        if not 1e-6 < length < np.inf:
+            raise DesignError("a joint's axis needs a length: give for example 0 0 1")
+        x, y, z = (float(value) / length for value in self.axis)
+        object.__setattr__(self, "axis", (x, y, z))
+        if not self.lower <= 0 <= self.upper or self.lower == self.upper:
+            raise DesignError(f"a joint's range must hold 0, and more than 0; it is {self.lower:g} to {self.upper:g}")
+        for name in ("damping", "friction", "stiffness"):
+            if not getattr(self, name) >= 0:
+                raise DesignError(f"a joint's {name} must be 0 or more, not {getattr(self, name):g}")
+
+
+@dataclass(frozen=True)
+class Component:
+    """One solid of a tool, its pose given in the frame of its parent: another component, or a mount link of the robot.
+
+    A `Mesh` is closed and convex. With a ``joint`` it moves against its parent, and bears its own children.
+    """
+
+    name: str
+    parent: str
+    pose: Pose
+    shape: Shape | Compound
+    mass: float = 0.005
+    color: tuple[float, float, float, float] = (0.2, 0.45, 0.8, 1.0)
+    joint: ToolJoint | None = None
+
+    @property
+    def link(self) -> Pose:
+        """The frame of the component's link in its own frame: at the joint's origin, if it has one."""
+        return Pose() if self.joint is None else Pose(np.array(self.joint.origin))
+
+
+class Part(NamedTuple):
+    """A convex shape of a tool and the name of its component.
+
+    ``pose`` is in the frame of ``bearer``: a mount, or a component with a joint, whose frame is `Component.link`.
+    """
+
+    component: str
+    shape: Shape
+    bearer: str
+    pose: Pose
+
+
+class Bearer(NamedTuple):
+    """A component with a joint: its frame in that of the bearer before it, its joint at 0."""
+
+    name: str
+    parent: str
+    pose: Pose
+    joint: ToolJoint
+
+
+@dataclass(frozen=True)
+class Tool:
+    """Joined solids: a tool on `RIGID_MOUNT`, or with ``gripper`` attachments to the fingers `GRIPPER_MOUNTS`.
+
+    Without components it is the bare arm (with ``gripper``: the bare hand). Parents come before their children.
+    ``friction`` is that of a rigid tool; attachments to the fingers have that of the fingers.
+
+    Raises:
+        DesignError: a name is used twice, or a parent is neither a component before it nor a mount.
+    """
+
+    components: tuple[Component, ...] = ()
+    gripper: bool = False
+    name: str = ""
+    description: str = ""
+    friction: float = TOOL_FRICTION
+
+    def __hash__(self) -> int:  # many things are kept by tool, and poses take long
+        return hash((self.name, self.gripper, tuple((c.name, c.mass) for c in self.components)))
+
+    def __post_init__(self) -> None:
+        known = set(self.mounts)
+        for component in self.components:
+            if component.name in known:
+                raise DesignError(f"two parts of the tool are named {component.name!r}; each needs its own name")
+            if component.parent not in known:
+                raise DesignError(
+                    f"component {component.name!r} hangs from {component.parent!r}, which is neither a component "
+                    f"before it nor the mount ({' or '.join(self.mounts)})"
+                )
+            known.add(component.name)
+
+    @property
+    def mounts(self) -> tuple[str, ...]:
+        return GRIPPER_MOUNTS if self.gripper else (RIGID_MOUNT,)
+
+    @property
+    def mass(self) -> float:
+        return sum(component.mass for component in self.components)
+
+    @cached_property
+    def content(self) -> str:
+        """A hash of what is simulated: equal for tools that differ in name and description only."""
+        return digest(content_of(replace(self, name="", description="")))
+
+    def placed(self) -> dict[str, tuple[str, Pose]]:
+        """Return for each component its mount and its pose in the mount's frame, with all joints at 0."""
+        return dict(self._placed)
+
+    @cached_property
+    def _placed(self) -> dict[str, tuple[str, Pose]]:
+        placed: dict[str, tuple[str, Pose]] = {mount: (mount, Pose()) for mount in self.mounts}
+        for component in self.components:
+            mount, pose = placed[component.parent]
+            placed[component.name] = (mount, pose @ component.pose)
+        return {component.name: placed[component.name] for component in self.components}
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """The convex shapes that collide, in the order of the components."""
+        borne = self.borne
+        return tuple(Part(c.name, shape, *borne[c.name]) for c in self.components for shape in c.shape.convex_parts())
+
+    @cached_property
+    def borne(self) -> dict[str, tuple[str, Pose]]:
+        """For each component the mount or the component with a joint that bears it, and its pose in that frame."""
+        borne: dict[str, tuple[str, Pose]] = {mount: (mount, Pose()) for mount in self.mounts}
+        for c in self.components:
+            bearer, pose = borne[c.parent]
+            borne[c.name] = (bearer, pose @ c.pose) if c.joint is None else (c.name, c.link.inverse())
+        return {component.name: borne[component.name] for component in self.components}
+
+    @property
+    def borne_on(self) -> tuple[str, ...]:
+        """The links that its components are part of: its mounts, and its components with a joint."""
+        return (*self.mounts, *(c.name for c in self.components if c.joint is not None))
+
+    @cached_property
+    def bearers(self) -> tuple[Bearer, ...]:
+        """The K components with a joint, in the order of the joints' values."""
+        ends = {mount: (mount, Pose()) for mount in self.mounts} | self.borne
+        return tuple(
+            Bearer(c.name, ends[c.parent][0], ends[c.parent][1] @ c.pose @ c.link, c.joint)
+            for c in self.components
+            if c.joint is not None
+        )

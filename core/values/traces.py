@@ -1,0 +1,148 @@
+"""Define the trace of a rollout, which a reward may read: states over time, and what touched.
+
+Plugins import it from `core.scene`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from core.geometry import Array
+from core.values.states import State
+
+TRACE_HZ = 25.0
+
+Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """The states of one world or of many at a fixed rate, and the contacts in them.
+
+    Two things are in contact while the gap between their shapes is at most what engines leave between things that rest
+    on each other. It is computed from the poses, so it is the same notion in every engine.
+
+    In queries ``by`` says what else touches the body: ``robot`` is its links and the tool, ``tool`` all components of
+    the tool, another name that component, link or body, and None anything.
+
+    Attributes:
+        times: (T,) instants, s, `TRACE_HZ` apart from 0, when the robot's motion begins.
+        states: of the free bodies, with the axes of worlds, if any, and then T: positions are (..., T, B, 3). A world
+            that ends earlier repeats its last state.
+        touching: for two things that ever touched, at which instants (..., T). The first of three names is the kind of
+            the second, ``tool``, ``arm`` or ``body``; the third is a body.
+        forces: the mean of two things' normal force since the instant before, N, (..., T), see `Recording.forces`;
+            None: nothing measured forces.
+    """
+
+    times: Array
+    states: State
+    touching: Mapping[tuple[str, str, str], Flags] = field(default_factory=dict)
+    forces: Mapping[tuple[str, str], Array] | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The axes of worlds, if any, and T."""
+        return self.states.positions.shape[:-2]
+
+    def contact(self, body: str, by: str | None = None) -> Flags:
+        """Report at which instants (..., T) a body is touched."""
+        self._check(body)
+        found = np.zeros(self.shape, dtype=bool)
+        for (kind, one, other), flags in self.touching.items():
+            if _about(kind, one, other, body, by):
+                found = found | flags
+        return found
+
+    def touched(self, body: str, by: str | None = None) -> Flags:
+        """Report whether a body was ever touched, (...)."""
+        found: Flags = np.asarray(self.contact(body, by).any(axis=-1))
+        return found
+
+    def touching_at_end(self, body: str, by: str | None = None) -> Flags:
+        """Report whether a body is touched at the last instant, (...)."""
+        return self.contact(body, by)[..., -1]
+
+    def first_s(self, body: str, by: str | None = None) -> Array:
+        """Find when a body was first touched, s, (...); inf: never."""
+        found: Array = np.where(self.contact(body, by), self.times, np.inf).min(axis=-1)
+        return found
+
+    def last_s(self, body: str, by: str | None = None) -> Array:
+        """Find when a body was last touched, s, (...); -inf: never."""
+        found: Array = np.where(self.contact(body, by), self.times, -np.inf).max(axis=-1)
+        return found
+
+    def force_n(self, body: str, by: str | None = None) -> Array:
+        """Find the largest mean normal force between a body and one other thing, N, (...); the tool is one thing.
+
+        Raises:
+            ValueError: nothing measured forces.
+        """
+        self._check(body)
+        if self.forces is None:
+            raise ValueError("the trace has no forces; this engine or environment measures none")
+        bodies, found = {*self.states.names, *self.states.places}, np.zeros(self.shape[:-1])
+        for (one, other), forces in self.forces.items():
+            kind = "tool" if one == "tool" else "body" if one in bodies else "arm"
+            part = self.touching.get(("tool", by or "", body)) if (one, other) == ("tool", body) else None
+            if part is not None or _about(kind, one, other, body, by):  # of a component: while it touches
+                found = np.maximum(found, (forces if part is None else forces * part).max(axis=-1))
+        return found
+
+    def held(self, body: str) -> Flags:
+        """Report at which instants (..., T) the robot carries a body.
+
+        It and the free bodies that touch it, directly or through others, touch the robot, and nothing that is fixed.
+        """
+        self._check(body)
+        group = dict.fromkeys(self.states.names, np.zeros(self.shape, dtype=bool))
+        group[body] = np.ones(self.shape, dtype=bool)
+        pairs = [(one, other, flags) for (kind, one, other), flags in self.touching.items() if kind == "body"]
+        for _ in self.states.names:
+            before = dict(group)
+            for one, other, flags in pairs:
+                if one in group and other in group:
+                    near = (group[one] | group[other]) & flags
+                    group[one], group[other] = group[one] | near, group[other] | near
+            if all((group[name] == before[name]).all() for name in group):
+                break
+        robot, fixed = np.zeros(self.shape, dtype=bool), np.zeros(self.shape, dtype=bool)
+        for name, within in group.items():
+            robot |= within & self.contact(name, "robot")
+            for place in self.states.places:
+                fixed |= within & self.contact(name, place)
+        return robot & ~fixed
+
+    def __getitem__(self, index: int) -> Trace:
+        """One world of many."""
+        forces = None if self.forces is None else {key: of[index] for key, of in self.forces.items()}
+        touching = {key: of[index] for key, of in self.touching.items()}
+        return replace(self, states=self.states[index], touching=touching, forces=forces)
+
+    @classmethod
+    def of(cls, *states: State, **given: Any) -> Trace:
+        """Make a trace of states, each (..., B, 3), at successive instants; ``given`` are further attributes."""
+        arrays = (np.stack(values, axis=-3) for values in zip(*(state.arrays for state in states), strict=True))
+        first = states[0]
+        stacked = State(first.names, *arrays, places=first.places, joints=first.joints)
+        return cls(np.arange(len(states)) / TRACE_HZ, stacked, **given)
+
+    def _check(self, body: str) -> None:
+        known = (*self.states.names, *self.states.places)
+        if body not in known:
+            raise KeyError(f"no body {body!r} in the trace; there are: {', '.join(known)}")
+
+
+def _about(kind: str, one: str, other: str, body: str, by: str | None) -> bool:
+    """Report whether a contact is one of ``body`` with ``by``, see `Trace`."""
+    if kind == "body" and body == one:
+        return by in (None, other)
+    if body != other:
+        return False
+    return by is None or by == one or (kind != "body" and by == "robot") or (kind == "tool" and by == "tool")

@@ -1,0 +1,127 @@
+"""Checks that every action representation must pass. Each takes one and raises an AssertionError.
+
+Covered by `tests/plugins/conformance/test_suites.py`.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+
+import numpy as np
+
+from core.design import DesignError
+from core.designs.planning import look
+from core.designs.rules import check_plan
+from core.interfaces import ActionPlan, ActionRepresentation, Anchor, Perception, Waypoints
+from core.support.text import shorten
+from plugins.conformance.checking import LengthOnly, as_json, brief, expect, some_task
+
+_DRAWS = 200
+
+
+def check_the_schema_is_of_json(representation: ActionRepresentation) -> None:
+    for gripper in (False, True):
+        schema = representation.schema(gripper=gripper)
+        expect(isinstance(schema, dict) and schema, f"the schema is {schema!r}, not an object")
+        as_json(schema, "the schema")
+
+
+def check_there_are_instructions(representation: ActionRepresentation) -> None:
+    for gripper in (False, True):
+        text = representation.instructions(brief(some_task(), LengthOnly(), gripper=gripper))
+        expect(text.strip(), "the instructions are empty, so a model can't write a plan")
+
+
+def check_plans_that_fit_the_schema_are_read(representation: ActionRepresentation) -> None:
+    """Of documents of the schema's form some are read; those keep their meaning through dump, parse and pickle."""
+    seen, sound = look(some_task(), 0, Perception()), 0
+    for gripper in (False, True):
+        for data in _drawn(representation.schema(gripper=gripper)):
+            try:
+                plan = representation.parse(data, gripper=gripper)
+                waypoints = plan.resolve(seen)
+            except DesignError as error:
+                expect(str(error).strip(), f"{shorten(repr(data))} was refused without a reason")
+                continue
+            sound += 1
+            expect(isinstance(plan, ActionPlan), f"parse returned a {type(plan).__name__}, not an ActionPlan")
+            expect(isinstance(waypoints, Waypoints), f"resolve returned a {type(waypoints).__name__}, no Waypoints")
+            wide = waypoints.poses.shape[1] == 7
+            expect(wide == gripper, f"waypoints of {waypoints.poses.shape[1]} numbers came with gripper={gripper}")
+            check_plan(waypoints.poses, gripper=gripper)
+            dumped = plan.dump()
+            as_json(dumped, "what dump returned")
+            again = representation.parse(dumped, gripper=gripper)
+            expect(again.content == plan.content, "a plan that is written and read again is another plan")
+            same = pickle.loads(pickle.dumps(plan)).resolve(seen)  # noqa: S301  # our own
+            expect(np.array_equal(same.poses, waypoints.poses), "a plan that was pickled means other waypoints")
+    expect(sound, f"of {2 * _DRAWS} plans of the schema's form none was read")
+
+
+def check_anchored_waypoints_keep_their_meaning(representation: ActionRepresentation) -> None:
+    """Waypoints that are anchored to bodies mean the same in their layout."""
+    seen = look(some_task(), 0, Perception())
+    rows = np.random.default_rng(0).uniform(-0.5, 0.5, (8, 7))
+    rows[:, 6] = rows[:, 6] > 0
+    names = ["world", *seen.poses]
+    anchors = [Anchor(names[i % len(names)], axes="anchor" if i % 2 else "world") for i in range(len(rows))]
+    for gripper in (False, True):
+        literal = Waypoints(rows if gripper else rows[:, :6])
+        try:
+            data = representation.anchor(literal, anchors, seen)
+        except DesignError:
+            continue
+        as_json(data, "what anchor returned")
+        meant = representation.parse(data, gripper=gripper).resolve(seen).poses
+        same = meant.shape == literal.poses.shape and np.allclose(meant, literal.poses, atol=1e-4)
+        expect(same, "waypoints that anchor wrote are others in the layout that they are from")
+
+
+def check_nonsense_is_refused_with_a_reason(representation: ActionRepresentation) -> None:
+    """Anything that a model may write is read, or refused with a DesignError."""
+    wild: list[object] = [None, True, 1, -1e400, "", "x" * 1000, "<a>", [], [[]], [None], {}, {"a": {}}, [1] * 50]
+    deep: object = 0
+    for _ in range(500):
+        deep = [deep]
+    for data in (*wild, *([item] for item in wild), *([{"anchor": item, "offset": item}] for item in wild), deep):
+        try:
+            plan = representation.parse(data, gripper=False)
+        except DesignError as error:
+            expect(str(error).strip(), f"{shorten(repr(data))} was refused without a reason")
+        except Exception as error:
+            what = f"parse raised {type(error).__name__} on {shorten(repr(data))}, not a DesignError"
+            raise AssertionError(what) from error
+        else:
+            expect(isinstance(plan, ActionPlan), f"parse returned a {type(plan).__name__}")
+
+
+def _drawn(schema: dict[str, object]) -> Iterator[object]:
+    """Draw documents of a schema's form: numbers are small, texts are names of the scene's bodies."""
+    rng = np.random.default_rng(0)
+    names = [body.name for body in some_task().scene(0).bodies]
+    for _ in range(_DRAWS):
+        yield _draw(schema, rng, names)
+
+
+def _draw(schema: object, rng: np.random.Generator, names: list[str]) -> object:
+    assert isinstance(schema, dict)
+    if "enum" in schema:
+        return schema["enum"][int(rng.integers(len(schema["enum"])))]
+    if "anyOf" in schema:
+        return _draw(schema["anyOf"][int(rng.integers(len(schema["anyOf"])))], rng, names)
+    match schema.get("type"):
+        case "array":
+            least = int(schema.get("minItems", 0))
+            count = int(rng.integers(least, min(schema.get("maxItems", least + 3), least + 3) + 1))
+            return [_draw(schema["items"], rng, names) for _ in range(count)]
+        case "object":
+            wanted = schema.get("required", ())
+            chosen = {k: v for k, v in schema["properties"].items() if k in wanted or rng.random() < 0.3}
+            return {key: _draw(value, rng, names) for key, value in chosen.items()}
+        case "number" | "integer":
+            return round(float(rng.uniform(schema.get("minimum", -0.6), schema.get("maximum", 0.6))), 4)
+        case "boolean":
+            return bool(rng.random() < 0.5)
+        case _:
+            return names[int(rng.integers(len(names)))]

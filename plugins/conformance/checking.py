@@ -1,0 +1,126 @@
+"""Provide what the checks of every kind share: small tools, requests, the first task and the first engine.
+
+Covered by `tests/plugins/conformance/test_suites.py`.
+"""
+
+from __future__ import annotations
+
+import json
+import traceback
+from functools import lru_cache
+from typing import Any
+
+from core.design import RIGID_MOUNT, Component, Tool
+from core.errors import UserError
+from core.geometry import Box, Pose
+from core.hooks import PROJECT
+from core.interfaces import Brief, Message, Request, Simulator, Task, Text, ToolRepresentation
+from core.plugins import Part, installed
+
+
+class LeftOut(Exception):
+    """The part says that it lacks what is checked; the message is its own."""
+
+
+def expect(condition: object, message: str) -> None:
+    """Check a condition, with ``python -O`` too.
+
+    Raises:
+        AssertionError: with the message.
+    """
+    if not condition:
+        raise AssertionError(message)
+
+
+def describe_error(error: Exception) -> str:
+    """Describe an exception in one line, with the place in the code that raised it."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({last.filename}, line {last.lineno})"
+
+
+def rigid() -> Tool:
+    """An L of two boxes under the flange."""
+    down = Component("down", RIGID_MOUNT, Pose.xyz_rpy((0.0, 0.0, -0.1)), Box((0.02, 0.02, 0.2)))
+    ahead = Component("ahead", "down", Pose.xyz_rpy((0.05, 0.0, -0.1), (0.0, 0.0, 0.2)), Box((0.1, 0.02, 0.02)))
+    return Tool((down, ahead), name="L")
+
+
+def fingers() -> Tool:
+    """A box on each finger."""
+    left, right = (
+        Component(f"tip_{side}", f"{side}_finger", Pose.xyz_rpy((0.0, y, 0.06)), Box((0.01, 0.01, 0.05)))
+        for side, y in (("left", 0.008), ("right", -0.008))
+    )
+    return Tool((left, right), gripper=True, name="tips")
+
+
+class LengthOnly(ToolRepresentation):
+    """Writes any tool as one number, so that a model can be checked without a tool plugin."""
+
+    def instructions(self, brief: Brief) -> str:
+        return "`length`: of the stick, metres."
+
+    def schema(self) -> dict[str, Any]:
+        return {"length": {"type": "number"}}
+
+    def parse(self, data: Any, *, gripper: bool) -> Tool:
+        return fingers() if gripper else rigid()
+
+    def dump(self, tool: Tool) -> dict[str, Any]:
+        return {"length": 0.2}
+
+
+def brief(task: Task, representation: ToolRepresentation, *, agent: int = 0, gripper: bool = False) -> Brief:
+    """The brief of a first generation: two tools with two plans each."""
+    given = representation.given(task)
+    n_tool = 2 if given is None else 1
+    gripper = gripper if given is None else given.gripper
+    actions = installed().create("action", "waypoints")
+    return Brief(task, 0, representation, gripper, n_tool, 2, 0, agent, agent, actions=actions)
+
+
+def request(of: Brief) -> Request:
+    """A short request for a brief."""
+    fields = ", ".join([*of.representation.schema(), "gripper", "action_sets"])
+    text = f"{of.task.description} Answer with JSON: strategies, a list of {of.n_tool} objects with {fields}."
+    return Request(f"g{of.generation}-a{of.agent}", of, (Message("user", (Text(text),)),), {"type": "object"}, 1.0)
+
+
+def some_task() -> Task:
+    """The first task that is installed.
+
+    Raises:
+        UserError: there is none.
+    """
+    for name in installed().ready("task"):
+        task: Task = installed().create("task", name)
+        return task
+    raise UserError("no task is installed; a check needs one")
+
+
+@lru_cache(maxsize=1)
+def some_simulator() -> tuple[str, Simulator]:
+    """The first engine that can be made, and its name; the built-in ones come first.
+
+    Raises:
+        UserError: there is none.
+    """
+    offers = [offer for offer in installed().offers.values() if offer.kind == "sim"]
+    for offer in sorted(offers, key=lambda offer: (offer.distribution != PROJECT, offer.name)):
+        try:
+            return offer.name, Part("sim", offer.name).create()
+        except UserError:  # for example an engine whose library is not installed
+            continue
+    raise UserError("no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed")
+
+
+def as_json(value: object, what: str) -> str:
+    """Write a value as JSON.
+
+    Raises:
+        AssertionError: it can't be written.
+    """
+    try:
+        return json.dumps(value, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise AssertionError(f"{what} can't be written as JSON: {error}") from error

@@ -1,0 +1,134 @@
+"""Checks that every listener must pass. Each takes a factory, ``make()``, since a listener belongs to one run.
+
+The events are those of small scripted runs, in the order of `core.hooks.Events`. No model is asked.
+Covered by `tests/plugins/conformance/test_suites.py`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from omegaconf import OmegaConf
+
+from core.config.compose import load
+from core.design import Candidate, Evaluation
+from core.designs.planning import NO_PLAN
+from core.events import Generation, Result, Run
+from core.interfaces import Budget, Reply, Simulator, Waypoints
+from core.plugins import event_hub, installed
+from plugins.conformance.checking import LengthOnly, brief, describe_error, fingers, request, rigid, some_simulator
+
+Make = Callable[[], Any]
+PLAIN = "a stick"
+# What a model may write: markup of several kinds, control characters, other scripts, far too much.
+ODD = "[bold]{0} %s </td> \x1b[31m\x00\r\n| \u202e 柄 ```" + "long " * 1000
+
+
+@lru_cache(maxsize=1)
+def _config() -> tuple[str, dict[str, Any]]:
+    """The first task's name, and the configuration of a run of it."""
+    name = installed().ready("task")[0]
+    return name, cast(dict[str, Any], OmegaConf.to_container(load("config", [f"task={name}"]), resolve=True))
+
+
+def script(folder: Path, text: str = PLAIN, simulator: Simulator | None = None) -> list[tuple[str, dict[str, Any]]]:
+    """The events of a run in ``folder`` of two generations and an empty one; ``text`` is all that the model writes."""
+    name, config = _config()
+    budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
+    parts = {kind: node["name"] for kind, node in config.items() if isinstance(node, dict) and "name" in node}
+    task, tools = installed().create("task", name), LengthOnly()
+    run = Run(folder, config, parts, "a model", task, tools, budget, 0, simulator)
+    events: list[tuple[str, dict[str, Any]]] = [("run_started", {"run": run})]
+    generations: list[Generation] = []
+    for index in range(3):
+        sent = request(replace(brief(task, tools), generation=index))
+        reply = Reply(sent.id, text, "a model", text if index else None, 10, 20)
+        evaluations = tuple(_evaluations(index, text)) if index < 2 else ()
+        generations.append(Generation(index, evaluations))
+        events += [
+            ("generation_started", {"index": index}),
+            ("request_composed", {"request": sent}),
+            ("reply_received", {"request": sent, "reply": reply}),
+            *(("candidate_evaluated", {"evaluation": evaluation}) for evaluation in evaluations),
+            ("generation_finished", {"generation": generations[-1]}),
+        ]
+    return [*events, ("run_finished", {"run": run, "result": Result(tuple(generations), 1.5)})]
+
+
+def _evaluations(generation: int, text: str) -> Iterator[Evaluation]:
+    """Two that are ok, a rejected one and a failed one."""
+    plan = np.array([[0.45, 0.0, 0.5, 0.0, 0.0, 0.0]])
+    tool = replace(rigid(), name=text, description=text)
+    parents = ("g0-a0-s0-p0",) if generation else ()
+    whole = Candidate(tool, Waypoints(plan), generation, 0, 0, 0, text, text, text, parents)
+    moved, details = {text: 0.1}, {text: [1.0, None, text]}
+    yield Evaluation(whole, "ok", 0.25, 0.3, "", 0.001, 0.01, 0.002, moved, (text,), details)
+    yield Evaluation(replace(whole, tool=rigid(), action=1, plan=Waypoints(plan + 0.01)), "ok", 0.0)
+    unread = Candidate(None, NO_PLAN, generation, 1, problem=text)
+    yield Evaluation(unread, "rejected", reason=text)
+    gripping = Candidate(fingers(), Waypoints(np.append(plan, [[0.5]], axis=1)), generation, 2)
+    yield Evaluation(gripping, "failed", reason=text)
+
+
+def play(listener: object, events: Sequence[tuple[str, dict[str, Any]]]) -> None:
+    """Send a listener these events, then ``run_ended``, as a run does: replies come from another thread.
+
+    Raises:
+        AssertionError: the listener raised; says where.
+    """
+    hub = event_hub()
+    hub.register(listener)
+    with ThreadPoolExecutor(1) as pool:
+        for event, content in (*events, ("run_ended", {})):
+            send = partial(getattr(hub.hook, event), **content)
+            try:
+                pool.submit(send).result() if event == "reply_received" else send()
+            except Exception as error:
+                raise AssertionError(f"{event} raised {describe_error(error)}") from error
+
+
+@contextlib.contextmanager
+def scratch() -> Iterator[Path]:
+    """A folder for a run; what listeners print meanwhile is left out."""
+    quiet = io.StringIO()
+    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet):
+        yield Path(folder)
+
+
+def check_it_receives_a_whole_run(make: Make) -> str:
+    """The run has a simulator, with which a listener may play candidates again."""
+    name, simulator = some_simulator()
+    with scratch() as folder:
+        play(make(), script(folder, simulator=simulator))
+    return f"with {name}"
+
+
+def check_odd_texts_are_no_error(make: Make) -> None:
+    """Names, reasons and replies are what a model wrote; numbers may be nan."""
+    with scratch() as folder:
+        play(make(), script(folder, ODD))
+        play(make(), script(folder, ""))
+
+
+def check_a_run_may_break_off(make: Make) -> None:
+    """After an error ``run_ended`` comes, wherever the run was; the same folder then sees the run go on."""
+    with scratch() as folder:
+        events = script(folder)
+        for until in ("run_started", "request_composed", "candidate_evaluated", "generation_finished"):
+            play(make(), events[: [event for event, _ in events].index(until) + 1])
+        play(make(), events)
+
+
+def check_a_run_may_end_before_it_starts(make: Make) -> None:
+    """If another listener's ``run_started`` raises, ``run_ended`` is the only event."""
+    with scratch():
+        play(make(), [])

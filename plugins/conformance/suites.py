@@ -1,0 +1,98 @@
+"""List the checks of each kind of part, and run them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from core.plugins import Part
+from plugins.conformance import (
+    action,
+    bodies,
+    evolution,
+    executor,
+    fitness,
+    impacts,
+    joints,
+    listener,
+    mechanisms,
+    output,
+    repeat,
+    robot,
+    robots,
+    shapes,
+    task,
+    tool,
+    touches,
+    vlm,
+)
+from plugins.conformance.checking import LeftOut, describe_error
+
+Check = Callable[[Any], str | None]
+"""Raises an AssertionError that says what is wrong; may return a remark."""
+
+
+def _checks(*modules: ModuleType) -> tuple[Check, ...]:
+    """The checks that the modules define, in order."""
+    named = ((module, name, f) for module in modules for name, f in vars(module).items())
+    return tuple(f for module, name, f in named if name.startswith("check_") and f.__module__ == module.__name__)
+
+
+SUITES = {
+    "sim": _checks(repeat, robot, bodies, shapes, joints, mechanisms, impacts, touches, output),
+    "task": _checks(task),
+    "robot": _checks(robots),
+    "vlm": _checks(vlm),
+    "tool": _checks(tool),
+    "action": _checks(action),
+    "evolution": _checks(evolution),
+    "fitness": _checks(fitness),
+    "executor": _checks(executor),
+    "listener": _checks(listener),
+}
+"""The checks of each kind. They take what `subject` returns. With pytest::
+
+    @pytest.mark.parametrize("check", SUITES["sim"], ids=lambda check: check.__name__)
+    def test_conforms(check):
+        check(subject(Part("sim", "mine")))
+"""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The result of one check: its duration, the problem (None: it passed), and a remark."""
+
+    check: str
+    seconds: float
+    problem: str | None
+    remark: str | None = None
+
+
+def subject(part: Part) -> Any:
+    """The argument of the checks of the part's kind: the part itself, or a function that makes one.
+
+    Raises:
+        UserError: the part can't be made.
+    """
+    if part.kind == "evolution":
+        return lambda designer, budget: part.create(designer=designer, budget=budget)
+    if part.kind == "fitness":
+        return lambda evaluator: part.create(evaluator=evaluator)
+    return part.create if part.kind in ("executor", "listener") else part.create()
+
+
+def examine(kind: str, checked: Any) -> Iterator[Verdict]:
+    """Yield the verdict of each check of a kind on an object, as `subject` makes it, when the check ends."""
+    for check in SUITES[kind]:
+        began, problem, remark = time.perf_counter(), None, None
+        try:
+            remark = check(checked)
+        except LeftOut as reason:
+            remark = f"left out: {reason}"
+        except Exception as error:  # anything that the part's code raises is a result
+            problem = str(error) if isinstance(error, AssertionError) else describe_error(error)
+        name = check.__name__.removeprefix("check_").replace("_", " ")
+        yield Verdict(name, time.perf_counter() - began, problem, remark)

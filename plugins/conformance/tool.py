@@ -1,0 +1,104 @@
+"""Checks that every tool representation must pass. Each takes one and raises an AssertionError that says what is wrong.
+
+A representation that gives tools (`ToolRepresentation.given`) is checked by what it gives; the others have to write and
+read tools. Covered by `tests/plugins/conformance/test_suites.py`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.design import DesignError, Tool
+from core.designs.rules import check_tool, given_tool
+from core.errors import UserError
+from core.interfaces import ToolRepresentation
+from core.plugins import installed
+from plugins.conformance.checking import as_json, brief, expect, fingers, rigid, some_task
+
+
+def designs(representation: ToolRepresentation) -> bool:
+    """True if a model writes its tools."""
+    try:
+        return representation.given(some_task()) is None
+    except UserError:
+        return False
+
+
+def check_given_tools_keep_the_rules(representation: ToolRepresentation) -> None:
+    """Sizes, masses and contacts as for designs, and at spawn clear of the arm and the scene."""
+    count = 0
+    for name in installed().ready("task"):
+        task = installed().create("task", name)
+        try:
+            representation.given(task)
+        except UserError:  # there is none for this task
+            continue
+        try:
+            count += given_tool(representation, task) is not None
+        except UserError as error:
+            raise AssertionError(str(error)) from error
+    expect(count or designs(representation), "it gives no tool for any task, and writes none")
+
+
+def check_the_schema_is_of_json(representation: ToolRepresentation) -> None:
+    fields = representation.schema()
+    expect(isinstance(fields, dict), f"schema returned a {type(fields).__name__}, not the properties of an object")
+    as_json(fields, "the schema")
+    if designs(representation):
+        expect(fields, "the schema has no fields, so a model can't describe a tool")
+    for name, field in fields.items():
+        expect(isinstance(field, dict) and field, f"the schema of {name!r} is {field!r}, not an object")
+
+
+def check_the_instructions_name_every_field(representation: ToolRepresentation) -> None:
+    if not designs(representation):
+        return
+    for gripper in (False, True):
+        text = representation.instructions(brief(some_task(), representation, gripper=gripper))
+        for name in representation.schema():
+            expect(name in text, f"the instructions don't name {name!r}, which the schema asks for")
+
+
+def check_tools_survive_dump_and_parse(representation: ToolRepresentation) -> None:
+    """Each box keeps its place to 0.1 mm, its size, its mass and its mount. Names may differ."""
+    if not designs(representation):
+        return
+    for tool in (rigid(), fingers()):
+        data = representation.dump(tool)
+        as_json(data, "what dump returned")
+        expect(set(data) == set(representation.schema()), f"dump returned {sorted(data)}; the schema has other fields")
+        as_json(representation.abridge(tool), "what abridge returned")
+        back = representation.parse(data, gripper=tool.gripper)
+        expect(isinstance(back, Tool), f"parse returned a {type(back).__name__}, not a Tool")
+        expect(back.gripper == tool.gripper, f"a tool with gripper={tool.gripper} came back as one without it")
+        check_tool(back, installed().default_robot)
+        wrote, read = len(tool.components), len(back.components)
+        expect(read == wrote, f"of {wrote} components {read} came back")
+        for a, b in zip(tool.components, back.components, strict=True):
+            (mount, pose), (other, moved) = tool.placed()[a.name], back.placed()[b.name]
+            expect(mount == other, f"a component on {mount} came back on {other}")
+            shift = np.abs(pose.matrix - moved.matrix).max()
+            expect(shift < 1e-4, f"a component came back displaced by {shift:.2g} (metres, or parts of the rotation)")
+            wide, found = a.shape.bounds[1], b.shape.bounds[1]
+            expect(np.allclose(wide, found, atol=1e-4), f"a component of {wide} m came back as one of {found} m")
+            expect(abs(a.mass - b.mass) < 1e-6, f"a component of {a.mass} kg came back with {b.mass} kg")
+        again = representation.parse(representation.dump(back), gripper=tool.gripper)
+        expect(again.content == back.content, "a tool that is written and read a second time is another tool")
+
+
+def check_nonsense_is_refused_with_a_reason(representation: ToolRepresentation) -> None:
+    """Anything that a model may write is read, or refused with a DesignError."""
+    if not designs(representation):
+        return
+    fields = representation.schema()
+    sound = representation.dump(rigid())
+    wild: tuple[object, ...] = (None, True, 1, -1e400, "", "x" * 1000, "<a>", [], [[]], [None], {}, {"a": {}}, [1] * 50)
+    for data in ({}, *({**sound, name: value} for name in fields for value in wild)):
+        try:
+            tool = representation.parse(data, gripper=False)
+        except DesignError as error:
+            expect(str(error).strip(), f"{data!r} was refused without a reason")
+        except Exception as error:
+            raise AssertionError(f"parse raised {type(error).__name__} on {data!r}, not a DesignError") from error
+        else:
+            expect(isinstance(tool, Tool), f"parse returned a {type(tool).__name__} for {data!r}")

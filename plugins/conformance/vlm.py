@@ -1,0 +1,43 @@
+"""Checks that every model must pass. Each takes a model and raises an AssertionError that says what is wrong.
+
+They send three small requests, which cost money where a model does. A reply may be an error; its content is not
+checked. Covered by `tests/plugins/conformance/test_suites.py`.
+"""
+
+from __future__ import annotations
+
+from core.interfaces import VLM, Estimate, Reply, Request
+from plugins.conformance.checking import LengthOnly, brief, expect, request, some_task
+
+
+def requests() -> list[Request]:
+    """Requests of two agents."""
+    task = some_task()
+    return [request(brief(task, LengthOnly(), agent=agent)) for agent in (0, 1)]
+
+
+def check_it_has_a_name(vlm: VLM) -> None:
+    expect(isinstance(vlm.model, str) and vlm.model.strip(), f"model is {vlm.model!r}; a name for people is needed")
+
+
+def check_each_request_has_its_reply(vlm: VLM) -> None:
+    sent = requests()
+    replies = list(vlm.complete(sent))
+    for reply in replies:
+        expect(isinstance(reply, Reply), f"complete returned a {type(reply).__name__}, not a Reply")
+        expect(isinstance(reply.text, str), f"a reply's text is a {type(reply.text).__name__}")
+        expect(reply.error is None or reply.error.strip(), "a reply's error is empty")
+        for count in (reply.prompt_tokens, reply.completion_tokens, reply.cost_usd):
+            expect(count is None or count >= 0, f"a reply counts {count} tokens or dollars")
+    ids, wanted = sorted(reply.request_id for reply in replies), [one.id for one in sent]
+    expect(ids == wanted, f"the requests {', '.join(wanted)} had replies to {', '.join(ids) or 'none'}")
+
+
+def check_no_requests_have_no_replies(vlm: VLM) -> None:
+    expect(list(vlm.complete([])) == [], "no requests have replies")
+
+
+def check_a_request_has_an_estimate(vlm: VLM) -> None:
+    estimate = vlm.estimate(requests()[0], vlm.model)
+    expect(isinstance(estimate, Estimate), f"estimate returned a {type(estimate).__name__}, not an Estimate")
+    expect(estimate.prompt_tokens > 0, f"a request is estimated to take {estimate.prompt_tokens} tokens")

@@ -1,0 +1,140 @@
+"""Provide what the checks give a simulator: small worlds, sticks as tools, an arm that waits or moves.
+
+Covered by `tests/plugins/simulators/test_conformance.py`.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from core.design import RIGID_MOUNT, Component, Tool
+from core.geometry import Array, Box, Pose, Shape, Vector
+from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout, Simulator, Task
+from core.plugins import installed
+from core.robot.kinematics import Arm, arm_of
+from core.robot.trajectory import plan_motion
+from core.scene import Body, Color, Geom, Joint, Scene, State
+from plugins.conformance.checking import expect
+
+GREY: Color = (0.5, 0.5, 0.5, 1.0)
+FAR = (3.0, 3.0, 0.0)  # from the arm
+HOME = Pose(np.array([0.5, 0.0, 0.5]))
+GRAVITY = 9.81
+BARE = Tool()
+HAND = Tool(gripper=True)
+
+
+class Bodies(Task):
+    """A task of these bodies for a robot, by default the default one, in which every reward is 0."""
+
+    description = "Bodies."
+    goals = ()
+
+    def __init__(
+        self, *bodies: Body, joints: tuple[Joint, ...] = (), name: str = "Bodies", robot: Robot | None = None
+    ) -> None:
+        self.name = name  # type: ignore[misc]  # a class variable elsewhere
+        self.robot = robot or installed().default_robot
+        self._scene = Scene(bodies, joints)
+
+    def scene(self, seed: int) -> Scene:
+        return self._scene
+
+    def reward(self, start: State, end: State) -> Array:
+        return np.zeros(start.positions.shape[:-2])
+
+
+def cube(name: str = "cube", at: Vector = (0.0, 0.0, 0.0), side: float = 0.1, mass: float = 1.0) -> Body:
+    return Body.of(name, Box((side, side, side)), at, mass=mass, color=GREY)
+
+
+def part(shape: Shape, *at: float) -> Geom:
+    return Geom(shape, Pose(np.array(at or (0.0, 0.0, 0.0))))
+
+
+def compound(name: str, *parts: Geom, at: Vector, mass: float, rpy: Vector = (0.0, 0.0, 0.0)) -> Body:
+    return Body(name, Pose.xyz_rpy(at, rpy), mass, parts, parts)
+
+
+def slope(tilt: float, friction: float) -> Body:
+    """A fixed slab 0.1 thick, far from the arm, that falls ``tilt`` radians toward +x; its frame is in its middle."""
+    return Body.of("slope", Box((4.0, 1.0, 0.1)), FAR, mass=0.0, color=GREY, rpy=(0.0, tilt, 0.0), friction=friction)
+
+
+def stick(length: float, mass: float = 0.005) -> Tool:
+    """A rigid tool: a box 0.02 m wide that hangs down from the flange."""
+    pose = Pose(np.array([0.0, 0.0, -length / 2]))
+    return Tool((Component("stick", RIGID_MOUNT, pose, Box((0.02, 0.02, length)), mass),))
+
+
+def arm(robot: Robot | None = None) -> Arm:
+    """The arm of a robot, by default of the default one."""
+    return arm_of(robot or installed().default_robot)
+
+
+def opened(count: int = 1) -> Array:
+    """Targets (T,) of open fingers of the default robot."""
+    return np.full(count, installed().default_robot.opening_m)
+
+
+@lru_cache(maxsize=4)
+def still(robot: Robot | None = None) -> JointTrajectory:
+    """A trajectory that holds the arm at home, with open fingers."""
+    here = arm(robot)
+    return JointTrajectory(np.zeros(1), here.home_for(HOME)[None], np.array([here.robot.opening_m]))
+
+
+def motion(plan: object, robot: Robot | None = None) -> JointTrajectory:
+    """The motion from home through waypoints (N, 6) or (N, 7), see `core.design.Candidate`."""
+    return plan_motion(np.array(plan, dtype=np.float64), HOME, arm(robot)).trajectory
+
+
+def wait(
+    simulator: Simulator,
+    *bodies: Body,
+    seconds: float = 1.0,
+    settle_s: float = 0.0,
+    record_hz: float = 0.0,
+    tool: Tool = BARE,
+) -> Outcome:
+    """Simulate bodies while the arm stays at home."""
+    return run(simulator, bodies, Rollout(tool, still(), 0, settle_s, seconds, record_hz))
+
+
+def move(
+    simulator: Simulator, plan: object, *bodies: Body, tool: Tool = BARE, record_hz: float = 0.0, hold_s: float = 0.5
+) -> Outcome:
+    """Simulate a motion through waypoints."""
+    return run(simulator, bodies, Rollout(tool, motion(plan), 0, 0.1, hold_s, record_hz))
+
+
+def run(simulator: Simulator, bodies: tuple[Body, ...], job: Rollout) -> Outcome:
+    """Simulate one job in a world of these bodies; it must not break."""
+    (outcome,) = simulator.rollout(Bodies(*bodies), [job])
+    expect(outcome.error is None, f"a rollout broke: {outcome.error}")
+    return outcome
+
+
+def start(outcome: Outcome) -> State:
+    if outcome.start is None:
+        raise AssertionError("an outcome without an error has no start state")
+    return outcome.start
+
+
+def end(outcome: Outcome) -> State:
+    if outcome.end is None:
+        raise AssertionError("an outcome without an error has no end state")
+    return outcome.end
+
+
+def film(outcome: Outcome) -> Recording:
+    if outcome.recording is None:
+        raise AssertionError("record_hz was given, and nothing was recorded")
+    return outcome.recording
+
+
+def turn(one: Pose, other: Pose) -> float:
+    """The angle between two poses, radians."""
+    return float((one.rotation.inv() * other.rotation).magnitude())

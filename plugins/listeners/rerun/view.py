@@ -1,0 +1,132 @@
+"""``vlmgineer view FOLDER [web=true] [port=N]``: show a run's recording in Rerun's viewer, in a window, or with
+``web=true`` in the browser. All ports are open to this machine only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO
+from urllib.parse import quote
+
+from core.errors import UsageError, UserError
+from core.plugins import check_settings
+from core.support.cli import folders_and_overrides, say
+
+HERE = "127.0.0.1"
+USAGE = "usage: vlmgineer view FOLDER [web=true] [port=N]; FOLDER, or runs=FOLDER, is a run's or a multirun's"
+_RERUN = "import sys, rerun_cli.__main__ as rerun; sys.exit(rerun.main())"  # as its console script does
+_END_S = 5.0
+
+
+def recordings(run: Path) -> list[Path]:
+    """The recordings in the folder of a run or a multirun; or ``run`` itself, if it is a recording.
+
+    Raises:
+        UserError: there is no recording.
+    """
+    if run.suffix == ".rrd" and run.is_file():
+        return [run]
+    if not run.is_dir():
+        raise UserError(f"no run folder {run}")
+    found = [file for of in ("recording.rrd", "*/recording.rrd") for file in sorted(run.glob(of)) if file.is_file()]
+    if not found:
+        raise UserError(f"{run} holds no recording.rrd; runs with the listener rerun write one")
+    return found
+
+
+def start_viewer(*arguments: str, output: IO[bytes] | int = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
+    """Start Rerun's viewer, bound to this machine, in a process group of its own, which the terminal's Ctrl-C does not
+    reach.
+
+    Raises:
+        UserError: Rerun is not installed.
+    """
+    if importlib.util.find_spec("rerun_cli") is None:
+        raise UserError("Rerun's viewer is not installed: pip install rerun-sdk")
+    words = [sys.executable, "-c", _RERUN, *arguments, "--bind", HERE]
+    return subprocess.Popen(  # noqa: S603
+        words, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+    )
+
+
+def end(viewer: subprocess.Popen[bytes]) -> None:
+    """End a viewer and its child processes."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(viewer.pid, number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            viewer.wait(_END_S)
+            return
+
+
+def listens(port: int, host: str = HERE) -> bool:
+    """True if a server listens on the port."""
+    try:
+        with socket.create_connection((host, port), timeout=1.0):
+            return True
+    except OSError:
+        return False
+
+
+def free_port(wanted: int = 0) -> int:
+    """The port ``wanted``, or with 0 any free port.
+
+    Raises:
+        UserError: the port is taken.
+    """
+    with socket.socket() as server:
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            server.bind((HERE, wanted))
+        except (OSError, OverflowError) as error:
+            raise UserError(
+                f"port {wanted} of {HERE} is not free ({error}); choose another with port=N, or any with port=0"
+            ) from error
+        return int(server.getsockname()[1])
+
+
+def view(files: Sequence[Path], web: bool = False, port: int = 9090) -> None:
+    """Show recordings until the window is closed or an interrupt comes, which is the usual end of a server.
+
+    Raises:
+        UserError: they can't be shown.
+    """
+    page, data = free_port(port) if web else 0, free_port()
+    server = ("--serve-web", "--web-viewer-port", str(page)) if web else ()
+    with contextlib.suppress(KeyboardInterrupt), tempfile.TemporaryFile() as output:
+        viewer = start_viewer(*map(str, files), *server, "--port", str(data), output=output)
+        try:
+            if web:
+                while viewer.poll() is None and not (listens(page) and listens(data)):
+                    time.sleep(0.05)
+                if viewer.poll() is None:
+                    say("Ctrl-C ends it", file=sys.stderr)  # before the address, whose reader may interrupt at once
+                    stream = quote(f"rerun+http://{HERE}:{data}/proxy", safe="")
+                    say(f"http://{HERE}:{page}/?url={stream}")
+                    sys.stdout.flush()
+            status = viewer.wait()
+        finally:
+            end(viewer)
+        output.seek(0)
+        last = (output.read().decode(errors="replace").strip() or "it printed nothing").splitlines()[-1]
+        if web or status:
+            hint = "" if web else "; without a screen, use web=true"
+            raise UserError(f"the viewer ended with status {status}: {last}{hint}")
+
+
+def main(words: list[str]) -> None:
+    folders, options = folders_and_overrides(USAGE, words)
+    if len(folders) != 1:
+        raise UsageError(f"{len(folders)} run folders given; one is needed; {USAGE}")
+    settings = check_settings(view, dict(option.split("=", 1) for option in options), "view", {"files": None})
+    view(recordings(folders[0]), **settings)

@@ -1,0 +1,84 @@
+"""``vlmgineer render task=NAME [designs=FILE] [output=FILE.png]``: draw a task's scene, with or without a tool.
+
+Covered by `tests/test_commands.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from omegaconf import MISSING, DictConfig
+
+from core.config.compose import check_seed, load, part, task_part, tool_part
+from core.config.schemas import SceneConfig
+from core.design import Tool
+from core.designs.reading import load_designs, read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UsageError, UserError
+from core.hooks import Command, hookimpl
+from core.interfaces import Image, Task
+from core.simulation.pictures import png
+from core.support.cli import arguments, say, write_bytes
+
+MAX_PIXELS = 4096
+USAGE = "usage: vlmgineer render task=NAME [designs=FILE strategy=N] [seed=N] [width=W height=H] [output=FILE.png]"
+
+
+@dataclass
+class RenderConfig(SceneConfig):
+    """Settings of ``vlmgineer render``. ``designs``: a file, of which the tool number ``strategy`` is mounted."""
+
+    tool: dict[str, Any] = MISSING
+    designs: str | None = None
+    strategy: int = 0
+    output: str = "scene.png"
+    width: int = 640
+    height: int = 480
+
+
+def render(cfg: DictConfig) -> tuple[Image, str]:
+    """Draw the picture.
+
+    Returns:
+        The picture (H, W, 3), and the renderer's name if there was a choice.
+
+    Raises:
+        UserError: a part, a setting or the design is wrong.
+    """
+    check_seed(cfg.seed)
+    for name, pixels in (("width", cfg.width), ("height", cfg.height)):
+        if not 1 <= pixels <= MAX_PIXELS:
+            raise UsageError(f"{name} must be between 1 and {MAX_PIXELS}, got {pixels}")
+    task = task_part(cfg).create()
+    simulator = part("sim", cfg.sim).create()
+    tool = None if cfg.designs is None else _tool(cfg, task)
+    picture: Image = simulator.render(task, seed=cfg.seed, tool=tool, width=cfg.width, height=cfg.height)
+    return picture, simulator.drawn_by
+
+
+def _tool(cfg: DictConfig, task: Task) -> Tool:
+    file = Path(cfg.designs)
+    candidates = read_designs(load_designs(file), tool_part(cfg).create(), SpawnRules(task, cfg.seed))
+    chosen = [c for c in candidates if c.strategy == cfg.strategy]
+    if not chosen:
+        raise UserError(
+            f"{file} has {len({c.strategy for c in candidates})} strategies; there is no strategy={cfg.strategy}"
+        )
+    tool = chosen[0].tool
+    if tool is None:
+        raise UserError(f"{file}: the tool of strategy {cfg.strategy} can't be mounted: {chosen[0].problem}")
+    return tool
+
+
+def main(words: list[str]) -> None:
+    cfg = load("render", arguments(USAGE, words), RenderConfig)
+    picture, drawn_by = render(cfg)
+    write_bytes(Path(cfg.output), png(picture))
+    say(str(cfg.output), *([f"drawn by {drawn_by}"] if drawn_by else []))
+
+
+@hookimpl
+def commands() -> dict[str, Command]:
+    return {"render": Command("draw a task's scene, with a tool if one is given", main)}

@@ -1,0 +1,24 @@
+"""What one does with finished runs: reports, galleries, and tools for the workshop.
+
+``pages`` is what the other rooms draw with; ``report`` and ``workshop`` do not know each other, ``gallery`` uses both.
+"""
+
+from __future__ import annotations
+
+from core.hooks import Command, hookimpl
+
+
+@hookimpl
+def commands() -> dict[str, Command]:
+    return {
+        "report": Command("write tables, figures and a page about runs", "plugins.results.report.command:main"),
+        "gallery": Command("write a page of the best tools, and files to print them", "plugins.results.gallery:main"),
+        "export": Command(
+            "write what a real arm needs to run the best motion", "plugins.results.workshop.command:main"
+        ),
+    }
+
+
+@hookimpl
+def fitness_functions() -> dict[str, str]:
+    return {"buildable": "plugins.results.workshop.buildable:Buildable"}

@@ -1,0 +1,215 @@
+"""``vlmgineer gallery FOLDER... output=DIR``: write a page of the best tools of each task, and files to print."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from core.config.compose import load
+from core.config.settings import Printer
+from core.design import ranked
+from core.errors import UsageError, UserError
+from core.simulation.pictures import png
+from core.support.cli import folders_and_overrides, print_table, say, write_bytes
+from core.support.text import number
+from plugins.results.pages.drawing import draw, painted
+from plugins.results.pages.page import data_address, in_viewer, render
+from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, short
+from plugins.results.pages.tools import Shape, Winner, another, size, winners
+from plugins.results.report.methods import label
+from plugins.results.workshop.printing import Piece, grams, pieces, to_3mf
+
+USAGE = (
+    "usage: vlmgineer gallery FOLDER [FOLDER ...] [output=DIR] [top=3] [apart_mm=10] [plate_mm=[250,210,220]] "
+    "[min_wall_mm=0.8]; FOLDER, or runs=FOLDER, is a run's or holds runs, as a multirun's does"
+)
+PICTURE = (640, 480)
+
+
+@dataclass
+class GalleryConfig:
+    """Settings of ``vlmgineer gallery``.
+
+    ``top``: the number of tools for each task; ``apart_mm``: two tools differ if a component's corner is this far
+    away; ``plate_mm``: the printer's build volume (x, y, z); ``min_wall_mm``: the thinnest wall that it prints.
+    """
+
+    output: str = "gallery"
+    top: int = 3
+    apart_mm: float = 10.0
+    plate_mm: list[float] = field(default_factory=lambda: [250.0, 210.0, 220.0])
+    min_wall_mm: float = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A tool of the gallery: ``place`` is 1 for the best of its task, ``folder`` is that of its files, relative to the
+    gallery's.
+    """
+
+    place: int
+    method: str
+    winner: Winner
+    pieces: tuple[Piece, ...]
+    folder: Path
+
+    @property
+    def ready(self) -> bool:
+        return all(piece.ready for piece in self.pieces)
+
+    @property
+    def faults(self) -> list[str]:
+        """The checks that failed."""
+        return [
+            f"✗ {check.name}: {check.found}" + (f" ({piece.name})" if len(self.pieces) > 1 else "")
+            for piece in self.pieces
+            for check in piece.checks
+            if not check.passed
+        ]
+
+
+def gallery(
+    folders: Sequence[Path], output: Path, top: int, printer: Printer, apart_mm: float = 10.0
+) -> tuple[list[Entry], list[LeftOutRun]]:
+    """Write pictures, STL, 3MF and designs files of the ``top`` best tools of each task, and a page of them, to
+    ``output``. Tools with equally many components and all corners within ``apart_mm`` count as one: the best of them.
+
+    Returns:
+        The tools, and the runs that were left out since they failed, are unfinished or can't be read.
+
+    Raises:
+        UserError: a folder holds no run, no tool can be shown, or nothing can be written.
+    """
+    found, left_out = find_runs(folders)
+    best_of: dict[FinishedRun, list[Winner]] = {}
+    for run in found:
+        try:
+            best_of[run] = winners(run, top, apart=apart_mm / 1000)
+        except UserError as error:
+            left_out.append(LeftOutRun(run.folder, "unreadable", short(str(error)), run.task, run.config))
+    finished = list(best_of)
+    entries = []
+    methods = dict(zip(finished, label([(run.task, run.config) for run in finished]), strict=True))
+    for task in sorted({run.task for run in finished}):
+        best = _best([w for run in finished if run.task == task for w in best_of[run]], top, apart_mm / 1000)
+        for place, winner in enumerate(best, 1):
+            folder = Path(_name(task)) / f"{place}_{_name(winner.name)}"
+            entries.append(Entry(place, methods[winner.run], winner, tuple(pieces(winner.tool, printer)), folder))
+    if not entries:
+        if left_out and not finished:
+            raise UserError(f"no tool to show: {_why(left_out[0])}")
+        raise UserError(f"no tool to show: {len(finished)} finished runs, all with the bare hand")
+    pictures = {entry.folder: data_address(_write(entry, output)) for entry in entries}
+    write_bytes(output / "gallery.json", (json.dumps([_record(e) for e in entries], indent=2) + "\n").encode())
+    page = render(
+        "gallery.html.j2",
+        output,
+        [in_viewer(e.winner, f"{e.winner.run.task}, {e.place}: {e.winner.name}") for e in entries],
+        title="Tools to print",
+        tasks=list(dict.fromkeys(entry.winner.run.task for entry in entries)),
+        entries=entries,
+        grams=grams,
+        size=size,
+        root=output,
+        pictures=pictures,
+        left_out=len(left_out),
+        printer=printer,
+    )
+    write_bytes(output / "index.html", page.encode())
+    return entries, left_out
+
+
+def _best(found: Sequence[Winner], top: int, apart: float) -> list[Winner]:
+    """The best tools, each of another shape."""
+    shapes: list[Shape] = []
+    best = ranked(
+        [winner for winner in found if winner.tool.components], lambda winner: (winner.reward, winner.distance_m)
+    )
+    return [winner for winner in best if len(shapes) < top and another(winner, shapes, apart)]
+
+
+def _why(run: LeftOutRun) -> str:
+    return f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}"
+
+
+def _name(text: str) -> str:
+    """A file name made of any text."""
+    return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:40] or "tool"
+
+
+def _write(entry: Entry, output: Path) -> bytes:
+    """Write the entry's files, and return its picture."""
+    folder = output / entry.folder
+    picture = png(draw(painted(entry.winner.tool, entry.winner.robot), *PICTURE))
+    write_bytes(folder / "picture.png", picture)
+    for piece in entry.pieces:
+        data = piece.mesh.export(file_type="stl")
+        assert isinstance(data, bytes)
+        write_bytes(folder / f"{piece.name}.stl", data)
+    write_bytes(folder / "tool.3mf", to_3mf(entry.pieces))
+    design = json.dumps({"strategies": [entry.winner.design]}, indent=2) + "\n"
+    write_bytes(folder / "design.json", design.encode())
+    return picture
+
+
+def _record(entry: Entry) -> dict[str, Any]:
+    """An entry of ``gallery.json``."""
+    winner = entry.winner
+    return {
+        "task": winner.run.task,
+        "place": entry.place,
+        "tool": winner.name,
+        "method": entry.method,
+        "reward": winner.reward,
+        "distance_m": winner.distance_m,
+        "candidate": winner.candidate,
+        "run": str(winner.run.folder),
+        "folder": entry.folder.as_posix(),
+        "simulated_g": 1000 * winner.tool.mass,
+        "material": winner.material.name,
+        "solid_pla_g": grams(entry.pieces),
+        "ready": entry.ready,
+        "pieces": [
+            {
+                "name": piece.name,
+                "size_mm": piece.mesh.extents.tolist(),
+                "volume_cm3": piece.volume_cm3,
+                "checks": {check.name: {"passed": check.passed, "found": check.found} for check in piece.checks},
+            }
+            for piece in entry.pieces
+        ],
+    }
+
+
+def show(entries: Sequence[Entry]) -> None:
+    """Print a table, and below it what speaks against printing a tool."""
+    numbers = ("place", "reward")
+    rows = [
+        (e.winner.run.task, str(e.place), e.winner.name, number(e.winner.reward, 3), "yes" if e.ready else "no")
+        for e in entries
+    ]
+    print_table(("task", "place", "tool", "reward", "ready to print"), rows, numbers)
+    for e in entries:
+        for fault in e.faults:
+            say(f"{e.winner.run.task} {e.place}: {fault}")
+
+
+def main(words: list[str]) -> None:
+    folders, overrides = folders_and_overrides(USAGE, words)
+    cfg = load("gallery", overrides, GalleryConfig)
+    if not folders:
+        raise UsageError(f"no folder given; {USAGE}")
+    if cfg.top < 1:
+        raise UsageError(f"top must be at least 1, got {cfg.top}")
+    if not cfg.apart_mm > 0:
+        raise UsageError(f"apart_mm must be greater than 0, got {cfg.apart_mm:g}")
+    printer = Printer(list(cfg.plate_mm), cfg.min_wall_mm)
+    entries, left_out = gallery(folders, Path(cfg.output), cfg.top, printer, cfg.apart_mm)
+    show(entries)
+    for run in left_out:
+        say(_why(run))
+    say(str(Path(cfg.output) / "index.html"))

@@ -1,0 +1,114 @@
+"""Tables as values, and as CSV and Markdown: in CSV in full precision, elsewhere rounded."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from core.support.text import clean, number
+
+
+@dataclass(frozen=True)
+class Link:
+    """A cell that leads to a file."""
+
+    text: str
+    target: Path
+
+
+Cell = str | int | float | None | Link | tuple[Link, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column's name, with the unit; with ``digits`` after the point it is a column of numbers."""
+
+    name: str
+    digits: int | None = None
+
+
+def columns(text: str) -> tuple[Column, ...]:
+    """Columns of a text such as ``task|runs:0|best reward:3``: names, and digits where they hold numbers."""
+    split = (word.partition(":") for word in text.split("|"))
+    return tuple(Column(name, int(digits) if digits else None) for name, _, digits in split)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: ``name`` is its file's, ``note`` says how its numbers are made."""
+
+    name: str
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"table {self.name}: a row of {len(row)} cells under {len(self.columns)} columns")
+
+
+def printed(cell: Cell, column: Column) -> str:
+    """A cell for people; nothing is rounded up to 1."""
+    match cell:
+        case None:
+            return "–"
+        case Link() | tuple():
+            return ", ".join(clean(link.text, 300) for link in links(cell))
+        case str():
+            return clean(cell, 1000)
+        case _:
+            return str(cell) if column.digits is None else number(cell, column.digits)
+
+
+def links(cell: Cell) -> tuple[Link, ...]:
+    """The links of a cell that holds nothing else."""
+    return (cell,) if isinstance(cell, Link) else cell if isinstance(cell, tuple) else ()
+
+
+def to_csv(table: Table, folder: Path) -> str:
+    """CSV in full precision; links are paths from ``folder``, where the table will lie."""
+
+    def plain(cell: Cell) -> Any:
+        if isinstance(cell, Link | tuple):
+            return _no_formula(" ".join(relative(link.target, folder) for link in links(cell)))
+        return _no_formula(cell) if isinstance(cell, str) else cell  # None is written as nothing
+
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([column.name for column in table.columns])
+    writer.writerows([plain(cell) for cell in row] for row in table.rows)
+    return text.getvalue()
+
+
+def relative(target: Path, folder: Path) -> str:
+    """The way from ``folder`` to ``target``, with forward slashes."""
+    return Path(os.path.relpath(target.resolve(), folder.resolve())).as_posix()
+
+
+def _no_formula(text: str) -> str:
+    """``text`` without control characters, and quoted where a spreadsheet would take it for a formula."""
+    text = clean(text, 10_000)
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
+
+
+def to_markdown(table: Table) -> str:
+    """Markdown, with the table's title and note."""
+    grid = [[printed(cell, column) for cell, column in zip(row, table.columns, strict=True)] for row in table.rows]
+    head, *rows = (
+        f"| {' | '.join(map(_markdown, row))} |" for row in ([column.name for column in table.columns], *grid)
+    )
+    rule = "|" + "|".join("---" if column.digits is None else "---:" for column in table.columns) + "|"
+    note = f"\n{_markdown(table.note)}\n" if table.note else ""
+    return "\n".join([f"## {table.title}", "", head, rule, *rows, note])
+
+
+def _markdown(text: str) -> str:
+    """``text`` of a model or a folder's name, so that it is not read as markup."""
+    return re.sub(r"([\\`*_\[\]<>|#])", r"\\\1", text)

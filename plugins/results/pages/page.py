@@ -1,0 +1,104 @@
+"""Self-contained HTML pages: one file, nothing loaded from elsewhere, every text escaped, and a content security policy
+that makes the browser enforce it.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import importlib.metadata
+import importlib.resources
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+
+from core.support.text import clean, number
+from plugins.results.pages.drawing import painted
+from plugins.results.pages.formats import Cell, links, printed, relative
+from plugins.results.pages.tools import Winner
+from plugins.results.report.plots import INK
+
+_LONGEST = 20_000  # characters of any text
+_SHARP = np.deg2rad(20.0)  # angle between two faces above which an edge is drawn
+_LIGHT_INK = "#e6edf3"  # on a dark page, as in page.css
+
+
+def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = (), **values: Any) -> str:
+    """Render a template as a page that will lie in ``folder``; ``viewer`` are tools to turn around (`in_viewer`)."""
+    style, script = _text("page.css"), _text("tables.js") + (_text("viewer.js") if viewer else "")
+    policy = (
+        f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(script)}'; "
+        "base-uri 'none'; form-action 'none'"
+    )
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(_text),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        finalize=_printable,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"printed": printed, "links": links, "sort_key": _sort_key, "number": number}
+    environment.filters["href"] = lambda target: quote(relative(target, folder), errors="surrogateescape")
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
+    return environment.get_template(template).render(
+        **values,
+        policy=Markup(policy),  # noqa: S704
+        style=Markup(style),  # noqa: S704
+        script=Markup(script),  # noqa: S704
+        viewer=viewer,
+        version=importlib.metadata.version("vlmgineer"),
+    )
+
+
+def _text(name: str) -> str:
+    return importlib.resources.files("plugins.results.report").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def _printable(value: Any) -> Any:
+    """``value`` without control characters; what is markup already passes."""
+    return clean(value, _LONGEST) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+def _sort_key(cell: Cell) -> str:
+    return repr(cell) if isinstance(cell, int | float) and math.isfinite(cell) else ""
+
+
+def figure_address(svg: bytes) -> Markup:
+    """The data address of a figure whose ink follows the browser's colour scheme."""
+    text = svg.decode().replace(INK, "currentColor")
+    ink = f"svg {{ color: {INK} }} @media (prefers-color-scheme: dark) {{ svg {{ color: {_LIGHT_INK} }} }}"
+    return data_address(text.replace("<defs>", f"<style>{ink}</style><defs>", 1).encode(), "svg+xml")
+
+
+def data_address(picture: bytes, format_: str = "png") -> Markup:
+    """An address that holds a picture."""
+    return Markup(f"data:image/{format_};base64,{base64.b64encode(picture).decode()}")  # noqa: S704
+
+
+def in_viewer(winner: Winner, name: str) -> dict[str, Any]:
+    """A tool for the viewer: triangles and sharp edges in tenths of millimetres."""
+    solids = []
+    for each in painted(winner.tool, winner.robot):
+        mesh = each.solid
+        sharp = mesh.face_adjacency_edges[mesh.face_adjacency_angles > _SHARP]
+        solids.append(
+            {
+                "color": [round(float(channel), 3) for channel in each.color[:3]],
+                "vertices": np.round(mesh.vertices * 1e4).astype(int).ravel().tolist(),
+                "faces": np.asarray(mesh.faces).ravel().tolist(),
+                "edges": np.asarray(sharp).ravel().tolist(),
+            }
+        )
+    caption = f"{winner.tool.description} ({winner.summary})"
+    return {"name": clean(name, 200), "caption": clean(caption, 1000), "solids": solids}

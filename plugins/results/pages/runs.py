@@ -1,0 +1,225 @@
+"""Run folders, read without a change: the result of a run, or why it has none.
+
+Figures are from ``result.json``. Designs, requests and the configuration are from ``run.sqlite``, read by column name,
+so that a later version may add columns.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from core.config.trust import as_stored, read_stored_yaml
+from core.errors import UserError
+from core.store.database import reading
+from core.store.rows import Best, Figures, parsed, validated
+from core.support.text import clean
+
+STORE, RESULT, HYDRA = "run.sqlite", "result.json", ".hydra"
+CHOICES = ("task", "robot", "sim", "vlm", "tool", "action", "material", "evolution", "budget")  # by name in a result
+MAX_DEPTH = 6  # of a run's folder below one that the user names
+
+_LONGEST = 300
+
+
+class Spending(NamedTuple):
+    """The requests of a run and their cost. Tokens and dollars are None where no reply reports them."""
+
+    requests: int
+    replies: int
+    errors: int
+    prompt_tokens: int | None
+    completion_tokens: int | None
+    cost_usd: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedRun:
+    """A run that ended and has a best candidate. ``config`` is all of its configuration, resolved."""
+
+    folder: Path
+    figures: Figures
+    config: dict[str, Any]
+
+    @property
+    def task(self) -> str:
+        return self.figures.task
+
+    @property
+    def seed(self) -> int:
+        return self.figures.seed
+
+    @property
+    def best(self) -> Best:
+        assert self.figures.best is not None
+        return self.figures.best
+
+    @cached_property
+    def best_so_far(self) -> list[float]:
+        """The best reward up to and with each generation; 0 before anything could be tried."""
+        return list(itertools.accumulate((g.best_reward or 0.0 for g in self.figures.generations), max))
+
+    def course(self, length: int) -> list[float]:
+        """`best_so_far` made ``length`` long: a run that stopped early keeps its last."""
+        so_far = self.best_so_far or [0.0]
+        return (so_far + so_far[-1:] * length)[:length]
+
+    def recordings(self) -> dict[str, Path]:
+        """The recordings that it left, by kind."""
+        files = {"recording": self.folder / "recording.rrd", "film": self.folder / "best" / "rollout.gif"}
+        return {what: file for what, file in files.items() if file.exists()}
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOutRun:
+    """A run that no figure counts, and the reason."""
+
+    folder: Path
+    status: Literal["unfinished", "failed", "unreadable"]
+    reason: str
+    task: str = ""
+    config: dict[str, Any] = field(default_factory=dict)
+
+
+def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutRun]]:
+    """Find the runs in ``folders``, each a run's own or one that holds runs, in order; those of a multirun by number.
+
+    Raises:
+        UserError: a folder is missing, or holds no run.
+    """
+    runs: dict[Path, FinishedRun | LeftOutRun] = {}
+    for folder in folders:
+        if not folder.is_dir():
+            raise UserError(f"no folder {folder}; give the folder of a run or of a multirun")
+        found = run_folders(folder)
+        if not found:
+            raise UserError(f"{folder} holds no run: neither {RESULT} nor {STORE} is in it or below it")
+        for path in found:
+            if path.resolve() not in runs:
+                runs[path.resolve()] = read_run(path)
+    finished = [run for run in runs.values() if isinstance(run, FinishedRun)]
+    return finished, [run for run in runs.values() if isinstance(run, LeftOutRun)]
+
+
+def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
+    """Find the run folders at or below ``folder``; one with Hydra's files and nothing else is of a run that failed."""
+    try:
+        entries = {entry.name: entry for entry in os.scandir(folder)}
+    except OSError as error:
+        raise UserError(f"{folder} can't be read: {error.strerror}") from error
+    if RESULT in entries or STORE in entries:
+        return [folder]
+    skipped = (HYDRA, "best", "requests", "replies")
+    below = [name for name, entry in entries.items() if entry.is_dir(follow_symlinks=False) and name not in skipped]
+    names = sorted(below, key=natural) if depth > 0 else []
+    found = [path for name in names for path in run_folders(folder / name, depth - 1)]
+    return found or [folder] * (HYDRA in entries)
+
+
+def natural(name: str) -> list[tuple[int, int | str]]:
+    """A sort key that orders numbers in names by their size."""
+    return [(0, int(word)) if word.isdigit() else (1, word) for word in re.split(r"(\d+)", name) if word]
+
+
+def read_run(folder: Path) -> FinishedRun | LeftOutRun:
+    """Read a run from its folder."""
+    for name in (STORE, RESULT):
+        if (folder / name).is_symlink():
+            return LeftOutRun(folder, "unreadable", f"{name} is a link, which is not followed")
+    store, result = folder / STORE, folder / RESULT
+    if not store.exists() and not result.exists():
+        config = _hydra_config(folder)
+        return LeftOutRun(folder, "failed", "it ended before it began: it has no store", _task(config), config)
+    try:
+        config, stored = _stored(folder) if store.exists() else ({}, None)
+    except UserError as error:
+        return LeftOutRun(folder, "unreadable", short(str(error)))
+    if not result.exists() and stored is None:
+        config = config or _hydra_config(folder)
+        return LeftOutRun(folder, "unfinished", _progress(store), _task(config), config)
+    try:
+        figures = validated(Figures, parsed(result.read_bytes())) if stored is None or result.exists() else stored
+        if stored not in (None, figures):
+            raise ValueError("it is not what the run stored")  # noqa: TRY301
+    except (OSError, ValueError) as error:
+        mend = "" if stored is None else f"; delete it, and {STORE} is read in its place"
+        return LeftOutRun(folder, "unreadable", short(f"{RESULT}: {error}{mend}"), _task(config), config)
+    config = config or {kind: {"name": getattr(figures, kind)} for kind in CHOICES if getattr(figures, kind)}
+    if figures.stopped is not None:
+        return LeftOutRun(folder, "unfinished", short(f"stopped: {figures.stopped}"), figures.task, config)
+    if figures.best is None:
+        return LeftOutRun(folder, "failed", _why_nothing(store), figures.task, config)
+    return FinishedRun(folder, figures, config)
+
+
+def short(text: str) -> str:
+    return clean(text, _LONGEST)
+
+
+def _task(config: dict[str, Any]) -> str:
+    chosen = config.get("task")
+    name = chosen.get("name") if isinstance(chosen, dict) else None
+    return short(name) if isinstance(name, str) else ""
+
+
+def _hydra_config(folder: Path) -> dict[str, Any]:
+    """The configuration that Hydra wrote for a run without a store; empty if it can't be read."""
+    try:
+        return read_stored_yaml(folder / HYDRA / "config.yaml")
+    except UserError:  # the run is listed without its task
+        return {}
+
+
+# --- the store --------------------------------------------------------------------------------------------------
+
+
+def _stored(folder: Path) -> tuple[dict[str, Any], Figures | None]:
+    """The configuration and the result in a store; empty: it was killed before it wrote anything."""
+    with reading(folder) as database:
+        found = database.execute("SELECT * FROM run").fetchone()
+    row = dict(found) if found is not None else {}
+    result = row.get("result")
+    config = as_stored(parsed(row.get("config", "{}")), folder)
+    return config, None if result is None else validated(Figures, parsed(result))
+
+
+def _progress(store: Path) -> str:
+    """The progress of an unfinished run, in words."""
+    try:
+        with reading(store.parent) as database:
+            generations, tried, best = database.execute(
+                "SELECT (SELECT count(*) FROM generations), count(*), max(CASE status WHEN 'ok' THEN reward END)"
+                " FROM evaluations"
+            ).fetchone()
+    except UserError as error:
+        return short(str(error))
+    reached = "" if best is None else f", best reward so far {best:.3f}"
+    return f"{generations} generations and {tried} candidates done{reached}"
+
+
+def _why_nothing(store: Path) -> str:
+    """The reason why a run that ended has no best candidate."""
+    try:
+        with reading(store.parent) as database:
+            row = database.execute("SELECT reason FROM evaluations WHERE status != 'ok' ORDER BY rowid").fetchone()
+    except UserError:
+        row = None
+    return "no candidate could be tried" + (short(f"; the first reason: {row['reason']}") if row else "")
+
+
+def spending(run: FinishedRun | LeftOutRun) -> Spending | None:
+    """The requests of a run and their cost; None if its store is missing."""
+    if not (run.folder / STORE).exists():
+        return None
+    with reading(run.folder) as database:
+        row = database.execute(
+            "SELECT (SELECT count(*) FROM requests), count(*), count(error), sum(prompt_tokens),"
+            " sum(completion_tokens), sum(cost_usd) FROM replies"
+        ).fetchone()
+    return Spending(*row)

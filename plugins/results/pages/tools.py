@@ -1,0 +1,253 @@
+"""The tools in a run's store, best first, as solids that can be drawn and printed."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from omegaconf import OmegaConf
+
+from core.config.compose import part, robot_part, tool_part
+from core.design import STOPPED, DesignError, Tool, ranked
+from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
+from core.errors import UserError
+from core.geometry import Array
+from core.interfaces import Material, Robot, ToolRepresentation
+from core.plugins import installed
+from core.solids.held import as_held
+from core.store.database import reading
+from core.store.rows import load_plan, parsed
+from core.support.text import clean, number
+from plugins.results.pages.runs import STORE, FinishedRun
+
+if TYPE_CHECKING:
+    from plugins.results.report.results import Results
+
+SAME = 1e-4  # metres by which corners of equal tools may differ
+Shape = list[Array]  # corners (V, 3) of each component, as the arm holds it
+_FARTHEST, _THINNEST = 100.0, 1e-6  # metres
+
+
+@dataclass(frozen=True, eq=False)
+class Winner:
+    """A tool with the reward of its best action plan. Texts are the model's, on one line, without control characters;
+    ``design`` is tool and plan as a strategy of a designs file.
+    """
+
+    run: FinishedRun
+    robot: Robot
+    tool: Tool
+    candidate: str
+    generation: int
+    reward: float
+    distance_m: float | None
+    design: dict[str, Any]
+    material: Material
+    strategy_name: str = ""
+    strategy_description: str = ""
+
+    @property
+    def name(self) -> str:
+        """The tool's name, else the strategy's, else the candidate's; never empty."""
+        return self.tool.name or self.strategy_name or self.candidate
+
+    @property
+    def summary(self) -> str:
+        """Reward and size in a line."""
+        return f"reward {number(self.reward, 3)}, {size(self.tool, self.robot)}"
+
+
+def _part(run: FinishedRun, kind: str) -> Any:
+    chosen = {name: run.config.get(name, {}) for name in (kind, *(["material"] if kind == "tool" else []))}
+    return _created(kind, json.dumps(chosen, sort_keys=True))
+
+
+@lru_cache(maxsize=256)
+def _created(kind: str, settings: str) -> Any:
+    config = OmegaConf.create(json.loads(settings))
+    if kind == "tool":
+        return tool_part(config).create()
+    if kind == "robot":
+        return robot_part(config.robot).create() if config.robot else installed().default_robot
+    return part(kind, config[kind]).create()
+
+
+def given_tool(run: FinishedRun) -> Tool | None:
+    """The tool that the run was given, which may be the bare hand; None where the run designed its tools.
+
+    Raises:
+        UserError: the run's task or tool representation is not installed here.
+    """
+    task = _part(run, "task")
+    task.robot = _part(run, "robot")
+    representation = _part(run, "tool")
+    given: Tool | None = representation.given(task)
+    return given and representation.material.made(given)
+
+
+def winners(
+    run: FinishedRun, count: int | None = None, generation: int | None = None, apart: float = SAME
+) -> list[Winner]:
+    """The tools with the highest rewards, of all generations or of one, each of another shape (see `another`), the
+    best first.
+
+    Raises:
+        UserError: a part of the run is not installed here, or its store is missing or damaged.
+    """
+    shapes: list[Shape] = []
+    with readable(run):
+        found = (winner for winner in every_tool(run, generation) if another(winner, shapes, apart))
+        return list(itertools.islice(found, count))
+
+
+@contextmanager
+def readable(run: FinishedRun) -> Iterator[None]:
+    """Turn what a damaged store raises into a UserError."""
+    try:
+        yield
+    except (sqlite3.Error, KeyError, ValueError, TypeError) as error:
+        raise UserError(f"{run.folder / STORE} can't be read: {clean(str(error), MAX_NAME)}") from error
+
+
+def another(winner: Winner, shapes: list[Shape], apart: float) -> bool:
+    """True if the tool's shape is none of ``shapes``, to which it is then added. Two shapes are the same where they
+    have equally many components, and all corners are less than ``apart`` metres from the other's.
+    """
+    shape = [np.asarray(solid.vertices) for _, solid in as_held(winner.tool, winner.robot)]
+    if any(_alike(shape, known, apart) for known in shapes):
+        return False
+    shapes.append(shape)
+    return True
+
+
+def _alike(a: Shape, b: Shape, apart: float) -> bool:
+    return [p.shape for p in a] == [q.shape for q in b] and all(
+        float(np.linalg.norm(p - q, axis=1).max()) < apart for p, q in zip(a, b, strict=True)
+    )
+
+
+def every_tool(run: FinishedRun, generation: int | None = None) -> Iterator[Winner]:
+    """Yield each tool with its best plan, the best first, for `readable`."""
+    if not (run.folder / STORE).exists():
+        raise UserError(f"{run.folder} has no {STORE}, and so no designs")
+    given, representation, robot = given_tool(run), _part(run, "tool"), _part(run, "robot")
+    representation.robot = robot
+    query = (
+        "SELECT candidate, generation, agent, strategy, reward, distance_m, details FROM evaluations"
+        " WHERE status = 'ok' AND generation = coalesce(:generation, generation)"
+        " ORDER BY generation, agent, strategy, plan"
+    )
+    best: dict[tuple[int, ...], str] = {}  # candidates
+    with reading(run.folder) as database:
+        every = database.execute(query, {"generation": generation}).fetchall()
+        rows = [row for row in every if STOPPED not in parsed(row["details"])] or every
+        for row in ranked(rows, lambda row: (row["reward"], row["distance_m"]), run.figures.tie):
+            best.setdefault((row["generation"], row["agent"], row["strategy"]), row["candidate"])
+        for candidate in best.values():
+            stored = database.execute(
+                "SELECT evaluations.*, strategies.design FROM evaluations"
+                " JOIN strategies USING (generation, agent, strategy) WHERE candidate = ?",
+                [candidate],
+            ).fetchone()
+            yield _winner(run, stored, given, representation, robot)
+
+
+def _winner(
+    run: FinishedRun, row: sqlite3.Row, given: Tool | None, representation: ToolRepresentation, robot: Robot
+) -> Winner:
+    design = json.loads(row["design"])
+    try:
+        tool = given or representation.parse(design, gripper=bool(design["gripper"]))
+        if given is None:
+            _check_size(tool, robot)
+            tool = representation.material.made(tool)
+    except DesignError as error:
+        raise UserError(f"the design of {row['candidate']} can't be read again: {error}") from error
+    if given is None:
+        name, description = _text(design, "tool_name", MAX_NAME), _text(design, "tool_description", MAX_DESCRIPTION)
+        tool = replace(tool, name=name, description=description)
+    return Winner(
+        run,
+        robot,
+        tool,
+        row["candidate"],
+        row["generation"],
+        row["reward"],
+        row["distance_m"],
+        design | {"action_sets": [load_plan(row["waypoints"])]},
+        representation.material,
+        _text(design, "strategy_name", MAX_NAME),
+        _text(design, "strategy_description", MAX_DESCRIPTION),
+    )
+
+
+def _check_size(tool: Tool, robot: Robot) -> None:
+    """Refuse what can't be drawn. It may break a rule: there were others when it was tried."""
+    for component, solid in as_held(tool, robot):
+        sides, corners = component.shape.bounds[1], np.asarray(solid.vertices)
+        if not (np.isfinite(corners).all() and np.abs(corners).max() < _FARTHEST and sides.min() > _THINNEST):
+            raise DesignError(f"component {component.name!r} has no size that can be drawn")
+
+
+def _text(design: dict[str, Any], name: str, longest: int) -> str:
+    return clean(str(design.get(name) or ""), longest)
+
+
+def size(tool: Tool, robot: Robot) -> str:
+    """The extent along x, y and z, in millimetres."""
+    if not tool.components:
+        return "no tool"
+    extent = np.ptp(np.concatenate([solid.vertices for _, solid in as_held(tool, robot)]), axis=0)
+    return " × ".join(f"{1000 * side:.0f}" for side in extent) + " mm"
+
+
+# --- a report's tools -------------------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class Tools:
+    """The tools that a report shows.
+
+    ``best`` is the best tool of each task and method; ``courses`` has, for each method that evolves and each task, the
+    best tool of each generation of the best run. ``given`` are the methods that were given a tool, ``bare`` those that
+    were given the bare hand; ``problems`` say which tools can't be shown, and why.
+    """
+
+    best: dict[tuple[str, str], Winner] = field(default_factory=dict)
+    courses: dict[str, dict[str, list[Winner | None]]] = field(default_factory=dict)
+    given: set[str] = field(default_factory=set)
+    bare: set[str] = field(default_factory=set)
+    problems: list[str] = field(default_factory=list)
+
+
+def collect(results: Results) -> Tools:
+    """Collect the tools of a report's best runs."""
+    tools = Tools()
+    for g in results.groups:
+        run = g.best
+        try:
+            given = given_tool(run)
+            if given is not None:
+                (tools.given if given.components else tools.bare).add(g.method)
+                if not given.components:
+                    continue
+            tools.best[g.task, g.method] = winners(run, 1)[0]
+            if given is None and evolves(run):
+                course = [next(iter(winners(run, 1, f.index)), None) for f in run.figures.generations]
+                tools.courses.setdefault(g.method, {})[g.task] = course
+        except UserError as error:
+            tools.problems.append(f"{g.task}, {g.method}: {clean(str(error), MAX_DESCRIPTION)}")
+    return tools
+
+
+def evolves(run: FinishedRun) -> bool:
+    """True if any design of the run derives from others."""
+    with reading(run.folder) as database:
+        return database.execute("SELECT 1 FROM strategies WHERE parents != '[]'").fetchone() is not None

@@ -1,0 +1,1 @@
+"""``vlmgineer report``: runs in, tables, figures and a page out."""

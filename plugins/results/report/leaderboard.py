@@ -1,0 +1,287 @@
+"""Entries of a benchmark: what a method earned on all tasks of a track, by a protocol that all entries have in common.
+
+An entry is made of runs, or read from the results file of one that was made elsewhere. Both are checked alike.
+"""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated
+
+from omegaconf import OmegaConf
+from pydantic import Field, TypeAdapter
+
+from core.config.compose import load
+from core.design import count_rollouts
+from core.errors import UserError, choices
+from core.plugins import installed
+from core.store.database import reading
+from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
+from plugins.results.pages.formats import Column, Table, columns
+from plugins.results.pages.runs import STORE, FinishedRun, LeftOutRun, short, spending
+from plugins.results.report.methods import flatten, label
+from plugins.results.report.statistics import Resampling, interval, mean
+
+AnyRun = FinishedRun | LeftOutRun
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A protocol as it is now: the settings that it fixes, the tasks of each track, and what the best is tried in."""
+
+    name: str
+    version: int
+    fixed: dict[str, str]
+    tracks: dict[str, list[str]]
+    engines: list[str]
+    layouts: int
+
+
+@lru_cache
+def protocol(name: str) -> Protocol:
+    """Return the protocol of this name.
+
+    Raises:
+        UserError: there is none.
+    """
+    if name == "none" or not re.fullmatch(r"\w{1,50}", name):  # a file or a store says it
+        raise UserError(f"no protocol {short(name)!r}")
+    config = load("config", [f"protocol={name}"])
+    chosen, settings = config.protocol, flatten(OmegaConf.to_container(config, resolve=True))  # type: ignore[arg-type]
+    starts = tuple(f"{key}." for key in chosen.fixed)
+    fixed = {key: value for key, value in settings.items() if f"{key}.".startswith(starts)}
+    offers = [offer for offer in installed().offers.values() if offer.kind == "task"]
+    tracks = {track: [o.name for o in offers if o.entry_point == plugin] for track, plugin in chosen.tracks.items()}
+    return Protocol(name, chosen.version, fixed, tracks, list(chosen.engines), chosen.layouts)
+
+
+# --- results files ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """A run: its rewards in unseen layouts by engine, and what its search took. Nothing could be tried: all are 0."""
+
+    seed: Seed
+    rewards: dict[str, Annotated[tuple[Reward, ...], Field(min_length=1)]]
+    candidates: Count
+    rollouts: Count
+    requests: Count
+    cost_usd: Amount | None
+    wall_time_s: Amount
+
+    @property
+    def score(self) -> float:
+        """The mean in the engine where that is the lowest."""
+        return min(map(mean, self.rewards.values()), default=0.0)
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """Means over the runs of a task: of their scores, and of their rewards in each engine."""
+
+    score: Reward
+    engines: dict[str, Reward]
+    runs: Annotated[tuple[RunResult, ...], Field(min_length=1)]
+
+    @classmethod
+    def of(cls, runs: Sequence[RunResult]) -> TaskResult:
+        names = dict.fromkeys(engine for run in runs for engine in run.rewards)
+        engines = {name: mean([mean(run.rewards.get(name, (0.0,))) for run in runs]) for name in names}
+        return cls(mean([run.score for run in runs]), engines, tuple(runs))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The content of a results file; ``settings`` are those that all runs share, ``versions`` of packages."""
+
+    name: Id
+    protocol: str
+    version: Count
+    track: Id
+    score: Reward
+    settings: dict[str, str]
+    versions: dict[str, str]
+    tasks: dict[str, TaskResult]
+
+    @classmethod
+    def of(cls, other: Entry, runs: Mapping[str, Sequence[RunResult]]) -> Entry:
+        """Compute all means of an entry with these runs."""
+        tasks = {task: TaskResult.of(of) for task, of in runs.items()}
+        return replace(other, score=mean([task.score for task in tasks.values()]), tasks=tasks)
+
+    @property
+    def runs(self) -> list[RunResult]:
+        return [run for task in self.tasks.values() for run in task.runs]
+
+    def dump(self) -> bytes:
+        return TypeAdapter(Entry).dump_json(self, indent=2) + b"\n"
+
+
+def read_entry(file: Path) -> Entry:
+    """Read a results file; its means are computed anew from its runs.
+
+    Raises:
+        UserError: it is none, or it does not follow its protocol.
+    """
+    try:
+        read = validated(Entry, parsed(file.read_bytes()))
+        check(read)
+    except (OSError, ValueError, UserError) as error:
+        raise UserError(f"{file} can't be compared: {short(str(error))}") from error
+    return Entry.of(read, {task: of.runs for task, of in read.tasks.items()})
+
+
+def check(entry: Entry) -> None:
+    """Check that an entry follows its protocol.
+
+    Raises:
+        UserError: the first thing that differs.
+    """
+    rules = protocol(entry.protocol)
+    if entry.version != rules.version:
+        raise UserError(f"it follows version {entry.version} of the protocol {rules.name}, not {rules.version}")
+    if entry.track not in rules.tracks:
+        raise choices("track", entry.track, rules.tracks)
+    for key, value in rules.fixed.items():
+        found = entry.settings.get(key, "not the same in all runs")
+        if found != value:
+            raise UserError(f"{key} is {short(found)}, where the protocol {rules.name} has {value}")
+    tasks = rules.tracks[entry.track]
+    if lacks := [task for task in tasks if task not in entry.tasks]:
+        raise UserError(f"it lacks {', '.join(lacks)}; an entry has all {len(tasks)} tasks of the track {entry.track}")
+    if more := [short(task) for task in entry.tasks if task not in tasks]:
+        raise UserError(f"the track {entry.track} has no task {', '.join(more)}")
+    seeds = {tuple(sorted(run.seed for run in task.runs)) for task in entry.tasks.values()}
+    if len(seeds) > 1 or any(len({*of}) < len(of) for of in seeds):
+        raise UserError("its tasks have other seeds, or one twice; run each task once with each of the same seeds")
+    wanted = dict.fromkeys(rules.engines, rules.layouts)
+    if any({engine: len(of) for engine, of in run.rewards.items()} != wanted for run in entry.runs):
+        raise UserError(f"a run lacks rewards in {rules.layouts} unseen layouts in each of {', '.join(rules.engines)}")
+
+
+# --- entries from runs ------------------------------------------------------------------------------------------
+
+
+def find_entries(
+    finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun], name: str = ""
+) -> tuple[list[Entry], list[str]]:
+    """Make an entry of each method's runs on a track by a protocol; return them, and why others are none.
+
+    ``name`` is what entries are called; of several methods each adds its own.
+    """
+    every: list[AnyRun] = [*finished, *left_out]
+    known = [run for run in every if run.task and run.config]
+    methods = label([(run.task, run.config) for run in known])
+    grouped: dict[tuple[str, str, int], list[AnyRun]] = {}
+    for run, method in zip(known, methods, strict=True):
+        called = " ".join([name] * bool(name) + [method] * (not name or len({*methods}) > 1))
+        of = run.config.get("protocol")
+        if isinstance(of, dict) and of.get("name", "none") != "none" and isinstance(of.get("version"), int):
+            grouped.setdefault((called, str(of["name"]), of["version"]), []).append(run)
+    found: list[Entry] = []
+    problems: list[str] = []
+    for (called, rules, version), runs in grouped.items():
+        for track in _tracks(rules):
+            own = [run for run in runs if run.task in _tracks(rules)[track]]
+            try:
+                found += [_entry(called, protocol(rules), version, track, own)] if own else []
+            except UserError as error:
+                problems.append(f"no entry of the track {track}: {called}: {error}")
+    return found, problems
+
+
+def _tracks(rules: str) -> dict[str, list[str]]:
+    try:
+        return protocol(rules).tracks
+    except UserError:  # runs of a protocol that is not installed are runs like others
+        return {}
+
+
+def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[AnyRun]) -> Entry:
+    for run in runs:
+        if isinstance(run, LeftOutRun) and not (run.status == "failed" and (run.folder / STORE).exists()):
+            raise UserError(f"{short(str(run.folder))} is {run.status}; resume it, or delete it")
+    settings = [flatten(run.config) for run in runs]
+    shared = {key: value for key, value in settings[0].items() if all(of.get(key) == value for of in settings)}
+    versions: dict[str, set[str]] = {}
+    for run in runs:
+        for package, number in run.figures.versions.items() if isinstance(run, FinishedRun) else ():
+            versions.setdefault(package, set()).add(number)
+    packages = {package: ", ".join(sorted(numbers)) for package, numbers in versions.items()}
+    tasks: dict[str, list[RunResult]] = {}
+    for run in sorted(runs, key=lambda run: run.task):
+        tasks.setdefault(run.task, []).append(_result(run, rules))
+    entry = Entry.of(Entry(name, rules.name, version, track, 0.0, shared, packages, {}), tasks)
+    check(entry)
+    return entry
+
+
+def _result(run: AnyRun, rules: Protocol) -> RunResult:
+    spent = spending(run)
+    if spent is None:
+        raise UserError(f"{short(str(run.folder))} has no {STORE}")
+    try:
+        with reading(run.folder) as database:
+            tried = database.execute(
+                "SELECT content, status, details FROM evaluations WHERE status != 'rejected'"
+            ).fetchall()
+            (seconds,) = database.execute("SELECT total(seconds) FROM sessions").fetchone()
+        alike = {row["content"]: row for row in tried}  # candidates with the same content are tried once
+        rollouts = sum(count_rollouts(row["status"], parsed(row["details"])) for row in alike.values())
+    except (sqlite3.Error, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise UserError(f"{short(str(run.folder / STORE))} can't be read: {short(str(error))}") from error
+    if isinstance(run, FinishedRun):
+        rewards = run.figures.unseen.engines if run.figures.unseen else {}
+    else:
+        rewards = dict.fromkeys(rules.engines, (0.0,) * rules.layouts)
+    return RunResult(run.config["seed"], rewards, len(tried), rollouts, spent.requests, spent.cost_usd, seconds)
+
+
+# --- tables -----------------------------------------------------------------------------------------------------
+
+
+def entry_tables(entries: Sequence[Entry], how: Resampling) -> list[Table]:
+    """Make the table of entries, the best of each track first, and that of their tasks; none: no tables."""
+    ranked = sorted(entries, key=lambda entry: (entry.track, -entry.score))
+    engines = list(dict.fromkeys(engine for entry in ranked for engine in protocol(entry.protocol).engines))
+    head = (
+        *columns("track|entry|score:3|low:3|high:3"),
+        *(Column(engine, 3) for engine in engines),
+        *columns("seeds|rollouts per run:0|calls of the model per run:1|cost (USD):2|protocol|vlmgineer"),
+    )
+    rows = []
+    for entry in ranked:
+        tasks, costs = [*entry.tasks.values()], [run.cost_usd for run in entry.runs if run.cost_usd is not None]
+        scores = [[run.score for run in task.runs] for task in tasks]
+        rows.append(
+            (
+                *(entry.track, entry.name, entry.score, *(interval(scores, "mean", how) or (None, None))),
+                *(mean([task.engines[engine] for task in tasks]) for engine in engines),
+                ", ".join(str(run.seed) for run in tasks[0].runs),
+                *(mean([getattr(run, name) for run in entry.runs]) for name in ("rollouts", "requests")),
+                sum(costs) if costs else None,
+                *(f"{entry.protocol} {entry.version}", entry.versions.get("vlmgineer")),
+            )
+        )
+    note = (
+        "Score: the mean over tasks and runs of a run's mean reward in unseen layouts, in the engine where that is the "
+        f"lowest. Low and high: {100 * how.confidence:g} % percentiles of {how.resamples} bootstrap samples of the "
+        "runs, drawn within each task; none with one seed. Rollouts and calls: of the search. Dollars: of all runs."
+    )
+    by_task = [(e.track, task, e.name, of.score, len(of.runs)) for e in ranked for task, of in e.tasks.items()]
+    return (
+        [
+            Table("entries", "Entries of the benchmark", head, tuple(rows), note),
+            Table(
+                "entries_by_task", "Entries by task", columns("track|task|entry|score:3|runs:0"), tuple(sorted(by_task))
+            ),
+        ]
+        if rows
+        else []
+    )

@@ -1,0 +1,134 @@
+"""Methods: runs with the same configuration are one method's, with a short name that distinguishes it."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from core.interfaces import PAPER, Perception, Waypoints
+from core.plugins import WORDS, installed
+from core.values.layouts import NONE
+from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
+
+CHOICES = ("tool", "evolution", "vlm", "action", "robot", "material", "prompt", "sim", "budget")
+"""The choices that describe a method best, in this order; others follow."""
+
+_NO_METHOD = ("seed", "film", "listener", "executor", "protocol", "task.name", "task.paper")
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """The runs of one method on one task; ``left_out`` counts those that failed or are unfinished."""
+
+    task: str
+    method: str
+    runs: tuple[FinishedRun, ...]
+    left_out: int = 0
+
+    @property
+    def rewards(self) -> list[float]:
+        """The best reward of each run."""
+        return [run.best.reward for run in self.runs]
+
+    @property
+    def best(self) -> FinishedRun:
+        """The run with the highest reward; of two with the same, the one with the shorter distance."""
+        return min(self.runs, key=lambda run: (-run.best.reward, run.best.distance_m is None, run.best.distance_m))
+
+
+def group(finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun] = ()) -> list[Group]:
+    """Group runs by task, in alphabetical order, and method, in the order in which methods appear."""
+    known = [run for run in left_out if run.task and run.config]
+    labels = label([(run.task, run.config) for run in finished] + [(run.task, run.config) for run in known])
+    order = list(dict.fromkeys(labels))
+    found: dict[tuple[str, int], list[FinishedRun]] = defaultdict(list)
+    for run, name in zip(finished, labels, strict=False):
+        found[run.task, order.index(name)].append(run)
+    lost = Counter((run.task, name) for run, name in zip(known, labels[len(finished) :], strict=True))
+    return [
+        Group(task, order[method], tuple(found[task, method]), lost[task, order[method]])
+        for task, method in sorted(found)
+    ]
+
+
+def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
+    """Name the method of each (task, configuration): the shortest list of settings that distinguishes it.
+
+    Choices (``tool=none``) distinguish methods wherever they differ. Another setting does where two runs of one task
+    with the same choices differ in it, so that a setting that follows from a choice or from the task makes no method
+    of its own. The seed, the executor and the listeners never do.
+    """
+    settings = [flatten(_whole(config)) for _, config in configs]
+    named = {key for of in settings for key in of if key.endswith(".name") and key.count(".") == 1}
+    first = [f"{choice}.name" for choice in CHOICES]
+    choices = [*first, *sorted(named - set(first))]
+    varying = [key for key in choices if len(_values(settings, key)) > 1]
+    alike = defaultdict(list)
+    for (task, _), of in zip(configs, settings, strict=True):
+        alike[task, *(of.get(key) for key in choices)].append(of)
+    others = sorted({key for of in settings for key in of} - set(choices))
+    varying += [key for key in others if any(len(_values(runs, key)) > 1 for runs in alike.values())]
+    methods = [tuple(of.get(key) for key in varying) for of in settings]
+    if not varying:
+        return [" ".join(_say(key, of.get(key)) for key in choices[:3]) for of in settings]
+    names = _shortest(list(dict.fromkeys(methods)), varying)
+    return [names[method] for method in methods]
+
+
+def _whole(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Add what runs of earlier versions did not name."""
+    found = {"action": {"name": Waypoints.action}, **config, "robot": robot_of(config)}
+    found["material"] = {**asdict(PAPER), **config.get("material", {})}
+    found["rollout"] = {"perception": asdict(Perception()), **config.get("rollout", {})}
+    found["task"] = {"variation": NONE, **config["task"]} if "task" in config else {}
+    return found
+
+
+def robot_of(config: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The robot of a run's configuration; that of earlier versions named none, and the default was used."""
+    found: Mapping[str, Any] = config.get("robot") or {}
+    return found or {"name": installed().default_robot.name, **WORDS["robot"]}
+
+
+def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """The settings that can distinguish methods, as text by dotted key."""
+    found: dict[str, str] = {}
+    for key, value in config.items():
+        name = f"{prefix}{key}"
+        if name not in _NO_METHOD:
+            below = flatten(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
+            found |= {k: v if isinstance(v, str) else json.dumps(v) for k, v in below.items()}
+    return found
+
+
+def _values(settings: Sequence[Mapping[str, str]], key: str) -> set[str | None]:
+    return {of.get(key) for of in settings}
+
+
+def _shortest(methods: list[tuple[str | None, ...]], keys: list[str]) -> dict[tuple[str | None, ...], str]:
+    names = {}
+    for method in methods:
+        differences = [{i for i in range(len(keys)) if other[i] != method[i]} for other in methods if other != method]
+        pairs = itertools.chain.from_iterable(itertools.combinations(range(len(keys)), length) for length in (1, 2))
+        found = (set(pair) for pair in pairs if all(not found.isdisjoint(pair) for found in differences))
+        chosen = next(found, None) or _least(differences, len(keys))
+        names[method] = " ".join(_say(keys[i], method[i]) for i in sorted(chosen))
+    return names
+
+
+def _least(differences: Sequence[set[int]], count: int) -> set[int]:
+    """Return keys of which none can be left out, the first rather than the last: the fewest take too long to find."""
+    chosen = set(range(count))
+    for i in reversed(range(count)):
+        if all(found & (chosen - {i}) for found in differences):
+            chosen.remove(i)
+    return chosen
+
+
+def _say(key: str, value: str | None) -> str:
+    name = key.removesuffix(".name")
+    return short(f"{name}={value}" if value is not None else f"no {name}")

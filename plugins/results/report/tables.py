@@ -1,0 +1,321 @@
+"""The tables of a report."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from core.store.rows import Saved
+from plugins.results.pages.formats import Cell, Column, Link, Table, columns
+from plugins.results.pages.runs import FinishedRun, Spending, spending
+from plugins.results.pages.tools import Tools, size
+from plugins.results.report.leaderboard import entry_tables
+from plugins.results.report.learning_curves import efforts
+from plugins.results.report.methods import label, robot_of
+from plugins.results.report.models import critiques, models
+from plugins.results.report.results import Results
+from plugins.results.report.statistics import (
+    LEAST_DIVISOR,
+    deviation,
+    interquartile_mean,
+    interval,
+    mean,
+    mean_of_tasks,
+    normalised,
+)
+
+
+def tables(results: Results, shown: Tools) -> list[Table]:
+    """All tables that have rows."""
+    every = [
+        *(
+            rewards(results),
+            arms(results),
+            methods(results),
+            improvements(results),
+            efforts(results),
+            generations(results),
+            tools(results, shown),
+        ),
+        *entry_tables(results.entries, results.how),
+        *(runs(results), left_out(results), models(results), critiques(results)),
+        *(parameters(results), costs(results), versions(results)),
+    ]
+    return [table for table in every if table.rows]
+
+
+def rewards(results: Results) -> Table:
+    """Best, average and deviation of rewards, by task and method."""
+    head = columns(
+        "task|method|runs:0|left out:0|best:3|average:3|standard deviation:3|interquartile mean:3"
+        "|distance of the best (m):2|candidate|unseen layouts, mean:3|unseen layouts, worst:3"
+    )
+    unseen = (("mean", mean), ("worst", min))
+    rows = [
+        (
+            *(g.task, g.method, len(g.runs), g.left_out, g.best.best.reward),
+            *(mean(g.rewards), deviation(g.rewards), interquartile_mean(g.rewards)),
+            *(g.best.best.distance_m, g.best.best.candidate),
+            *(_over_known(of, [getattr(run.figures.unseen, name, None) for run in g.runs]) for name, of in unseen),
+        )
+        for g in results.groups
+    ]
+    note = (
+        "Of each run's best reward: the best and the average over runs, the sample standard deviation (n - 1), and the "
+        "interquartile mean, which below four runs is the average. Distance: metres that the end-effector's origin "
+        "travelled in the best run's best plan. Left out: runs that failed or are unfinished; they are in no figure. "
+        "Unseen layouts: those that no search sees, in which each run's best plan is "
+        "tried (`fitness=layouts`): the average over runs, and the lowest reward."
+    )
+    return Table("rewards", "Rewards by task and method", head, tuple(rows), note)
+
+
+def arms(results: Results) -> Table:
+    """Each task on each arm, where runs have several."""
+    robots = label([("", {"robot": robot_of(run.config)}) for run in results.runs])
+    names = list(dict.fromkeys(robots))
+    alike = label([(run.task, {**run.config, "robot": None}) for run in results.runs])
+    found: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for run, method, robot in zip(results.runs, alike, robots, strict=True) if len(names) > 1 else ():
+        found[run.task, method][robot].append(run.best.reward)
+    rows = [(*key, *(mean(of[name]) if name in of else None for name in names)) for key, of in sorted(found.items())]
+    head = (*columns("task|method"), *(Column(name.removeprefix("robot="), 3) for name in names))
+    note = "Of each run's best reward, the average over runs on that arm; a dash where no run of it counts."
+    return Table("arms", "Rewards by task and arm", head, tuple(rows), note)
+
+
+def methods(results: Results) -> Table:
+    """The paper's mean and the interquartile mean of each method, with intervals."""
+    head = columns(
+        "method|tasks:0|runs:0|mean of the best:3|mean:3|mean, low:3|mean, high:3|interquartile mean:3"
+        "|IQM, low:3|IQM, high:3|which tasks"
+    )
+    rows = []
+    for method in results.methods:
+        groups = results.of(method)
+        by_task = [g.rewards for g in groups]
+        every = [reward for task in by_task for reward in task]
+        rows.append(
+            (
+                *(method, len(groups), len(every), mean([g.best.best.reward for g in groups]), mean_of_tasks(by_task)),
+                *(interval(by_task, "mean", results.how) or (None, None)),
+                interquartile_mean(every),
+                *(interval(by_task, "interquartile mean", results.how) or (None, None)),
+                ", ".join(g.task for g in groups),
+            )
+        )
+    note = (
+        "Mean: over tasks, of each task's average over runs, as the paper has it; mean of the best: over tasks, of "
+        "each task's best run. Interquartile mean (IQM): of all runs of all tasks the middle half (Agarwal et al. "
+        f"2021). Low and high: {100 * results.how.confidence:g} % percentiles of {results.how.resamples} bootstrap "
+        "samples, drawn within each task; none where a task has one run only. Methods with different tasks can't be "
+        "compared by these."
+    )
+    return Table("methods", "Methods over all their tasks", head, tuple(rows), note)
+
+
+def improvements(results: Results) -> Table:
+    """Each method against those that are worse on the tasks that both have."""
+    head = columns(
+        "method A|over method B|tasks:0|mean of A:3|mean of B:3|of B's shortfall (%):1|tasks with a shortfall:0"
+        "|of B's value (%):1|tasks with a value:0"
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for a, b in itertools.permutations(results.methods, 2):
+        tasks = results.shared(a, b)
+        x, y = (np.array([mean(g.rewards) for g in results.of(method, tasks)]) for method in (a, b))
+        if tasks and x.mean() >= y.mean():
+            gains = [normalised(100 * (x - y), divisors) for divisors in (1 - y, y)]
+            rows.append((a, b, len(tasks), float(x.mean()), float(y.mean()), *gains[0], *gains[1]))
+    note = (
+        "Average normalised improvement of A over B, from the averages over runs: the mean over tasks of (A - B) / "
+        "(1 - B), the share of B's shortfall that A makes up, and of (A - B) / B. Tasks where the divisor is below "
+        f"{LEAST_DIVISOR} can't be counted; how many are counted stands beside it."
+    )
+    return Table("improvements", "Improvement of one method over another", head, tuple(rows), note)
+
+
+def generations(results: Results) -> Table:
+    """Rewards by generation."""
+    head = columns(
+        "task|method|generation:0|runs:0|best so far:3|standard deviation:3|best of the generation:3"
+        "|mean of the generation:3|rejected (%):1|failed (%):1"
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for g in results.groups:
+        for index in range(max(len(run.figures.generations) for run in g.runs)):
+            so_far = [run.course(index + 1)[index] for run in g.runs]
+            there = [run.figures.generations[index] for run in g.runs if index < len(run.figures.generations)]
+            candidates = sum(f.n_candidates for f in there)
+            lost = (sum(f.n_rejected for f in there), sum(f.n_failed for f in there))
+            rows.append(
+                (
+                    *(g.task, g.method, index, len(there), mean(so_far), deviation(so_far)),
+                    _over_known(mean, [f.best_reward for f in there]),
+                    _over_known(mean, [f.mean_reward for f in there]),
+                    *(100 * count / candidates if candidates else None for count in lost),
+                )
+            )
+    note = (
+        "Means over runs. Best so far: up to and with the generation; a run that stopped early keeps its last. Runs: "
+        "those that have the generation. Mean of the generation: over the candidates that were tried."
+    )
+    return Table("generations", "Rewards by generation", head, tuple(rows), note)
+
+
+def _over_known(function: Any, values: Iterable[float | None]) -> float | None:
+    """``function`` of the values that are known, None where none is."""
+    known = [value for value in values if value is not None]
+    return function(known) if known else None
+
+
+def parameters(results: Results) -> Table:
+    """The configured budget and the model of each method."""
+    head = columns(
+        "task|method|n_agent:0|n_tool:0|n_action:0|n_iteration:0|k_top:0|reward_save:2|stop_reward:2"
+        "|candidates per generation|workers|seeds|model"
+    )
+    names = [column.name for column in head[2:9]]
+    rows = []
+    for g in results.groups:
+        budgets = [run.config.get("budget", {}) for run in g.runs]
+        population = sorted({f.n_candidates for run in g.runs for f in run.figures.generations})
+        workers = {str(run.config.get("executor", {}).get("workers", "")) for run in g.runs}
+        models = {str(run.config.get("vlm", {}).get("model") or run.figures.vlm) for run in g.runs}
+        seeds = Counter(run.seed for run in g.runs)
+        rows.append(
+            (
+                *(g.task, g.method, *(_same([budget.get(name) for budget in budgets]) for name in names)),
+                " to ".join(str(n) for n in dict.fromkeys([population[0], population[-1]])) if population else "",
+                ", ".join(sorted("one per core" if name == "None" else name for name in workers)),
+                ", ".join(f"{seed}" + (f" ({n} times)" if n > 1 else "") for seed, n in sorted(seeds.items())),
+                ", ".join(sorted(models)),
+            )
+        )
+    note = (
+        "As configured; candidates per generation as counted: with a given tool n_tool is 1. Workers are the rollouts "
+        "that run at the same time (the paper's k_sim)."
+    )
+    return Table("parameters", "Parameters", head, tuple(rows), note)
+
+
+def _same(values: Sequence[Any]) -> Cell:
+    """The value that all share, or all values as a text."""
+    found = list(dict.fromkeys(values))
+    if len(found) == 1 and (found[0] is None or isinstance(found[0], int | float)):
+        return found[0]
+    return ", ".join(str(value) for value in found)
+
+
+def costs(results: Results) -> Table:
+    """Time, tokens and dollars that runs took."""
+    head = columns(
+        "task|method|runs:0|rollouts per run:0|wall time per run (s):0|rollouts per second:1|requests per run:1"
+        "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2|rollouts saved:0|seconds saved:0"
+        "|near-duplicates:0"
+    )
+    rows = []
+    for g in results.groups:
+        spent: list[Spending] = [s for s in map(spending, g.runs) if s is not None]
+        seconds = sum(run.figures.wall_time_s for run in g.runs)
+        tried = sum(map(_rollouts, g.runs))
+        saved = [run.figures.saved for run in g.runs if run.figures.saved is not None]
+        names = ("prompt_tokens", "completion_tokens", "cost_usd")
+        rows.append(
+            (
+                *(g.task, g.method, len(g.runs), tried / len(g.runs), seconds / len(g.runs)),
+                tried / seconds if seconds > 0 else None,
+                sum(s.requests for s in spent) / len(spent) if spent else None,
+                sum(s.errors for s in spent),
+                *(_over_known(sum, [getattr(s, name) for s in spent]) for name in names),
+                *(sum(getattr(of, name) for of in saved) if saved else None for name in Saved.__annotations__),
+            )
+        )
+    note = (
+        "Tokens and dollars are sums over the runs, of the replies that report them; empty where none does. Saved are, "
+        "over all runs, the rollouts that were foreseen or that candidates stopped before, with an estimate of their "
+        "processor time. Near-duplicates got the evaluation of another candidate."
+    )
+    return Table("costs", "Time and money", head, tuple(rows), note)
+
+
+def _rollouts(run: FinishedRun) -> int:
+    """The rollouts of a run; of an older one its candidates."""
+    return run.figures.n_evaluations if run.figures.rollouts is None else run.figures.rollouts
+
+
+def runs(results: Results) -> Table:
+    """All runs that are counted."""
+    head = columns(
+        "task|method|seed:0|best reward:3|unseen layouts, mean:3|distance (m):2|generation:0|candidate|rollouts:0"
+        "|wall time (s):0|folder|recordings"
+    )
+    rows = [
+        (
+            *(g.task, g.method, run.seed, run.best.reward, getattr(run.figures.unseen, "mean", None)),
+            *(run.best.distance_m, run.best.generation),
+            *(run.best.candidate, _rollouts(run), run.figures.wall_time_s),
+            *(Link(run.folder.name, run.folder), tuple(Link(what, file) for what, file in run.recordings().items())),
+        )
+        for g in results.groups
+        for run in g.runs
+    ]
+    return Table("runs", "Runs", head, tuple(rows), _repeats(results))
+
+
+def _repeats(results: Results) -> str:
+    """A warning where runs are not independent."""
+    again = defaultdict(list)
+    for g in results.groups:
+        for seed, n in Counter(run.seed for run in g.runs).items():
+            if n > 1:
+                again[f"{g.task}, {g.method}"].append(f"seed {seed} {n} times")
+    if not again:
+        return ""
+    listed = "; ".join(f"{what}: {', '.join(seeds)}" for what, seeds in again.items())
+    return f"Seeds that were run more than once are counted as often as they were run ({listed})."
+
+
+def tools(results: Results, shown: Tools) -> Table:
+    """The best tools, with the model's descriptions."""
+    head = columns(
+        "task|method|tool|reward:3|distance (m):2|size|mass (g):0|material|components:0|description|how it is used|"
+        "candidate|run"
+    )
+    rows = [
+        (
+            *(task, method, winner.name, winner.reward, winner.distance_m, size(winner.tool, winner.robot)),
+            *(1000 * winner.tool.mass, winner.material.name, len(winner.tool.components)),
+            *(winner.tool.description, winner.strategy_description or winner.strategy_name, winner.candidate),
+            Link(winner.run.folder.name, winner.run.folder),
+        )
+        for (task, method), winner in shown.best.items()
+    ]
+    note = " ".join(f"Not shown: {problem}." for problem in shown.problems)
+    return Table("tools", "The best tools", head, tuple(rows), note)
+
+
+def versions(results: Results) -> Table:
+    """The packages that the runs were made with."""
+    found: dict[str, Counter[str]] = defaultdict(Counter)
+    for run in results.runs:
+        for name, version in run.figures.versions.items():
+            found[name][version] += 1
+    rows = [
+        (name, ", ".join(f"{v} ({n} runs)" if len(counts) > 1 else v for v, n in sorted(counts.items())))
+        for name, counts in sorted(found.items())
+    ]
+    differ = ", ".join(name for name, counts in sorted(found.items()) if len(counts) > 1)
+    note = f"Runs differ in {differ}: rewards need not be comparable." if differ else ""
+    return Table("versions", "Versions", columns("package|version"), tuple(rows), note)
+
+
+def left_out(results: Results) -> Table:
+    """The runs that no figure counts."""
+    rows = [(Link(run.folder.name, run.folder), run.task, run.status, run.reason) for run in results.left_out]
+    title = "Runs that failed or are unfinished"
+    return Table("left_out", title, columns("folder|task|status|reason"), tuple(rows), "None of them is averaged in.")

@@ -1,0 +1,165 @@
+"""Judge candidates by another fitness, and give nothing for what can't be made, breaks, or comes too near."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from core.config.compose import listed, part
+from core.config.settings import Printer
+from core.design import Candidate, DesignError, Evaluation, Tool
+from core.designs.planning import resolve
+from core.designs.weight import mass_limit, moment_limit
+from core.errors import UsageError, check_positive
+from core.interfaces import Evaluate, Fitness, Material
+from core.robot.kinematics import arm_of
+from core.robot.self_collision import DEEP_M
+from core.robot.tempo import plan_task_motion
+from core.simulation.rollout import Evaluator
+from core.values.materials import PAPER
+from plugins.results.workshop.clearance import clearance
+from plugins.results.workshop.motion import sample
+from plugins.results.workshop.printing import pieces
+from plugins.results.workshop.replay import RECORD_HZ, Unplayable, play
+from plugins.results.workshop.strength import measured
+from plugins.results.workshop.verdicts import SAFETY, carried, printable, strong
+
+NAME = "buildable"
+
+
+class Buildable(Fitness):
+    """The reward of the fitness ``of``, or 0 where a design breaks a rule of those who make and run it.
+
+    What a printer and the arm can't bear is rejected before it costs a rollout. What earns something is played once
+    more in the run's engine, with forces: then it must not break, and the arm must keep clear of itself and of all
+    that is fixed.
+
+    Args:
+        evaluator: the task, the engine of that rollout, and how plans are executed.
+        of: the fitness that judges what is buildable: a name, or a mapping of a ``name`` and settings.
+        material: of the tools; ``paper`` has no strength, which is then not judged.
+        plate_mm: the printer's build volume (x, y, z).
+        min_wall_mm: the thinnest wall that it prints.
+        safety: the least safety factor.
+        margin_m: the least distance of the arm from itself and from what is fixed, metres.
+
+    Raises:
+        UserError: a setting or the other fitness can't be used.
+    """
+
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        of: str | dict[str, Any] = "nominal",
+        material: Material = PAPER,
+        plate_mm: list[float] = [250.0, 210.0, 220.0],  # noqa: B006 - read as a configuration's default
+        min_wall_mm: float = 0.8,
+        safety: float = SAFETY,
+        margin_m: float = 0.005,
+    ) -> None:
+        (node,) = listed("fitness", "fitness", [of]).values()
+        if node.name == NAME:
+            raise UsageError("fitness.of: buildable can't judge for itself; name another fitness")
+        if node.get("stop_behind") is not None:
+            raise UsageError("fitness.of: buildable compares no candidates; leave its stop_behind null")
+        check_positive("fitness.", safety=safety)
+        if not 0 <= margin_m <= 0.2:
+            raise UsageError(f"fitness.margin_m must be between 0 and 0.2 m, got {margin_m}")
+        self._printer = Printer(list(plate_mm), min_wall_mm)
+        self._inner: Fitness = part("fitness", node).create(evaluator=evaluator)
+        self._evaluator, self._material = evaluator, material
+        self._safety, self._margin = safety, margin_m
+
+    def instructions(self) -> str:
+        robot, material = self._evaluator.task.create().robot, self._material
+        plate = " x ".join(f"{side:g}" for side in self._printer.plate_mm)
+        strength = (
+            f"- Strength: {material.name} bears {material.strength_pa / 1e6:g} MPa; under the contact forces of the "
+            f"rollout and its weight the bending stress of no component may exceed 1/{self._safety:g} of that.\n"
+            if material.strength_pa is not None
+            else ""
+        )
+        return (
+            f"{self._inner.instructions() or 'What counts is the reward of one rollout.'}\n\n"
+            "A design must also be buildable: it earns 0 if it breaks one of these rules.\n"
+            f"- Printing: each rigid body is closed and in one piece, has no wall thinner than "
+            f"{self._printer.min_wall_mm:g} mm, and fits into {plate} mm, however it is laid.\n"
+            f"- Mass: at most {mass_limit(robot, material)[0]:g} kg, and {moment_limit(robot):g} N m about the mount.\n"
+            f"{strength}"
+            f"- Clearance: the arm keeps {1000 * self._margin:g} mm from itself and from all that is fixed."
+        )
+
+    @property
+    def batch(self) -> int:
+        return self._inner.batch
+
+    def prepare(self) -> None:
+        self._inner.prepare()
+        self._evaluator.prepare()
+
+    def unseen(self) -> Mapping[str, Sequence[Evaluate]]:
+        return self._inner.unseen()
+
+    def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
+        tools = {id(candidate.tool): candidate.tool for candidate in candidates if candidate.problem is None}
+        problems = {number: self._problem(tool) for number, tool in tools.items()}
+        asked = [replace(c, problem=c.problem or problems[id(c.tool)]) for c in candidates]
+        return [self._judged(evaluation) for evaluation in self._inner(asked)]
+
+    def _problem(self, tool: Tool | None) -> str | None:
+        """Say what speaks against making or carrying a tool, if anything does."""
+        if tool is None or not tool.components:
+            return None
+        verdicts = [
+            *carried(tool, self._evaluator.made()[0].robot, self._material),
+            *printable(pieces(tool, self._printer)),
+        ]
+        return next((f"not buildable: {verdict}" for verdict in verdicts if not verdict.passed), None)
+
+    def _judged(self, evaluation: Evaluation) -> Evaluation:
+        """Play what earned something once more, with forces."""
+        candidate = evaluation.candidate
+        if (
+            evaluation.status != "ok"
+            or evaluation.reward <= 0
+            or candidate.tool is None
+            or not candidate.tool.components
+        ):
+            return evaluation
+        try:
+            found, problems = self._played(candidate, candidate.tool)
+        except (Unplayable, DesignError) as error:
+            found, problems = {}, [str(error)]
+        details = evaluation.details | ({NAME: found} if found else {})
+        if not problems:
+            return replace(evaluation, details=details)
+        reason = f"not buildable: {problems[0]}, so that its reward of {evaluation.reward:.2f} does not count"
+        warnings = (*evaluation.warnings, *(f"not buildable: {problem}" for problem in problems))
+        return replace(evaluation, reward=0.0, reason=reason, warnings=warnings, details=details)
+
+    def _played(self, candidate: Candidate, tool: Tool) -> tuple[dict[str, Any], list[str]]:
+        """Measure strength and clearance; return figures, and what speaks against the design."""
+        (task, simulator), seed, settings = self._evaluator.made(), self._evaluator.seed, self._evaluator.settings
+        scene, robot = task.scene(seed), task.robot
+        planned = plan_task_motion(resolve(candidate.plan, task, seed, settings, scene), task, settings)
+        motion = sample(planned.trajectory, arm_of(robot), RECORD_HZ)
+        replay = play(task, simulator, tool, motion, scene, seed, settings)
+        rows = measured(tool, robot, self._material, scene, motion, {self._evaluator.sim.name: replay})
+        problems = [str(of) for of in strong(self._material, rows, self._safety) if of.passed is False]
+        near = clearance(scene, robot, tool, replay.recording)
+        fixed = {body.name for body in scene.bodies if body.fixed}
+        least = {name: float(of.min()) for name, of in near.arm_to.items() if name in fixed}
+        least["itself"] = float(near.itself.min())
+        # Hulls of links are this deep in each other where nothing is wrong.
+        to_spare = {name: of - self._margin + (DEEP_M if name == "itself" else 0.0) for name, of in least.items()}
+        closest = min(to_spare, key=lambda name: to_spare[name])
+        if to_spare[closest] < 0:
+            problems.append(
+                f"clearance: the arm comes as near as {1000 * least[closest]:.0f} mm to {closest}; at least "
+                f"{1000 * self._margin:g} mm are asked for: move or turn waypoints, or lengthen the tool"
+            )
+        safety = min((row.safety for row in rows if row.safety is not None), default=math.inf)
+        figures: dict[str, Any] = {"safety_factor": round(safety, 3)} if safety < math.inf else {}
+        return figures | {"clearance_m": round(least[closest], 4)}, problems

@@ -1,0 +1,128 @@
+"""Measure how near an arm and its tool come to themselves and to the scene, and how near to the arm's limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from core.design import Tool
+from core.geometry import Array
+from core.interfaces import Recording
+from core.robot.description import assemble
+from core.robot.kinematics import arm_of
+from core.robot.self_collision import self_distances
+from core.scene import Scene
+from core.simulation.tracks import Indices, Track, body_tracks, robot_tracks
+from core.values.robots import Robot
+from plugins.results.workshop.motion import Sampled
+
+HZ = 25.0  # of the instants at which distances are measured
+NEAR_M = 0.3  # farther things are not measured
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """Distances over time, metres, negative for penetration; `NEAR_M` stands for more.
+
+    Attributes:
+        times: (T,) seconds.
+        itself: (T,) between parts of the arm, and between the tool and the arm, that limits don't keep apart.
+        arm_to: by body, (T,) from the arm and its gripper.
+        tool_to: by body, (T,) from the tool.
+    """
+
+    times: Array
+    itself: Array
+    arm_to: Mapping[str, Array]
+    tool_to: Mapping[str, Array]
+
+    def courses(self) -> list[tuple[str, str, Array]]:
+        """List what comes near what, with the distances (T,); the nearest first."""
+        every = [("arm", "itself", self.itself)]
+        every += [
+            (what, to, of) for what, by in (("arm", self.arm_to), ("tool", self.tool_to)) for to, of in by.items()
+        ]
+        return sorted(every, key=lambda course: float(course[2].min()))
+
+    def rows(self) -> list[tuple[str, str, float, float]]:
+        """List what came nearest: what, to what, metres, and when; the nearest first."""
+        return [(what, to, float(of.min()), float(self.times[of.argmin()])) for what, to, of in self.courses()]
+
+
+def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> Clearance:
+    """Measure distances along a recorded rollout, at `HZ`."""
+    chosen = np.unique(np.searchsorted(recording.times, np.arange(0.0, recording.times[-1] + 1 / HZ, 1 / HZ)))
+    chosen = chosen[chosen < len(recording.times)]
+    moving, bodies = robot_tracks(robot, tool, recording), body_tracks(scene, recording)
+    parts = {component.name for component in tool.components}
+    own = [[track for track in moving if (track.name in parts) == of_tool] for of_tool in (False, True)]
+    names = dict.fromkeys(track.owner for track in bodies)
+    by = [
+        {name: _nearest(tracks, [track for track in bodies if track.owner == name], chosen) for name in names}
+        for tracks in own
+    ]
+    fingers = recording.fingers[chosen, : len(robot.finger_joints)]
+    itself = np.minimum(self_distances(robot, tool, recording.arm[chosen], fingers), NEAR_M)
+    return Clearance(recording.times[chosen], itself, by[0], by[1])
+
+
+def _nearest(some: Sequence[Track], others: Sequence[Track], samples: Indices) -> Array:
+    """Measure the distances (S,) between two groups of solids at samples (S,)."""
+    least = np.full(len(samples), NEAR_M)
+    for one in some:
+        for other in others:
+            (low, high), (below, above) = ((of.low.min(axis=0), of.high.max(axis=0)) for of in (one, other))
+            if ((low - NEAR_M > above) | (below - NEAR_M > high)).any():
+                continue
+            for i, k in enumerate(samples.tolist()):
+                a, b = (min(k, len(track.positions) - 1) for track in (one, other))
+                if ((one.low[a] - least[i] > other.high[b]) | (other.low[b] - least[i] > one.high[a])).any():
+                    continue
+                result = coal.DistanceResult()
+                request = coal.DistanceRequest()
+                coal.distance(one.geometry, one.at(a, 0.0)[0], other.geometry, other.at(b, 0.0)[0], request, result)
+                least[i] = min(least[i], result.min_distance)
+    return least
+
+
+def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
+    """Compute the arm's joint torques (T, J), N m, that the motion needs with the tool and without contact.
+
+    Inverse dynamics of the links and the tool, and the motors' inertia. Friction in the joints is left out.
+    """
+    model = pin.buildModelFromXML(assemble(robot, tool, visuals=False))
+    data, names = model.createData(), [str(name) for name in model.names][1:]
+    columns = [names.index(name) for name in robot.arm_joints]
+    rest = pin.neutral(model)
+    found = np.empty_like(motion.positions)
+    for k, rows in enumerate(zip(motion.positions, motion.velocities, motion.accelerations, strict=True)):
+        values = [rest.copy(), np.zeros(model.nv), np.zeros(model.nv)]
+        for full, row in zip(values, rows, strict=True):
+            full[columns] = row
+        found[k] = pin.rnea(model, data, *values)[columns]
+    inertia: Array = motion.accelerations * np.array(robot.motor_inertia)
+    return found + inertia
+
+
+def margins(robot: Robot, tool: Tool, motion: Sampled, torque: Array) -> list[dict[str, Any]]:
+    """Compare a motion with the arm's limits, joint by joint: distance to the nearer end of its range, and shares."""
+    arm = arm_of(robot)
+    room = np.minimum(motion.positions - arm.lower, arm.upper - motion.positions).min(axis=0)
+    velocity, acceleration = motion.loads(arm)
+    effort = np.abs(torque).max(axis=0)
+    return [
+        {
+            "joint": name,
+            "to_limit_rad": float(room[i]),
+            "velocity_share": float(velocity[i]),
+            "acceleration_share": float(acceleration[i]),
+            "torque_nm": float(effort[i]),
+            "torque_share": float(effort[i] / arm.effort_limits[i]) if arm.effort_limits[i] > 0 else None,
+        }
+        for i, name in enumerate(robot.arm_joints)
+    ]

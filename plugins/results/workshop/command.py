@@ -1,0 +1,254 @@
+"""``vlmgineer export RUN_FOLDER [output=DIR]``: write what a lab needs to run the best motion on a real arm.
+
+Nothing here commands a robot. Covered by `tests/plugins/results/workshop/test_export.py`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from omegaconf import MISSING, DictConfig, OmegaConf
+
+from core.config.compose import check_seed, node, task_part, tool_part
+from core.config.settings import Fit, Printer
+from core.design import Candidate, Tool
+from core.designs.planning import resolve
+from core.designs.rules import SpawnRules
+from core.errors import UsageError, UserError
+from core.interfaces import RolloutSettings, Task
+from core.robot.kinematics import arm_of
+from core.robot.tempo import plan_task_motion
+from core.simulation.robustness import engines
+from core.store.artifacts import save_design
+from core.store.reader import chosen_designs, config_for
+from core.support.cli import folders_and_overrides, print_table, say, write_bytes
+from core.values.materials import Material
+from plugins.results.workshop.clearance import NEAR_M, Clearance, clearance, margins, torques
+from plugins.results.workshop.motion import Sampled, approach, cut, sample, to_csv, to_json
+from plugins.results.workshop.payload import payload
+from plugins.results.workshop.programs import write_programs
+from plugins.results.workshop.readback import check_files
+from plugins.results.workshop.replay import Replay, play
+from plugins.results.workshop.ros import PACKAGE, write_package
+from plugins.results.workshop.sheet import write_sheet
+from plugins.results.workshop.tool import PrintedTool, make_tool, write_lists, write_tool
+from plugins.results.workshop.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+USAGE = (
+    "usage: vlmgineer export RUN_FOLDER | designs=FILE task=NAME [output=DIR] [sims=[NAME,...]] [rate_hz=1000] "
+    "[speed=1] [start=[RADIANS,...]] [KEY=VALUE ...]"
+)
+SLOW = 0.2  # of the speed: the first run on the arm
+LINES = 8  # the nearest things, in the figure and in the checklist
+
+
+@dataclass
+class ExportConfig:
+    """Settings of ``vlmgineer export``.
+
+    ``designs``: a run's folder, whose best is exported, or a designs file, of which it is the first. ``sims``: engines
+    that play the motion back. ``rate_hz``: of the samples. ``speed``: 1 is the motion as it was simulated. ``start``:
+    joints (J,) from which the arm approaches, radians; none: its home. ``printer`` and ``fit``: of the tool's parts.
+    """
+
+    task: dict[str, Any] = MISSING
+    robot: dict[str, Any] = field(default_factory=dict)
+    tool: dict[str, Any] = MISSING
+    material: Material = field(default_factory=Material)
+    rollout: RolloutSettings = field(default_factory=RolloutSettings)
+    sims: list[Any] = MISSING
+    seed: int = 0
+    designs: str = MISSING
+    top: int = 1
+    output: str = MISSING
+    rate_hz: float = MISSING
+    speed: float = MISSING
+    start: list[float] = field(default_factory=list)
+    printer: Printer = field(default_factory=Printer)
+    fit: Fit = field(default_factory=Fit)
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """What was exported: the motion, what it earned in each engine, and what the arm has to bear."""
+
+    task: Task
+    candidate: Candidate
+    motion: Sampled
+    replays: dict[str, Replay]
+    clearance: Clearance
+    limits: list[dict[str, Any]]
+    payload: dict[str, Any]
+    contact_s: float | None
+    printed: PrintedTool
+    read_back: dict[str, float]  # rewards, with the tool's files
+    verdicts: tuple[Verdict, ...]
+
+    def figures(self) -> dict[str, Any]:
+        """Return all figures as data."""
+        nearest = [row for row in self.clearance.rows() if row[2] < NEAR_M]
+        return {
+            "robot": self.task.robot.name,
+            "candidate": self.candidate.id,
+            "duration_s": float(self.motion.times[-1]),
+            "slower_than_simulated": self.motion.slower,
+            "first_contact_s": self.contact_s,
+            "rewards": {engine: replay.reward for engine, replay in self.replays.items()},
+            "rewards_read_back": self.read_back,
+            "problems": {engine: list(replay.problems) for engine, replay in self.replays.items()},
+            "joints": self.limits,
+            "nearest": [dict(zip(("what", "to", "metres", "seconds"), row, strict=True)) for row in nearest],
+            "payload": self.payload,
+        }
+
+
+def export(cfg: DictConfig) -> Export:
+    """Write the files of the first design of ``cfg.designs`` to ``cfg.output``.
+
+    Raises:
+        UserError: the design or a setting can't be used, or a file can't be written.
+    """
+    check_seed(cfg.seed)
+    output, settings = Path(cfg.output), node(cfg.rollout, RolloutSettings)
+    task, representation = task_part(cfg).create(), tool_part(cfg).create()
+    robot, arm, scene = task.robot, arm_of(task.robot), task.scene(cfg.seed)
+    candidate = chosen_designs(cfg, representation, SpawnRules(task, cfg.seed))[0]
+    if candidate.tool is None or candidate.problem is not None:
+        raise UserError(f"the design can't be used: {candidate.problem}")
+    tool = candidate.tool
+    planned = plan_task_motion(resolve(candidate.plan, task, cfg.seed, settings, scene), task, settings)
+    motion = sample(planned.trajectory, arm, cfg.rate_hz, cfg.speed)
+    solid = make_tool(tool, robot, representation.material, node(cfg.printer, Printer), node(cfg.fit, Fit))
+    built = solid.mounted
+    first, opening = motion.positions[0], float(motion.fingers[0])
+    start = np.array(list(cfg.start) or robot.home, dtype=np.float64)
+    moves = {
+        "approach": approach(start, first, opening, arm, cfg.rate_hz),
+        "trajectory": motion,
+        "trajectory_slow": sample(planned.trajectory, arm, cfg.rate_hz, min(SLOW, cfg.speed)),
+    }
+    sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
+
+    def replay(engine: str, of: Tool) -> Replay:
+        return play(task, sims[engine].create(), of, motion, scene, cfg.seed, settings)
+
+    replays = {name: replay(name, tool) for name in sims}
+    verdicts, read = list[Verdict](), dict[str, float]()
+    if solid.parts:
+        solid = write_tool(solid, output / "tool")
+        simulated = {name: found.reward for name, found in replays.items()}
+        check, read = check_files(solid, output / "tool", simulated, lambda engine, of: replay(engine, of).reward)
+        solid = replace(solid, checks=(check, *solid.checks))
+        write_lists(solid, output / "tool")
+        verdicts = write_sheet(solid, tool, robot, scene, motion, replays, output)
+    shown = next(iter(replays.values()))
+    contacts = [at for replay in replays.values() if (at := replay.first_contact()) is not None]
+    contact_s = min(contacts, default=None)
+    if contact_s is not None:
+        before = cut(planned.trajectory, planned.arrivals, contact_s / motion.slower, arm)
+        if before is not None:
+            moves["trajectory_before_contact"] = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
+    near, effort = clearance(scene, robot, tool, shown.recording), torques(robot, built, motion)
+    limits, load = margins(robot, built, motion, effort), payload(robot, built)
+    made = Export(task, candidate, motion, replays, near, limits, load, contact_s, solid, read, tuple(verdicts))
+    for name, move in moves.items():
+        write_bytes(output / "motion" / f"{name}.csv", to_csv(move, robot.arm_joints).encode())
+        text = json.dumps(to_json(move, robot.arm_joints))
+        write_bytes(output / "motion" / f"{name}.json", (text + "\n").encode())
+    write_package(robot, built, motion, scene, output / "ros2" / PACKAGE)
+    write_programs(robot, made.payload, moves, output / "programs")
+    save_design(candidate, representation, robot, planned, output / "design")
+    write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
+    plot(made, effort).savefig(output / "motion.png", dpi=120)
+    write_bytes(output / "CHECKLIST.md", checklist(made, moves).encode())
+    return made
+
+
+def plot(made: Export, effort: Any) -> Figure:
+    """Draw distances, speeds and torques over time."""
+    from plugins.results.report.plots import new_figure
+
+    figure = new_figure(8.0, 8.0)
+    axes, arm, times = figure.subplots(3, 1, sharex=True), arm_of(made.task.robot), made.motion.times
+    for what, to, of in made.clearance.courses()[:LINES]:
+        axes[0].plot(made.clearance.times, 1000 * of, label=f"{what} to {to}", lw=1)
+    axes[0].set_ylabel("distance (mm)")
+    axes[0].legend(fontsize=6, ncols=3)
+    for ax, values, limits, label in (
+        (axes[1], made.motion.velocities, arm.velocity_limits, "share of the velocity limit"),
+        (axes[2], effort, arm.effort_limits, "share of the torque limit"),
+    ):
+        for values_of, limit, name in zip(values.T, limits, made.task.robot.arm_joints, strict=True):
+            ax.plot(times, values_of / limit if limit > 0 else 0 * values_of, label=name, lw=1)
+        ax.set_ylabel(label)
+        ax.legend(fontsize=6, ncols=4)
+    axes[2].set_xlabel("time (s)")
+    return figure
+
+
+def checklist(made: Export, moves: dict[str, Sampled]) -> str:
+    """Write what to do at the arm, in order, with the figures of this motion."""
+    load, robot = made.payload, made.task.robot
+    earned = ", ".join(f"{replay.reward:.3f} in {engine}" for engine, replay in made.replays.items())
+    nearest = [
+        f"- {what} to {to}: {1000 * at:.0f} mm at {when:.2f} s" for what, to, at, when in made.clearance.rows()[:LINES]
+    ]
+    contact = (
+        "it touches nothing" if made.contact_s is None else f"it first touches something at {made.contact_s:.2f} s"
+    )
+    before, start = "trajectory_before_contact" in moves, np.round(moves["approach"].positions[0], 3).tolist()
+    steps = [
+        f"Put the tool together by `tool/assembly.md`, fix it to the {robot.title}, and check that nothing is loose.",
+        f"Set the payload in the controller: {load['mass_kg']:g} kg, centre {load['center_m']} m in the frame of "
+        f"`{load['frame']}`, and the inertia of `figures.json`.",
+        "Set up the scene as in `ros2/`, and measure where it stands: the motion is exact to millimetres.",
+        "Clear the arm's surroundings. Keep the emergency stop in hand until the last step is done.",
+        f"Move to the start: `motion/approach.csv`, from joints {start}.",
+        *(["Run `motion/trajectory_before_contact.csv`, slowly, up to the last rest before contact. Look."] * before),
+        f"Run `motion/trajectory_slow.csv`, at {SLOW:g} of the speed. What is thrown or struck behaves otherwise then.",
+        "Only then run `motion/trajectory.csv`.",
+    ]
+    return "\n".join(
+        [
+            f"# {made.task.name}: {made.candidate.tool.name or 'a tool'}" if made.candidate.tool else "# A motion",
+            "",
+            f"In simulation it earns {earned}. It takes {made.motion.times[-1]:.2f} s; {contact}.",
+            "",
+            *(f"- [ ] {step}" for step in steps),
+            "",
+            "Nearest, metres from surface to surface:" if nearest else "",
+            "",
+            *nearest,
+            "",
+        ]
+    )
+
+
+def configured(words: Sequence[str]) -> DictConfig:
+    """Compose the configuration (`config_for`)."""
+    return config_for(words, "export", ExportConfig, USAGE)
+
+
+def main(words: list[str]) -> None:
+    folders, words = folders_and_overrides(USAGE, words)
+    if len(folders) > 1:
+        raise UsageError(f"one folder at a time; {USAGE}")
+    made = export(configured([*(f"designs={folder}" for folder in folders), *words]))
+    rows = [(engine, f"{replay.reward:.3f}", "; ".join(replay.problems)) for engine, replay in made.replays.items()]
+    print_table(("engine", "reward", "problems"), rows, ("reward",))
+    most = max(made.limits, key=lambda of: of["torque_share"] or 0.0)
+    say(f"{made.motion.times[-1]:.2f} s, {made.motion.slower:.3f} times as long as simulated")
+    say(f"payload {made.payload['mass_kg']:g} kg of {made.task.robot.payload_kg:g}; most torque in {most['joint']}")
+    say(*made.printed.notes)
+    failing = [verdict for verdict in made.verdicts if verdict.passed is False]
+    say(*(f"✗ {verdict}" for verdict in failing), style="red")
+    if failing:
+        raise UserError(f"{len(failing)} of {len(made.verdicts)} checks failed; the files are written all the same")

@@ -1,0 +1,210 @@
+"""Cut a solid that is too large for a printer's plate into parts, and join them by dovetails.
+
+A part is parted by a plane square to its longest side. Tails of one half slide into sockets of the other, all along one
+direction of the plane, and come to rest on a floor; a drop of glue holds them. Lengths are millimetres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.config.settings import Fit, Printer
+from core.geometry import Array, Mesh, Pose, Sphere
+from plugins.results.workshop.printing import lay
+from plugins.results.workshop.solid import Solid, Step, body, hull, to_mesh
+
+MAX_PARTS = 24
+PLACES = np.linspace(0.25, 0.75, 11)  # of the length, where a cut may be
+WIDEST, DEEPEST, NARROWEST, FLAT = 40.0, 15.0, 6.0, 0.85
+SHARES = (1.0, 0.7, 0.5)  # of a column's width, for a tail
+_FAR = 2000.0
+_LEAST = 1.0  # thickness of a section that can be joined
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What joins two parts: the number of tails, the area of their necks, and that of the whole section, mm^2."""
+
+    tails: int
+    neck_mm2: float
+    section_mm2: float
+
+    def __str__(self) -> str:
+        if not self.tails:
+            return f"glue alone, on {self.section_mm2:.0f} mm²"
+        return (
+            f"{self.tails} dovetail{'s' * (self.tails > 1)}, necks of {self.neck_mm2:.0f} in {self.section_mm2:.0f} mm²"
+        )
+
+
+@dataclass(frozen=True)
+class _Tail:
+    """A tail in the frame of a cut: across (its middle and width), along (from, to), and the angle of that frame."""
+
+    middle: float
+    width: float
+    low: float
+    high: float
+    angle: float
+
+    def solid(self, floor: float, gap: float, beyond: float) -> Array:
+        """Return its corners (8, 3), ``gap`` wider on each side, rooted in the plane z = 0."""
+        depth = min(self.width / 2, DEEPEST)
+        neck, end = self.width / 6 + gap, self.width / 4 + gap
+        rows = [(-neck, -1.0), (neck, -1.0), (-end, depth + gap), (end, depth + gap)]
+        ends = self.low + (floor - gap if floor else -beyond), self.high + beyond
+        points = np.array([(self.middle + x, y, z) for x, z in rows for y in ends])
+        turn = np.array([[math.cos(self.angle), math.sin(self.angle)], [-math.sin(self.angle), math.cos(self.angle)]])
+        points[:, :2] = points[:, :2] @ turn  # back to the plane's own axes
+        return points
+
+
+def cut(solid: Solid, printer: Printer, fit: Fit, axes: Array, whole: Array) -> tuple[list[Solid], list[Joint]]:
+    """Cut until each part fits the plate.
+
+    Args:
+        solid: in the mount's frame.
+        printer: its plate decides.
+        fit: the gap in a joint.
+        axes: (K, 3) directions of the components, of which a cut takes the one nearest to the longest side.
+        whole: (N, 3) points between which no cut may lie: the mount's.
+
+    Returns:
+        The parts, and a joint for each cut.
+    """
+    done, todo, joints = list[Solid](), [solid], list[Joint]()
+    while todo:
+        steps = todo.pop(0)
+        found = body(steps)
+        if len(done) + len(todo) + 1 >= MAX_PARTS or lay(to_mesh(found), printer.plate_mm)[1]:
+            done.append(steps)
+            continue
+        near, far, joint = _divide(steps, found, printer, fit, axes, whole)
+        joints.append(joint)
+        todo[:0] = [part for half in (near, far) for part in _separated(half)]
+    return done, joints
+
+
+def _separated(half: Solid) -> list[Solid]:
+    """Take the bodies of a half apart: each is a part of its own."""
+    found = body(half).decompose()
+    if len(found) < 2:
+        return [half]
+    middles = [np.asarray(to_mesh(each).center_mass) / 1000 for each in found]
+    return [(*half, Step("one", ((Sphere(0.001), Pose(middle)),))) for middle in middles]
+
+
+def _divide(
+    steps: Solid, found: Any, printer: Printer, fit: Fit, axes: Array, whole: Array
+) -> tuple[Solid, Solid, Joint]:
+    box = to_mesh(found).bounding_box_oriented
+    longest = np.asarray(box.primitive.transform)[:3, int(np.argmax(box.primitive.extents))]
+    way = axes[np.abs(axes @ longest).argmax()]
+    other = axes[np.abs(axes @ way).argmin()]
+    other = other - (other @ way) * way
+    frame = np.stack([other / np.linalg.norm(other), np.cross(way, other / np.linalg.norm(other)), way])
+    turned = found.transform(np.column_stack([frame, np.zeros(3)]))
+    low, high = turned.bounding_box()[2], turned.bounding_box()[5]
+    held = whole @ way
+    choices = []
+    for place in low + PLACES * (high - low):
+        section = turned.slice(float(place))
+        regions = section.decompose()
+        inside = bool(held.size and held.min() - DEEPEST < place < held.max() + DEEPEST)
+        tails, joined = _tails(regions)
+        rank = (inside, len(regions) - joined, len(regions), section.area())
+        choices.append((rank, float(place), tails, section.area()))
+    choices.sort(key=lambda choice: choice[0])
+    ways = [[tail for tail in tails if _sound(turned, tail, place, fit, printer)] for _, place, tails, _ in choices]
+    whole_ways = [number for number, way in enumerate(ways) if way and len(way) == len(choices[number][2])]
+    chosen = whole_ways[0] if whole_ways else 0
+    sound, (_, place, _, area) = ways[chosen], choices[chosen]
+    back = Pose.from_rotation(place * way / 1000, Rotation.from_matrix(frame.T))
+    below = hull(np.array([(x, y, z) for x in (-_FAR, _FAR) for y in (-_FAR, _FAR) for z in (-_FAR, 0.0)]) / 1000)
+    in_, out = (
+        [(_mesh(tail.solid(_floor(tail, printer), gap, 1.0)), back) for tail in sound] for gap in (0.0, fit.joint_mm)
+    )
+    near = (*steps, Step("keep", ((below, back), *in_)))
+    far = (*steps, Step("cut", ((below, back), *out)))
+    neck = sum(tail.width / 3 * (tail.high - tail.low - _floor(tail, printer)) for tail in sound)
+    return near, far, Joint(len(sound), neck, area)
+
+
+def _mesh(points: Array) -> Mesh:
+    return hull(points / 1000)
+
+
+def _floor(tail: _Tail, printer: Printer) -> float:
+    """The thickness that closes a socket at one end; thin sections are cut through."""
+    thick = tail.high - tail.low
+    return max(printer.min_wall_mm, 0.2 * thick) if thick >= 4 * printer.min_wall_mm else 0.0
+
+
+def _tails(regions: Sequence[Any]) -> tuple[list[_Tail], int]:
+    """Find tails for the regions of a section, all slid along one direction, and how many regions they join."""
+    angles = dict.fromkeys(angle for region in regions for angle in _normals(region))
+    best: tuple[tuple[int, float], list[_Tail]] = ((0, 0.0), [])
+    for angle in angles:
+        found, joined, necks = list[_Tail](), 0, 0.0
+        for region in regions:
+            own = _in_region(region, angle)
+            joined += bool(own)
+            necks += sum(tail.width * (tail.high - tail.low) - 0.01 * (tail.high - tail.low) ** 2 for tail in own)
+            found += own
+        best = max(best, ((joined, necks), found), key=lambda way: way[0])
+    return best[1], best[0][0]
+
+
+def _normals(region: Any) -> list[float]:
+    """The angles, to a degree, by which the plane's x axis is turned to run along each of the longest edges."""
+    edges = [np.roll(ring, -1, axis=0) - ring for ring in region.simplify(0.05).to_polygons()]
+    longest = sorted((edge for ring in edges for edge in ring), key=lambda edge: -np.hypot(*edge))[:4]
+    found = [math.radians(round(math.degrees(math.atan2(y, x)))) for x, y in longest]
+    return [angle + quarter * math.pi / 2 for angle in found for quarter in range(4)]
+
+
+def _in_region(region: Any, angle: float) -> list[_Tail]:
+    """Divide a region into columns, and put a tail into each that is nearly a rectangle."""
+    import manifold3d
+
+    turned = region.rotate(-math.degrees(angle))
+    left, low, right, high = turned.bounds()
+    count = max(1, math.ceil((right - left) / WIDEST))
+    width, tails = (right - left) / count, []
+    if width < NARROWEST:
+        return []
+    for number in range(count):
+        middle = left + (number + 0.5) * width
+        for share in SHARES:  # what is round has a rectangle in its middle
+            column = manifold3d.CrossSection.square((share * width, high - low + 2), True)
+            pieces = (turned ^ column.translate((middle, (low + high) / 2))).decompose()
+            x0, y0, x1, y1 = max(pieces, key=lambda of: of.area()).bounds() if pieces else (0.0,) * 4
+            filled = max((piece.area() for piece in pieces), default=0.0)
+            wide, thick = x1 - x0, y1 - y0
+            if wide >= max(NARROWEST, 0.9 * share * width) and thick >= _LEAST and filled >= FLAT * wide * thick:
+                tails.append(_Tail((x0 + x1) / 2, x1 - x0, y0, y1, angle))
+                break
+    return tails
+
+
+def _sound(turned: Any, tail: _Tail, place: float, fit: Fit, printer: Printer) -> bool:
+    """Report whether a tail lies within the solid, and nothing is in its way as it slides in."""
+    import manifold3d
+
+    floor, up = _floor(tail, printer), np.array([0.0, 0.0, place])
+    above = turned.trim_by_plane((0, 0, 1), place)
+    inner = manifold3d.Manifold.hull_points(tail.solid(max(floor, 0.01), 0.0, 0.0) + up)
+    swept = manifold3d.Manifold.hull_points(tail.solid(floor, fit.joint_mm, 500.0) + up)
+    hidden = above.trim_by_plane(*_beyond(tail))
+    return bool((inner ^ turned).volume() > 0.95 * inner.volume() and (swept ^ hidden).volume() < 1.0)
+
+
+def _beyond(tail: _Tail) -> tuple[tuple[float, float, float], float]:
+    """The half-space past the end at which a tail is slid in."""
+    return (-math.sin(tail.angle), math.cos(tail.angle), 0.0), tail.high + 0.1

@@ -1,0 +1,254 @@
+"""Fit a tool to the arm: a plate with bores for the flange, or a sleeve for a finger.
+
+Lengths of settings are millimetres, all else metres, in the frame of the mount.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.config.settings import Fit
+from core.design import RIGID_MOUNT, Component, Tool
+from core.errors import UserError
+from core.geometry import Array, Cylinder, Mesh, Pose
+from core.robot.extents import fingers_of
+from core.robot.frames import link_frames
+from core.robot.solids import corners, robot_solids
+from core.values.materials import Material
+from core.values.robots import Robot
+from core.values.shapes import resized
+from plugins.results.workshop.printing import PLA_G_PER_CM3, Check
+from plugins.results.workshop.solid import Placed, Solid, Step, body, box, hull, rod, union
+
+HEADS_MM = {"M3": 5.5, "M4": 7.0, "M5": 8.5, "M6": 10.0, "M8": 13.0, "M10": 16.0}  # ISO 4762
+SCREWS_MM = (10, 12, 16, 20, 25, 30, 35, 40)
+LEAST_THREADS = 0.8  # of its diameter: how deep a screw must go, in aluminium
+LEFT = 0.6  # of a component's section that must be left where a screw's way is cut
+BOSS_MM = 3.0  # ISO's recess is at least 3.5 mm deep
+MOST_LOST = 0.1  # of a component, where the arm is
+LEAST_KG = 1e-4
+WORTH_SAYING = 100.0  # mm^3
+CLAMP_MM = 6.0  # thickness of plastic around a clamping insert
+
+
+@dataclass(frozen=True)
+class Mount:
+    """What fits a piece to the arm: ``steps`` after its components; ``added``: the same as components, to simulate.
+
+    ``hardware``: what is bought for it.
+    """
+
+    steps: Solid = ()
+    added: tuple[Component, ...] = ()
+    checks: tuple[Check, ...] = ()
+    hardware: tuple[str, ...] = ()
+
+
+def at_flange(robot: Robot, tool: Tool, components: Sequence[Component], shapes: Sequence[Placed], fit: Fit) -> Mount:
+    """Make the plate of a rigid tool.
+
+    The mount's origin is in the flange's face, and the tool extends toward -z, so that the plate is right below z = 0.
+    What the tool has above it is cut away where the arm is. Descriptions agree: the last link's mesh ends at the frame
+    of the flange, where grippers are mounted. `Flange.disc`, which is half above that plane and half below, only bears
+    tools in simulation.
+
+    Raises:
+        UserError: the thread is none of `HEADS_MM`.
+    """
+    flange, t = robot.flange, fit.plate_mm / 1000
+    if flange.thread not in HEADS_MM:
+        raise UserError(
+            f"robot {robot.name}: no screw is known for thread {flange.thread!r}; {', '.join(HEADS_MM)} are"
+        )
+    plate = _upright((0, 0), -t, 0, flange.disc.radius)
+    added = [plate]
+    if flange.centring_m is not None:
+        height = min(BOSS_MM / 1000, flange.centring_depth_m - 0.0005)
+        added.append(_upright((0, 0), -t / 2, height, flange.centring_m / 2 - fit.centring_mm / 2000))
+    arm = _arm(robot)
+    before = body((Step("add", tuple(shapes)), Step("cut", arm), Step("add", (plate,))))
+    lost = max(_shared(of, arm) / union([of]).volume() for of in shapes)
+    bores, screws, covered = _screws(robot, tool, components, before, fit)
+    ways = [way for _, way in bores]
+    opened = [c.name for c, of in zip(components, shapes, strict=True) if ways and _shared(of, ways) > WORTH_SAYING]
+    checks = [
+        Check("clear of the arm", lost < MOST_LOST, f"at most {lost:.0%} of a component is cut away where the arm is"),
+        _bolted(len(screws), flange.bolts, covered, bores, opened),
+    ]
+    cut = [shape for pair in bores for shape in pair]
+    if flange.pin_angle is not None:
+        cut.append(_upright(_on_circle(robot, flange.pin_angle), -t, 0.001, flange.pin_m / 2 + fit.pin_mm / 2000))
+    steps = Step("cut", arm), Step("add", tuple(added)), Step("cut", tuple(cut))
+    kinds = [f"{screws.count(kind)} x {kind}" for kind in dict.fromkeys(screws)]
+    pin = [f"1 pin {1000 * flange.pin_m:g} m6 x 12"] * (flange.pin_angle is not None)
+    simulated = Component(_free("mount_plate", tool), RIGID_MOUNT, plate[1], plate[0])
+    return Mount(tuple(step for step in steps if step.shapes), (simulated,), tuple(checks), (*kinds, *pin))
+
+
+def _shared(shape: Placed, others: Sequence[Placed]) -> float:
+    return float((union([shape]) ^ union(others)).volume())
+
+
+def _upright(at: Sequence[float] | Array, low: float, high: float, radius: float) -> Placed:
+    return Cylinder(radius, high - low), Pose(np.array([at[0], at[1], (low + high) / 2]))
+
+
+def _on_circle(robot: Robot, angle: float) -> Array:
+    return robot.flange.bolt_circle_m / 2 * np.array([math.cos(angle), math.sin(angle)])
+
+
+def _free(name: str, tool: Tool) -> str:
+    names = {component.name for component in tool.components}
+    return next(free for free in (name + "_" * n for n in range(len(names) + 1)) if free not in names)
+
+
+def _arm(robot: Robot) -> tuple[Placed, ...]:
+    """The arm's last links above the flange's face, and the flange itself."""
+    frames = link_frames(robot, False, np.array([robot.home]), np.zeros((1, 0)))
+    poses = {name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in frames.items()}
+    mount = poses[RIGID_MOUNT].inverse()
+    found = [_upright((0, 0), 0, 0.01, robot.flange.disc.radius + 0.0005)]
+    for solid in robot_solids(robot, False):
+        if solid.name in robot.near_mount:
+            points = (mount @ poses[solid.name] @ solid.pose).apply(corners(solid.geometry))
+            found.append((hull(np.maximum(points, (-np.inf, -np.inf, 0.0))), Pose()))
+    return tuple(found)
+
+
+def _screws(
+    robot: Robot, tool: Tool, components: Sequence[Component], before: Any, fit: Fit
+) -> tuple[list[tuple[Placed, Placed]], list[str], dict[str, int]]:
+    """Find bores and ways of keys for the screws that can be driven, their kinds, and how many each component covers.
+
+    A head rests on the plate, or below a component that is thick enough around the bore: a long screw through a beam
+    leaves more of it than a way for a short one.
+    """
+    flange, head = robot.flange, HEADS_MM[robot.flange.thread]
+    size, t = float(flange.thread[1:]), fit.plate_mm
+    bores, kinds, covered = list[tuple[Placed, Placed]](), list[str](), dict[str, int]()
+    ring = [(0.0, 0.0), *((math.cos(a), math.sin(a)) for a in np.arange(12) * math.tau / 12)]
+    for number in range(flange.bolts):
+        at = _on_circle(robot, flange.bolt_angle + number * math.tau / flange.bolts)
+        deep = min(_depth(before, 1000 * at + head / 2 * np.array(way), t) for way in ring)
+        seats = [
+            (min(deep, n - LEAST_THREADS * size), n) for n in SCREWS_MM if n - 1000 * flange.thread_depth_m <= deep
+        ]
+        seats = [(seat, n) for seat, n in seats if seat >= t - 1e-6]
+        if not seats:
+            raise UserError(f"no screw {flange.thread} fits a plate of {t:g} mm; set fit.plate_mm to 7, 10 or 15")
+        seat, long = max(seats)
+        way = _upright(at, -(seat + fit.driver_mm) / 1000, -seat / 1000, (head + 1) / 2000)
+        bore = _upright(at, -seat / 1000 - 1e-4, 0.001, (size + fit.clearance_mm) / 2000)
+        blocking = _too_weak(tool, components, (bore, way))
+        if blocking is not None:
+            covered[blocking] = covered.get(blocking, 0) + 1
+            continue
+        bores.append((bore, way))
+        kinds.append(f"{flange.thread} x {long}")
+    return bores, kinds, covered
+
+
+def _depth(before: Any, at: Array, start: float) -> float:
+    """Measure how far below the face a solid goes without a gap, in millimetres."""
+    low = before.bounding_box()[2] - 1
+    for hit in before.ray_cast((*at, -start / 2), (*at, low)):
+        if hit.normal[2] < -1e-6:
+            return -float(hit.position[2])
+    return 0.0
+
+
+def _too_weak(tool: Tool, components: Sequence[Component], cut: Sequence[Placed]) -> str | None:
+    """Name the component of which a screw's bore and way leave less than `LEFT` of a section along its own axes."""
+    away = union(cut)
+    for component in components:
+        pose = tool.placed()[component.name][1]
+        own = union([(component.shape, pose)])
+        shared = own ^ away
+        if shared.volume() < 1:
+            continue
+        box = np.array(shared.bounding_box())
+        middle = (box[:3] + box[3:]) / 2
+        for axis in np.eye(3):
+            turn = Rotation.align_vectors([[0.0, 0.0, 1.0]], [pose.rotation.apply(axis)])[0].as_matrix()
+            level = [
+                solid.transform(np.column_stack([turn, -turn @ middle])).slice(0.0).area() for solid in (own, shared)
+            ]
+            if level[0] > 0 and 1 - level[1] / level[0] < LEFT:
+                return component.name
+    return None
+
+
+def _bolted(
+    count: int, wanted: int, covered: dict[str, int], bores: Sequence[tuple[Placed, Placed]], opened: Sequence[str]
+) -> Check:
+    apart = max((np.linalg.norm(a[0][1].position - b[0][1].position) for a in bores for b in bores), default=0.0)
+    found = f"{count} of {wanted} screws can be driven"
+    if covered:
+        found += f"; in the way of the others: {', '.join(covered)}"
+    if opened:
+        found += f"; ways for their keys are cut into {', '.join(opened)}"
+    return Check("screws", count >= 3 or (count == 2 and bool(apart > 0.04)), found)
+
+
+def on_finger(robot: Robot, tool: Tool, mount: str, shapes: Sequence[Placed], fit: Fit) -> Mount:
+    """Make the sleeve that an attachment is slid onto a finger with, and its clamping screw.
+
+    The finger's collision shapes, moved along it to its base, are cut out of the attachment: it goes on from the tip.
+    """
+    finger = next(finger for finger in fingers_of(robot) if finger.name == mount)
+    gap, wall, tip = fit.sleeve_mm / 1000, fit.sleeve_wall_mm / 1000, finger.tip
+    hulls = [s.pose.apply(corners(s.geometry)) for s in robot_solids(robot, True) if s.name == mount]
+    slid = [hull(np.vstack([points, points - 0.15 * tip])) for points in hulls]
+    cavity = tuple((resized(shape, shape.bounds[1] + 2 * gap), Pose()) for shape in slid)
+    low, high = _clasped(slid, tip, finger.face(tip), fit.sleeve_length_mm / 1000)
+    low, high = low - gap, high + gap
+    side = np.cross(np.abs(finger.opens), np.abs(tip))
+    around, widths = np.ones(3) - np.abs(tip), high - low
+    walls = box(low - wall * (around + np.maximum(-tip, 0)), high + wall * (around + np.maximum(tip, 0)))
+    middle, out = (low + high) / 2, np.abs(side) * (widths / 2 + CLAMP_MM / 1000)
+    half = np.minimum(widths / 2, 0.005) * (1 - np.abs(side))
+    clamp = box(middle - half, middle + half + out)
+    bore = rod(middle, middle + out + 0.001 * np.abs(side), fit.insert_mm / 2000)
+    steps = Step("add", (walls, clamp)), Step("cut", cavity), Step("cut", (bore,))
+    ends = [(axis, end) for axis in range(3) for end in (-1, 1) if end * tip[axis] >= 0]  # it is open at its base
+    kept = [_sheet(low, high, wall, axis, end) for axis, end in ends]
+    names = [_free(f"{mount}_sleeve_{n}", tool) for n in range(len(kept) + 1)]
+    added = tuple(Component(name, mount, of[1], of[0]) for name, of in zip(names, [*kept, clamp], strict=True))
+    before = union(shapes).volume()
+    lost = (union(shapes) ^ union(cavity)).volume()
+    checks = (
+        Check("finger", lost < 0.5 * before, f"{lost / before:.0%} of the attachment is cut away where the finger is"),
+        Check("sleeve", True, f"its wall stands {1000 * (gap + wall):.1f} mm before the inner face"),
+    )
+    return Mount(steps, added, checks, ("1 x M3 x 8 set screw", f"1 insert M3 for a bore of {fit.insert_mm:g} mm"))
+
+
+def _clasped(slid: Sequence[Mesh], tip: Array, end: float, length: float) -> tuple[Array, Array]:
+    """Find the bounds of a finger, slid to its base, over the length of the sleeve: lowest and highest (3,)."""
+    axis = int(np.abs(tip).argmax())
+    start = end - length * tip[axis]
+    window = [box(*np.sort([np.where(np.abs(tip) > 0, start, -1.0), np.where(np.abs(tip) > 0, end, 1.0)], axis=0))]
+    inside = np.array((union([(shape, Pose()) for shape in slid]) ^ union(window)).bounding_box()) / 1000
+    return inside[:3], inside[3:]
+
+
+def _sheet(low: Array, high: Array, wall: float, axis: int, end: int) -> Placed:
+    first, last = low.copy(), high.copy()
+    first[axis], last[axis] = (high[axis], high[axis] + wall) if end > 0 else (low[axis] - wall, low[axis])
+    return box(first, last)
+
+
+def weighed(mount: Mount, shapes: Sequence[Placed], material: Material) -> tuple[Component, ...]:
+    """Return what a mount adds, with the mass of what is not inside the tool's own shapes."""
+    if not mount.added:
+        return ()
+    added = union([(component.shape, component.pose) for component in mount.added])
+    share = (added - union(shapes)).volume() / added.volume()
+    density = share * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
+    return tuple(replace(c, mass=max(LEAST_KG, density * material.volume_of(c.shape))) for c in mount.added)

@@ -1,0 +1,168 @@
+"""Write a motion, a tool and a scene for ROS 2 and MoveIt: messages as YAML, and a small package.
+
+Covered by `tests/plugins/results/workshop/test_export.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from lxml import etree
+
+from core.design import RIGID_MOUNT, Tool
+from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
+from core.robot.description import root_link, tool_urdf
+from core.scene import Scene
+from core.store.artifacts import copied
+from core.support.cli import write_bytes
+from core.values.robots import Robot
+from plugins.results.workshop.motion import Sampled
+
+PACKAGE = "vlmgineer_tool"
+_EVERY_S = 0.01  # between two points: a controller joins them by splines of fifth degree
+
+_MANIFEST = f"""<?xml version="1.0"?>
+<package format="3">
+  <name>{PACKAGE}</name>
+  <version>0.1.0</version>
+  <description>A tool, the motion that wields it, and the scene around it</description>
+  <maintainer email="nobody@example.org">the lab that exported it</maintainer>
+  <license>Unlicensed</license>
+  <buildtool_depend>ament_cmake</buildtool_depend>
+  <exec_depend>moveit_msgs</exec_depend>
+  <exec_depend>trajectory_msgs</exec_depend>
+  <exec_depend>ros2topic</exec_depend>
+  <exec_depend>xacro</exec_depend>
+  <export><build_type>ament_cmake</build_type></export>
+</package>
+"""
+_CMAKE = f"""cmake_minimum_required(VERSION 3.8)
+project({PACKAGE})
+find_package(ament_cmake REQUIRED)
+install(DIRECTORY config launch urdf DESTINATION share/${{PROJECT_NAME}})
+ament_package()
+"""
+_LAUNCH = f'''"""Add the scene around the tool to MoveIt's planning scene. It moves nothing."""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import ExecuteProcess
+
+
+def generate_launch_description():
+    scene = Path(get_package_share_directory("{PACKAGE}"), "config", "scene.yaml").read_text()
+    topic = ["ros2", "topic", "pub", "--once", "/planning_scene", "moveit_msgs/msg/PlanningScene", scene]
+    return LaunchDescription([ExecuteProcess(cmd=topic, output="screen")])
+'''
+
+
+def write_package(robot: Robot, tool: Tool, motion: Sampled, scene: Scene, folder: Path) -> None:
+    """Write a package: the tool as a xacro macro, the motion and the scene as messages, a launch file.
+
+    Raises:
+        UserError: a file can't be written.
+    """
+    for name, text in {
+        "package.xml": _MANIFEST,
+        "CMakeLists.txt": _CMAKE,
+        "launch/scene.launch.py": _LAUNCH,
+        "config/trajectory.yaml": _yaml(trajectory_message(robot, motion)),
+        "config/scene.yaml": _yaml(scene_message(robot, scene)),
+        "urdf/tool.urdf.xacro": tool_macro(tool, folder / "urdf"),
+    }.items():
+        write_bytes(folder / name, text.encode())
+
+
+def _yaml(message: dict[str, Any]) -> str:
+    return str(yaml.safe_dump(message, sort_keys=False, default_flow_style=None, width=120))
+
+
+def trajectory_message(robot: Robot, motion: Sampled) -> dict[str, Any]:
+    """Return the motion as a ``trajectory_msgs/msg/JointTrajectory``, with a point every 10 ms and at its end."""
+    last = len(motion.times) - 1
+    step = max(1, round(_EVERY_S / float(motion.times[1]))) if last else 1
+    points = []
+    for k in sorted({*range(0, last, step), last}):
+        seconds = float(motion.times[k])
+        points.append(
+            {
+                "positions": _rounded(motion.positions[k]),
+                "velocities": _rounded(motion.velocities[k]),
+                "accelerations": _rounded(motion.accelerations[k]),
+                "effort": [],
+                "time_from_start": {"sec": math.floor(seconds), "nanosec": round(seconds % 1 * 1e9)},
+            }
+        )
+    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    return {"header": header, "joint_names": list(robot.arm_joints), "points": points}
+
+
+def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
+    """Return the bodies of the scene, as they are at the start, as a ``moveit_msgs/msg/PlanningScene`` that adds them.
+
+    Poses are in the frame of the arm's base.
+    """
+    base, objects = root_link(etree.fromstring(robot.urdf.encode())), []
+    for body in scene.bodies:
+        at = robot.base.inverse() @ body.pose
+        entry: dict[str, Any] = {"id": body.name, "header": {"frame_id": base}, "pose": _pose(at)}
+        for part in body.collisions:
+            kind, data = _shape(part.shape)
+            entry.setdefault(kind, []).append(data)
+            entry.setdefault("mesh_poses" if kind == "meshes" else "primitive_poses", []).append(_pose(part.pose))
+        objects.append(entry)
+    return {"is_diff": True, "robot_state": {"is_diff": True}, "world": {"collision_objects": objects}}
+
+
+def _shape(shape: Shape) -> tuple[str, dict[str, Any]]:
+    """Return a ``shape_msgs`` primitive or mesh."""
+    match shape:
+        case Box(size):
+            return "primitives", {"type": 1, "dimensions": _rounded(np.array(size))}
+        case Sphere(radius):
+            return "primitives", {"type": 2, "dimensions": [radius]}
+        case Cylinder(radius, length):
+            return "primitives", {"type": 3, "dimensions": [length, radius]}
+    mesh = shape.to_trimesh()
+    triangles = [{"vertex_indices": face} for face in mesh.faces.tolist()]
+    return "meshes", {"triangles": triangles, "vertices": [_point(vertex) for vertex in mesh.vertices]}
+
+
+def _pose(pose: Pose) -> dict[str, Any]:
+    w, x, y, z = _rounded(pose.quaternion)
+    return {"position": _point(pose.position), "orientation": {"x": x, "y": y, "z": z, "w": w}}
+
+
+def _point(position: Array) -> dict[str, float]:
+    return dict(zip("xyz", _rounded(position), strict=True))
+
+
+def _rounded(values: Array) -> list[float]:
+    found: list[float] = np.round(values, 7).tolist()
+    return found
+
+
+def tool_macro(tool: Tool, folder: Path) -> str:
+    """Return the tool as a xacro macro, whose parameters are the links that bear it; its meshes go to ``folder``."""
+    mesh_path = partial(copied, folder=folder)
+    text = tool_urdf(tool, mesh_path=lambda mesh: f"package://{PACKAGE}/urdf/{mesh_path(mesh)}")
+    root = etree.fromstring(f"<tool>{text}</tool>")
+    parameters = {mount: "mount" if mount == RIGID_MOUNT else mount for mount in tool.mounts}
+    for parent in root.iter("parent"):
+        if parent.get("link") in parameters:
+            parent.set("link", f"${{{parameters[str(parent.get('link'))]}}}")
+    for element in root:
+        element.tail = None
+    space = "http://www.ros.org/wiki/xacro"
+    macro = etree.Element("robot", nsmap={"xacro": space}, name=PACKAGE)
+    inner = etree.SubElement(macro, f"{{{space}}}macro", name="tool", params=" ".join(parameters.values()))
+    inner.extend(list(root))
+    etree.indent(macro, "  ")
+    return '<?xml version="1.0"?>\n' + str(etree.tostring(macro, encoding="unicode")) + "\n"

@@ -1,0 +1,93 @@
+"""Judge whether a tool can be made and borne: what fails, by which figures, and what to change.
+
+Covered by `tests/plugins/results/workshop/test_sheet.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from core.design import Tool
+from core.designs.weight import flange_moment, mass_limit, moment_limit
+from core.values.materials import Material
+from core.values.robots import Robot
+from plugins.results.workshop.printing import Check, Piece
+from plugins.results.workshop.strength import Strength
+
+SAFETY = 2.0  # the strength over the stress, at least
+SOFT_M = 0.01  # what bends by more is noted: engines took it to be rigid
+
+_MENDS = {  # by how the name of a check begins; the first counts
+    "watertight": "let components overlap, or part them clearly",
+    "one piece": "let components overlap by more than a wall",
+    "walls": "thicken the thinnest component",
+    "fits the plate": "shorten it, or make it of parts that are joined",
+    "clear of the arm": "lower what rises above the mount",
+    "screws": "narrow or move what is below them",
+    "finger": "move the attachment beyond the fingertip, or make it wider than the finger",
+    "as simulated": "make hollow components thicker, or of simple shapes",
+    "put together": "make fit.joint_mm smaller, or choose a larger printer",
+    "joint of": "make one link 5 mm wider on both sides of the other, about the axis, or make it by hand",
+    "joint": "thicken the tool there, choose a larger printer, or put a tube around the glued ends",
+    "apart": "leave a gap between them",
+    "STEP": "mill it from its STL file",
+    "weight": "simulate it with material= what it is printed of",
+    "files read back": "move components away from the mount, and leave more room where the motion is tight",
+}
+
+
+class Verdict(NamedTuple):
+    """One thing that was checked: what was found, and where it fails what to change; ``passed`` None: not known."""
+
+    name: str
+    passed: bool | None
+    found: str
+    mend: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.found}" + (f"; {self.mend}" if self.passed is False and self.mend else "")
+
+
+def carried(tool: Tool, robot: Robot, material: Material) -> list[Verdict]:
+    """Judge whether an arm carries a tool."""
+    heaviest = max(tool.components, key=lambda component: component.mass)
+    mend = f"{heaviest.name} weighs most, {1000 * heaviest.mass:.0f} g: make parts thinner, shorter or fewer"
+    (most, why), moment, bears = mass_limit(robot, material), flange_moment(tool, robot), moment_limit(robot)
+    return [
+        Verdict("mass", tool.mass <= most, f"{tool.mass:.3f} kg; {why}", mend),
+        Verdict("moment", moment <= bears, f"{moment:.2f} N m at the flange; the wrist bears {bears:g} N m", mend),
+    ]
+
+
+def printable(made: Sequence[Piece], checks: Sequence[Check] = ()) -> list[Verdict]:
+    """Judge whether a printer makes the pieces of a tool; ``checks`` are those of the whole tool."""
+    found = [(check.name, check) for check in checks]
+    found += [(f"{check.name}, {piece.name}", check) for piece in made for check in piece.checks]
+    mends = [next((mend for begins, mend in _MENDS.items() if of.name.startswith(begins)), "") for _, of in found]
+    return [Verdict(name, of.passed, of.found, mend) for (name, of), mend in zip(found, mends, strict=True)]
+
+
+def strong(material: Material, strengths: Sequence[Strength], safety: float = SAFETY) -> list[Verdict]:
+    """Judge the strength of each component; where all bear what they must, the weakest is named."""
+    if material.strength_pa is None:
+        return [
+            Verdict("strength", None, f"material={material.name} has no strength: choose one, such as material=pla")
+        ]
+    weak = sorted((row.safety, i, row) for i, row in enumerate(strengths) if row.safety is not None)
+    failing = [of for of in weak if of[0] < safety]
+    found = []
+    for factor, _, row in failing or weak[:1]:
+        thicker = math.ceil(10 * math.sqrt(safety / factor)) / 10
+        mend = (
+            f"{row.load} loads it with {row.newtons:.1f} N at {1000 * row.lever_m:.0f} mm: make {row.component} about "
+            f"{thicker:g} times as thick across its thin side, shorten what it carries, or move more slowly"
+        )
+        bears = f"{row.stress_pa / 1e6:.1f} MPa, safety factor {factor:.2f}; at least {safety:g} is asked for"
+        found.append(Verdict(f"strength, {row.component}", not failing, bears, mend))
+    softest = max(strengths, key=lambda row: row.bend_m, default=None)
+    if softest is not None and softest.bend_m > SOFT_M:
+        bends = f"{softest.load} bends it by {1000 * softest.bend_m:.0f} mm at {softest.component}"
+        found.append(Verdict("rigid", None, f"{bends}, and engines took it to be rigid: it may miss by as much"))
+    return found

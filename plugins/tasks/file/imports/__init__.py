@@ -1,0 +1,10 @@
+"""Bodies and joints of files that others made: meshes and URDF. A file is untrusted: nothing in it is executed.
+
+Covered by `tests/plugins/tasks/file/imports/test_mesh.py` and `tests/plugins/tasks/file/imports/test_urdf.py`.
+"""
+
+from plugins.tasks.file.imports.bodies import Imported
+from plugins.tasks.file.imports.mesh import read_mesh
+from plugins.tasks.file.imports.urdf import read_urdf
+
+__all__ = ["Imported", "read_mesh", "read_urdf"]

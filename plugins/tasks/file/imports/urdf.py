@@ -1,0 +1,163 @@
+"""Make bodies and joints of a URDF file."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.errors import UserError
+from core.geometry import Pose
+from core.robot.meshes import Scale
+from core.robot.normalise import rigid_parts
+from core.robot.urdf import MAX_BYTES, Description, Link, Shape, read_description, read_xml
+from core.robot.urdf import Joint as Hinge
+from core.scene import Body, Geom, Joint
+from plugins.tasks.file.imports.bodies import Imported, heavy_body, still_body
+from plugins.tasks.file.imports.solids import KINDS, load_solid, read_inside
+
+_READ = ("link", "joint", "material")
+
+
+def read_urdf(
+    file: str | Path,
+    *,
+    pose: Pose | None = None,
+    fixed: bool = True,
+    prefix: str = "",
+    friction: float = 0.5,
+    folder: Path | None = None,
+) -> Imported:
+    """Make bodies and joints of a URDF file: a body of all links that are rigidly joined, named like the first.
+
+    A joint starts at 0, or at the end of its range that is next to it. Meshes are OBJ, STL or GLB, in the file's own
+    axes, cut into convex parts as `read_mesh` does.
+
+    Args:
+        file: the URDF.
+        pose: of the root, in the world.
+        fixed: whether the root is fixed to the world; it need not be there then.
+        prefix: put before all names.
+        friction: of all bodies.
+        folder: where all files must lie; None: where the URDF is.
+
+    Raises:
+        UserError: says what can't be used, where, and how to mend it.
+    """
+    file = Path(file).expanduser().absolute()
+    folder = folder or file.parent
+    data = read_inside(file, folder, "URDF", MAX_BYTES / 1e6)
+    description = read_description(data, file)
+    left = Counter(str(element.tag) for element in read_xml(data, file) if element.tag not in _READ)
+    notes = [f"left out: {count} <{tag[:40]}>" for tag, count in left.items()]
+    try:
+        return _Reading(description, file, folder, prefix, friction, notes).read(pose or Pose(), fixed)
+    except (UserError, ValueError) as error:
+        raise UserError(f"{file}: {error}") from error
+
+
+class _Reading:
+    def __init__(
+        self, description: Description, file: Path, folder: Path, prefix: str, friction: float, notes: list[str]
+    ) -> None:
+        self._description, self._file, self._folder = description, file, folder
+        self._prefix, self._friction, self._notes = prefix, friction, notes
+
+    def read(self, pose: Pose, fixed: bool) -> Imported:
+        of, root = self._description, self._description.root
+        moving = {child: joint for child, joint in of.joints.items() if self._moves(joint)}
+        parts = rigid_parts(of, moving)
+        places, bodies, joints = dict[str, Pose](), dict[str, Body](), list[Joint]()
+        for head in sorted({root, *moving}, key=lambda link: len(of.above(link))):
+            links = [(of.links[name], at) for name, (first, at) in parts.items() if first == head]
+            joint = None if head == root else moving[head]
+            if joint is None:
+                places[head] = pose
+            else:
+                first, at = parts[joint.parent]
+                places[head] = places[first] @ at @ joint.pose @ _moved(joint)
+                if joint.kind != "floating":
+                    joints.append(self._joint(joint, first if first in bodies else None))
+            if body := self._body(head, places[head], links, fixed=fixed and joint is None):
+                bodies[head] = body
+        if any(joint.limits[name] for joint in moving.values() for name in ("effort", "velocity")):
+            self._notes.append("left out: limits of effort and velocity, as nothing drives the joints")
+        return Imported(tuple(bodies.values()), tuple(joints), tuple(self._notes))
+
+    def _moves(self, joint: Hinge) -> bool:
+        """Tell whether a joint moves, and note what it does not do."""
+        where = f"joint {joint.name!r}"
+        if joint.kind == "planar":
+            self._notes.append(f"{where} is planar, which can't be; it is fixed")
+        if joint.mimic:
+            self._notes.append(f"{where} mimics another one, which is left out; it moves by itself")
+        if joint.kind in ("revolute", "prismatic"):
+            lower, upper = _range(joint)
+            if lower > upper:
+                raise UserError(f"{where} has limits {lower:g} to {upper:g}; exchange them")
+            if lower == upper:
+                self._notes.append(f"{where} has no range, so that it is fixed")
+                return False
+            if joint.kind == "revolute" and upper - lower >= 2 * math.pi:
+                self._notes.append(f"{where} may turn a whole turn, so that it has no limits")
+        return joint.kind not in ("fixed", "planar")
+
+    def _joint(self, joint: Hinge, parent: str | None) -> Joint:
+        lower, upper = _range(joint)
+        made = Joint(
+            self._prefix + joint.name,
+            "slider" if joint.kind == "prismatic" else "hinge",
+            self._prefix + joint.child,
+            None if parent is None else self._prefix + parent,
+            axis=joint.axis,
+            damping=joint.damping,
+            friction=joint.friction,
+        )
+        if joint.kind == "continuous" or (joint.kind == "revolute" and upper - lower >= 2 * math.pi):
+            return made
+        return replace(made, lower=lower, upper=upper, start=_start(joint))
+
+    def _body(self, head: str, pose: Pose, links: Sequence[tuple[Link, Pose]], *, fixed: bool) -> Body | None:
+        visuals = [geom for link, at in links for shape in link.visuals for geom in self._drawn(shape, at)]
+        collisions = [geom for link, at in links for shape in link.collisions for geom in self._solid(shape, at)]
+        name = self._prefix + head
+        if fixed:
+            return still_body(name, pose, visuals, collisions, self._friction) if visuals or collisions else None
+        turns = [(link, at, at.rotation.as_matrix()) for link, at in links]
+        weights = [(link.mass, at.apply(link.center), turn @ link.inertia @ turn.T) for link, at, turn in turns]
+        return heavy_body(name, pose, weights, visuals, collisions, self._friction, self._notes)
+
+    def _drawn(self, shape: Shape, at: Pose) -> list[Geom]:
+        if not isinstance(shape.shape, Path):
+            return [Geom(shape.shape, at @ shape.pose, shape.color)]
+        if shape.shape.suffix.lower() not in KINDS:
+            self._notes.append(f"left out: what is drawn of {shape.shape.name}; {', '.join(KINDS)} are read")
+            return []
+        solid = load_solid(shape.shape, self._folder, shape.scale, max_parts=0)
+        return [Geom(mesh, at @ shape.pose, own or shape.color) for mesh, own in solid.drawn]
+
+    def _solid(self, shape: Shape, at: Pose) -> list[Geom]:
+        if not isinstance(shape.shape, Path):
+            return [Geom(shape.shape, at @ shape.pose, shape.color)]
+        scale: Scale = shape.scale
+        parts = load_solid(shape.shape, self._folder, scale).parts
+        return [Geom(part, at @ shape.pose, shape.color) for part in parts]
+
+
+def _range(joint: Hinge) -> tuple[float, float]:
+    return joint.limits["lower"] or 0.0, joint.limits["upper"] or 0.0
+
+
+def _start(joint: Hinge) -> float:
+    return min(max(0.0, _range(joint)[0]), _range(joint)[1]) if joint.kind in ("revolute", "prismatic") else 0.0
+
+
+def _moved(joint: Hinge) -> Pose:
+    if joint.kind == "prismatic":
+        return Pose(joint.axis * _start(joint))
+    return Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(joint.axis * _start(joint)))

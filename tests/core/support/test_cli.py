@@ -1,0 +1,204 @@
+"""Signals, closed output, and what --help imports."""
+
+import io
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from core.config.compose import load
+from core.errors import UsageError
+from core.events import Run
+from core.interfaces import Budget
+from core.plugins import installed
+from core.support import cli
+
+
+@pytest.fixture
+def signals(monkeypatch):
+    """The time, and the status that the process ended with; None: it did not end."""
+    happened = {"time": 100.0, "left": None}
+    monkeypatch.setattr(cli._Interrupt, "first", math.inf)
+    monkeypatch.setattr(cli.time, "monotonic", lambda: happened["time"])
+    monkeypatch.setattr(cli.os, "_exit", lambda code: happened.update(left=code))
+    return happened
+
+
+def test_the_first_signal_is_an_interrupt(signals):
+    with pytest.raises(KeyboardInterrupt):
+        cli._Interrupt()(signal.SIGTERM, None)
+    assert signals["left"] is None
+
+
+def test_the_same_signal_to_the_process_and_its_group_is_one(signals):
+    """As timeout sends it; the second must not end what puts things in order."""
+    with pytest.raises(KeyboardInterrupt):
+        cli._Interrupt()(signal.SIGTERM, None)
+    signals["time"] += 0.5
+    cli._Interrupt()(signal.SIGINT, None)
+    assert signals["left"] is None
+
+
+def test_a_second_signal_ends_the_process(signals):
+    with pytest.raises(KeyboardInterrupt):
+        cli._Interrupt()(signal.SIGINT, None)
+    signals["time"] += 1.5
+    cli._Interrupt()(signal.SIGINT, None)
+    assert signals["left"] == 130
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [["core.plugins"], ["core.run", "--help"], ["core.evaluate", "--help"]], ids=" ".join)
+@pytest.mark.parametrize("buffering", [[], ["-u"]], ids=["buffered", "unbuffered"])
+def test_output_that_is_closed_at_its_other_end(words, buffering):
+    """As with ``| head``."""
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as output:
+        done = subprocess.run([sys.executable, *buffering, "-m", *words], stdout=output, stderr=subprocess.PIPE)
+    assert (done.returncode, done.stderr) == (1, b"")
+
+
+SLOW = {
+    "scipy",
+    "trimesh",
+    "coal",
+    "pinocchio",
+    "matplotlib",
+    "rerun",
+    "mujoco",
+    "pybullet",
+    "sapien",
+    "litellm",
+    "ray",
+}
+
+
+@pytest.mark.parametrize("words", [["core.run", "--help"], ["core.plugins"]], ids=" ".join)
+def test_help_and_lists_import_nothing_that_only_runs_need(words):
+    program = f"""
+import atexit, runpy, sys
+atexit.register(lambda: sys.stderr.write(" ".join({SLOW} & sys.modules.keys())))
+sys.argv = {words}
+runpy.run_module({words[0]!r}, run_name="__main__", alter_sys=True)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert "BringCube" in done.stdout
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+HOSTILE = "a\x1b]0;owned\x07\x1b[2J\x9b31m\u202eb\nbest reward 1.000\r\udcff\u2028c"
+SHOWN = r"a\x1b]0;owned\x07\x1b[2J\x9b31m\u202eb\nbest reward 1.000\r\udcff\u2028c"
+
+
+def test_a_line_shows_what_is_not_printable(capsys):
+    cli.say(HOSTILE, "é")
+    cli.say(HOSTILE, file=sys.stderr)
+    assert capsys.readouterr() == (f"{SHOWN}\né\n", f"{SHOWN}\n")
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "shown"),
+    [
+        ("from core.errors import UserError; raise UserError('a\\x1b[2J\\u202eb')", 1, r"error: a\x1b[2J\u202eb"),
+        ("raise ValueError('a\\x1b[2J\\u202eb')", 1, r"ValueError: a\x1b[2J\u202eb"),
+        (
+            "import threading; t = threading.Thread(target=int, args=['a\\x1b[2J']); t.start(); t.join()",
+            0,
+            r"ValueError: invalid literal for int() with base 10: 'a\x1b[2J'",
+        ),
+        ("from core.support.cli import say; say('\u2717 a\u202eb')", 0, r"\u2717 a\u202eb"),
+        ("from core.support.cli import print_table; print_table(['\u2717'], [])", 0, r"\u2717"),
+        ("print('\u2717')", 0, r"\u2717"),
+    ],
+)
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_a_command_prints_anything_in_any_encoding(fault, code, shown, encoding):
+    program = f"from core.support.cli import command\ndef main():\n    {fault}\ncommand(main)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, env={**os.environ, "PYTHONIOENCODING": encoding}
+    )
+    assert done.returncode == code
+    assert (done.stdout + done.stderr).decode(encoding).splitlines()[-1] == shown
+
+
+def test_an_override_that_hydra_cannot_read():
+    """Such as a folder's name that is not UTF-8; in quotes it is read."""
+    with pytest.raises(UsageError, match="can't read designs=r\udcff; put its value in quotes: 'designs="):
+        load("evaluate", ["task=BringCube", "designs=r\udcff"])
+    assert load("evaluate", ["task=BringCube", 'designs="r\udcff"']).designs == "r\udcff"
+
+
+def test_a_listener_shows_the_name_of_a_model_escaped(capsys):
+    """As a provider's answer gives it, or the store of a run that is replayed."""
+    run = Run(Path(HOSTILE), {}, {}, HOSTILE, None, None, Budget(1, 1, 1, 1, 1, 0.5), 0)
+    installed().create("listener", "progress").run_started(run)
+    lines = capsys.readouterr().err.splitlines()
+    assert f"model: {SHOWN}" in lines
+    assert f"folder: {SHOWN}" in lines
+
+
+ROWS = [["OneBook", "tool=none and a long name of a method " * 3, "0.029 ± 0.012"], ["[b]x[/]\x1b[31m", "", "1"]]
+
+
+def test_a_table_in_a_pipe_has_a_line_per_row(capsys):
+    cli.print_table(["task", "method", "reward"], ROWS, ["reward"])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["task", "OneBook", "[b]x[/][31m"]
+    assert lines[1].endswith(f"{ROWS[0][1].strip()}  0.029 ± 0.012")
+    assert len(lines[2]) == len(lines[1])  # numbers end where the others do
+
+
+def test_a_table_on_a_terminal_folds_text_but_no_number(monkeypatch):
+    ours, terminal = os.openpty()
+    with os.fdopen(ours) as output, os.fdopen(terminal, "w") as file:
+        monkeypatch.setenv("COLUMNS", "40")
+        cli.print_table(["task", "method", "reward"], ROWS, ["reward"], file)
+        file.flush()
+        lines = [output.readline() for _ in range(8)]
+    text = "".join(lines)
+    assert "0.029 ± 0.012" in text
+    assert max(len(re.sub(r"\x1b\[[\d;]*m", "", line).rstrip()) for line in lines) <= 40
+
+
+@pytest.mark.parametrize(
+    ("words", "folders"),
+    [
+        (["here", "runs=a/b", "top=3"], ["here", "a/b"]),
+        (["run=a=b"], ["a=b"]),
+        (["runs=[a, 'b c']", "top=3"], ["a", "b c"]),
+    ],
+)
+def test_folders_are_given_as_they_are_or_as_runs(monkeypatch, words, folders):
+    monkeypatch.setattr(sys, "argv", ["report", *words])
+    assert cli.folders_and_overrides("usage: ") == ([Path(f) for f in folders], [w for w in words if w == "top=3"])
+
+
+def test_a_folder_that_is_there_is_one_with_any_name(tmp_path, monkeypatch):
+    (tmp_path / "seed=1").mkdir()
+    (tmp_path / "[x]").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["report", "seed=1", "runs=[x]"])
+    assert cli.folders_and_overrides("usage: ") == ([Path("seed=1"), Path("[x]")], [])
+
+
+def test_colours_are_for_terminals(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    def said(file):
+        cli.say("✗ [b]it breaks\x07", file=file, style="red")
+        return file.getvalue()
+
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert said(Terminal()) == "\x1b[31m✗ [b]it breaks\\x07\x1b[0m\n"
+    assert said(io.StringIO()) == "✗ [b]it breaks\\x07\n"
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert said(Terminal()) == "✗ [b]it breaks\\x07\n"

@@ -1,0 +1,79 @@
+"""`core.support.files`: files are written whole, and a change is noticed."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from core.support.files import file_mark, write_whole
+
+
+def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
+    file = tmp_path / "reply.json"
+    file.write_text("old")
+    reader = file.open()
+    write_whole(file, b"new and longer")
+    with reader:
+        assert reader.read() == "old", "who has it open goes on with the old one"
+    assert file.read_bytes() == b"new and longer"
+    assert [left.name for left in tmp_path.iterdir()] == ["reply.json"]
+
+
+def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
+    target, link = tmp_path / "precious", tmp_path / "reply.json"
+    target.write_text("precious")
+    link.symlink_to(target)
+    write_whole(link, b"reply")
+    assert target.read_text() == "precious"
+    assert not link.is_symlink()
+    assert link.read_text() == "reply"
+
+
+def test_what_an_ended_process_left_is_removed(tmp_path: Path) -> None:
+    (tmp_path / "reply.json.part").write_text("half of a rep")
+    write_whole(tmp_path / "reply.json", b"reply")
+    assert [left.name for left in tmp_path.iterdir()] == ["reply.json"]
+
+
+def test_processes_that_share_a_file_have_parts_of_their_own(tmp_path: Path) -> None:
+    other = tmp_path / "reply.json.part"
+    other.write_text("half of a rep")
+    write_whole(tmp_path / "reply.json", b"reply", shared=True)
+    assert other.read_text() == "half of a rep"
+
+
+def test_what_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(OSError, match="taken"):
+        write_whole(tmp_path / "taken", b"reply")
+    assert [left.name for left in tmp_path.iterdir()] == ["taken"]
+
+
+def test_a_change_of_the_same_length_and_date_is_noticed(tmp_path: Path) -> None:
+    file = tmp_path / "reply.json"
+    assert file_mark(file) is None
+    file.write_text("one")
+    before = file_mark(file)
+    assert before is not None
+    assert file_mark(file) == before
+    time.sleep(0.05)  # the file system's clock ticks some hundred times a second
+    file.write_text("two")
+    os.utime(file, ns=(before.modified_ns, before.modified_ns))
+    after = file_mark(file)
+    assert after is not None
+    assert after != before
+    assert (after.identity, after.size, after.modified_ns) == (before.identity, before.size, before.modified_ns)
+
+
+def test_another_file_in_its_place_has_another_identity(tmp_path: Path) -> None:
+    file = tmp_path / "reply.json"
+    write_whole(file, b"one")
+    before = file_mark(file)
+    write_whole(file, b"one")
+    after = file_mark(file)
+    assert before is not None
+    assert after is not None
+    assert after.identity != before.identity

@@ -1,0 +1,144 @@
+import base64
+import html
+import io
+import json
+import subprocess
+import sys
+import time
+from urllib.parse import quote
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.support.secrets import Scrubbed, holds_secret, is_secret_name, remember, scrub, scrubbed
+
+KEY = 'sk-pl/an"ted+01\\23=45é'
+ESCAPED = "".join(f"\\u{ord(character):04x}" for character in KEY)
+FORMS = {
+    "raw": KEY,
+    "repr": repr(KEY + "\r\n"),
+    "bytes": repr(f"Bearer {KEY}\n".encode("latin-1")),
+    "json": json.dumps(KEY),
+    "json in json": json.dumps(json.dumps({"key": KEY})),
+    "php": json.dumps(KEY).replace("/", "\\/"),
+    "escaped": ESCAPED,
+    "partly escaped": ESCAPED[:18] + KEY[3:],
+    "quoted": quote(KEY, safe=""),
+    "quoted as latin-1": quote(KEY.encode("latin-1"), safe=""),
+    "lower": quote(KEY.encode("latin-1"), safe="").lower(),
+    "html": html.escape(KEY),
+    "numbers": "".join(f"&#{ord(character)};" for character in KEY),
+    "basic": base64.b64encode(f"me:{KEY}".encode()).decode(),
+    "bearer": base64.b64encode(f"Bearer {KEY}".encode()).decode(),
+    "url base64": base64.urlsafe_b64encode(KEY.encode()).decode(),
+    "hexadecimal": KEY.encode().hex(),
+    "with marks": "\u200b".join(KEY),
+    "with marks in json": json.dumps("\u200b".join(KEY)),
+    "with a control": KEY.replace("p", "p\x00"),
+    "with half a pair": KEY.replace("p", "p\ud83d"),
+}
+NAMES = ["OPENAI_API_KEY", "WATSONX_APIKEY", "AWS_BEARER_TOKEN_BEDROCK", "VERTEXAI_CREDENTIALS", "SNOWFLAKE_JWT"]
+NAMES += ["AWS_SECRET_ACCESS_KEY", "HF_TOKEN", "GIGACHAT_CREDENTIALS", "DB_PASSWORD", "x-api-key", "x-goog-api-key"]
+NAMES += ["Authorization", "api-key", "x-amz-security-token", "SUPABASE_KEY", "WATSONX_ZENAPIKEY", "SLACK_WEBHOOK_URL"]
+
+
+@pytest.fixture
+def planted(monkeypatch):
+    monkeypatch.setenv("SOME_API_KEY", f"{KEY}\r\n")
+
+
+@pytest.mark.usefixtures("planted")
+@pytest.mark.parametrize("form", FORMS)
+def test_no_form_of_a_key_is_left(form):
+    text = scrub(f"before {FORMS[form]} after")
+    assert text.startswith("before ")
+    assert text.endswith(" after")
+    assert "***" in text
+    for part in ("planted", KEY[6:12], "6101", "u0065", "%65", FORMS[form][6:-6]):
+        assert part not in text
+
+
+@given(st.text(max_size=30), st.text(max_size=30))
+def test_what_stands_around_a_key_stays(before, after):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SOME_API_KEY", "0123456789abcdef")
+        found = scrub(f"{before} 0123456789abcdef {after}")
+        assert found == f"{before} *** {after}"
+        assert scrub(before + after) == before + after
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_of_secrets(name):
+    assert is_secret_name(name)
+
+
+@pytest.mark.parametrize("name", ["PATH", "TOKENIZERS_PARALLELISM", "MAX_TOKENS", "KEYBOARD", "MONKEY", "content-type"])
+def test_other_names(name):
+    assert not is_secret_name(name)
+
+
+@pytest.mark.parametrize("value", ["", "a", "none", "sk-1234", "   \n", "/tmp"])
+def test_short_values_and_paths_are_no_keys(value, monkeypatch):
+    monkeypatch.setenv("OPENAI_API_KEY", value)
+    text = f"a none sk-1234 /tmp {value}"
+    assert scrub(text) == text
+
+
+def test_fields_of_a_document_and_passwords_in_addresses(monkeypatch):
+    lines = "MIIEvAIBADANBgkqhkiG\n9w0BAQEFAASCBKYwggSi"
+    document = {"type": "service_account", "private_key": lines, "more": {"client_secret": "GOCSPX-012345"}}
+    monkeypatch.setenv("VERTEXAI_CREDENTIALS", json.dumps(document))
+    monkeypatch.setenv("HTTPS_PROXY", "http://me:pass-word@proxy.example:3128")
+    text = scrub(f"{json.dumps(document)} and 9w0BAQEFAASCBKYwggSi and pass-word")
+    assert "service_account" in text
+    for secret in ("MIIEvAIBADANBgkqhkiG", "9w0BAQEFAASCBKYwggSi", "GOCSPX", "pass-word"):
+        assert secret not in text
+
+
+def test_a_variable_that_is_not_utf8_is_scrubbed_too(monkeypatch):
+    monkeypatch.setenv("SOME_TOKEN", b"0123\xff456789".decode("utf-8", "surrogateescape"))
+    assert scrub("a 0123\udcff456789 b") == "a *** b"
+    assert scrub("nothing") == "nothing"
+
+
+def test_what_was_sent_is_a_secret():
+    remember("Bearer ya29.a0-0123456789")
+    assert scrubbed({"a": ["Bearer ya29.a0-0123456789", 1, None]}) == {"a": ["***", 1, None]}
+    assert holds_secret("x ya29.a0-0123456789")
+    assert holds_secret("http://me:word@host/")
+    assert not holds_secret("http://host:80/")
+
+
+@pytest.mark.usefixtures("planted")
+def test_a_stream_is_scrubbed():
+    stream = io.StringIO()
+    scrubbed_stream = Scrubbed(stream)
+    scrubbed_stream.writelines([f"a {KEY}\n", "b\n"])
+    assert stream.getvalue() == "a ***\nb\n"
+    assert not scrubbed_stream.isatty()
+
+
+@pytest.mark.usefixtures("planted")
+def test_the_effort_grows_with_the_length_of_the_text():
+    def seconds(length):
+        text = ('{"tool_urdf": "<robot name=\\"rod\\">\\n", ' * length) + KEY
+        begun = time.process_time()
+        assert KEY not in scrub(text)
+        return time.process_time() - begun
+
+    assert seconds(40_000) < 40 * seconds(4_000)
+
+
+def test_a_commands_traceback_is_scrubbed():
+    code = (
+        "from core.support.cli import command\n"
+        "def fail(): print('out 0123456789abcdef'); raise ValueError('in 0123456789abcdef')\n"
+        "command(fail)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={"SOME_TOKEN": "0123456789abcdef"}, capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout == "out ***\n"
+    assert "ValueError: in ***" in done.stderr
+    assert "0123456789abcdef" not in done.stderr

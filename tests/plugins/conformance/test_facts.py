@@ -1,0 +1,51 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from core.plugins import installed
+from docs.build import BEGIN, END
+from plugins.conformance.facts import LABELS, sheet
+from tests.panda import PANDA
+from tests.test_commands import call
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_page_has_the_sheet_of_the_stored_figures():
+    page = (ROOT / "docs/arm.md").read_text().partition(BEGIN)[2].partition(END)[0]
+    assert page.strip() == sheet(PANDA, PANDA.measured).strip(), "python docs/build.py arm"
+
+
+def test_every_figure_has_a_row():
+    figures = PANDA.measured
+    assert set(figures) == {"mujoco", "pybullet", "sapien"}
+    assert all(set(one) == set(LABELS) for one in figures.values())
+    rows = sheet(PANDA, figures).split("## Exactness")[1].splitlines()
+    assert len([row for row in rows if row.startswith("|")]) == 2 + len(LABELS)
+    assert "full force at once" in sheet(PANDA, figures)
+
+
+def test_of_an_arm_that_was_not_measured_there_is_the_rest():
+    text = sheet(installed().create("robot", "ur5"), {})
+    assert text.startswith("Universal Robots UR5: 6 joints, payload 5 kg, without a gripper.")
+    assert "## Exactness" not in text
+    assert "| wrist_3_joint | -0.2201 | -6.283 | 6.283 |" in text
+    assert "|0.3|" in text
+
+
+@pytest.mark.slow
+def test_without_engines_the_command_shows_the_stored_figures(tmp_path):
+    done = call(tmp_path, "facts", "sims=[]")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == sheet(PANDA, PANDA.measured)
+
+
+@pytest.mark.slow
+def test_the_command_writes_the_figures_of_the_engines_named(tmp_path):
+    done = call(tmp_path, "facts", "sims=[mujoco]", "output=figures.json")
+    assert done.returncode == 0, done.stderr
+    assert "| figure | mujoco |" in done.stdout
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    assert set(figures) == {"mujoco"}
+    assert sheet(PANDA, figures) == done.stdout

@@ -1,0 +1,67 @@
+"""Engines that get impacts wrong fail the checks of them; that the built-in ones pass is tested with the engines."""
+
+from dataclasses import replace
+
+import pytest
+
+from core.interfaces import Simulator
+from core.plugins import installed
+from plugins.conformance import impacts
+from plugins.conformance.worlds import Bodies
+from tests.engines import SIMULATORS, simulator
+from tests.panda import PANDA
+
+
+class Otherwise(Simulator):
+    """Simulates another scene or robot than the one it is given."""
+
+    def __init__(self, engine, change=lambda body: body, robot=PANDA):
+        self.engine, self.change, self.robot = simulator(engine), change, robot
+
+    def rollout(self, task, jobs):
+        return self.engine.rollout(Bodies(*map(self.change, task.scene(0).bodies), robot=self.robot), jobs)
+
+    def render(self, task, views):
+        raise NotImplementedError
+
+
+def slippery(body):
+    return replace(body, friction=body.friction / 9)
+
+
+def rough(body):
+    return replace(body, friction=4 * body.friction)
+
+
+def dead(body):
+    return replace(body, restitution=body.restitution / 2)
+
+
+@pytest.mark.parametrize("engine", SIMULATORS)
+@pytest.mark.parametrize(
+    ("change", "check", "said"),
+    [
+        (slippery, impacts.check_oblique_impact_on_a_slope, "m/s along x and z instead of"),
+        (dead, impacts.check_oblique_impact_on_a_slope, "m/s along x and z instead of"),
+        (slippery, impacts.check_oblique_blow_of_a_blade, "degrees aside"),
+        (rough, impacts.check_oblique_blow_of_a_blade, "degrees aside"),
+    ],
+)
+def test_wrong_friction_or_restitution_is_found(engine, change, check, said):
+    with pytest.raises(AssertionError, match=said):
+        check(Otherwise(engine, change))
+
+
+def test_friction_that_stops_slip_too_slowly_is_found():
+    sluggish = installed().create("sim", "mujoco", slip_rate=20.0)
+    for check in (impacts.check_oblique_impact_on_a_slope, impacts.check_oblique_blow_of_a_blade):
+        with pytest.raises(AssertionError):
+            check(sluggish)
+
+
+@pytest.mark.parametrize("engine", SIMULATORS)
+def test_a_wrist_without_its_motors_inertia_is_found(engine):
+    """As it was in PyBullet and SAPIEN: a light stick's blow had hardly anything behind it but the motor's torque."""
+    light = replace(PANDA, motor_inertia=(1e-3,) * 7)
+    with pytest.raises(AssertionError, match=r"ms after a blow of the wrist at .* a puck of .* has"):
+        impacts.check_blow_of_the_wrist_has_its_motor_behind_it(Otherwise(engine, robot=light))

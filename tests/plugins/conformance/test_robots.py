@@ -1,0 +1,102 @@
+"""The checks of robots find what is wrong. The built-in ones pass them in `tests/plugins/robots/test_robots.py`."""
+
+from dataclasses import replace
+
+import pytest
+
+from core.plugins import installed
+from core.values.robots import Robot
+from plugins.conformance.suites import SUITES, examine
+
+
+def ur5(**changes: object) -> Robot:
+    return replace(installed().create("robot", "ur5"), **changes)
+
+
+def rewritten(*changes: tuple[str, str]) -> Robot:
+    text = ur5().urdf
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return ur5(urdf=text)
+
+
+def turned(joint: int, by: float) -> tuple[float, ...]:
+    home = list(ur5().home)
+    home[joint] += by
+    return tuple(home)
+
+
+WEAK = [(f'effort="{old}"', 'effort="0.5"') for old in ("150.0", "28.0")]
+WRONG = {
+    "an endless joint": (
+        lambda: rewritten(('name="wrist_3_joint" type="revolute"', 'name="wrist_3_joint" type="continuous"')),
+        {"limits are there": "joint 'wrist_3_joint' is continuous; it must be revolute, with limits"},
+    ),
+    "no torque": (
+        lambda: rewritten(('effort="28.0"', 'effort="0"')),
+        {"limits are there": "joint 'wrist_1_joint' has the speed 3.14159265358979 and the effort 0.0"},
+    ),
+    "a joint of nobody": (
+        lambda: ur5(arm_joints=ur5().arm_joints[:5], **{name: getattr(ur5(), name)[:5] for name in NUMBERS}),
+        {"limits are there": "joints 'wrist_3_joint' move, and are neither the arm's nor the gripper's"},
+    ),
+    "a mount askew": (
+        lambda: ur5(home=turned(5, 0.1)),
+        {"home points the mount down": "at home the mount is turned by 0.100 rad from the base's axes; at most 0.02"},
+    ),
+    "a home beyond the limits": (
+        lambda: ur5(home=turned(0, 7.0)),
+        {"home points the mount down": "home of 'shoulder_pan_joint' is 6.7799; its limits are -6.28319 and 6.28319"},
+    ),
+    "the inertia of the wrist as ROS has it": (
+        lambda: rewritten(
+            ('ixx="0.00201389"', 'ixx="0.111172755531"'),
+            ('iyy="0.0021942"', 'iyy="0.111172755531"'),
+            ('izz="0.00201389"', 'izz="0.21942"'),
+        ),
+        {"inertias are physical": "link 'wrist_1_link' is 0.156 m large, and its mass lies 0.4"},
+    ),
+    "an inertia of no body": (
+        lambda: rewritten(('izz="0.004095"', 'izz="0.09"')),
+        {"inertias are physical": "inertias 0.0312168, 0.0312168, 0.09 of 'forearm_link': no body has"},
+    ),
+    "a mass far away": (
+        lambda: rewritten(('xyz="0 0.0912 0.01634"', 'xyz="0 0.9 0"')),
+        {"inertias are physical": "the centre of its mass lies 0.8"},
+    ),
+    "a picture as collision shape": (
+        lambda: rewritten(("collision/base.stl", "visual/base.dae")),
+        {"collision shapes are read by every engine": "convert it to STL"},
+    ),
+    "an arm in itself": (
+        lambda: ur5(home=(-0.22, -0.5, 3.1, -1.4, -1.5708, -0.22)),
+        {"shapes are clear of each other at home": "mm inside 'wrist_"},
+    ),
+    "an outstretched arm": (
+        lambda: ur5(home=(0.0, -1.5708, 0.0, -1.5708, -1e-4, 0.0)),
+        {"posture stays along straight lines": "choose a home away from limits and from an outstretched arm"},
+    ),
+    "weak motors": (
+        lambda: rewritten(*WEAK),
+        {
+            "every engine tracks a trajectory": "rad off its trajectory; at most 0.02",
+            "every engine holds the arm at home": "the bare arm sags by",
+        },
+    ),
+    "a payload of 200 kg": (
+        lambda: ur5(payload_kg=200.0),
+        {"every engine holds the payload at home": "the arm with 200 kg sags by"},
+    ),
+}
+NUMBERS = ("home", "acceleration_limits", "motor_inertia")
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_is_reported(case):
+    make, expected = WRONG[case]
+    problems = {verdict.check: verdict.problem for verdict in examine("robot", make())}
+    assert len(problems) == len(SUITES["robot"])
+    for check, problem in expected.items():
+        assert problems[check] is not None, check
+        assert problem in problems[check]

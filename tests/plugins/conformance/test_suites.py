@@ -1,0 +1,314 @@
+"""Every built-in part passes the checks of its kind, and the checks find what is wrong."""
+
+import importlib
+import pkgutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import plugins.conformance
+from core.design import Component, Evaluation, Tool
+from core.errors import UsageError, UserError
+from core.geometry import Pose
+from core.hooks import hookimpl
+from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, GivenTools, Reply, Task, ToolRepresentation
+from core.plugins import KINDS, Offer, Part, installed
+from core.scene import Body, Box, Goal, Scene, Sphere, floor, goals_reward, table
+from plugins.conformance import command as conformance
+from plugins.conformance.suites import SUITES, examine, subject
+from plugins.conformance.worlds import GREY
+
+PARTS = [("task", name) for name in installed().ready("task")]
+PARTS += [("tool", name) for name in installed().names("tool")]
+PARTS += [("evolution", name) for name in installed().names("evolution")]
+PARTS += [("fitness", "nominal"), pytest.param("fitness", "robust", marks=pytest.mark.slow)]
+PARTS += [("listener", "progress"), ("listener", "summary")]
+PARTS += [pytest.param("listener", "rerun", marks=pytest.mark.slow)]
+PARTS += [("vlm", "offline")]  # the others need a key, a folder or a person
+
+
+def test_every_kind_of_part_has_a_suite():
+    assert set(SUITES) == set(KINDS)
+
+
+@pytest.mark.parametrize(("kind", "name"), PARTS)
+def test_built_in_parts_conform(kind, name):
+    checked = subject(Part(kind, name))
+    for check in SUITES[kind]:
+        check(checked)
+
+
+def test_a_task_whose_reward_reads_a_trace_conforms():
+    problems = {verdict.check: verdict.problem for verdict in examine("task", Grasp())}
+    assert {check: problem for check, problem in problems.items() if problem is not None} == {}
+
+
+def test_the_local_executor_conforms():
+    checked = subject(Part("executor", "local", (("workers", 1),)))
+    for check in SUITES["executor"]:
+        check(checked)
+
+
+# --- wrong ones -------------------------------------------------------------------------------------------------
+
+
+class Idle(Task):
+    name = "Idle"
+    description = "Nothing is to be done here, and that is enough."
+    goals = ()
+
+    def scene(self, seed):
+        return Scene((table(),))
+
+    def reward(self, start, end):
+        return np.ones(3)
+
+
+class RollsHome(Task):
+    """Solves itself: the ball stands on a slope that leads to the goal."""
+
+    name = "RollsHome"
+    description = "A ball stands on a ramp, and is wanted at its foot, half a metre nearer to the robot."
+    goals = (Goal(bodies=("ball",), place=(0.6, None, None)),)
+
+    def scene(self, seed):
+        ramp = Body.of("ramp", Box((1.0, 0.4, 0.02)), (0.9, 0, 0.16), mass=0, color=GREY, rpy=(0, -0.2, 0))
+        ball = Body.of("ball", Sphere(0.04), ramp.pose.apply([0.2, 0, 0.051]), mass=0.3, color=GREY)
+        return Scene((floor(), table(), ramp, ball))
+
+    def reward(self, start, end):
+        way = start.position("ball")[..., 0] - end.position("ball")[..., 0]
+        return np.clip(way / 0.5, 0.0, 1.0)
+
+
+class Grasp(Task):
+    """Its reward reads a trace."""
+
+    name = "Grasp"
+    description = "A cube on a table must be held at the end, and the table not be touched."
+    goals = (Goal(bodies=("cube",), held=True, rest=True), Goal(untouched=("table",)))
+    every = True
+
+    def scene(self, seed):
+        return Scene((floor(), table(), Body.of("cube", Box((0.1, 0.1, 0.1)), (0.6, 0, 0.05), mass=1, color=GREY)))
+
+    def reward(self, start, end, trace):
+        return goals_reward(self, start, end, trace)
+
+
+class Crammed(Task):
+    name = "Crammed"
+    description = "Two cubes are put into one place, from which an engine throws them apart."
+    goals = ()
+
+    def scene(self, seed):
+        cubes = (Body.of(name, Box((0.1, 0.1, 0.1)), (0.6, 0, z), mass=1, color=GREY) for name, z in CRAMMED)
+        return Scene((floor(), table(), *cubes))
+
+    def reward(self, start, end):
+        return np.zeros(end.positions.shape[:-2])
+
+
+CRAMMED = (("low", 0.05), ("high", 0.07))
+
+
+class Mute(VLM):
+    model = " "
+
+    def complete(self, requests):
+        return iter([Reply("another", "", "")] if requests else [])
+
+
+class Floating(GivenTools):
+    """Gives a box in the air, far from the flange."""
+
+    def given(self, task):
+        return Tool((Component("box", "tool_mount", Pose.xyz_rpy((0.0, 0.0, -0.2)), Box((0.1, 0.1, 0.1))),))
+
+
+class Forgetful(ToolRepresentation):
+    def instructions(self, brief):
+        return ""
+
+    def schema(self):
+        return {"tool": {"type": "string"}}
+
+    def parse(self, data, *, gripper):
+        return data["tool"]
+
+    def dump(self, tool):
+        return {"tool": tool}
+
+
+class Moody(EvolutionStrategy):
+    def ask(self):
+        rng = np.random.default_rng()
+        return (candidate for candidate in list(self.designer.design(int(rng.integers(1000)))))
+
+    def tell(self, evaluations):
+        pass
+
+
+class Greedy(Executor):
+    def map(self, function, chunks):
+        return iter([(chunk, function(chunk)) for chunk in list(chunks)[:-1]])
+
+    def close(self):
+        pass
+
+
+class Sorter(Fitness):
+    """Loses the order, forgets why, and can't travel."""
+
+    def __init__(self, evaluator):
+        self.evaluator = lambda candidates: evaluator(candidates)
+
+    def __call__(self, candidates):
+        return [replace(e, reason="") for e in reversed(self.evaluator(candidates))]
+
+
+class Picky(Fitness):
+    """Counts a batch that it does not keep, and has another opinion each time."""
+
+    batch = 8
+    calls = 0
+
+    def __init__(self, evaluator):
+        self.evaluator = evaluator
+
+    def __call__(self, candidates):
+        self.calls += 1
+        share = self.calls / 10
+        return [Evaluation(c, "ok", share if c.tool is candidates[0].tool else 0.0) for c in candidates]
+
+    def evaluate(self, chunks, executor, earlier):
+        return executor.map(self, [next(iter(chunks))])
+
+
+class Trusting:
+    """A listener that takes what it receives for sound."""
+
+    @hookimpl
+    def run_started(self, run):
+        self.file = (run.folder / "names.txt").open("x")
+
+    @hookimpl
+    def candidate_evaluated(self, evaluation):
+        self.file.write(evaluation.candidate.tool.name)
+
+    @hookimpl
+    def run_ended(self):
+        self.file.close()
+
+
+WRONG = {
+    ("listener", Trusting): {
+        "it receives a whole run": "candidate_evaluated raised AttributeError: 'NoneType' object has no attribute",
+        "a run may break off": "run_started raised FileExistsError",
+        "a run may end before it starts": "run_ended raised AttributeError",
+    },
+    ("fitness", Sorter): {
+        "each candidate has its evaluation": "the evaluation of g0-a0-s0-p0 belongs to g0-a0-s0-p2; keep the order",
+        "it travels to workers": "it can't be pickled, and workers need a copy",
+    },
+    ("fitness", Picky): {
+        "the same again": "the same candidates earned",
+        "a batch gives what each alone gives": "candidates earn [('ok', 0.1), ('ok', 0.0), ('ok', 0.1)] together",
+        "in an executor each candidate is evaluated once": "evaluate gave evaluations of ['g0-a0-s0-p0', ",
+        "rejected and failed candidates earn nothing": "a rejected candidate has the status 'ok'",
+    },
+    ("task", RollsHome): {
+        "what rests stays at rest": "in mujoco 'ball' moves",
+        "doing nothing earns nothing": "doing nothing earns 1.00 after 2 s in mujoco",
+    },
+    ("task", Crammed): {"nothing overlaps at spawn": "with seed 0 'high' starts 80.0 mm inside 'low'"},
+    ("task", Idle): {
+        "one seed gives one layout": "nothing in the scene can move",
+        "rewards work for one world or many": "the reward of 5 worlds has the shape (3,), not (5,)",
+    },
+    ("vlm", Mute): {
+        "it has a name": "model is ' '",
+        "each request has its reply": "the requests g0-a0, g0-a1 had replies to another",
+    },
+    ("tool", Floating): {
+        "given tools keep the rules": "tool 'wrong' of tests (hook 'tool_representations'): the tool that it gives for "
+    },
+    ("tool", Forgetful): {
+        "the instructions name every field": "the instructions don't name 'tool'",
+        "tools survive dump and parse": "what dump returned can't be written as JSON",
+        "nonsense is refused with a reason": "parse raised KeyError on {}, not a DesignError",
+    },
+    ("evolution", Moody): {
+        "the same again": "the same evaluations gave different candidates",
+        "a limit is passed on": "candidates before the limit are lost",
+    },
+    ("executor", Greedy): {
+        "each chunk comes back with its result": "12 chunks went in, 11 came out",
+        "chunks are not read all at once": "before the first result was taken, 1000 of 1000 chunks were read",
+    },
+}
+
+
+@pytest.fixture
+def offered(monkeypatch):
+    """Offer a part under the name ``wrong``."""
+
+    def offer(kind, part):
+        monkeypatch.setitem(installed().offers, (kind, "wrong"), Offer(kind, "wrong", "tests", "tests", part))
+        return Part(kind, "wrong")
+
+    return offer
+
+
+@pytest.mark.parametrize(("kind", "part"), WRONG)
+def test_what_is_wrong_is_reported(offered, kind, part):
+    problems = {verdict.check: verdict.problem for verdict in examine(kind, subject(offered(kind, part)))}
+    assert len(problems) == len(SUITES[kind])
+    for check, problem in WRONG[kind, part].items():
+        assert problems[check] is not None, check
+        assert problem in problems[check]
+
+
+def test_a_scene_that_solves_itself_fails_the_command(offered, monkeypatch, capsys):
+    offered("task", RollsHome)
+    monkeypatch.setattr("sys.argv", ["core", "conformance", "task=wrong"])
+    with pytest.raises(UserError, match=r"^2 of 9 checks failed$"):
+        conformance.main()
+    assert "doing nothing earns nothing: FAILED: doing nothing earns" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_listeners_are_checked_by_name(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["core", "conformance", "listener=[summary,progress]", "listener.summary.top=1"])
+    conformance.main()
+    out = capsys.readouterr().out
+    assert out.startswith("listener summary\n")
+    assert "\nlistener progress\n" in out
+    assert out.count(": ok") == 2 * len(SUITES["listener"])
+
+
+def test_the_command_counts_what_failed(offered, monkeypatch, capsys):
+    offered("task", Idle)
+    monkeypatch.setattr("sys.argv", ["core", "conformance", "tool=none", "task=wrong"])
+    with pytest.raises(UserError, match=r"^\d of 14 checks failed$"):
+        conformance.main()
+    out = capsys.readouterr().out
+    assert "tool none\n" in out
+    assert "one seed gives one layout: FAILED: nothing in the scene can move" in out
+    assert "(" in next(line for line in out.splitlines() if "TypeError" in line)  # with the place in the code
+
+
+def test_something_must_be_named(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["core", "conformance"])
+    with pytest.raises(UsageError, match=r"name a part to check; usage: vlmgineer conformance \{sim\|task\|"):
+        conformance.main()
+
+
+def test_no_check_is_forgotten():
+    """A check that stands in no list is never run."""
+    listed = {check for checks in SUITES.values() for check in checks}
+    for info in pkgutil.iter_modules(plugins.conformance.__path__, "plugins.conformance."):
+        for name, check in vars(importlib.import_module(info.name)).items():
+            if name.startswith("check_") and check.__module__ == info.name:
+                assert check in listed, f"{info.name}.{name}"

@@ -1,0 +1,37 @@
+"""Cells as text: rounded honestly, and never a formula or markup."""
+
+import csv
+import io
+
+import pytest
+
+from core.support.text import number
+from plugins.results.pages.formats import Column, Link, Table, columns, printed, to_csv, to_markdown
+
+
+def test_columns_of_a_text():
+    assert columns("task|runs:0|mean, low:3") == (Column("task"), Column("runs", 0), Column("mean, low", 3))
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "said"),
+    [(0.99996, 3, "0.999"), (1.0, 3, "1.000"), (0.12345, 3, "0.123"), (float("nan"), 2, "–"), (12.6, 0, "13")],
+)
+def test_nothing_is_rounded_up_to_one(value, digits, said):
+    assert number(value, digits) == said
+
+
+def test_cells_in_a_file_of_commas_and_in_markdown(tmp_path):
+    columns = (Column("text"), Column("number", 2), Column("link"))
+    rows = (("=1+1|\x1b[31m\n*b*", 1 / 3, Link("a|b", tmp_path / "x" / "y")), ("", None, ()))
+    table = Table("t", "T", columns, rows, "note")
+    text = to_csv(table, tmp_path / "out")
+    (first, second) = csv.DictReader(io.StringIO(text))
+    assert first["text"] == "'=1+1|[31m *b*"  # no formula, no escape sequence
+    assert float(first["number"]) == 1 / 3
+    assert first["link"] == "../x/y"
+    assert second == {"text": "", "number": "", "link": ""}
+    assert r"| =1+1\|\[31m \*b\* | 0.33 | a\|b |" in to_markdown(table)
+    assert printed(None, columns[1]) == "–"
+    with pytest.raises(ValueError, match="1 cells under 3 columns"):
+        Table("t", "T", columns, (("x",),))

@@ -1,0 +1,106 @@
+"""The report's page: what a model wrote stays text, and the page needs nothing from elsewhere."""
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+from lxml import etree
+
+from plugins.results.report.command import report
+from tests.core.run_folders import hook, result, write_run
+from tests.plugins.results.conftest import QUICK
+
+HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>\"'>{{ 7 * 7 }}</title>$\\frac{1}{2}$\x1b[31m\u202e\x00"
+
+
+class Page(HTMLParser):
+    """Elements and attributes as a browser sees them."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.attributes, self.text = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += [(tag, *attr) for attr in attrs]
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory):
+    """A report of a run with texts that are an attack, in a folder with a name that is one."""
+    root = tmp_path_factory.mktemp("hostile")
+    folder = root / "runs" / "javascript:alert(1) <b>&\"'\x1b[31m\u202e"
+    write_run(folder, rewards=[[0.5], [0.7]], tools=[hook(0.2, HOSTILE, HOSTILE)], name=HOSTILE)
+    bad = write_run(root / "runs" / "<i>bad", rewards=[[0.5]])
+    (bad / "result.json").write_text(json.dumps(result(bad) | {"seed": HOSTILE}))
+    report([root / "runs"], root / "out", ["svg"], QUICK)
+    return root / "out"
+
+
+def test_what_a_model_wrote_stays_text(hostile):
+    text = (hostile / "index.html").read_text()
+    page = Page(text)
+    assert page.tags.count("script") == 2  # the tools' data, and the page's own
+    assert all(v.startswith("data:image/svg+xml;") for tag, key, v in page.attributes if key == "src")
+    assert not [a for a in page.attributes if a[1].startswith("on")]
+    assert "<script>alert" not in text
+    assert "{{ 7" in text  # no template of ours read it
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202e]", text)
+    assert any("alert(1)" in piece for piece in page.text)
+
+
+def test_links_stay_inside_files(hostile):
+    page = Page((hostile / "index.html").read_text())
+    addresses = [value for tag, key, value in page.attributes if tag == "a" and key == "href"]
+    assert addresses
+    for address in addresses:
+        assert address.startswith(("#", "data/", "../")), address
+
+
+def test_tables_and_figures_of_a_hostile_run(hostile):
+    for file in (hostile / "data").iterdir():
+        text = file.read_text()
+        assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f\u202e]", text), file.name
+    assert r"\<script\>" in (hostile / "data" / "tools.md").read_text()
+    etree.parse(hostile / "data" / "gallery.svg")
+
+
+def test_the_page_needs_nothing_and_says_so(made):
+    text = (made[0] / "out" / "index.html").read_text()
+    page = Page(text)
+    policy = next(v for tag, key, v in page.attributes if key == "content" and "default-src" in v)
+    assert policy.startswith("default-src 'none'; img-src data:; style-src 'sha256-")
+    assert "unsafe" not in policy
+    loaded = [v for tag, key, v in page.attributes if key in ("src", "srcset", "data", "poster", "xlink:href")]
+    loaded += [v for tag, key, v in page.attributes if key == "href" and tag != "a"]
+    assert all(address.startswith(("data:", "#")) for address in loaded)
+    assert "http://" not in re.sub(r'xmlns(:\w+)?="http://www\.w3\.org/[^"]+"', "", text)
+    assert not [a for a in page.attributes if a[1] == "style"]  # the policy forbids them
+    identities = [v for _, key, v in page.attributes if key == "id"]
+    assert len(identities) == len(set(identities))
+
+
+def test_figures_are_pictures_with_a_description(made):
+    page = Page((made[0] / "out" / "index.html").read_text())
+    figures = [v for tag, key, v in page.attributes if tag == "img" and key == "src"]
+    described = [v for tag, key, v in page.attributes if tag == "img" and key == "alt"]
+    assert len(figures) == len(described) == len(list((made[0] / "out" / "data").glob("*.svg"))) > 5
+    assert any(text.startswith("Reward by task and method. Full colour: the average") for text in described)
+    for address in figures:
+        assert address.startswith("data:image/svg+xml;base64,")
+        svg = base64.b64decode(address.partition(",")[2])
+        etree.fromstring(svg)
+        assert b"currentColor" in svg
+
+
+def test_tools_that_cannot_be_shown_are_said(tmp_path):
+    folder = write_run(tmp_path / "run", rewards=[[0.5]])
+    (folder / "run.sqlite").unlink()
+    report([folder], tmp_path / "out", ["png"], QUICK)
+    assert "Tools that can&#39;t be shown: BringCube" in (tmp_path / "out" / "index.html").read_text()

@@ -1,0 +1,215 @@
+"""What is read of run folders, and what is not: finished, failed, unfinished, broken."""
+
+import json
+import shutil
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from core.errors import UserError
+from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, natural, read_run, spending
+from plugins.results.pages.tools import given_tool, winners
+from tests.core.run_folders import result, write_run
+
+
+def folder_state(folder: Path) -> dict[str, tuple[int, int]]:
+    return {str(p.relative_to(folder)): (p.stat().st_mtime_ns, p.stat().st_size) for p in sorted(folder.rglob("*"))}
+
+
+def test_a_finished_run(tmp_path):
+    folder = write_run(tmp_path / "run", "seed=4", rewards=[[0.2, None], [0.5, 0.1]], cost_usd=0.25)
+    run = read_run(folder)
+    assert isinstance(run, FinishedRun)
+    assert (run.task, run.seed) == ("BringCube", 4)
+    assert vars(run.best) == result(folder)["best"]
+    assert run.best_so_far == [0.2, 0.5]
+    assert [g.n_rejected for g in run.figures.generations] == [1, 0]
+    assert run.config["budget"]["name"] == "quick"
+    spent = spending(run)
+    assert (spent.requests, spent.replies, spent.prompt_tokens, spent.cost_usd) == (2, 2, 200, 0.5)
+    assert run.recordings() == {}
+
+
+def test_reading_leaves_a_folder_as_it_was(tmp_path):
+    folder = write_run(tmp_path / "run")
+    before = folder_state(folder)
+    run = read_run(folder)
+    winners(run)
+    spending(run)
+    assert folder_state(folder) == before
+
+
+def test_columns_and_tables_may_come(tmp_path):
+    folder = write_run(tmp_path / "run")
+    with sqlite3.connect(folder / "run.sqlite") as database:
+        database.execute("ALTER TABLE run ADD COLUMN state TEXT")
+        database.execute("ALTER TABLE evaluations ADD COLUMN seconds REAL")
+        database.execute("CREATE TABLE locks (owner TEXT)")
+    document = result(folder) | {"resumed": 3}
+    document["best"]["seconds"] = 1.5
+    (folder / "result.json").write_text(json.dumps(document))
+    run = read_run(folder)
+    assert run.best.reward == 0.7
+    assert winners(run)[0].candidate == run.best.candidate
+
+
+# --- runs that do not count ---------------------------------------------------------------------------------------
+
+
+def test_a_run_that_was_killed_is_unfinished(tmp_path):
+    folder = write_run(tmp_path / "run", rewards=[[0.3, 0.6]], finish=False)
+    run = read_run(folder)
+    assert isinstance(run, LeftOutRun)
+    assert (run.status, run.task) == ("unfinished", "BringCube")
+    assert run.reason == "1 generations and 2 candidates done, best reward so far 0.600"
+
+
+def test_a_run_that_stopped_before_its_time_is_unfinished(tmp_path):
+    folder = write_run(tmp_path / "run", stopped="the model's limit of 3 USD")
+    run = read_run(folder)
+    assert (run.status, run.reason) == ("unfinished", "stopped: the model's limit of 3 USD")
+
+
+def test_a_run_in_which_nothing_could_be_tried_failed(tmp_path):
+    run = read_run(write_run(tmp_path / "run", rewards=[[None, None]]))
+    assert (run.status, run.reason) == ("failed", "no candidate could be tried; the first reason: it is too heavy")
+
+
+def test_a_job_that_never_began_failed(tmp_path):
+    notes = tmp_path / "0_task=OneBook" / ".hydra"
+    notes.mkdir(parents=True)
+    (notes / "config.yaml").write_text("task: {name: OneBook}\n")
+    (run,) = find_runs([tmp_path])[1]
+    assert (run.status, run.task, run.folder) == ("failed", "OneBook", notes.parent)
+    (notes / "config.yaml").write_text("task: {name: [\n")
+    (run,) = find_runs([tmp_path])[1]
+    assert (run.status, run.task) == ("failed", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{", "Expecting property name"),
+        ("[]", "Input should be"),
+        ('{"task": "BringCube"}', "seed: Field required"),
+        ("\x00\xff", "result.json"),
+    ],
+)
+def test_a_broken_result_is_said_to_be(tmp_path, text, said):
+    folder = write_run(tmp_path / "run")
+    (folder / "result.json").write_text(text)
+    run = read_run(folder)
+    assert run.status == "unreadable"
+    assert said in run.reason
+    assert run.task == "BringCube"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"n_evaluations": 5}, "it is not what the run stored"),
+        ({"best": {"reward": 1e308, "distance_m": 0.5, "generation": 1, "candidate": "g1-a0-s1-p0"}}, "best.reward"),
+        ({"generations": []}, "best.generation is 1, of 0 generations"),
+        ({"wall_time_s": float("nan")}, "wall_time_s: Input should be a finite number"),
+        ({"seed": 10**400}, "seed: Input should be less than"),
+    ],
+)
+@pytest.mark.parametrize("stored", [True, False])
+def test_a_result_with_impossible_figures_does_not_count(tmp_path, change, said, stored):
+    folder = write_run(tmp_path / "run")
+    (folder / "result.json").write_text(json.dumps(result(folder) | change))
+    if not stored:
+        (folder / "run.sqlite").unlink()
+    run = read_run(folder)
+    if "n_evaluations" in change and not stored:
+        assert isinstance(run, FinishedRun)  # alone it can't be compared
+        return
+    assert run.status == "unreadable"
+    assert said in run.reason
+    assert run.reason.endswith("delete it, and run.sqlite is read in its place") == stored
+    (folder / "result.json").unlink()
+    assert not stored or read_run(folder).best.reward == 0.7
+
+
+def test_a_store_that_is_none(tmp_path):
+    folder = write_run(tmp_path / "run")
+    (folder / "run.sqlite").write_bytes(b"this is no database of any length " * 100)
+    run = read_run(folder)
+    assert run.status == "unreadable"
+    assert "run.sqlite can't be read: file is not a database" in run.reason
+
+
+def test_a_result_alone_counts_and_its_tools_are_missing(tmp_path):
+    folder = write_run(tmp_path / "run")
+    (folder / "run.sqlite").unlink()
+    run = read_run(folder)
+    assert run.best.reward == 0.7
+    assert spending(run) is None
+    assert given_tool(run) is None
+    with pytest.raises(UserError, match=r"has no run\.sqlite"):
+        winners(run)
+
+
+WRITER = """
+import sys
+sys.path.insert(0, {root!r})
+from pathlib import Path
+from core.events import Generation
+from tests.core.run_folders import write_run
+write_run(Path({folder!r}), rewards=[[0.3, 0.6]], finish=False)
+print("written", flush=True)
+sys.stdin.readline()
+write_run.open[0].hook.generation_finished(generation=Generation(7, ()))
+print("written", flush=True)
+sys.stdin.readline()
+"""
+
+
+def test_a_store_that_is_being_written(tmp_path):
+    """It is read as far as it has come, the writer can go on, and what it wrote is there."""
+    script = WRITER.format(root=str(Path(__file__).parents[3]), folder=str(tmp_path / "run"))
+    writer = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        assert writer.stdout.readline() == "written\n"
+        assert (tmp_path / "run" / "run.sqlite-wal").stat().st_size > 0
+        assert read_run(tmp_path / "run").reason.startswith("1 generations and 2 candidates done")
+        writer.stdin.write("go on\n")
+        writer.stdin.flush()
+        assert writer.stdout.readline() == "written\n"
+        assert read_run(tmp_path / "run").reason.startswith("2 generations and 2 candidates done")
+    finally:
+        writer.kill()
+        writer.wait()
+    before = folder_state(tmp_path / "run").keys()
+    assert read_run(tmp_path / "run").reason.startswith("2 generations and 2 candidates done")  # of its log
+    assert folder_state(tmp_path / "run").keys() == before
+
+
+# --- where runs are -----------------------------------------------------------------------------------------------
+
+
+def test_runs_are_found_below_and_a_multiruns_by_number(tmp_path):
+    for name in ("10_seed=2", "9_seed=1", "2_seed=0"):
+        shutil.copytree(write_run(tmp_path / "one", f"seed={name[-1]}"), tmp_path / "multirun" / "sunday" / name)
+        shutil.rmtree(tmp_path / "one")
+    (tmp_path / "multirun" / "sunday" / "multirun.yaml").write_text("")
+    (tmp_path / "multirun" / "sunday" / ".hydra").mkdir()  # notes of the whole are no run
+    finished, left_out = find_runs([tmp_path / "multirun"])
+    assert [run.seed for run in finished] == [0, 1, 2]
+    assert not left_out
+    again, _ = find_runs([tmp_path / "multirun" / "sunday" / "9_seed=1", tmp_path / "multirun"])
+    assert [run.seed for run in again] == [1, 0, 2]  # each once, in the order asked for
+
+
+def test_a_folder_without_runs_is_refused(tmp_path):
+    with pytest.raises(UserError, match="no folder"):
+        find_runs([tmp_path / "nowhere"])
+    with pytest.raises(UserError, match="holds no run"):
+        find_runs([tmp_path])
+
+
+def test_numbers_in_names_sort_by_size():
+    assert sorted(["a10", "a9", "10", "b", "9b"], key=natural) == ["9b", "10", "a9", "a10", "b"]

@@ -1,0 +1,80 @@
+"""``vlmgineer report`` as a user runs it."""
+
+import os
+import re
+import subprocess
+import sys
+from urllib.parse import quote
+
+import pytest
+
+from core.errors import UserError
+from plugins.results.report.command import main
+from tests.commands import python_m
+from tests.core.run_folders import write_run
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("folder", ["0_seed=0", "runs=0_seed=0"])  # as it is, with a = as multiruns have, or by key
+def test_the_command(tmp_path, folder):
+    write_run(tmp_path / "0_seed=0", rewards=[[0.25]])
+    done = python_m(tmp_path, "core", "report", folder, "output=out", "formats=[svg]", "resamples=100")
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    assert done.stdout.splitlines()[-1] == "out/index.html"
+    assert "BringCube" in done.stdout
+    assert "0.250" in done.stdout
+    assert {f.suffix for f in (tmp_path / "out" / "data").iterdir()} == {".csv", ".md", ".svg"}
+
+
+def test_no_line_is_folded_or_cut_in_a_pipe(tmp_path):
+    """The folder's name alone is wider than a terminal."""
+    name = "killed_" * 20
+    write_run(tmp_path / "runs" / "finished", rewards=[[0.25]])
+    write_run(tmp_path / "runs" / name, "seed=1", rewards=[[0.5]], finish=False)
+    done = python_m(tmp_path, "core", "report", "runs", "formats=[]", "resamples=100")
+    lines = done.stdout.splitlines()
+    assert "not counted, unfinished: " in done.stdout
+    (line,) = [line for line in lines if name in line]
+    assert line.endswith("1 candidates done, best reward so far 0.500")
+    assert lines[1].split()[-5:] == ["1", "0.250", "0.250", "–", "1.50"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="names are text there")
+@pytest.mark.parametrize("command", ["report", "gallery"])
+def test_a_folder_of_any_name_and_a_terminal_of_few_letters(tmp_path, command):
+    """The name is not UTF-8, and has letters that the terminal's encoding lacks."""
+    name = os.fsdecode(b"r\xff\xe9") + "\u2717"
+    write_run(tmp_path / name, rewards=[[0.25]])
+    words = [sys.executable, "-m", command, name, "output=out", *(["formats=[svg]"] * (command == "core", "report"))]
+    env = {**os.environ, "PYTHONIOENCODING": "latin-1"}
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=240, env=env)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert done.stdout.splitlines()[-1] == b"out/index.html"
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert quote(os.fsencode(name)) in page
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "no folder given; usage: "),
+        (["--output", "x"], "can't read '--output'; usage: "),
+        (["nowhere"], "no folder nowhere"),
+        (["."], "holds no run"),
+        (["killed", "output=out"], "no run is finished; 1 are listed in out/index.html"),
+        (["killed", "output=killed/run.sqlite"], "can't write"),
+        (["killed", "format=[png]"], "no key 'format' in the configuration (did you mean 'formats'?)"),
+        (["killed", "formats=[pdf]"], "no format 'pdf' in formats; possible: png, svg"),
+        (["killed", "confidence=95"], "confidence must be between 0 and 1, got 95"),
+        (["killed", "resamples=0"], "resamples must be at least 1, got 0"),
+    ],
+)
+def test_mistakes(tmp_path, monkeypatch, words, said):
+    if "killed" in words:
+        write_run(tmp_path / "killed", finish=False)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["report", *words])
+    with pytest.raises(UserError, match=re.escape(said)):
+        main()

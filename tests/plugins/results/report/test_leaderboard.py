@@ -1,0 +1,167 @@
+"""Entries of a benchmark: what is one, what is refused and why, and how they are compared."""
+
+import json
+import shutil
+import sys
+
+import pytest
+
+from core.errors import UserError
+from plugins.results.pages.runs import find_runs
+from plugins.results.report.command import main
+from plugins.results.report.leaderboard import entry_tables, find_entries, protocol, read_entry
+from plugins.results.report.statistics import Resampling
+from tests.core.run_folders import write_run
+
+TASKS = protocol("varied").tracks["varied"]
+pytestmark = pytest.mark.slow  # a whole track takes two dozen runs
+UNSEEN = {"mujoco": (0.8,) * 20, "sapien": (0.5, 0.7) * 10}
+
+
+def write(folder, *words, task="BringCube", unseen=UNSEEN, **others):
+    return write_run(folder, "protocol=varied", f"task={task}", *words, rewards=[[0.9, None]], unseen=unseen, **others)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A run of each task with each of two seeds."""
+    root = tmp_path_factory.mktemp("whole")
+    for task in TASKS:
+        for seed in (0, 1):
+            write(root / f"{task}_{seed}", f"seed={seed}", task=task, cost_usd=0.5)
+    return root
+
+
+@pytest.fixture(scope="module")
+def entry(whole):
+    ((made,), problems) = entries(whole, "ours")
+    assert problems == []
+    return made
+
+
+@pytest.fixture
+def runs(whole, tmp_path):
+    shutil.copytree(whole, tmp_path / "runs")
+    return tmp_path / "runs"
+
+
+def entries(folder, name=""):
+    return find_entries(*find_runs([folder]), name)
+
+
+def test_the_tracks_have_twelve_tasks_and_the_protocol_fixes_what_it_sets():
+    assert len(TASKS) == 12
+    assert protocol("varied").fixed["rollout.perception.yaw"] == "0.01"
+    assert protocol("varied").fixed["fitness.unseen_sims"] == '["mujoco", "sapien"]'
+    assert "fitness.layouts" not in protocol("varied").fixed
+    for name in ("none", "x=1", "../varied"):
+        with pytest.raises(UserError, match="no protocol"):
+            protocol(name)
+
+
+def test_an_entry_has_means_and_what_was_spent(entry):
+    assert (entry.name, entry.protocol, entry.version, entry.track) == ("ours", "varied", 1, "varied")
+    assert entry.score == pytest.approx(0.6)  # of the worse engine
+    assert entry.tasks["OneBook"].engines == pytest.approx({"mujoco": 0.8, "sapien": 0.6})
+    assert [run.seed for run in entry.tasks["OneBook"].runs] == [0, 1]
+    first = entry.runs[0]
+    assert (first.candidates, first.rollouts, first.requests, first.cost_usd) == (1, 1, 1, 0.5)
+    assert entry.settings["vlm.name"] == "offline"
+    assert "mujoco" in entry.versions
+    table, by_task = entry_tables([entry], Resampling(resamples=100))
+    row = dict(zip([column.name for column in table.columns], table.rows[0], strict=True))
+    assert (row["score"], row["low"], row["seeds"], row["cost (USD)"]) == pytest.approx((0.6, 0.6, "0, 1", 12.0))
+    assert len(by_task.rows) == 12
+
+
+def test_a_run_in_which_nothing_could_be_tried_counts_0(runs):
+    shutil.rmtree(runs / "OneBook_0")
+    write_run(runs / "OneBook_0", "protocol=varied", "task=OneBook", rewards=[[None]])
+    ((entry,), _) = entries(runs)
+    assert entry.tasks["OneBook"].score == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda runs: shutil.rmtree(runs / "OneBook_0"), "its tasks have other seeds, or one twice"),
+        (lambda runs: write(runs / "again"), "its tasks have other seeds, or one twice"),
+        (lambda runs: write(runs / "more", "seed=2", finish=False), "more is unfinished; resume it, or delete it"),
+        (lambda runs: write(runs / "more", unseen={"mujoco": UNSEEN["mujoco"]}), "its tasks have other seeds"),
+        (lambda runs: [shutil.rmtree(runs / f"OneBook_{seed}") for seed in (0, 1)], "it lacks OneBook; an entry has"),
+    ],
+)
+def test_what_is_no_entry_is_told_in_a_line(runs, change, said):
+    change(runs)
+    found, (problem,) = entries(runs, "ours")
+    assert found == []
+    assert problem.startswith("no entry of the track varied: ours: ")
+    assert said in problem
+
+
+@pytest.mark.parametrize("word", ["material.most_g=900.0", "task.variation=near", "fitness.unseen=3"])
+def test_runs_that_change_what_is_fixed_are_no_entry(tmp_path, word):
+    key, _, value = word.partition("=")
+    write(tmp_path / "run", word)
+    _, (problem,) = entries(tmp_path)
+    assert f": {key} is {value}" in problem
+    assert "where the protocol varied has" in problem
+
+
+def test_what_may_be_chosen_and_runs_without_a_protocol(tmp_path):
+    write(tmp_path / "run", "tool=boxes", "fitness.layouts=8", "budget.n_agent=1", "sim=sapien")
+    write_run(tmp_path / "other", "protocol=none")
+    found, (problem,) = entries(tmp_path)
+    assert not found
+    assert "it lacks CleanTable, " in problem
+
+
+REWARDS = ("tasks", "OneBook", "runs", 0, "rewards", "sapien")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "said"),
+    [
+        (("version",), 2, "follows version 2 of the protocol varied, not 1"),
+        (("track",), "easy", "no track 'easy'"),
+        (("protocol",), "theirs", "theirs"),
+        (("settings", "material.infill"), "0.1", "material.infill is 0.1, where the protocol varied has 0.2"),
+        (REWARDS, [1.0] * 19, "a run lacks rewards in 20 unseen layouts in each of mujoco, sapien"),
+        (REWARDS, [7.0] * 20, "less than or equal to 1"),
+        (("tasks", "Another"), {"score": 1, "engines": {}, "runs": []}, "at least 1 item"),
+        (("tasks",), [], "tasks: "),
+    ],
+)
+def test_a_results_file_that_does_not_follow_its_protocol_is_refused(entry, tmp_path, path, value, said):
+    data = node = json.loads(entry.dump())
+    for key in path[:-1]:
+        node = node[key]
+    node[path[-1]] = value
+    (tmp_path / "theirs.json").write_text(json.dumps(data))
+    with pytest.raises(UserError, match=r"theirs.json can't be compared: ") as error:
+        read_entry(tmp_path / "theirs.json")
+    assert said in str(error.value)
+
+
+def test_means_in_a_file_count_for_nothing(entry, tmp_path):
+    data = json.loads(entry.dump()) | {"score": 1.0}
+    (tmp_path / "theirs.json").write_text(json.dumps(data))
+    assert read_entry(tmp_path / "theirs.json") == entry
+
+
+def test_the_command_writes_and_compares_results_files(whole, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["report", *words, "formats=[]", "resamples=100"])
+        main()
+        return capsys.readouterr().out
+
+    run(f"runs={whole}", "name=first", "output=one")
+    (file,) = (tmp_path / "one" / "data").glob("*.json")
+    assert file.name == "varied_varied_first.json"
+    shown = run(f"entries=[{file},{file}]", "output=two")
+    assert shown.count("first") == 2
+    table = (tmp_path / "two" / "data" / "entries.md").read_text()
+    assert table.count("| varied | first | 0.600 | 0.600 | 0.600 | 0.800 | 0.600 | 0, 1 |") == 2
+    assert "Entries of the benchmark" in (tmp_path / "two" / "index.html").read_text()

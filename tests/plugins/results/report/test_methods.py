@@ -1,0 +1,114 @@
+"""Methods are named by the settings that distinguish them; runs are grouped by them."""
+
+from core.plugins import installed
+from plugins.results.pages.runs import find_runs
+from plugins.results.report.methods import group, label
+from tests.core.run_folders import write_run
+
+
+def config(**choices):
+    base = {
+        "task": {"name": "BringCube", "tool_kinds": ["rigid"], "paper": {"k_top": 5}},
+        "sim": {"name": "pybullet", "time_step": 0.002},
+        "vlm": {"name": "offline"},
+        "tool": {"name": "urdf"},
+        "evolution": {"name": "vlmgineer"},
+        "prompt": {"name": "vlmgineer"},
+        "budget": {"name": "quick", "n_agent": 4, "k_top": 5},
+        "executor": {"name": "local", "workers": None},
+        "listener": {"progress": {}},
+        "seed": 0,
+        "film": True,
+    }
+    for path, value in choices.items():
+        group, _, key = path.partition("__")
+        if key:
+            base[group] = base[group] | {key: value}
+        else:
+            base[group] = {"name": value} if isinstance(value, str) else value
+    return base
+
+
+def labels(*configs, tasks=None):
+    return label([((tasks or ["BringCube"] * len(configs))[i], c) for i, c in enumerate(configs)])
+
+
+def test_methods_are_named_by_the_least_that_tells_them_apart():
+    assert labels(config(), config(evolution="sampling"), config(tool="none"), config(tool="rlbench")) == [
+        "tool=urdf evolution=vlmgineer",
+        "evolution=sampling",
+        "tool=none",
+        "tool=rlbench",
+    ]
+    assert labels(config(), config(sim="sapien")) == ["sim=pybullet", "sim=sapien"]
+    assert labels(config(), config(fitness="robust")) == ["no fitness", "fitness=robust"]
+
+
+def test_runs_on_several_robots_are_not_one_methods():
+    assert labels(config(robot="one"), config(robot="two")) == ["robot=one", "robot=two"]
+    moved = config(robot={"name": "one", "base": [0.1, 0, 0, 0]}), config(robot={"name": "one", "base": [0, 0, 0, 0]})
+    assert labels(*moved) == ["robot.base=[0.1, 0, 0, 0]", "robot.base=[0, 0, 0, 0]"]
+
+
+def test_runs_of_versions_that_had_one_robot_are_the_default_robots():
+    default = {"name": installed().default_robot.name, "base": [0.0, 0.0, 0.0, 0.0]}
+    assert len(set(labels(config(), config(robot={}), config(robot=default)))) == 1
+    assert labels(config(), config(robot="other")) == [f"robot={default['name']}", "robot=other"]
+
+
+def test_seed_workers_listeners_and_films_make_no_method():
+    assert len(set(labels(config(), config(seed=3, film=False, executor="ray", listener={"rerun": {}})))) == 1
+
+
+def test_runs_that_are_all_alike_are_named_too():
+    assert labels(config(), config()) == ["tool=urdf evolution=vlmgineer vlm=offline"] * 2
+
+
+def test_a_setting_makes_a_method_where_the_choices_are_the_same():
+    assert labels(config(), config(budget__n_agent=8)) == ["budget.n_agent=4", "budget.n_agent=8"]
+    assert labels(config(), config(task__tool_kinds=["gripper"])) == [
+        'task.tool_kinds=["rigid"]',
+        'task.tool_kinds=["gripper"]',
+    ]
+
+
+def test_what_follows_from_a_choice_or_from_the_task_makes_none():
+    quick, paper = config(), config(budget={"name": "paper", "n_agent": 20, "k_top": 5})
+    other = config(budget={"name": "paper", "n_agent": 30, "k_top": 7}, task__name="LiftBox")
+    assert labels(quick, paper, other, tasks=["BringCube", "BringCube", "LiftBox"]) == [
+        "budget=quick",
+        "budget=paper",
+        "budget=paper",
+    ]
+
+
+def test_runs_are_grouped_and_left_out_ones_counted(tmp_path):
+    for seed in (0, 1):
+        write_run(tmp_path / f"ours{seed}", f"seed={seed}", rewards=[[0.5 + seed / 4]])
+    write_run(tmp_path / "ours2", "seed=2", rewards=[[0.9]], finish=False)
+    write_run(tmp_path / "ours3", "seed=3", rewards=[[None]])
+    write_run(tmp_path / "sampled", "evolution=sampling", rewards=[[0.4]])
+    write_run(tmp_path / "book", "task=OneBook", rewards=[[0.3]])
+    groups = group(*find_runs([tmp_path]))
+    assert [(g.task, g.method, g.rewards, g.left_out) for g in groups] == [
+        ("BringCube", "evolution=vlmgineer", [0.5, 0.75], 2),
+        ("BringCube", "evolution=sampling", [0.4], 0),
+        ("OneBook", "evolution=vlmgineer", [0.3], 0),
+    ]
+
+
+def test_of_equal_rewards_the_shorter_distance_is_the_best(tmp_path):
+    for seed, distance in ((0, 2.0), (1, 0.5), (2, 1.0)):
+        write_run(tmp_path / str(seed), f"seed={seed}", rewards=[[0.5]], distances=[distance])
+    (g,) = group(*find_runs([tmp_path]))
+    assert (g.best.seed, g.best.best.distance_m) == (1, 0.5)
+
+
+def test_the_name_of_a_baseline_among_many_ablations_takes_no_time():
+    """It differs from each other run in one setting, so that its name needs them all."""
+    base = {"vlm": {"name": "offline", **{f"part_{i}": 1 for i in range(40)}}}
+    ablations = [{"vlm": base["vlm"] | {f"part_{i}": 0}} for i in range(40)]
+    names = label([("BringCube", config) for config in [base, *ablations]])
+    assert len(set(names)) == 41
+    assert names[1] == "vlm.part_0=0"
+    assert names[0].startswith("vlm.part_0=1 ")

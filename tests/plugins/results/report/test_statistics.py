@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+import scipy.stats
+
+from plugins.results.report.statistics import (
+    Resampling,
+    deviation,
+    interquartile_mean,
+    interval,
+    mean,
+    mean_of_tasks,
+    normalised,
+)
+
+# Twelve tasks of five runs, and what rliable 1.2.0 says of them: aggregate_iqm, aggregate_mean, and
+# get_interval_estimates with 50,000 repetitions from RandomState(0).
+SCORES = [
+    [0.808, 0.43, 0.664, 0.734, 0.671],
+    [0.683, 0.705, 0.953, 0.713, 0.755],
+    [0.58, 0.773, 0.838, 0.876, 0.584],
+    [0.772, 0.625, 0.819, 0.584, 0.77],
+    [0.967, 0.94, 0.817, 0.698, 0.825],
+    [0.515, 0.417, 0.876, 0.813, 0.97],
+    [0.97, 0.875, 0.307, 0.825, 0.49],
+    [0.904, 0.907, 0.707, 0.705, 0.897],
+    [0.44, 0.929, 0.981, 0.846, 0.819],
+    [0.728, 0.552, 0.901, 0.713, 0.806],
+    [0.973, 0.634, 0.751, 0.899, 0.346],
+    [0.395, 0.752, 0.919, 0.859, 0.534],
+]
+RLIABLE = {
+    "interquartile mean": (0.77066667, 0.72203333, 0.8108),
+    "mean": (0.74231667, 0.70048292, 0.78258333),
+}
+
+
+def test_the_interquartile_mean_is_rliables():
+    pooled = [score for task in SCORES for score in task]
+    assert interquartile_mean(pooled) == pytest.approx(RLIABLE["interquartile mean"][0], abs=1e-8)
+    assert mean_of_tasks(SCORES) == pytest.approx(RLIABLE["mean"][0], abs=1e-8)
+
+
+@pytest.mark.parametrize("statistic", ["mean", "interquartile mean"])
+def test_stratified_intervals_are_rliables(statistic):
+    low, high = interval(SCORES, statistic, Resampling(resamples=20_000))
+    assert low == pytest.approx(RLIABLE[statistic][1], abs=0.002)  # of 50,000 samples of theirs, 20,000 of ours
+    assert high == pytest.approx(RLIABLE[statistic][2], abs=0.002)
+
+
+def test_an_interval_is_resampled_within_each_task():
+    """Tasks that differ a lot, runs that don't: drawn over all runs at once, the interval would be wide."""
+    tasks = [[0.1, 0.1, 0.1], [0.9, 0.9, 0.9]]
+    assert interval(tasks, "mean", Resampling()) == (0.5, 0.5)
+    loose = scipy.stats.bootstrap([np.concatenate(tasks)], np.mean, method="percentile", rng=0).confidence_interval
+    assert loose.high - loose.low > 0.4
+
+
+def test_of_one_task_it_is_scipys_percentile_bootstrap():
+    runs = np.random.default_rng(3).uniform(size=9)
+    theirs = scipy.stats.bootstrap(
+        [runs], np.mean, n_resamples=500, method="percentile", confidence_level=0.9, rng=np.random.default_rng(5)
+    ).confidence_interval
+    assert interval([runs], "mean", Resampling(0.9, 500, 5)) == (pytest.approx(theirs.low), pytest.approx(theirs.high))
+
+
+def test_the_same_seed_gives_the_same_interval_and_a_wider_confidence_a_wider_one():
+    narrow, wide = Resampling(0.5, 999), Resampling(0.99, 999)
+    assert interval(SCORES, "mean", narrow) == interval(SCORES, "mean", narrow)
+    (a, b), (c, d) = interval(SCORES, "mean", narrow), interval(SCORES, "mean", wide)
+    assert c < a < b < d
+
+
+@pytest.mark.parametrize("tasks", [[], [[0.5]], [[0.1, 0.2], [0.5]]])
+def test_nothing_is_claimed_of_the_spread_of_one_run(tasks):
+    assert interval(tasks, "mean", Resampling()) is None
+
+
+def test_the_middle_half():
+    assert interquartile_mean([0.0, 0.5, 0.7, 1.0]) == pytest.approx(0.6)
+    assert interquartile_mean([0.0, 1.0, 0.5]) == pytest.approx(0.5)  # of three nothing is cut off
+
+
+def test_mean_and_deviation():
+    assert mean([0.2, 0.4]) == pytest.approx(0.3)
+    assert deviation([0.2, 0.4, 0.9]) == pytest.approx(np.std([0.2, 0.4, 0.9], ddof=1))
+    assert deviation([0.2]) is None
+
+
+def test_normalised_improvement():
+    assert normalised([0.4, 0.5, -0.2], [0.5, 0.5, 0.8]) == (pytest.approx(np.mean([0.8, 1.0, -0.25])), 3)
+
+
+def test_tasks_without_a_divisor_are_left_out_and_counted():
+    assert normalised([0.9, 0.001, 0.1], [0.0, 0.998, 0.5]) == (pytest.approx((0.001 / 0.998 + 0.2) / 2), 2)
+    assert normalised([0.0], [0.0]) == (None, 0)

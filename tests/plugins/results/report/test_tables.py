@@ -1,0 +1,147 @@
+"""The tables: their numbers are the runs'."""
+
+import csv
+import re
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from plugins.results.report.command import report
+from tests.core.run_folders import result, write_run
+from tests.plugins.results.conftest import QUICK
+
+
+def read_csv(file):
+    with file.open(newline="", encoding="utf-8") as opened:
+        return list(csv.DictReader(opened))
+
+
+def test_the_numbers_are_those_of_the_result_files(made):
+    root, finished, _ = made
+    rows = read_csv(root / "out" / "data" / "runs.csv")
+    assert len(rows) == len(finished) == 14
+    for row in rows:
+        (folder,) = [f for f in finished if (root / "out" / "data" / row["folder"]).resolve() == f.resolve()]
+        stored = result(folder)
+        assert (row["task"], int(row["seed"])) == (stored["task"], stored["seed"])
+        assert float(row["best reward"]) == stored["best"]["reward"]
+        assert float(row["distance (m)"]) == stored["best"]["distance_m"]
+        assert (int(row["generation"]), row["candidate"]) == (stored["best"]["generation"], stored["best"]["candidate"])
+        assert int(row["rollouts"]) == stored["rollouts"]
+
+
+def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
+    root, finished, _ = made
+    choices = {"evolution=vlmgineer": "urdf/vlmgineer", "evolution=sampling": "urdf/sampling"}
+    rows = read_csv(root / "out" / "data" / "rewards.csv")
+    assert len(rows) == 7
+    for row in rows:
+        tool = re.search(r"tool=(none|rlbench)", row["method"])
+        method = f"{tool.group(1)}/vlmgineer" if tool else choices[row["method"].split()[-1]]
+        stored = [result(folder) for folder in finished]
+        of = [t for t in stored if t["task"] == row["task"] and f"{t['tool']}/{t['evolution']}" == method]
+        rewards = [t["best"]["reward"] for t in of]
+        best = of[int(np.argmax(rewards))]["best"]
+        assert int(row["runs"]) == len(of) == 2
+        assert float(row["best"]) == max(rewards)
+        assert float(row["average"]) == pytest.approx(np.mean(rewards), abs=1e-15)
+        assert float(row["standard deviation"]) == pytest.approx(np.std(rewards, ddof=1), abs=1e-15)
+        assert float(row["distance of the best (m)"]) == best["distance_m"]
+        assert row["candidate"] == best["candidate"]
+
+
+def test_tasks_by_arm_where_runs_have_several(tmp_path):
+    near, far = "robot.base=[0.1,0,0,0]", "robot.base=[0.2,0,0,0]"
+    write_run(tmp_path / "0", near, rewards=[[0.5]])
+    write_run(tmp_path / "1", near, "seed=1", rewards=[[0.7]])
+    write_run(tmp_path / "2", far, rewards=[[0.9]])
+    write_run(tmp_path / "3", near, "task=OneBook", rewards=[[0.2]])
+    report([tmp_path], tmp_path / "out", ["svg"], QUICK)
+    book, cube = sorted(read_csv(tmp_path / "out" / "data" / "arms.csv"), key=lambda row: row["task"], reverse=True)
+    near_far = ["robot.base=[0.1, 0, 0, 0]", "robot.base=[0.2, 0, 0, 0]"]
+    assert list(cube)[2:] == near_far
+    assert [float(cube[name]) for name in near_far] == pytest.approx([0.6, 0.9])
+    assert [book[name] for name in near_far] == ["0.2", ""]
+    assert cube["method"] == book["method"] == "tool=urdf evolution=vlmgineer vlm=offline"
+    rewards = read_csv(tmp_path / "out" / "data" / "rewards.csv")
+    assert sorted(float(row["average"]) for row in rewards) == pytest.approx([0.2, 0.6, 0.9])
+
+
+def test_methods_over_all_tasks(made):
+    root, finished, _ = made
+    (row,) = [r for r in read_csv(root / "out" / "data" / "methods.csv") if r["method"] == "evolution=sampling"]
+    rewards = {task: [] for task in ("BringCube", "OneBook")}
+    for stored in (result(folder) for folder in finished):
+        if stored["evolution"] == "sampling":
+            rewards[stored["task"]].append(stored["best"]["reward"])
+    pooled = [reward for task in rewards.values() for reward in task]
+    assert float(row["mean"]) == pytest.approx(np.mean([np.mean(task) for task in rewards.values()]))
+    assert float(row["mean of the best"]) == pytest.approx(np.mean([max(task) for task in rewards.values()]))
+    assert float(row["interquartile mean"]) == pytest.approx(scipy.stats.trim_mean(pooled, 0.25))
+    assert float(row["IQM, low"]) <= float(row["interquartile mean"]) <= float(row["IQM, high"])
+    assert row["which tasks"] == "BringCube, OneBook"
+
+
+def test_by_generation(made):
+    root, finished, _ = made
+    rows = read_csv(root / "out" / "data" / "generations.csv")
+    of = [r for r in rows if r["task"] == "OneBook" and r["method"] == "evolution=sampling"]
+    stored = [t for t in map(result, finished) if t["task"] == "OneBook" and t["evolution"] == "sampling"]
+    for index, row in enumerate(of):
+        so_far = [max(g["best_reward"] for g in t["generations"][: index + 1]) for t in stored]
+        means = [t["generations"][index]["mean_reward"] for t in stored]
+        assert int(row["generation"]) == index
+        assert float(row["best so far"]) == pytest.approx(np.mean(so_far))
+        assert float(row["mean of the generation"]) == pytest.approx(np.mean(means))
+    assert len(of) == 3
+
+
+def test_a_run_that_stopped_early_keeps_its_last(tmp_path):
+    write_run(tmp_path / "a", "seed=0", rewards=[[0.5], [1.0]])
+    write_run(tmp_path / "b", "seed=1", rewards=[[0.1], [0.2], [0.4]])
+    report([tmp_path], tmp_path / "out", ["svg"], QUICK)
+    rows = read_csv(tmp_path / "out" / "data" / "generations.csv")
+    assert [float(r["best so far"]) for r in rows] == pytest.approx([0.3, 0.6, 0.7])
+    assert [int(r["runs"]) for r in rows] == [2, 2, 1]
+
+
+def test_runs_that_do_not_count_are_listed_and_nowhere_else(made):
+    root, _, results = made
+    rows = read_csv(root / "out" / "data" / "left_out.csv")
+    assert {(r["status"], r["task"]) for r in rows} == {("unfinished", "BringCube"), ("failed", "BringCube")}
+    assert "best reward so far 1.000" in next(r["reason"] for r in rows if r["status"] == "unfinished")
+    rewards = read_csv(root / "out" / "data" / "rewards.csv")
+    assert max(float(r["best"]) for r in rewards) < 1
+    assert sum(int(r["left out"]) for r in rewards) == 2
+    assert len(results.runs) == 14
+
+
+def test_all_tables_come_in_both_formats(made):
+    root = made[0]
+    names = {
+        "rewards",
+        "methods",
+        "improvements",
+        "efforts",
+        "generations",
+        "tools",
+        "runs",
+        "left_out",
+        "parameters",
+        "costs",
+    }
+    names |= {"versions"}
+    assert {f.stem for f in (root / "out" / "data").glob("*.csv")} == names
+    assert {f.stem for f in (root / "out" / "data").glob("*.md")} == names
+    text = (root / "out" / "data" / "parameters.md").read_text()
+    assert "| BringCube | evolution=sampling |" in text
+
+
+def test_links_lead_to_the_recordings(made):
+    root, finished, _ = made
+    rows = read_csv(root / "out" / "data" / "runs.csv")
+    (row,) = [r for r in rows if r["recordings"]]
+    assert (root / "out" / "data" / row["recordings"]).resolve() == (finished[0] / "recording.rrd").resolve()
+    addresses = re.findall(r'href="(\.\./[^"]+)"', (root / "out" / "index.html").read_text())
+    assert any(address.endswith("recording.rrd") for address in addresses)

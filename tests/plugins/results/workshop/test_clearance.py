@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from core.design import Component, Tool
+from core.geometry import Box, Pose
+from core.interfaces import Recording
+from core.plugins import installed
+from core.robot.kinematics import arm_of
+from plugins.results.workshop.clearance import NEAR_M, clearance, torques
+from plugins.results.workshop.motion import Sampled
+from tests.panda import PANDA
+
+HOME = np.array(PANDA.home)
+
+
+def still(count=3):
+    rows = np.tile(HOME, (count, 1))
+    return Sampled(np.arange(count) / 100, rows, 0 * rows, 0 * rows, np.full(count, 0.04))
+
+
+def post(length, mass=0.1):
+    return Tool(
+        (Component("post", "tool_mount", Pose(np.array([0, 0, -length / 2])), Box((0.02, 0.02, length)), mass),)
+    )
+
+
+@pytest.mark.parametrize("length", [0.2, 0.35])
+def test_a_post_hangs_as_far_above_the_table_as_it_is_short(length):
+    task = installed().create("task", "MoveBall")
+    scene, count = task.scene(0), 3
+    state = scene.state()
+    states = type(state).stack([state] * count)
+    recording = Recording(np.arange(count) / 25, np.tile(HOME, (count, 1)), np.zeros((count, 0)), states)
+    found = clearance(scene, PANDA, post(length), recording)
+    height = arm_of(PANDA).forward(HOME).position[2]
+    assert found.tool_to["table"] == pytest.approx(min(height - length, NEAR_M), abs=2e-3)
+    assert (found.itself > 0).all()
+    assert {what for what, *_ in found.rows()} == {"arm", "tool"}
+
+
+def test_torques_of_an_arm_at_rest_are_those_of_weights():
+    bare, laden = (torques(PANDA, tool, still())[0] for tool in (Tool(), post(0.2, 2.0)))
+    arm, q = arm_of(PANDA), HOME.copy()
+    step = 1e-4
+    for joint in (1, 3, 5):
+        ends = []
+        for sign in (-1, 1):
+            q = HOME.copy()
+            q[joint] += sign * step
+            ends.append(arm.forward(q).apply(np.array([0, 0, -0.1]))[2])
+        lever = (ends[1] - ends[0]) / (2 * step)  # virtual work: how the weight rises with the joint
+        assert laden[joint] - bare[joint] == pytest.approx(2 * 9.81 * lever, rel=0.01, abs=0.02)
+
+
+def test_motors_need_torque_to_accelerate():
+    rows = np.tile(HOME, (1, 1))
+    moving = Sampled(np.zeros(1), rows, 0 * rows, np.eye(7)[[0]], np.full(1, 0.04))
+    rest = torques(PANDA, Tool(), still(1))
+    assert torques(PANDA, Tool(), moving)[0, 0] - rest[0, 0] > PANDA.motor_inertia[0]

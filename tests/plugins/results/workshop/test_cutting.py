@@ -1,0 +1,106 @@
+"""Solids too large for the plate: parts that fit, and that put together are what was cut."""
+
+import numpy as np
+import pytest
+
+from core.config.settings import Fit, Printer
+from core.geometry import Box, Cylinder, Mesh, Pose
+from plugins.results.workshop.cutting import cut
+from plugins.results.workshop.printing import lay
+from plugins.results.workshop.solid import Step, body, to_mesh
+
+SMALL, FIT = Printer(plate_mm=[180.0, 180.0, 180.0]), Fit()
+NO_MOUNT = np.zeros((0, 3))
+
+
+def at(x, y, z, rpy=(0, 0, 0)):
+    return Pose.xyz_rpy((x, y, z), rpy)
+
+
+SOLIDS = {
+    "bar": ((Box((0.6, 0.03, 0.02)), at(0, 0, 0)),),
+    "leaning bar": ((Box((0.5, 0.022, 0.022)), at(0.1, 0.2, 0.3, (0.3, 0.5, 0.7))),),
+    "sheet": ((Box((0.4, 0.3, 0.003)), at(0, 0, 0)),),
+    "rod": ((Cylinder(0.012, 0.5), at(0, 0, 0, (0.4, 0, 0))),),
+    "pan": (
+        (Box((0.3, 0.28, 0.0015)), at(0, 0, 0)),
+        (Box((0.3, 0.003, 0.07)), at(0, 0.1385, 0.034)),
+        (Box((0.3, 0.003, 0.07)), at(0, -0.1385, 0.034)),
+    ),
+    "frame": (
+        (Box((0.3, 0.02, 0.02)), at(0, 0.1, 0)),
+        (Box((0.3, 0.02, 0.02)), at(0, -0.1, 0)),
+        (Box((0.02, 0.22, 0.02)), at(0.14, 0, 0)),
+    ),
+}
+
+
+def parted(name):
+    shapes = SOLIDS[name]
+    solid = (Step("add", shapes),)
+    axes = np.vstack([pose.rotation.as_matrix().T for _, pose in shapes])
+    return body(solid), *cut(solid, SMALL, FIT, axes, NO_MOUNT)
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_parts_fit_and_make_the_whole(name):
+    whole, solids, joints = parted(name)
+    parts = [body(solid) for solid in solids]
+    assert len(parts) > 1
+    for part in parts:
+        mesh = to_mesh(part)
+        assert mesh.is_volume
+        assert len(part.decompose()) == 1
+        assert lay(mesh, SMALL.plate_mm)[1]
+    together = sum(parts[1:], parts[0])
+    assert (together - whole).volume() < 0.01
+    assert sum(part.volume() for part in parts) == pytest.approx(together.volume(), abs=0.01)  # none overlap
+    assert together.volume() == pytest.approx(whole.volume(), rel=0.01)
+    for joint in joints:
+        assert joint.tails >= 1
+        assert 0.09 * joint.section_mm2 < joint.neck_mm2 < 0.5 * joint.section_mm2
+
+
+@pytest.mark.parametrize("name", ["bar", "leaning bar", "sheet", "pan"])
+def test_dovetails_slide_in_and_do_not_come_apart(name):
+    """One half moves square to its socket only: not along the cut's normal, and not across its tails."""
+    _, solids, _ = parted(name)
+    near, far = (body(solid) for solid in solids[-2:])
+    shared = lambda way: (near.translate(tuple(way)) ^ far).volume()  # noqa: E731
+    assert shared((0, 0, 0)) < 1e-6
+    ways = [way for way in np.vstack([np.eye(3), -np.eye(3), *_axes(name)]) if shared(way) < 0.01]
+    pulled = _normal(solids[-1])
+    assert all(abs(way @ pulled) < 0.01 or way @ pulled < 0 for way in ways) or not ways
+    assert shared(-2 * pulled) > 1
+
+
+def _axes(name):
+    turn = SOLIDS[name][0][1].rotation.as_matrix().T
+    return turn, -turn
+
+
+def _normal(solid):
+    """The normal of the last cut: out of the half that is kept."""
+    last = next(step for step in reversed(solid) if step.kind == "cut")
+    return last.shapes[0][1].rotation.as_matrix()[:, 2]
+
+
+def test_no_cut_goes_through_the_mount():
+    shapes = SOLIDS["bar"]
+    solid = (Step("add", shapes),)
+    held = np.array([[-40.0, 0, 0], [40.0, 0, 0]])
+    solids, _ = cut(solid, SMALL, FIT, np.eye(3), held)
+    boxes = [body(part).bounding_box() for part in solids]
+    assert any(low < -40 and high > 40 for low, high in ((box[0], box[3]) for box in boxes))
+
+
+def test_what_fits_is_not_cut():
+    solid = (Step("add", ((Box((0.1, 0.1, 0.1)), Pose()),)),)
+    assert cut(solid, SMALL, FIT, np.eye(3), NO_MOUNT) == ([solid], [])
+
+
+def test_a_section_that_nothing_fits_is_glued_and_says_so():
+    wire = Mesh.from_trimesh(Cylinder(0.002, 0.4).to_trimesh())
+    solids, joints = cut((Step("add", ((wire, Pose()),)),), SMALL, FIT, np.eye(3), NO_MOUNT)
+    assert len(solids) > 1
+    assert {str(joint).split(",")[0] for joint in joints} == {"glue alone"}

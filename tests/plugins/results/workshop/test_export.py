@@ -1,0 +1,227 @@
+"""What ``vlmgineer export`` writes, read by independent readers."""
+
+import importlib.util
+import inspect
+import json
+import re
+import sys
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+from core.errors import UserError
+from core.robot.kinematics import arm_of
+from core.scene import Scene
+from plugins.results.workshop.command import configured, export, main
+from tests.core.run_folders import write_run
+from tests.panda import PANDA
+
+rosbags = pytest.importorskip("rosbags.typesys")
+ANCHORED = "tests/tasks/anchored"
+
+
+def exported(folder, *words, task="OneBook"):
+    given = [f"designs={ANCHORED}/{task}.json", f"task={task}", "tool=boxes", f"output={folder}", "sims=[mujoco]"]
+    return export(configured([*given, *words]))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("export")
+    return folder, exported(folder)
+
+
+def test_the_motion_earns_what_was_simulated(made):
+    folder, found = made
+    assert found.replays["mujoco"].reward > 0.98
+    assert found.replays["mujoco"].problems == ()
+    figures = json.loads((folder / "figures.json").read_text())
+    assert figures["rewards"] == {"mujoco": found.replays["mujoco"].reward}
+    assert 0 < figures["first_contact_s"] < figures["duration_s"]
+    assert max(joint["torque_share"] for joint in figures["joints"]) < 1
+
+
+def test_the_tool_is_written_and_earns_the_same_by_its_files(made):
+    folder, found = made
+    assert found.read_back["mujoco"] == pytest.approx(found.replays["mujoco"].reward, abs=0.02)
+    assert found.payload["mass_kg"] == pytest.approx(found.printed.mounted.mass, abs=1e-5)
+    assert found.printed.mounted.mass > found.candidate.tool.mass
+    names = {file.name for file in (folder / "tool").iterdir()}
+    assert {"part_1_of_2.stl", "part_2_of_2.stl", "tool.3mf", "print.json", "assembly.md"} <= names
+
+
+def test_what_fails_is_said_with_what_to_change_and_is_an_error(made, monkeypatch, capsys):
+    _, found = made
+    failing = [str(verdict) for verdict in found.verdicts if verdict.passed is False]
+    assert [line.partition(":")[0] for line in failing] == ["weight"]
+    assert "simulate it with material=" in failing[0]
+    monkeypatch.setattr("plugins.results.workshop.command.export", lambda cfg: found)
+    monkeypatch.setattr(sys, "argv", ["export", f"designs={ANCHORED}/OneBook.json", "task=OneBook"])
+    with pytest.raises(UserError, match=rf"^1 of {len(found.verdicts)} checks failed"):
+        main()
+    assert f"✗ {failing[0]}" in capsys.readouterr().out.splitlines()
+
+
+def test_another_printer_by_name(tmp_path):
+    found = configured(
+        [f"designs={ANCHORED}/OneBook.json", "task=OneBook", "printer=a1_mini", "fit.joint_mm=0.2"], "export"
+    )
+    assert (found.printer.plate_mm, found.fit.joint_mm) == ([180, 180, 180], 0.2)
+    with pytest.raises(UserError, match=r"plate_mm.y must be greater than 0"):
+        exported(tmp_path, "printer.plate_mm=[100,-1,100]")
+
+
+def test_the_message_is_one_of_ros(made):
+    folder, found = made
+    store = rosbags.get_typestore(rosbags.Stores.ROS2_HUMBLE)
+    types = store.types
+    data = yaml.safe_load((folder / "ros2/vlmgineer_tool/config/trajectory.yaml").read_text())
+    duration, point = types["builtin_interfaces/msg/Duration"], types["trajectory_msgs/msg/JointTrajectoryPoint"]
+    stamp, header = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
+    points = [
+        point(**{k: np.array(v) for k, v in of.items() if k != "time_from_start"}, time_from_start=duration(**at))
+        for of in data["points"]
+        for at in [of["time_from_start"]]
+    ]
+    head = header(stamp=stamp(**data["header"]["stamp"]), frame_id=data["header"]["frame_id"])
+    kind = "trajectory_msgs/msg/JointTrajectory"
+    message = types[kind](header=head, joint_names=data["joint_names"], points=points)
+    read = store.deserialize_cdr(store.serialize_cdr(message, kind), kind)
+    times = [of.time_from_start.sec + of.time_from_start.nanosec * 1e-9 for of in read.points]
+    assert times[0] == 0
+    assert times[-1] == pytest.approx(found.motion.times[-1])
+    assert (np.diff(times) > 0).all()
+    assert read.joint_names == list(PANDA.arm_joints)
+    assert np.allclose(read.points[-1].positions, found.motion.positions[-1], atol=1e-6)
+
+
+def test_the_tool_is_a_macro_that_xacro_reads(made, tmp_path):
+    folder, found = made
+    xacrodoc = pytest.importorskip("xacrodoc")
+    tool = folder / "ros2/vlmgineer_tool/urdf/tool.urdf.xacro"
+    whole = tmp_path / "whole.urdf.xacro"
+    whole.write_text(
+        '<robot name="whole" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        f'<xacro:include filename="{tool}"/><link name="flange"/><xacro:tool mount="flange"/></robot>'
+    )
+    text = xacrodoc.XacroDoc.from_file(str(whole)).to_urdf_string()
+    model = pin.buildModelFromXML(text)
+    mass = sum(inertia.mass for inertia in model.inertias)
+    assert mass == pytest.approx(found.candidate.tool.mass) or model.njoints == 1
+    for component in found.candidate.tool.components:
+        assert f'name="{component.name}"' in text
+
+
+def test_the_scene_is_that_of_the_task(made):
+    folder, found = made
+    data = yaml.safe_load((folder / "ros2/vlmgineer_tool/config/scene.yaml").read_text())
+    objects = {of["id"]: of for of in data["world"]["collision_objects"]}
+    scene: Scene = found.task.scene(0)
+    assert set(objects) == {body.name for body in scene.bodies}
+    for body in scene.bodies:
+        of, parts = objects[body.name], body.collisions
+        assert len(of.get("primitives", [])) + len(of.get("meshes", [])) == len(parts)
+        assert list(of["pose"]["position"].values()) == pytest.approx(body.pose.position, abs=1e-6)
+        assert of["header"]["frame_id"] == "panda_link0"
+    compile((folder / "ros2/vlmgineer_tool/launch/scene.launch.py").read_text(), "launch", "exec")
+
+
+def test_the_program_for_franky_plays_the_samples(made, monkeypatch):
+    franky = pytest.importorskip("franky")
+    folder, found = made
+    calls, real = [], franky.Robot
+
+    class Robot:
+        def __init__(self, host):
+            calls.append(("host", host))
+
+        def __getattr__(self, name):
+            assert hasattr(real, name)
+            return lambda *given: calls.append((name, *given))
+
+    class Tracker:
+        def __init__(self, *given, **named):
+            inspect.signature(franky.JointImpedanceTracker.__init__).bind(self, *given, **named)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            calls.append(("stopped",))
+
+        def tick(self):
+            return True
+
+        def set_target(self, *given, **named):
+            bound = inspect.signature(franky.JointImpedanceTracker.set_target).bind(self, *given, **named)
+            calls.append(("target", *bound.args[1:]))
+
+    monkeypatch.setattr(franky, "Robot", Robot)
+    monkeypatch.setattr(franky, "JointImpedanceTracker", Tracker)
+    monkeypatch.setattr(sys, "argv", ["run_franky.py", "172.16.0.2", "trajectory"])
+    spec = importlib.util.spec_from_file_location("run_franky", folder / "programs/run_franky.py")
+    program = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(program)
+    program.main()
+    assert calls[0] == ("host", "172.16.0.2")
+    (load,) = [call for call in calls if call[0] == "set_load"]
+    assert (load[1], len(load[2]), len(load[3])) == (found.payload["mass_kg"], 3, 9)
+    targets = [call for call in calls if call[0] == "target"]
+    assert len(targets) == len(found.motion.times)
+    assert np.allclose([of[1] for of in targets], found.motion.positions, atol=1e-6)
+    assert calls[-1] == ("stopped",)
+    monkeypatch.setattr(sys, "argv", ["run_franky.py"])
+    with pytest.raises(SystemExit):
+        program.main()
+
+
+def test_a_program_in_urscript_has_the_motion_at_both_speeds(tmp_path):
+    found = exported(tmp_path, "robot=ur10", task="MoveBall")
+    arm, text = arm_of(found.task.robot), (tmp_path / "programs" / "run.script").read_text()
+    blocks = text.split("else:")
+    for block, slower in zip(blocks, (5.0, 1.0), strict=True):
+        rows = re.findall(r"servoj\(\[(.*?)\], t=([\d.]+), lookahead_time=([\d.]+), gain=(\d+)\)", block)
+        joints = np.array([[float(x) for x in row[0].split(",")] for row in rows])
+        assert joints.shape[1] == 6
+        assert (joints >= arm.lower).all()
+        assert (joints <= arm.upper).all()
+        assert np.allclose(joints[-1], found.motion.positions[-1], atol=1e-5)
+        lasts = sum(float(row[1]) for row in rows)
+        assert lasts == pytest.approx(slower * found.motion.times[-1], rel=0.1)
+        assert 0.03 <= float(rows[0][2]) <= 0.2
+        assert 100 <= int(rows[0][3]) <= 2000
+    ends = len(re.findall(r"^\s*end$", text, re.MULTILINE))
+    assert ends == len(re.findall(r"^(?:def .*|\s*if .*):$", text, re.MULTILINE))
+    payload = re.search(r"set_target_payload\(([\d.]+),", text)
+    assert float(payload.group(1)) == found.payload["mass_kg"]
+
+
+def test_reports_what_is_near_and_the_limits(made):
+    folder, found = made
+    rows = found.clearance.rows()
+    assert rows == sorted(rows, key=lambda row: row[2])
+    assert rows[0][0] == "tool"
+    assert abs(rows[0][2]) < 0.002
+    near = {(what, to): at for what, to, at, _ in rows}
+    assert 0 < near["arm", "itself"] < 0.3
+    assert near["arm", "table"] > 0.02
+    checklist = (folder / "CHECKLIST.md").read_text()
+    assert checklist.count("- [ ]") == 8
+    assert f"{found.payload['mass_kg']:g} kg" in checklist
+    assert (folder / "motion.png").stat().st_size > 10_000
+
+
+def test_before_contact_nothing_is_touched(made):
+    folder, found = made
+    before = json.loads((folder / "motion/trajectory_before_contact.json").read_text())
+    assert before["times"][-1] / 5 < found.contact_s
+    assert np.abs(before["velocities"][-1]).max() == 0
+
+
+def test_a_run_s_best_is_exported(tmp_path):
+    run = write_run(tmp_path / "run", "task=MoveBall", rewards=[[0.2, 0.6]])
+    found = export(configured([f"designs={run}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
+    assert found.candidate.id == "g0-a0-s1-p0"
+    assert found.task.name == "MoveBall"

@@ -1,0 +1,121 @@
+"""Motions for real arms: the same way as was simulated, smooth and within limits."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.errors import UsageError
+from core.interfaces import JointTrajectory, RolloutSettings
+from core.plugins import installed
+from core.robot.kinematics import arm_of
+from core.robot.tempo import plan_task_motion
+from plugins.results.workshop.motion import APPROACH, SHARE, approach, cut, sample, to_csv, to_json
+from tests.benchmarks.layouts import SOLUTIONS, designs
+from tests.panda import PANDA
+
+ARM = arm_of(PANDA)
+
+
+def planned(name):
+    task = installed().create("task", name)
+    return plan_task_motion(designs(name, RolloutSettings())["literal"].plan, task, RolloutSettings())
+
+
+@pytest.mark.parametrize("name", ["OneBook", "StopCart", "TurnDisc", "SnatchCookie"])
+def test_a_motion_keeps_to_the_way_and_to_the_limits(name):
+    motion = planned(name)
+    made = sample(motion.trajectory, ARM, 1000)
+    there, _ = motion.trajectory.sample(made.times / made.slower)
+    assert np.abs(made.positions - there).max() < 5e-4
+    assert np.allclose(made.positions[-1], motion.trajectory.arm[-1], atol=1e-9)
+    velocity, acceleration = made.loads(ARM)
+    assert velocity.max() <= SHARE + 1e-3
+    assert acceleration.max() <= SHARE + 1e-3
+    assert 1 <= made.slower < 1.2
+    steps = np.diff(made.positions, axis=0) * 1000
+    assert np.abs(steps - (made.velocities[1:] + made.velocities[:-1]) / 2).max() < 0.01
+    assert np.abs(np.diff(made.velocities, axis=0) * 1000 - made.accelerations[:-1])[:-1].max() < 15
+
+
+def test_joined_by_lines_the_same_targets_break_the_limits():
+    trajectory = planned("OneBook").trajectory
+    joints, _ = trajectory.sample(np.arange(0, trajectory.duration, 0.001))
+    assert (np.abs(np.diff(joints, 2, axis=0)) * 1e6 / ARM.acceleration_limits).max() > 3
+
+
+@given(st.floats(0.05, 1), st.sampled_from([50, 125, 1000]))
+@settings(max_examples=10, deadline=None)
+def test_slower_is_the_same_way_in_more_time(speed, rate):
+    trajectory = planned("OneBook").trajectory
+    made = sample(trajectory, ARM, rate, speed)
+    assert made.slower == pytest.approx(1 / speed, rel=1e-3)
+    assert made.times[-1] == pytest.approx(trajectory.duration / speed, abs=1.01 / rate)
+    assert np.diff(made.times) == pytest.approx(1 / rate)
+    assert np.abs(made.velocities).max() <= speed * np.abs(sample(trajectory, ARM, rate).velocities).max() * 1.01
+
+
+def test_where_the_arm_waits_the_spline_stands_still():
+    trajectory = planned("StopCart").trajectory
+    gap = int(np.diff(trajectory.times).argmax())
+    made = sample(trajectory, ARM, 1000)
+    inside = (made.times / made.slower > trajectory.times[gap] + 0.05) & (
+        made.times / made.slower < trajectory.times[gap + 1] - 0.05
+    )
+    assert inside.any()
+    assert np.abs(made.velocities[inside]).max() < 1e-2
+
+
+def test_an_approach_is_slow_and_at_rest_at_both_ends():
+    start, end = PANDA.home + np.linspace(-0.3, 0.3, 7), np.array(PANDA.home)
+    made = approach(start, end, 0.04, ARM, 500)
+    assert np.allclose(made.positions[[0, -1]], [start, end])
+    assert np.allclose(made.velocities[[0, -1]], 0)
+    assert np.allclose(made.accelerations[[0, -1]], 0)
+    velocity, acceleration = made.loads(ARM)
+    assert velocity.max() == pytest.approx(APPROACH, rel=0.01)
+    assert acceleration.max() < SHARE
+    assert len(approach(end, end, 0.04, ARM, 500).times) >= 1
+
+
+def test_a_motion_is_cut_where_the_arm_rests():
+    motion = planned("OneBook")
+    cuts = [cut(motion.trajectory, motion.arrivals, instant, ARM) for instant in (0.1, 1.0, 1.4, 99)]
+    assert cuts[0] is None
+    assert [made.duration for made in cuts[1:]] == pytest.approx(
+        [max(at for at in motion.arrivals if at < instant) for instant in (1.0, 1.4, 99)]
+    )
+    velocity, _ = sample(cuts[2], ARM, 1000).loads(ARM)
+    assert velocity.max() <= SHARE
+
+
+def test_what_passes_a_waypoint_in_motion_is_not_cut_there():
+    times = np.linspace(0, 1, 101)
+    arm = np.array(PANDA.home) + np.linspace(0, 1, 101)[:, None] * 0.5
+    assert cut(JointTrajectory(times, arm, np.full(101, 0.04)), np.array([0.5]), 0.8, ARM) is None
+
+
+@pytest.mark.parametrize(("rate", "speed", "word"), [(1, 1, "rate"), (1000, 0, "speed"), (1000, 1.5, "speed")])
+def test_settings_that_can_not_be(rate, speed, word):
+    with pytest.raises(UsageError, match=word):
+        sample(planned("OneBook").trajectory, ARM, rate, speed)
+
+
+def test_a_start_beyond_the_limits_is_refused():
+    with pytest.raises(UsageError, match="7 joint angles"):
+        approach(np.full(7, 9.0), np.array(PANDA.home), 0.04, ARM, 1000)
+    with pytest.raises(UsageError, match="7 joint angles"):
+        approach(np.zeros(6), np.array(PANDA.home), 0.04, ARM, 1000)
+
+
+def test_files_have_every_sample():
+    made = sample(planned("OneBook").trajectory, ARM, 100)
+    lines = to_csv(made, PANDA.arm_joints).splitlines()
+    assert len(lines) == len(made.times) + 1
+    assert lines[0].split(",")[:2] == ["time_s", "panda_joint1_rad"]
+    assert len(lines[1].split(",")) == 1 + 3 * 7 + 1
+    assert np.allclose(to_json(made, PANDA.arm_joints)["positions"], made.positions, atol=1e-6)
+
+
+def test_there_are_solutions():
+    assert "OneBook" in SOLUTIONS

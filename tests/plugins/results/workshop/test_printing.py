@@ -1,0 +1,202 @@
+"""Solids to print: known shapes, and what must be said against them."""
+
+import io
+
+import numpy as np
+import pytest
+import trimesh
+
+from core.config.settings import Printer
+from core.design import Component, Tool
+from core.errors import UsageError
+from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
+from plugins.conformance.joints import tongs
+from plugins.conformance.shapes import bowl, prism
+from plugins.results.workshop.printing import fused, grams, lay, pieces, thinnest, to_3mf
+from tests.core.run_folders import hook
+
+WIDE = Printer(plate_mm=(500.0, 500.0, 500.0))
+
+
+def box(name, parent, at, size, rpy=(0, 0, 0)):
+    return Component(name, parent, Pose.xyz_rpy(at, rpy), Box(size))
+
+
+def tool(*components, gripper=False):
+    return Tool(components, gripper=gripper)
+
+
+def failed(piece):
+    return [check.name for check in piece.checks if not check.passed]
+
+
+def found(piece, name):
+    return next(check.found for check in piece.checks if check.name == name)
+
+
+def test_overlapping_boxes_become_one_closed_body():
+    shaft = box("shaft", "tool_mount", (0, 0, -0.05), (0.02, 0.02, 0.1))
+    blade = box("blade", "shaft", (0.02, 0, -0.04), (0.06, 0.02, 0.02), (0.3, 0.2, 0.1))
+    (piece,) = pieces(tool(shaft, blade), WIDE)
+    assert piece.ready
+    assert piece.mesh.is_volume
+    assert piece.mesh.body_count == 1
+    apart = 1e6 * (0.02 * 0.02 * 0.1 + 0.06 * 0.02 * 0.02)
+    assert 0.6 * apart < piece.volume_cm3 < apart
+
+
+def test_boxes_that_touch_by_their_faces_become_one_body():
+    one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
+    other = box("other", "one", (0.03, 0, 0), (0.03, 0.03, 0.03))
+    (piece,) = pieces(tool(one, other), WIDE)
+    assert piece.ready
+    assert sorted(piece.mesh.extents) == pytest.approx([30, 30, 60], abs=0.05)
+    assert grams([piece]) == pytest.approx(54 * 1.24, rel=0.01)
+
+
+@pytest.mark.parametrize(("gap_mm", "weld"), [(0.01, 0.01), (0.15, 0.1), (0.9, 0.5)])
+def test_gaps_that_a_design_may_have_are_closed_by_as_little_as_does_it(gap_mm, weld):
+    one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
+    other = box("other", "one", (0.03 + gap_mm / 1000, 0, 0), (0.03, 0.03, 0.03))
+    mesh, by = fused((one, other), tool(one, other))
+    assert (mesh.body_count, by) == (1, weld)
+    (piece,) = pieces(tool(one, other), WIDE)
+    assert piece.ready
+    assert ("gaps closed" in found(piece, "one piece")) == (weld > 0.01)
+
+
+def test_a_gap_too_wide_is_said():
+    one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
+    far = box("far_one", "one", (0.05, 0, 0), (0.03, 0.03, 0.03))
+    (piece,) = pieces(tool(one, far), WIDE)
+    assert failed(piece) == ["one piece"]
+    assert "far_one" in found(piece, "one piece")
+
+
+def test_parts_that_touch_by_an_edge_only_are_said():
+    one = box("one", "tool_mount", (0, 0, 0), (0.03, 0.03, 0.03))
+    edge = box("edge", "one", (0.03, 0.03, 0), (0.03, 0.03, 0.03))
+    (piece,) = pieces(tool(one, edge), WIDE)
+    assert failed(piece) == ["one piece"]
+    bridge = box("bridge", "one", (0.015, 0.015, 0.02), (0.06, 0.06, 0.02))
+    (piece,) = pieces(tool(one, edge, bridge), WIDE)  # held by a third
+    assert piece.ready
+
+
+@pytest.mark.parametrize(("thickness_mm", "well"), [(0.5, False), (0.79, False), (0.81, True), (3.0, True)])
+def test_walls(thickness_mm, well):
+    shaft = box("shaft", "tool_mount", (0, 0, 0), (0.02, 0.02, 0.1))
+    sheet = box("sheet", "shaft", (0.03, 0, 0), (0.06, 0.05, thickness_mm / 1000), (0.4, 0.3, 0.2))
+    (piece,) = pieces(tool(shaft, sheet), WIDE)
+    assert (failed(piece) == []) == well
+    assert found(piece, "walls").startswith(f"thinnest {thickness_mm:.2f} mm")
+
+
+def test_two_thin_sheets_on_each_other_make_a_wall():
+    sheets = [
+        box("a", "tool_mount", (0, 0, 0), (0.05, 0.05, 0.0005)),
+        box("b", "a", (0, 0, 0.0005), (0.05, 0.05, 0.0005)),
+    ]
+    (piece,) = pieces(tool(*sheets), WIDE)
+    assert found(piece, "walls").startswith("thinnest 1.00 mm")
+
+
+def test_the_thickness_of_known_solids():
+    assert thinnest(trimesh.creation.box((10, 20, 3))) == pytest.approx(3)
+    pipe = trimesh.creation.annulus(r_min=8, r_max=10, height=30, sections=96)
+    assert thinnest(pipe) == pytest.approx(2, abs=0.05)
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=10)
+    assert thinnest(ball) == pytest.approx(20, abs=0.3)
+
+
+def test_a_thin_spot_in_a_thick_body_is_found():
+    block = trimesh.creation.box((40, 40, 10))
+    pocket = trimesh.creation.box((20, 20, 10)).apply_translation((0, 0, 0.6))
+    assert thinnest(trimesh.boolean.difference([block, pocket], engine="manifold")) == pytest.approx(0.6)
+
+
+# --- on the plate -------------------------------------------------------------------------------------------------
+
+
+def test_a_piece_lies_on_the_plate_and_in_its_middle():
+    (piece,) = pieces(hook(0.15), Printer())
+    assert piece.ready
+    low, high = piece.mesh.bounds
+    assert low[2] == pytest.approx(0, abs=1e-9)
+    assert low[:2] + high[:2] == pytest.approx([0, 0], abs=1e-9)
+    assert (high - low <= np.array([250, 210, 220]) + 1e-6).all()
+
+
+def test_of_the_ways_that_fit_the_one_is_chosen_that_touches_most():
+    lying, fits = lay(trimesh.creation.box((10, 80, 40)), (100, 100, 100))
+    assert fits
+    assert lying.extents == pytest.approx([80, 40, 10]) or lying.extents == pytest.approx([40, 80, 10])
+
+
+def test_a_long_piece_is_laid_across_the_plate():
+    rod = trimesh.creation.box((310, 10, 10))
+    lying, fits = lay(rod, (250, 210, 220))
+    assert fits
+    assert lying.extents[0] <= 250
+    assert lying.extents[1] <= 210
+    assert not lay(trimesh.creation.box((340, 10, 10)), (250, 210, 220))[1]  # its diagonal is 326.5 mm
+
+
+def test_what_is_too_long_is_said():
+    (piece,) = pieces(hook(0.6), Printer())
+    assert failed(piece) == ["fits the plate"]
+    assert "the plate is 250 × 210 × 220 mm" in found(piece, "fits the plate")
+    assert pieces(hook(0.6), Printer(plate_mm=(700.0, 700.0, 50.0)))[0].ready
+
+
+# --- pieces and files ---------------------------------------------------------------------------------------------
+
+
+def test_attachments_of_a_gripper_are_two_pieces():
+    pads = [
+        box(f"pad_{mount}", mount, (0, side * 0.0075, 0.07), (0.02, 0.015, 0.04))
+        for mount, side in (("left_finger", 1), ("right_finger", -1))
+    ]
+    made = pieces(tool(*pads, gripper=True), Printer())
+    assert [piece.name for piece in made] == ["left", "right"]
+    assert all(piece.ready for piece in made)
+    back = trimesh.load(io.BytesIO(to_3mf(made)), file_type="3mf")
+    assert back.units == "millimeter"
+    assert len(back.geometry) == 2
+    assert back.volume == pytest.approx(2 * 20 * 15 * 40, rel=0.01)
+    assert back.extents[0] == pytest.approx(sum(piece.mesh.extents[0] for piece in made) + 10)
+
+
+def test_what_a_joint_moves_is_a_piece_of_its_own():
+    made = pieces(tongs(), Printer())
+    assert [piece.name for piece in made] == ["tool", "left", "right"]
+    assert all(piece.mesh.is_volume and piece.mesh.body_count == 1 for piece in made)
+    back = trimesh.load_scene(io.BytesIO(to_3mf(made)), file_type="3mf")
+    assert sorted(back.geometry) == ["left", "right", "tool"]
+    assert all(mesh.is_volume for mesh in back.geometry.values())
+
+
+def test_solids_of_every_form_are_closed():
+    shapes = Cylinder(0.01, 0.1), Capsule(0.01, 0.1), Sphere(0.02), prism(5, 0.02, 0.1), bowl(0.03, 0.003)
+    for shape in shapes:
+        component = Component("head", "tool_mount", Pose(np.array([0.0, 0.0, -0.05])), shape)
+        (piece,) = pieces(tool(component), WIDE)
+        assert piece.mesh.is_volume
+        assert piece.volume_cm3 == pytest.approx(1e6 * shape.volume, rel=0.02)
+
+
+def test_the_bare_hand_is_nothing_to_print():
+    assert pieces(Tool(gripper=True), Printer()) == []
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"plate_mm": (1.0, 2.0)}, "three lengths"),
+        ({"plate_mm": (100.0, 0.0, 100.0)}, "plate_mm.y must be greater than 0"),
+        ({"min_wall_mm": float("nan")}, "min_wall_mm must be greater than 0"),
+    ],
+)
+def test_printers_that_there_are_not(settings, said):
+    with pytest.raises(UsageError, match=said):
+        Printer(**settings)

@@ -1,0 +1,135 @@
+"""What a tool's sheet says: figures, what fails and what to change, on one page."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.design import Tool
+from core.designs.stiffness import Load
+from core.geometry import Box
+from core.values.materials import Material
+from plugins.results.workshop.printing import Printer, pieces
+from plugins.results.workshop.sheet import figures
+from plugins.results.workshop.strength import strength
+from tests.panda import PANDA
+from tests.plugins.results.workshop.test_export import exported
+from tests.plugins.results.workshop.test_strength import NEWTONS, SOLID, bar
+
+PRINTER = Printer()
+PLA = Material("pla", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
+
+
+def said(thick, material=SOLID, printer=PRINTER, length=0.2):
+    tool = material.made(Tool((bar("post", "tool_mount", 0.0, length, thick),)))
+    load = Load("wall", "post", np.array([0.0, 0.0, -length]), np.array([NEWTONS, 0.0, 0.0]))
+    return figures(
+        *(tool, PANDA, material, printer, pieces(tool, printer)),
+        strength(tool, PANDA, material, {"engine": [(0.0, [load])]}),
+    )
+
+
+def failing(of):
+    return {verdict["name"]: verdict for verdict in of["verdicts"] if verdict["passed"] is False}
+
+
+def test_the_sheet_says_how_thick_a_thin_tool_must_be():
+    thin = said(0.008)
+    assert not thin["ready"]
+    verdict = failing(thin)["strength, post"]
+    assert thin["least_safety"] == pytest.approx(26e6 * 0.008**3 / 6 / NEWTONS / 0.2, rel=0.05)
+    assert f"safety factor {thin['least_safety']:.2f}" in verdict["found"]
+    assert re.match(r"wall loads it with 10.0 N at (19[5-9]|200) mm", verdict["mend"])
+    (times,) = re.findall(r"make post about ([\d.]+) times as thick", verdict["mend"])
+    mended = said(0.008 * float(times))
+    assert failing(mended) == {}
+    assert mended["ready"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "name", "mend"),
+    [
+        ({"printer": Printer([100.0, 100.0, 100.0])}, "fits the plate, tool", "shorten"),
+        ({"printer": Printer(min_wall_mm=25.0)}, "walls, tool", "thicken"),
+        ({"material": replace(SOLID, most_g=50)}, "mass", "post weighs most, 99 g"),
+    ],
+)
+def test_each_rule_that_fails_says_what_to_change(changed, name, mend):
+    verdict = failing(said(0.02, **changed))
+    assert set(verdict) == {name}
+    assert mend in verdict[name]["mend"]
+    assert failing(said(0.02)) == {}
+
+
+def test_print_time_and_filament_follow_from_walls_and_infill():
+    length, thick, wall = 200.0, 20.0, 1.2
+    (piece,) = said(0.02, PLA)["pieces"]
+    inner = length * thick**2 - wall * (4 * length + 2 * thick) * thick  # of a mesh: less its surface times the wall
+    plastic = length * thick**2 - 0.8 * inner  # mm^3
+    assert piece["mass_g"] == pytest.approx(1.24e-3 * plastic, rel=0.01)
+    assert piece["filament_m"] == pytest.approx(plastic / (np.pi * 0.875**2) / 1000, rel=0.01)
+    assert piece["hours"] == pytest.approx((plastic / 8 + 4 * min(thick, length) / 0.2) / 3600, rel=0.02)
+    assert piece["overhang_share"] == 0
+    assert "hours" not in said(0.02)["pieces"][0]  # solid: not printed in walls
+
+
+def test_what_leans_over_is_an_overhang():
+    top, foot = bar("post", "tool_mount", 0.0, 0.1, 0.02), bar("foot", "post", -0.05, 0.02, 0.02)
+    table = replace(foot, name="table", shape=Box((0.1, 0.1, 0.02)))
+    tool = Tool(
+        (top, table, replace(table, name="lid", parent="tool_mount", pose=replace(top.pose, position=[0, 0, -0.01])))
+    )
+    (piece,) = figures(tool, PANDA, SOLID, PRINTER, pieces(tool, PRINTER), [])["pieces"]
+    under = 0.1**2 - 0.02**2
+    whole = 2 * 0.1**2 + 2 * under + 8 * 0.1 * 0.02 + 4 * 0.02 * 0.09
+    assert piece["overhang_share"] == pytest.approx(under / whole, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sheet")
+    return folder, exported(folder, "material=pla", "printer.min_wall_mm=6")
+
+
+def test_the_sheet_is_one_page_and_asks_for_nothing(written):
+    folder, made = written
+    assert len(re.findall(rb"/Type /Page\b", (folder / "sheet.pdf").read_bytes())) == 1
+    text = (folder / "sheet.html").read_text()
+    assert "default-src 'none'" in text
+    assert text.count("<img") == 1
+    assert not re.findall(r"""(?:src|href)=["'](?!data:|#)[^"']*""", text)
+    for component in made.candidate.tool.components:
+        assert f"<td>{component.name}</td>" in text
+
+
+def test_what_fails_is_red_in_html(written):
+    folder, _ = written
+    found = json.loads((folder / "sheet.json").read_text())
+    assert set(failing(found)) == {"walls, part_2"}
+    (red,) = re.findall(r'<li class="fails">(.*?)</li>', (folder / "sheet.html").read_text())
+    assert "at least 6 mm; thicken the thinnest component" in red
+
+
+def test_the_sheet_has_the_forces_of_the_rollout(written):
+    folder, made = written
+    found = json.loads((folder / "sheet.json").read_text())
+    hook, beam = found["parts"]
+    assert (hook["name"], beam["name"]) == ("hook", "beam")
+    forces = made.replays["mujoco"].recording.forces
+    assert (hook["load"], hook["engine"]) == ("book_3", "mujoco")
+    normal = forces["tool", "book_3"].max()
+    assert 0.5 * normal < hook["newtons"] <= np.hypot(1, 0.5) * normal  # with friction
+    assert hook["safety"] == pytest.approx(26e6 / hook["stress_pa"])
+    assert found["least_safety"] == hook["safety"] < beam["safety"]
+    assert found["mass_kg"] == pytest.approx(made.payload["mass_kg"], abs=1e-5)
+
+
+def test_paper_has_no_strength(tmp_path):
+    exported(tmp_path)
+    found = json.loads((tmp_path / "sheet.json").read_text())
+    assert found["least_safety"] is None
+    (verdict,) = (of for of in found["verdicts"] if of["name"] == "strength")
+    assert verdict["passed"] is None
+    assert "material=paper has no strength" in verdict["found"]

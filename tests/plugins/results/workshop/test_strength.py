@@ -1,0 +1,153 @@
+"""Beams computed by hand, against what the strength of a tool comes to."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.design import Component, Tool
+from core.designs.stiffness import Load
+from core.errors import UserError
+from core.geometry import Box, Pose
+from core.interfaces import Pushes, Recording
+from core.plugins import installed
+from core.robot.frames import link_frames
+from core.values.materials import Material
+from plugins.results.workshop.motion import Sampled
+from plugins.results.workshop.strength import contact_loads, strength, weights
+from tests.panda import PANDA
+
+SOLID = Material("solid", 1240, young_pa=2.5e9, strength_pa=26e6)
+NEWTONS = 10.0
+
+
+def bar(name, parent, top, length, thick, mass=0.1):
+    """A bar that hangs down; its ``top`` is in the frame of what bears it, whose middle is at 0."""
+    return Component(name, parent, Pose(np.array([0.0, 0.0, top - length / 2])), Box((thick, thick, length)), mass)
+
+
+def across(component, z, newtons=NEWTONS, what="wall"):
+    """A force along y at the height ``z`` under the mount."""
+    return Load(what, component, np.array([0.0, 0.0, z]), np.array([0.0, newtons, 0.0]))
+
+
+def pressed(tool, *loads, material=SOLID):
+    return {row.component: row for row in strength(tool, PANDA, material, {"engine": [(1.5, loads)]})}
+
+
+def inertia(thick):
+    return thick**4 / 12
+
+
+def test_a_cantilever_bears_and_bends_as_in_the_book():
+    length, thick = 0.2, 0.02
+    row = pressed(Tool((bar("post", "tool_mount", 0.0, length, thick),)), across("post", -length))["post"]
+    assert row.stress_pa == pytest.approx(6 * NEWTONS * length / thick**3, rel=0.05)
+    assert row.bend_m == pytest.approx(NEWTONS * length**3 / (3 * SOLID.young_pa * inertia(thick)), rel=0.05)
+    assert row.safety == pytest.approx(SOLID.strength_pa / row.stress_pa)
+    assert row.lever_m == pytest.approx(length, rel=0.05)
+    assert (row.parent, row.load, row.newtons, row.engine, row.time_s) == ("tool_mount", "wall", NEWTONS, "engine", 1.5)
+
+
+def test_a_chain_of_two_bars_bears_and_bends_by_both():
+    upper, lower, wide, thin = 0.15, 0.1, 0.03, 0.015
+    bars = bar("upper", "tool_mount", 0.0, upper, wide), bar("lower", "upper", -upper / 2, lower, thin)
+    length = upper + lower
+    rows = pressed(Tool(bars), across("lower", -length))
+    assert rows["upper"].stress_pa == pytest.approx(6 * NEWTONS * length / wide**3, rel=0.05)
+    assert rows["lower"].stress_pa == pytest.approx(6 * NEWTONS * lower / thin**3, rel=0.05)
+    parts = (length**3 - lower**3) / inertia(wide) + lower**3 / inertia(thin)
+    assert rows["lower"].bend_m == pytest.approx(NEWTONS * parts / 3 / SOLID.young_pa, rel=0.05)
+    assert set(pressed(Tool(bars), across("upper", -upper))) == {"upper"}  # what hangs below bears nothing of it
+
+
+def test_forces_that_oppose_each_other_do_so_in_each_section():
+    """A lever over a fulcrum: the moment is largest there, and 0 where it is held, if forces balance about that."""
+    length, thick = 0.3, 0.02
+    tool, load = Tool((bar("post", "tool_mount", 0.0, length, thick),)), across("post", -length)
+    row = pressed(tool, load, across("post", -0.2, -1.5 * NEWTONS, "fulcrum"))["post"]
+    assert row.stress_pa == pytest.approx(6 * NEWTONS * 0.1 / thick**3, rel=0.05)
+    assert (row.load, row.newtons) == ("wall", NEWTONS)
+    assert row.lever_m == pytest.approx(0.1, rel=0.05)
+    twice = pressed(tool, load, across("post", -length, what="other"))["post"]
+    assert twice.stress_pa == pytest.approx(2 * pressed(tool, load)["post"].stress_pa)
+    assert pressed(tool, load, across("post", -length, -NEWTONS, "other"))["post"].stress_pa < 1
+
+
+def test_the_sides_of_a_fork_are_beams_of_their_own():
+    half, thick = 0.1, 0.02
+    fork = Component("fork", "tool_mount", Pose(np.array([0.0, 0.0, -thick / 2])), Box((thick, 2 * half, thick)), 0.1)
+    ends = [Load("box", "fork", np.array([0.0, y, -thick / 2]), np.array([0, 0, -NEWTONS])) for y in (-half, half)]
+    for loads in (ends, ends[:1]):  # what the other side bears changes nothing
+        row = pressed(Tool((fork,)), *loads)["fork"]
+        assert row.stress_pa == pytest.approx(6 * NEWTONS * half / thick**3, rel=0.05)
+
+
+def test_walls_with_little_infill_bear_less_and_no_strength_gives_no_verdict():
+    tool = Tool((bar("post", "tool_mount", 0.0, 0.2, 0.02),))
+    hollow = Material("hollow", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
+    full = 0.02**4 - 0.8 * (0.02 - 0.0024) ** 4
+    row, solid = (pressed(tool, across("post", -0.2), material=of)["post"] for of in (hollow, SOLID))
+    assert row.stress_pa / solid.stress_pa == pytest.approx(0.02**4 / full, rel=0.05)
+    assert pressed(tool, across("post", -0.2), material=Material())["post"].safety is None
+
+
+def test_the_weight_counts_with_the_acceleration_of_the_motion():
+    tool = Tool((bar("post", "tool_mount", 0.0, 0.2, 0.02, mass=0.5),))
+    times, home = np.arange(200) / 1000, np.array(PANDA.home)
+    turning = np.tile(home, (200, 1))
+    ((name, center, pulls),) = weights(tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times))
+    assert (name, center.tolist()) == ("post", [0, 0, -0.1])
+    assert pulls[100] == pytest.approx([0, 0, -0.5 * 9.81], abs=0.01)  # the mount's z points up at home
+    turning[:, 0] += 2.0 * times**2 / 2  # about the upright axis: 2 rad/s^2
+    ((*_, pulls),) = weights(tool, PANDA, Sampled(times, turning, 0 * turning, 0 * turning, 0 * times))
+    mount = link_frames(PANDA, False, home[None], np.zeros((1, 0)))["tool_mount"][1]
+    radius, speed = np.linalg.norm(mount[0, :2]), 2.0 * times[-2]
+    assert np.linalg.norm(pulls[-2, :2]) == pytest.approx(0.5 * np.hypot(2.0 * radius, speed**2 * radius), rel=0.02)
+    assert pulls[-2, 2] == pytest.approx(-0.5 * 9.81, rel=0.01)
+
+
+def filmed(tool, force, way=(0.0, 10.0, 0.0)):
+    """The arm at home for 3 s, and a ball that pushes the end of a post 0.3 m long, newtons (T,)."""
+    task = installed().create("task", "MoveBall")
+    scene, times = task.scene(0), np.arange(len(force)) / 100
+    states = type(scene.state()).stack([scene.state()] * len(times))
+    arm = np.tile(PANDA.home, (len(times), 1))
+    frames = link_frames(PANDA, False, arm[:1], np.zeros((1, 0)))["tool_mount"]
+    at = frames[1][0] + frames[0][0] @ [0.0, 0.0, -0.3]
+    samples = np.flatnonzero(force)
+    forces = np.outer(force[samples], way) / np.linalg.norm(way)
+    pushes = Pushes(samples, np.full(len(samples), "ball"), np.tile(at, (len(samples), 1)), forces)
+    return scene, Recording(times, arm, np.zeros((len(times), 0)), states, {("tool", "ball"): force}, pushes)
+
+
+@pytest.mark.parametrize(("seconds", "share"), [(0.01, None), (1.0, 1.0)])
+def test_an_impact_counts_by_its_impulse_and_what_lasts_by_its_force(seconds, share):
+    """An impulse J loads a spring that holds a mass with J sqrt(k / m) at most."""
+    length, thick, mass, times = 0.3, 0.008, 0.05, np.arange(301) / 100
+    tool = Tool((bar("post", "tool_mount", 0.0, length, thick, mass),))
+    force = np.where(np.abs(times - 1.5) <= max(seconds / 2, 0.004), 40.0, 0.0)
+    scene, recording = filmed(tool, force)
+    found = contact_loads(scene, PANDA, tool, SOLID, recording)
+    assert 1.0 <= found[0][0] <= 2.0
+    newtons = max(np.linalg.norm(load.force) for _, loads in found for load in loads)
+    soft = length**3 / (3 * SOLID.young_pa * inertia(thick))
+    (ball,) = (body.mass for body in scene.free if body.name == "ball")
+    impulse = 40.0 * 0.01 / np.sqrt(soft * min(mass, ball))
+    assert newtons == pytest.approx(impulse if share is None else share * 40.0, rel=0.05)
+    assert newtons <= 40.0
+
+
+def test_a_push_is_on_the_component_that_it_touches_in_its_mount_s_frame():
+    upper, lower = bar("upper", "tool_mount", 0.0, 0.15, 0.03), bar("lower", "upper", -0.075, 0.15, 0.015)
+    tool, force = Tool((upper, lower)), np.zeros(301)
+    force[150:160] = 8.0
+    scene, recording = filmed(tool, force, (0.0, 0.0, 1.0))
+    for _, loads in contact_loads(scene, PANDA, tool, SOLID, recording):
+        (load,) = loads
+        assert (load.what, load.component) == ("ball", "lower")
+        assert load.point == pytest.approx([0, 0, -0.3], abs=1e-6)
+        assert load.force == pytest.approx([0, 0, 8], abs=1e-3)
+    assert contact_loads(scene, PANDA, tool, SOLID, replace(recording, forces={})) == []
+    with pytest.raises(UserError, match="not where"):
+        contact_loads(scene, PANDA, tool, SOLID, replace(recording, pushes=None))

@@ -1,0 +1,164 @@
+"""A tool's files, read back by others; what is said against it; and what it earns as it is built."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+import trimesh
+
+from core.config.settings import Fit, Printer
+from core.design import Component, Tool
+from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
+from core.interfaces import Material
+from plugins.conformance.joints import tongs
+from plugins.conformance.shapes import bowl, prism
+from plugins.results.workshop.printing import manifold
+from plugins.results.workshop.solid import body, union
+from plugins.results.workshop.step import NO_STEP
+from plugins.results.workshop.tool import make_tool, write_tool
+from tests.panda import PANDA
+
+PLA = Material("pla", 1240.0, infill=0.2, wall_mm=1.2)
+
+
+def at(x, y, z):
+    return Pose(np.array([x, y, z]))
+
+
+LONG = Tool(
+    (
+        Component("post", "tool_mount", at(0, 0, -0.05), Cylinder(0.014, 0.1)),
+        Component("beam", "post", at(0.2, 0, -0.05), Box((0.44, 0.03, 0.02))),
+        Component("tip", "beam", at(0.2, 0, -0.05), Capsule(0.01, 0.08)),
+        Component("ball", "beam", at(-0.2, 0, -0.02), Sphere(0.02)),
+        Component("head", "beam", at(0.1, 0, -0.02), prism(5, 0.02, 0.03)),
+    )
+)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tool")
+    made = make_tool(PLA.made(LONG), PANDA, PLA, Printer(), Fit())
+    write_tool(made, folder)
+    return folder, made, json.loads((folder / "print.json").read_text())
+
+
+def test_parts_put_together_from_their_files_are_the_tool(written):
+    folder, made, figures = written
+    assert [part["file"] for part in figures["parts"]] == ["part_1_of_2.stl", "part_2_of_2.stl"]
+    together = []
+    for part in figures["parts"]:
+        mesh = trimesh.load(folder / part["file"])
+        assert mesh.is_volume
+        assert (mesh.extents <= np.array([250, 210, 220]) + 1e-3).all()
+        assert part["volume_cm3"] == pytest.approx(mesh.volume / 1000, rel=1e-3)
+        together.append(manifold(mesh.apply_transform(part["to_mount"])))
+    whole = together[0] + together[1]
+    simulated = union([(c.shape, made.mounted.placed()[c.name][1]) for c in made.mounted.components])
+    beyond = (whole - simulated).trim_by_plane((0, 0, -1), -0.1)
+    assert beyond.volume() < 0.02 * simulated.surface_area()  # the weld of 0.01 mm; above is the boss
+    assert (simulated - whole).volume() < 0.01 * simulated.volume()  # bores, and gaps of joints
+    assert made.faults == []
+
+
+def test_figures_and_the_list(written):
+    folder, made, figures = written
+    part = figures["parts"][0]
+    assert part["mass_g"] < 1.24 * part["volume_cm3"]  # it is filled to a fifth
+    assert figures["total"]["mass_g"] == pytest.approx(1000 * made.mounted.mass, rel=0.2)
+    assert 0 < part["overhang_share"] < 0.5
+    text = (folder / "assembly.md").read_text()
+    assert "- 4 x M6 x 12" in text
+    assert "| `part_2_of_2.stl` | tool |" in text
+    assert "What speaks against it" not in text
+
+
+def test_the_3mf_has_every_part(written):
+    folder, made, _ = written
+    back = trimesh.load_scene(folder / "tool.3mf")
+    assert back.units == "millimeter"
+    volumes = sorted(mesh.volume for mesh in back.geometry.values())
+    assert volumes == pytest.approx(sorted(part.piece.mesh.volume for part in made.parts), rel=1e-3)
+
+
+def test_step_is_read_back_with_the_same_volume(written):
+    pytest.importorskip("OCP")
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+    from OCP.STEPControl import STEPControl_Reader
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopExp import TopExp_Explorer
+
+    folder, made, figures = written
+    assert figures["step"] == "tool.step"
+    reader = STEPControl_Reader()
+    reader.ReadFile(str(folder / "tool.step"))
+    reader.TransferRoots()
+    found, volumes = TopExp_Explorer(reader.OneShape(), TopAbs_ShapeEnum.TopAbs_SOLID), []
+    while found.More():
+        weighed = GProp_GProps()
+        BRepGProp.VolumeProperties_s(found.Current(), weighed)
+        volumes.append(weighed.Mass())
+        found.Next()
+    assert volumes == pytest.approx([body(part.solid).volume() for part in made.parts], rel=0.01)
+    assert "CYLINDRICAL_SURFACE" in (folder / "tool.step").read_text()  # bores are round
+
+
+def test_what_open_cascade_can_not_model_is_left_out_of_the_step_file(written, tmp_path, monkeypatch):
+    pytest.importorskip("OCP")
+    _, made, _ = written
+    monkeypatch.setattr("plugins.results.workshop.step.SAME_VOLUME", -1.0)
+    made = write_tool(made, tmp_path)
+    assert not (tmp_path / "tool.step").exists()
+    assert "STEP: part_1_of_2.stl can't be modelled; mill it from its STL file" in made.faults
+    assert json.loads((tmp_path / "print.json").read_text())["step"] is None
+
+
+def test_without_open_cascade_a_line_says_how_to_get_step(written, tmp_path, monkeypatch):
+    _, made, _ = written
+    (tmp_path / "part_9_of_9.stl").touch()  # of an export before
+    monkeypatch.setattr("plugins.results.workshop.step.importlib.util.find_spec", lambda name: None)
+    write_tool(made, tmp_path)
+    assert not (tmp_path / "tool.step").exists()
+    assert sorted(file.name for file in tmp_path.glob("*.stl")) == ["part_1_of_2.stl", "part_2_of_2.stl"]
+    assert made.notes == [NO_STEP]
+    assert json.loads((tmp_path / "print.json").read_text())["step"] is None
+
+
+@pytest.mark.skipif(shutil.which("prusa-slicer") is None, reason="prusa-slicer is not installed")
+def test_a_slicer_slices_every_part(written, tmp_path):
+    folder, _, figures = written
+    for part in figures["parts"]:
+        words = ["prusa-slicer", "--export-gcode", "--center", "125,105", "--output", tmp_path / "out.gcode"]
+        done = subprocess.run([*words, folder / part["file"]], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / "out.gcode").read_text().count("\nG1 ") > 1000
+
+
+def test_what_joints_move_is_made_and_what_is_missing_is_said():
+    made = make_tool(tongs(), PANDA, Material(), Printer(), Fit())
+    assert [part.of for part in made.parts] == ["tool", "left", "right"]
+    assert any(fault.startswith("joint of left: an axle is not part of the solids, as on") for fault in made.faults)
+    assert any("share" in fault and "at rest" in fault for fault in made.faults)
+
+
+def test_what_is_hollow_is_as_simulated():
+    hung = Component("bowl", "tool_mount", at(0, 0, -0.033), bowl(0.03, 0.003))
+    made = make_tool(Tool((hung,)), PANDA, Material(), Printer(), Fit())
+    assert next(check for check in made.checks if check.name == "as simulated").passed
+
+
+def test_a_weight_that_is_not_the_simulated_one_is_said():
+    light = Tool((Component("block", "tool_mount", at(0, 0, -0.03), Box((0.06, 0.06, 0.06)), mass=0.005),))
+    assert [fault for fault in make_tool(light, PANDA, Material(), Printer(), Fit()).faults if "weight" in fault]
+    assert not make_tool(PLA.made(light), PANDA, PLA, Printer(), Fit()).faults
+
+
+def test_the_bare_hand_has_no_parts(tmp_path):
+    made = make_tool(Tool(gripper=True), PANDA, Material(), Printer(), Fit())
+    write_tool(made, tmp_path / "tool")
+    assert not made.parts
+    assert not (tmp_path / "tool").exists()

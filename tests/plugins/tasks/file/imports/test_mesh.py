@@ -1,0 +1,212 @@
+import json
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.errors import UserError
+from core.geometry import Pose
+from plugins.tasks.file.imports import read_mesh, solids
+
+
+def step():
+    """Two boxes in the shape of an L, joined to one closed mesh."""
+    return trimesh.creation.extrude_triangulation(
+        [[0, 0], [0.2, 0], [0.2, 0.1], [0.1, 0.1], [0.1, 0.2], [0, 0.2]],
+        [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]],
+        0.1,
+    )
+
+
+def total(body):
+    return sum(part.shape.volume for part in body.collisions)
+
+
+@pytest.mark.parametrize("kind", ["obj", "stl", "glb"])
+def test_a_convex_mesh_is_one_part_with_its_mass_and_size(tmp_path, kind):
+    box = trimesh.creation.box((0.1, 0.2, 0.3))
+    box.apply_translation([0.5, 0, 0])
+    box.export(tmp_path / f"box.{kind}")
+    pose = Pose(np.array([1.0, 2.0, 3.0]))
+    made = read_mesh(tmp_path / f"box.{kind}", density=500, scale=0.5, pose=pose, name="crate", friction=0.3)
+    (body,) = made.bodies
+    assert (body.name, body.pose, body.friction, len(body.collisions)) == ("crate", pose, 0.3, 1)
+    assert body.mass == pytest.approx(500 * 0.006 / 8, rel=1e-6)
+    middle, size = body.collisions[0].shape.bounds
+    np.testing.assert_allclose(middle, [0.25, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(size, [0.05, 0.15, 0.1] if kind == "glb" else [0.05, 0.1, 0.15], atol=1e-6)
+    assert total(body) == pytest.approx(0.006 / 8, rel=1e-6), "faces look outward"
+    assert any("z is up" in note for note in made.notes) == (kind == "glb")
+
+
+def test_y_of_a_glb_points_up_unless_said_otherwise(tmp_path):
+    tall = trimesh.creation.box((0.1, 0.4, 0.1))
+    tall.apply_translation([0, 0.2, 0.03])
+    tall.export(tmp_path / "tall.glb")
+    for up, top in ((None, 0.4), ("y", 0.4), ("z", 0.08)):
+        mesh = read_mesh(tmp_path / "tall.glb", mass=1, up=up).bodies[0].visuals[0].shape
+        assert mesh.vertices[:, 2].max() == pytest.approx(top, abs=1e-6)
+    standing = read_mesh(tmp_path / "tall.glb", mass=1).bodies[0].visuals[0].shape
+    assert standing.bounds[0][1] == pytest.approx(-0.03, abs=1e-6)
+
+
+def test_parts_of_a_glb_keep_their_colours(tmp_path):
+    scene = trimesh.Scene()
+    for number, color in enumerate([[255, 0, 0, 255], [0, 0, 255, 255]]):
+        box = trimesh.creation.box((0.1, 0.1, 0.1))
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=color)
+        box.visual = trimesh.visual.TextureVisuals(material=material)
+        scene.add_geometry(box, transform=trimesh.transformations.translation_matrix([number, 0, 0]))
+    (tmp_path / "two.glb").write_bytes(scene.export(file_type="glb"))
+    body = read_mesh(tmp_path / "two.glb", mass=1).bodies[0]
+    assert {geom.color for geom in body.visuals} == {(1, 0, 0, 1), (0, 0, 1, 1)}
+    assert len(body.collisions) == 2, "pieces that are convex need no cutting"
+    chosen = read_mesh(tmp_path / "two.glb", mass=1, color=(0, 1, 0, 1)).bodies[0]
+    assert {geom.color for geom in chosen.visuals} == {(0, 1, 0, 1)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("isolated", [True], indirect=True)
+def test_a_hollow_is_cut_into_convex_parts_once(tmp_path, monkeypatch, isolated):
+    mesh = step()
+    mesh.export(tmp_path / "step.stl")
+    made = read_mesh(tmp_path / "step.stl", density=1000)
+    (body,) = made.bodies
+    assert 2 <= len(body.collisions) <= solids.MAX_PARTS
+    assert body.mass == pytest.approx(1000 * mesh.volume, rel=1e-6)
+    assert total(body) == pytest.approx(mesh.volume, rel=0.05)
+    assert not any(_inside(geom, [0.16, 0.16, 0.05]) for geom in body.collisions)
+
+    solids._cut.cache_clear()
+    monkeypatch.setattr(solids, "isolated", None)
+    (tmp_path / "other.stl").write_bytes((tmp_path / "step.stl").read_bytes())
+    assert len(read_mesh(tmp_path / "other.stl", density=1000).bodies[0].collisions) == len(body.collisions)
+
+
+def _inside(geom, point):
+    return bool(geom.shape.to_trimesh().contains([point])[0])
+
+
+def test_with_one_part_it_is_the_hull(tmp_path):
+    step().export(tmp_path / "step.obj")
+    made = read_mesh(tmp_path / "step.obj", mass=0, max_parts=1)
+    (part,) = made.bodies[0].collisions
+    assert part.shape.volume == pytest.approx(step().convex_hull.volume, rel=1e-6)
+    assert made.bodies[0].fixed
+    assert "volume" in made.notes[0]
+
+
+def test_an_open_mesh_is_noted(tmp_path):
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    box.update_faces(np.arange(12) > 1)
+    box.export(tmp_path / "open.stl")
+    made = read_mesh(tmp_path / "open.stl", density=1000, max_parts=1)
+    assert made.bodies[0].mass == pytest.approx(1.0, rel=1e-6)
+    assert "not closed" in made.notes[0]
+
+
+def stl(*corners):
+    return trimesh.Trimesh(corners, [[0, 1, 2]], process=False).export(file_type="stl")
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "options", "message"),
+    [
+        ("a.stl", None, {}, "there is no mesh"),
+        ("a.dae", b"x", {}, "no kind that is read"),
+        ("a.stl", b"", {}, "no triangles"),
+        ("a.glb", b"glTF....", {}, "can't be read as GLB"),
+        ("a.obj", b"v 0 0 0\n", {}, "no triangles|can't be read"),
+        ("a.stl", stl([0, 0, 0], [1, 0, 0], [0, 1, 0]), {"max_parts": 1}, "flat"),
+        ("a.stl", stl([0, 0, 0], [1, 0, 0], [0, np.nan, 0]), {}, "no triangles|no number"),
+        ("a.stl", trimesh.creation.box((100, 200, 300)).export(file_type="stl"), {}, "0.001"),
+        ("a.stl", trimesh.creation.box((1, 1, 1)).export(file_type="stl"), {"scale": 1e-6}, "another scale"),
+        ("a.stl", b"x", {"mass": None}, "either mass"),
+        ("a.stl", b"x", {"density": 1.0}, "either mass"),
+        ("a.stl", b"x", {"up": "x"}, "up must be"),
+        ("a.stl", b"x", {"max_parts": 0}, "max_parts"),
+        ("a.stl", b"x", {"name": "a b"}, "no body's name"),
+        ("a.stl", trimesh.creation.box((1, 1, 1)).export(file_type="stl"), {"mass": -1.0}, "mass"),
+    ],
+)
+def test_what_cannot_be_read_is_one_clear_line(tmp_path, name, data, options, message):
+    if data is not None:
+        (tmp_path / name).write_bytes(data)
+    with pytest.raises(UserError, match=message) as error:
+        read_mesh(tmp_path / name, **({"mass": 1.0} | options))
+    assert "\n" not in str(error.value)
+    assert name in str(error.value)
+
+
+def test_a_link_that_leads_out_of_the_folder_is_refused(tmp_path):
+    inside, outside = tmp_path / "inside", tmp_path / "outside.stl"
+    inside.mkdir()
+    trimesh.creation.box((1, 1, 1)).export(outside)
+    (inside / "a.stl").symlink_to(outside)
+    with pytest.raises(UserError, match="is not in folder"):
+        read_mesh(inside / "a.stl", mass=1)
+    assert read_mesh(inside / "a.stl", mass=1, folder=tmp_path).bodies
+
+
+def test_no_file_is_opened_that_an_obj_or_glb_names(tmp_path):
+    """Materials and buffers would be read from other files, or from the network."""
+    box = trimesh.creation.box((1, 1, 1)).export(file_type="obj")
+    (tmp_path / "a.obj").write_text("mtllib /etc/passwd\nusemtl x\n" + box)
+    assert read_mesh(tmp_path / "a.obj", mass=1).bodies
+    box = trimesh.Scene(trimesh.creation.box((1, 1, 1)))
+    for uri in ("https://example.org/a.bin", "/dev/zero", "../a.bin"):
+        tree = json.loads(trimesh.exchange.gltf.export_gltf(box)["model.gltf"])
+        for buffer in tree["buffers"]:
+            buffer["uri"] = uri
+        text = json.dumps(tree).encode()
+        text += b" " * (-len(text) % 4)
+        head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A)
+        (tmp_path / "a.glb").write_bytes(head + text)
+        with pytest.raises(UserError, match="can't be read as GLB"):
+            read_mesh(tmp_path / "a.glb", mass=1)
+
+
+@pytest.mark.parametrize("isolated", [True], indirect=True)
+def test_what_takes_too_long_is_stopped(tmp_path, monkeypatch, isolated):
+    step().export(tmp_path / "step.stl")
+    monkeypatch.setattr(solids, "LIMIT_S", 0.01)
+    with pytest.raises(UserError, match="takes more than"):
+        read_mesh(tmp_path / "step.stl", mass=1)
+
+
+@pytest.mark.parametrize("isolated", [True], indirect=True)
+def test_a_crash_of_the_reader_is_an_error(tmp_path, monkeypatch, isolated):
+    step().export(tmp_path / "step.stl")
+    monkeypatch.setattr(solids.sys, "executable", "/bin/false")
+    with pytest.raises(UserError, match="process ended with 1"):
+        read_mesh(tmp_path / "step.stl", mass=1)
+
+
+def test_too_many_triangles_are_refused(tmp_path, monkeypatch):
+    trimesh.creation.icosphere(subdivisions=7, radius=0.1).export(tmp_path / "ball.stl")
+    with pytest.raises(UserError, match="at most 200000"):
+        read_mesh(tmp_path / "ball.stl", mass=1)
+    monkeypatch.setattr(solids, "MAX_MB", 1)
+    with pytest.raises(UserError, match="MB"):
+        solids.read_inside(tmp_path / "ball.stl", tmp_path, "mesh", 1)
+
+
+@given(
+    data=st.binary(max_size=400),
+    kind=st.sampled_from(["obj", "stl", "glb"]),
+    start=st.sampled_from([b"", b"glTF\x02\0\0\0", b"solid a\nfacet", b"v 0 0 1\nf 1 1 9"]),
+)
+@settings(max_examples=300, deadline=None)
+def test_wild_bytes_are_cut_or_refused(data, kind, start):
+    """In this process, where the reader that runs in its own can be tried often."""
+    from plugins.tasks.file.imports.convex import cut_mesh
+
+    try:
+        found = cut_mesh(start + data, kind, 1, 0.05)
+    except UserError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+    else:
+        assert np.isfinite(found["p0"]).all()

@@ -1,0 +1,167 @@
+import numpy as np
+import pinocchio
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.errors import UserError
+from core.geometry import Pose
+from core.scene import Scene
+from plugins.tasks.file.imports import read_urdf
+
+INERTIA = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+BOX = '<collision><geometry><box size="0.1 0.2 0.3"/></geometry></collision>'
+
+
+def link(name, inside=BOX, mass=2.0, inertia=""):
+    return f'<link name="{name}"><inertial><mass value="{mass}"/>{inertia}</inertial>{inside}</link>'
+
+
+def joint(name, kind, parent, child, inside=""):
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>'
+
+
+def read(folder, text, **options):
+    file = folder / "model.urdf"
+    file.write_text(f'<robot name="model">{text}</robot>')
+    return read_urdf(file, **options)
+
+
+def cabinet(limit='<limit lower="0" upper="0.3" effort="1" velocity="1"/>', kind="prismatic", more=""):
+    handle = '<origin xyz="0.2 0 0"/>'
+    parts = [link("case"), link("drawer"), link("handle", mass=0.5), joint("glue", "fixed", "drawer", "handle", handle)]
+    inside = f'<origin xyz="0 0 0.5" rpy="0 0 1.5707963267948966"/><axis xyz="1 0 0"/>{limit}{more}'
+    return "".join([*parts, joint("rail", kind, "case", "drawer", inside)])
+
+
+def test_links_that_are_rigidly_joined_are_one_body_on_its_joint(tmp_path):
+    dynamics = '<dynamics damping="3" friction="0.5"/>'
+    made = read(tmp_path, cabinet(more=dynamics), pose=Pose(np.array([1.0, 0.0, 0.0])), prefix="a_", friction=0.7)
+    case, drawer = made.bodies
+    assert (case.name, case.fixed, drawer.name, drawer.friction) == ("a_case", True, "a_drawer", 0.7)
+    assert drawer.mass == 2.5
+    assert len(drawer.collisions) == 2
+    np.testing.assert_allclose((drawer.pose @ drawer.collisions[1].pose).position, [1, 0.2, 0.5], atol=1e-9)
+    (rail,) = made.joints
+    assert (rail.name, rail.kind, rail.body, rail.parent) == ("a_rail", "slider", "a_drawer", "a_case")
+    assert (rail.lower, rail.upper, rail.damping, rail.friction) == (0, 0.3, 3, 0.5)
+    assert any("effort" in note for note in made.notes)
+
+
+def test_without_a_fixed_root_all_can_move(tmp_path):
+    made = read(tmp_path, cabinet(), fixed=False)
+    assert [body.mass for body in made.bodies] == [2, 2.5]
+
+
+def test_a_root_without_shapes_is_the_world(tmp_path):
+    made = read(tmp_path, '<link name="world"/>' + link("door") + joint("hinge", "continuous", "world", "door"))
+    assert [body.name for body in made.bodies] == ["door"]
+    assert (made.joints[0].parent, made.joints[0].limited) == (None, False)
+
+
+def test_a_joint_starts_in_its_range(tmp_path):
+    made = read(tmp_path, cabinet('<limit lower="0.1" upper="0.3"/>'))
+    assert made.joints[0].start == 0.1
+    np.testing.assert_allclose(made.bodies[1].pose.position, [0, 0.1, 0.5], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "note"),
+    [
+        (cabinet(kind="planar"), "planar"),
+        (cabinet('<limit lower="0" upper="0"/>'), "no range"),
+        (cabinet('<limit lower="-4" upper="4"/>', "revolute"), "whole turn"),
+        (cabinet(more='<mimic joint="glue"/>'), "mimics"),
+        (cabinet() + "<gazebo/><transmission/>", "left out: 1 <gazebo>"),
+        (link("a") + link("b", inertia=INERTIA) + joint("j", "floating", "a", "b"), "'b': its inertia differs by 9"),
+    ],
+)
+def test_what_is_left_out_or_changed_is_said(tmp_path, text, note):
+    made = read(tmp_path, text)
+    assert any(note in line for line in made.notes), made.notes
+    Scene(made.bodies, made.joints)
+
+
+def mesh(name, tag="collision"):
+    return f'<{tag}><geometry><mesh filename="{name}" scale="2 2 2"/></geometry></{tag}>'
+
+
+def test_meshes_of_its_folder_are_read(tmp_path):
+    (tmp_path / "model").mkdir()
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "model" / "box.obj")
+    inside = mesh("package://model/box.obj") + mesh("model/box.obj", "visual") + mesh("model/box.dae", "visual")
+    (tmp_path / "model" / "box.dae").write_text("")
+    made = read(tmp_path, link("crate", inside), fixed=False)
+    (body,) = made.bodies
+    assert body.collisions[0].shape.volume == pytest.approx(0.008)
+    assert len(body.visuals) == 1
+    assert any("box.dae" in note for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<", "malformed"),
+        (link("a", mesh("/etc/passwd")), "no kind"),
+        (link("a", mesh("../outside.stl")), "is not in folder"),
+        (link("a", mesh("http://x.org/a.stl")), "http:// is not read"),
+        (link("a", mesh("missing.stl")), "no mesh file"),
+        (link("a") + link("b", "") + joint("j", "floating", "a", "b"), "no collision shape"),
+        (link("a") + link("b", mass=0) + joint("j", "floating", "a", "b"), "no mass"),
+        (cabinet('<limit lower="1" upper="0"/>'), "exchange them"),
+        (cabinet(more='<dynamics damping="-1"/>'), "damping must be"),
+        (link("a") + link("b"), "2 links have no parent"),
+    ],
+)
+def test_what_cannot_be_read_is_one_clear_line(tmp_path, text, message):
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "outside.stl")
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    with pytest.raises(UserError, match=message) as error:
+        read(folder, text)
+    assert "\n" not in str(error.value)
+    assert "model.urdf" in str(error.value)
+
+
+NUMBERS = st.tuples(*[st.floats(-2, 2).map(lambda value: round(value, 3))] * 3)
+
+
+@st.composite
+def trees(draw):
+    text, kinds = link("link0"), ["revolute", "continuous", "prismatic", "fixed"]
+    for number in range(1, draw(st.integers(2, 6))):
+        axis = draw(NUMBERS.filter(lambda v: np.linalg.norm(v) > 0.2))
+        origin = f'<origin xyz="{_words(draw(NUMBERS))}" rpy="{_words(draw(NUMBERS))}"/><axis xyz="{_words(axis)}"/>'
+        above = f"link{draw(st.integers(0, number - 1))}"
+        limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+        kind = draw(st.sampled_from(kinds))
+        text += link(f"link{number}") + joint(f"joint{number}", kind, above, f"link{number}", origin + limit)
+    return text
+
+
+def _words(values):
+    return " ".join(map(str, values))
+
+
+@given(text=trees())
+@settings(max_examples=60, deadline=None)
+def test_links_and_axes_are_where_pinocchio_has_them(tmp_path_factory, text):
+    made = read(tmp_path_factory.mktemp("tree"), text)
+    model = pinocchio.buildModelFromXML(f'<robot name="model">{text}</robot>')
+    data = model.createData()
+    pinocchio.framesForwardKinematics(model, data, pinocchio.neutral(model))
+    pinocchio.computeJointJacobians(model, data, pinocchio.neutral(model))
+    bodies = {body.name: body for body in made.bodies}
+    for name, body in bodies.items():
+        frame = data.oMf[model.getFrameId(name)]
+        np.testing.assert_allclose(body.pose.position, frame.translation, atol=1e-9)
+        np.testing.assert_allclose(body.pose.rotation.as_matrix(), frame.rotation, atol=1e-9)
+    assert {joint.name for joint in made.joints} == set(model.names) - {"universe"}
+    for made_joint in made.joints:
+        number = model.getJointId(made_joint.name)
+        moved = pinocchio.getJointJacobian(model, data, number, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        moved = moved.reshape(6, -1)[:, model.joints[number].idx_v]
+        axis = bodies[made_joint.body].pose.rotation.apply(made_joint.axis)
+        np.testing.assert_allclose(moved[:3] if made_joint.kind == "slider" else moved[3:], axis, atol=1e-9)
