@@ -12,7 +12,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +21,7 @@ from core.design import TIE, Candidate, DesignError, Evaluation, Tool
 from core.design import Budget as Budget
 from core.design import observation as observation
 from core.errors import UsageError, UserError
-from core.geometry import Array
-from core.scene import Camera, State
+from core.scene import View as View
 from core.task import Task as Task
 from core.values.jobs import JointTrajectory as JointTrajectory
 from core.values.jobs import Outcome as Outcome
@@ -73,24 +72,8 @@ class Simulator(ABC):
         """
 
     @abstractmethod
-    def render(
-        self,
-        task: Task,
-        *,
-        seed: int = 0,
-        tool: Tool | None = None,
-        arm: Array | None = None,
-        fingers: Array | None = None,
-        state: State | None = None,
-        camera: Camera | None = None,
-        width: int = 640,
-        height: int = 480,
-    ) -> Image:
-        """Draw the layout of ``seed`` and the robot, as a picture (height, width, 3) of red, green and blue.
-
-        None stands for the start: the bare arm at the task's home, ``arm`` (J,) in radians, ``fingers`` (F,) open, in
-        metres, or these with the tool's joints (F + K,), the bodies as the scene has them, and the task's camera. The
-        robot is `Task.robot`.
+    def render(self, task: Task, **view: Unpack[View]) -> Image:
+        """Draw a layout and the robot, `Task.robot`, as a picture (height, width, 3) of red, green and blue.
 
         Raises:
             NoPicture: nothing on this machine can draw (see `core.errors`).

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypedDict
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere, Vecto
 from core.goals import Goal, describe_goals, goals_reward, needs_trace
 from core.values.joints import Drive, Joint, JointState, Latch, PlacedJoint
 from core.values.states import State
+from core.values.tools import Tool
 from core.values.traces import Trace
 
 Color = tuple[float, float, float, float]
@@ -254,6 +256,30 @@ class Camera:
             scale = np.asarray(height / self.height_m)
         pixels: Array = np.array([width / 2, height / 2]) + scale * seen[..., :2] * [1.0, -1.0]
         return pixels
+
+
+class View(TypedDict, total=False):
+    """What a picture shows; what is left out or None is as at the start.
+
+    Attributes:
+        seed: of the layout; 0 if left out.
+        tool: None: the bare arm.
+        arm: (J,) radians; None: the task's home.
+        fingers: (F,) metres, or with the tool's joints (F + K,); None: open.
+        state: of the free bodies; None: as the scene has them.
+        camera: None: the task's.
+        width: pixels; 640 if left out.
+        height: pixels; 480 if left out.
+    """
+
+    seed: int
+    tool: Tool | None
+    arm: Array | None
+    fingers: Array | None
+    state: State | None
+    camera: Camera | None
+    width: int
+    height: int
 
 
 def table() -> Body:

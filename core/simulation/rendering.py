@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
-from typing import ClassVar, TypedDict, Unpack
+from typing import ClassVar, Unpack
 
 import numpy as np
 from PIL import Image as Pillow
@@ -12,7 +12,7 @@ from PIL import Image as Pillow
 from core.design import Tool
 from core.errors import NoPicture, UserError
 from core.geometry import Array
-from core.interfaces import Image, Robot, Simulator, Task
+from core.interfaces import Image, Robot, Simulator, Task, View
 from core.plugins import installed
 from core.robot.description import joint_name
 from core.robot.kinematics import arm_of
@@ -20,19 +20,6 @@ from core.scene import Camera, State
 
 _OVERSAMPLING = 2  # renderers draw hard edges; halving a picture of twice the size smooths them
 _drawing = threading.RLock()  # any thread may draw, but renderers draw one picture at a time
-
-
-class View(TypedDict, total=False):
-    """The keyword arguments of `Simulator.render`."""
-
-    seed: int
-    tool: Tool | None
-    arm: Array | None
-    fingers: Array | None
-    state: State | None
-    camera: Camera | None
-    width: int
-    height: int
 
 
 def joint_positions(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, float]:

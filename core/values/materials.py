@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from core.values.tools import Tool
 from core.errors import UsageError
 from core.geometry import Box, Compound, Shape
+from core.values.tools import Tool
 
 STEEL_PA = 200e9  # Young's modulus; hardly a material that tools are made of is stiffer
 

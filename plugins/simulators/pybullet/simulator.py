@@ -10,10 +10,9 @@ from typing import Unpack
 
 from core.design import Tool
 from core.errors import UsageError, check_positive
-from core.interfaces import Image, Outcome, Robot, Rollout, Simulator, Task
+from core.interfaces import Image, Outcome, Robot, Rollout, Simulator, Task, View
 from core.robot.trajectory import at_home
 from core.simulation.playback import play
-from core.simulation.rendering import View
 from core.support.scratch import intact, temporary_folder
 from plugins.simulators.pybullet.engine import pybullet
 from plugins.simulators.pybullet.renderer import PyBulletRenderer

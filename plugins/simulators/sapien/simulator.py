@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from core.design import Tool
 from core.errors import UsageError, check_positive
@@ -16,7 +15,7 @@ from core.simulation.rendering import DrawingSimulator
 from core.support.scratch import intact, temporary_folder
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.renderer import SapienRenderer
-from plugins.simulators.sapien.world import World
+from plugins.simulators.sapien.world import Settings, World
 
 MAX_TIME_STEP = 0.02
 
@@ -33,9 +32,8 @@ class SapienSimulator(DrawingSimulator):
     renderer, stand_in = SapienRenderer, "pybullet"
 
     def __init__(self, time_step: float = 0.005, solver_iterations: int = 10, tracking_rate: float = 50.0) -> None:
-        self._settings: Any = {"time_step": time_step, "solver_iterations": solver_iterations}
-        self._settings["tracking_rate"] = tracking_rate
-        check_positive("sim.", **self._settings)
+        self._settings = Settings(time_step, solver_iterations, tracking_rate)
+        check_positive("sim.", **self._settings._asdict())
         if time_step > MAX_TIME_STEP:
             raise UsageError(f"sim.time_step must be at most {MAX_TIME_STEP} s, got {time_step}: contacts would break")
         self._folder = temporary_folder()
@@ -70,4 +68,4 @@ class SapienSimulator(DrawingSimulator):
         folder = Path(self._folder.name)
         with intact(folder):
             forces = job.forces and job.record_hz > 0
-            return World(folder, weighed, robot, job.tool, job.trajectory, forces=forces, **self._settings)
+            return World(folder, weighed, robot, job.tool, job.trajectory, self._settings, forces)

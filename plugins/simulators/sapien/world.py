@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,14 @@ _BOUNCE = 0.2
 _SLEEP = 5e-6
 
 
+class Settings(NamedTuple):
+    """The settings of `sim=sapien`, see there."""
+
+    time_step: float
+    solver_iterations: int
+    tracking_rate: float
+
+
 class World:
     """A fresh scene: the robot at the trajectory's first targets, free bodies at their initial poses.
 
@@ -41,12 +49,10 @@ class World:
         robot: Description,
         tool: Tool,
         trajectory: JointTrajectory,
-        *,
-        time_step: float,
-        solver_iterations: int,
-        tracking_rate: float,
+        settings: Settings,
         forces: bool = False,
     ) -> None:
+        time_step, iterations, tracking_rate = settings
         self.time_step = time_step
         # These settings belong to the process, and apply to what is created from here on.
         physx.set_scene_config(
@@ -59,7 +65,7 @@ class World:
             enable_friction_every_iteration=True,
         )
         physx.set_body_config(
-            solver_position_iterations=solver_iterations, solver_velocity_iterations=1, sleep_threshold=_SLEEP
+            solver_position_iterations=iterations, solver_velocity_iterations=1, sleep_threshold=_SLEEP
         )
         physx.set_shape_config(contact_offset=_CONTACT_OFFSET, rest_offset=0.0)
         self._system = physx.PhysxCpuSystem()
