@@ -1,4 +1,4 @@
-"""The commands that core itself offers."""
+"""The commands that core itself offers. Covered by `tests/core/test_main.py`."""
 
 from __future__ import annotations
 

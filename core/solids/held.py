@@ -1,4 +1,7 @@
-"""A tool's components as solids, by their mounts and as the arm holds them."""
+"""Make solids of components, by their mounts and as the arm holds them.
+
+Covered by `tests/plugins/results/test_gallery.py`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Define tools: components, the joints between them, and the convex shapes that collide."""
+"""Define tools: components, the joints between them, and the convex shapes that collide.
+
+Covered by `tests/core/test_design.py`.
+"""
 
 from __future__ import annotations
 
