@@ -58,7 +58,7 @@ def render(template: str, folder: Path, viewer: Sequence[Mapping[str, Any]] = ()
 
 
 def _text(name: str) -> str:
-    return importlib.resources.files("plugins.results.report").joinpath("templates", name).read_text(encoding="utf-8")
+    return importlib.resources.files("plugins.results.pages").joinpath("templates", name).read_text(encoding="utf-8")
 
 
 def _hash(text: str) -> str:

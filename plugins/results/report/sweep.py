@@ -34,8 +34,8 @@ class SweepSummary(Callback):  # type: ignore[misc]
         except UserError:
             return  # no job made a folder; each has said why
         show(Results(tuple(finished), tuple(left_out)), sys.stderr)
-        names = ["plugins.results.report", "plugins.results.gallery"] if finished else []
+        names = ["report", "gallery"] if finished else []
         if any("recording" in run.recordings() for run in finished):
-            names.append("plugins.listeners.rerun.view")
+            names.append("view")
         for name in names:
-            say(f"python -m {name} {shlex.quote(str(folder))}", file=sys.stderr)
+            say(f"vlmgineer {name} {shlex.quote(str(folder))}", file=sys.stderr)

@@ -59,6 +59,11 @@ def rows(said):
     return [line.split() for line in said.splitlines()]
 
 
+def commands(said):
+    """The commands to type next."""
+    return [line for line in said.splitlines() if line.startswith(("python -m ", "vlmgineer "))]
+
+
 def test_generations_and_tools(capsys):
     said = rows(summary(capsys, [0.2, 0.4, None], [0.3, 0.1]))
     assert ["0", "0.400", "0.400", "0.300", "0.141", "3", "1", "0"] in said
@@ -111,15 +116,14 @@ def test_nothing_could_be_tried(capsys):
 
 
 def test_commands_are_quoted(capsys):
-    lines = [line for line in summary(capsys, [0.5]).splitlines() if line.startswith("python -m ")]
-    words = [shlex.split(line)[2:] for line in lines]
+    words = [shlex.split(line) for line in commands(summary(capsys, [0.5]))]
     folder = "runs/it's here/x=1"
     assert words == [
-        ["core", "view", folder],
-        ["core", "report", folder],
-        ["core", "gallery", folder],
+        ["vlmgineer", "view", folder],
+        ["vlmgineer", "report", folder],
+        ["vlmgineer", "gallery", folder],
         [
-            *("core.evaluate", "task=BringCube", "sim=pybullet", "tool=urdf", "seed=3"),
+            *("python", "-m", "core.evaluate", "task=BringCube", "sim=pybullet", "tool=urdf", "seed=3"),
             f'designs="{folder}/best/design.json"',
         ],
     ]
@@ -171,8 +175,7 @@ def test_a_multirun_says_at_its_end_what_it_came_to(swept):
     line = next(line for line in done.stderr.splitlines() if line.strip().startswith("BringCube"))
     runs, best, average = line.split()[-5:-2]
     assert (int(runs), best, average) == (2, number(max(rewards), 3), number(np.mean(rewards), 3))
-    commands = [line for line in done.stderr.splitlines() if line.startswith("python -m ")]
-    assert commands == ["vlmgineer report 'multirun/of it'", "vlmgineer gallery 'multirun/of it'"]
+    assert commands(done.stderr) == ["vlmgineer report 'multirun/of it'", "vlmgineer gallery 'multirun/of it'"]
 
 
 @pytest.mark.slow
@@ -180,10 +183,10 @@ def test_the_commands_it_names_work(swept):
     folder, _ = swept
     done = call(folder, "core.run", *TINY, "seed=0", 'hydra.run.dir="runs/a=b, c"')
     assert done.returncode == 0, done.stderr
-    commands = [line for line in done.stderr.splitlines() if line.startswith("python -m ")]
-    assert len(commands) == 3
-    for line in commands:
-        again = call(folder, *shlex.split(line)[2:])
+    found = commands(done.stderr)
+    assert len(found) == 3
+    for line in found:
+        again = call(folder, *shlex.split(line.replace("vlmgineer", "python -m core", 1))[2:])
         assert again.returncode == 0, again.stderr
         assert "Traceback" not in again.stderr
     assert (folder / "report" / "index.html").exists()

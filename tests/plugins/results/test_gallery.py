@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 
 import numpy as np
 import pytest
@@ -148,9 +147,8 @@ def test_the_command(tmp_path):
 def test_mistakes(tmp_path, monkeypatch, words, said):
     (tmp_path / "run").mkdir()
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["gallery", *words])
     with pytest.raises(UserError, match=re.escape(said)):
-        main()
+        main(words)
 
 
 def test_a_damaged_run_costs_itself_alone(tmp_path, monkeypatch, capsys):
@@ -160,8 +158,7 @@ def test_a_damaged_run_costs_itself_alone(tmp_path, monkeypatch, capsys):
     edit(tmp_path / "runs" / "flipped", "UPDATE evaluations SET reward = 'much'")
     edit(tmp_path / "runs" / "foreign", 'UPDATE strategies SET design = \'{"gripper": false, "tool_urdf": "<link/>"}\'')
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["gallery", "runs"])
-    main()
+    main(["runs"])
     *_, first, second, page = capsys.readouterr().out.splitlines()
     assert "not counted, unreadable: runs/flipped: " in first
     assert "row 1 of evaluations: reward: Input should be a valid number" in first

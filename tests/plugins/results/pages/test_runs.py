@@ -170,7 +170,7 @@ sys.stdin.readline()
 
 def test_a_store_that_is_being_written(tmp_path):
     """It is read as far as it has come, the writer can go on, and what it wrote is there."""
-    script = WRITER.format(root=str(Path(__file__).parents[3]), folder=str(tmp_path / "run"))
+    script = WRITER.format(root=str(Path(__file__).parents[4]), folder=str(tmp_path / "run"))
     writer = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     try:
         assert writer.stdout.readline() == "written\n"

@@ -47,7 +47,7 @@ def test_a_folder_of_any_name_and_a_terminal_of_few_letters(tmp_path, command):
     """The name is not UTF-8, and has letters that the terminal's encoding lacks."""
     name = os.fsdecode(b"r\xff\xe9") + "\u2717"
     write_run(tmp_path / name, rewards=[[0.25]])
-    words = [sys.executable, "-m", command, name, "output=out", *(["formats=[svg]"] * (command == "core", "report"))]
+    words = [sys.executable, "-m", "core", command, name, "output=out", *(["formats=[svg]"] * (command == "report"))]
     env = {**os.environ, "PYTHONIOENCODING": "latin-1"}
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=240, env=env)
     assert (done.returncode, done.stderr) == (0, b"")
@@ -75,6 +75,5 @@ def test_mistakes(tmp_path, monkeypatch, words, said):
     if "killed" in words:
         write_run(tmp_path / "killed", finish=False)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["report", *words])
     with pytest.raises(UserError, match=re.escape(said)):
-        main()
+        main(words)

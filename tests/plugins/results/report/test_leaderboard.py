@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import sys
 
 import pytest
 
@@ -153,8 +152,7 @@ def test_the_command_writes_and_compares_results_files(whole, tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
 
     def run(*words):
-        monkeypatch.setattr(sys, "argv", ["report", *words, "formats=[]", "resamples=100"])
-        main()
+        main([*words, "formats=[]", "resamples=100"])
         return capsys.readouterr().out
 
     run(f"runs={whole}", "name=first", "output=one")
