@@ -16,8 +16,8 @@ from core.values.tools import RIGID_MOUNT as RIGID_MOUNT
 from core.values.tools import TOOL_FRICTION as TOOL_FRICTION
 from core.values.tools import Bearer as Bearer
 from core.values.tools import Component as Component
+from core.values.tools import ConvexPart as ConvexPart
 from core.values.tools import DesignError as DesignError
-from core.values.tools import Part as Part
 from core.values.tools import Tool as Tool
 from core.values.tools import ToolJoint as ToolJoint
 

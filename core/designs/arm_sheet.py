@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from core.designs.reach import as_table, compute_reach, describe_limits, turns_at
 from core.geometry import Array, Pose
 from core.interfaces import Robot, RolloutSettings, Task
 from core.robot.extents import extents_at_home, fingers_of
 from core.robot.kinematics import Arm, arm_of
-from core.robot.reach import as_table, compute_reach, describe_limits, turns_at
 from core.robot.trajectory import plan_motion
 from core.support.text import short_number, short_numbers, table
 

@@ -14,9 +14,9 @@ from core.designs.rules import MAX_COMPONENTS
 from core.geometry import Array
 from core.interfaces import JointTrajectory, Robot, RolloutSettings, Task
 from core.robot.frames import link_frames
-from core.robot.self_collision import find_self_collision
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion, at_home
+from core.solids.self_collision import find_self_collision
 from core.support.text import clean
 
 # A waypoint is reached if it is missed by no more than this.

@@ -21,7 +21,7 @@ from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins import describe_part
 from core.robot.frames import link_frames
 from core.robot.kinematics import arm_of
-from core.robot.solids import Solid, Solids, body_solids, contact, robot_solids, signed_distance, solid_geometry
+from core.robot.solids import Obstacles, Solid, body_solids, contact, robot_solids, signed_distance, solid_geometry
 from core.support.text import kind, shorten
 from core.values.materials import PAPER, Material
 
@@ -217,8 +217,8 @@ class SpawnRules:
     def __init__(self, task: Task, seed: int) -> None:
         self.task, self.robot = task, task.robot
         self._joints = arm_of(task.robot).home_for(task.home)
-        self._scene = Solids(solid for body in task.scene(seed).bodies for solid in body_solids(body))
-        self._robots: dict[bool, tuple[Solids, dict[str, Pose]]] = {}
+        self._scene = Obstacles(solid for body in task.scene(seed).bodies for solid in body_solids(body))
+        self._robots: dict[bool, tuple[Obstacles, dict[str, Pose]]] = {}
 
     def check(self, tool: Tool) -> None:
         """Refuse a tool that starts inside the arm, in contact with the scene, or inside its other half.
@@ -252,7 +252,7 @@ class SpawnRules:
                         "shorten or turn the tool so that it starts clear of everything"
                     )
 
-    def _robot(self, gripper: bool) -> tuple[Solids, dict[str, Pose]]:
+    def _robot(self, gripper: bool) -> tuple[Obstacles, dict[str, Pose]]:
         """The robot's solids, and the world poses of its links."""
         if gripper not in self._robots:
             opened = np.full((1, len(self.robot.finger_joints)), self.robot.opening_m)
@@ -261,7 +261,7 @@ class SpawnRules:
                 name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in placed.items()
             }
             solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(self.robot, gripper))
-            self._robots[gripper] = Solids(solids), frames
+            self._robots[gripper] = Obstacles(solids), frames
         return self._robots[gripper]
 
 

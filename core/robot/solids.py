@@ -95,7 +95,7 @@ def contact(a: Solid, b: Solid) -> tuple[float, Array]:
     return float(gap), (result.getNearestPoint1() + result.getNearestPoint2()) / 2
 
 
-class Solids:
+class Obstacles:
     """Fixed solids in one frame; bounding boxes quickly select those that can be near."""
 
     def __init__(self, solids: Iterable[Solid]) -> None:

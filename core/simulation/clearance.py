@@ -11,8 +11,8 @@ from core.design import Tool
 from core.interfaces import JointTrajectory, Outcome, Recording, Robot, Rollout, RolloutSettings, Simulator, Task
 from core.robot.trajectory import at_home
 from core.scene import Scene, State
-from core.simulation.gap_bounds import may_meet, neighbours
-from core.simulation.tracks import SAMPLE_HZ, follow
+from core.solids.gap_bounds import may_meet, neighbours
+from core.solids.tracks import SAMPLE_HZ, follow
 
 DEEP_M = 0.005  # a motion that leads farther into a fixed body is pushed off its way
 REST = 0.001  # a body whose position (m) or quaternion changes by more in the time below is not at rest

@@ -27,7 +27,7 @@ from core.goals import DONE, progress
 from core.interfaces import Contact, Observation, Outcome, Recording, Task
 from core.robot.trajectory import Motion
 from core.scene import Goal, Scene, State
-from core.simulation.contacts import Contacts, Flags
+from core.solids.contacts import Contacts, Flags
 from core.values.observations import Class, Moved, Offset, Point
 
 MISSED_M, MISSED_RAD = 0.02, 0.1

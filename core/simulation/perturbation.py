@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from core.config.settings import PerturbationRange
 from core.geometry import Array, Pose
 from core.interfaces import Task
-from core.robot.solids import Solid, Solids, body_solids, signed_distance
+from core.robot.solids import Obstacles, Solid, body_solids, signed_distance
 from core.scene import Body, Scene, State, Trace
 from core.task import reward_of
 
@@ -91,7 +91,7 @@ def _moved(scene: Scene, ranges: PerturbationRange, rng: np.random.Generator) ->
     loose = [body for body in scene.free if body.name not in anchored]
     for group in together(loose, solids, scene.joined):
         members = {body.name for body in group}
-        others = Solids(solid for name, own in solids.items() if name not in members for solid in own)
+        others = Obstacles(solid for name, own in solids.items() if name not in members for solid in own)
         move = _move(group, [solid for body in group for solid in solids[body.name]], others, ranges, rng)
         for body in group:
             poses[body.name] = move @ body.pose
@@ -109,7 +109,7 @@ def together(
     near = np.zeros((len(bodies), len(bodies)), dtype=bool)
     for i, body in enumerate(bodies):
         for j in range(i):
-            others = Solids(solids[bodies[j].name])
+            others = Obstacles(solids[bodies[j].name])
             near[i, j] = frozenset((body.name, bodies[j].name)) in joined or any(
                 signed_distance(solid, other) < TOGETHER_M
                 for solid in solids[body.name]
@@ -120,7 +120,11 @@ def together(
 
 
 def _move(
-    group: Sequence[Body], solids: Sequence[Solid], others: Solids, ranges: PerturbationRange, rng: np.random.Generator
+    group: Sequence[Body],
+    solids: Sequence[Solid],
+    others: Obstacles,
+    ranges: PerturbationRange,
+    rng: np.random.Generator,
 ) -> Pose:
     """Draw a move of a group as a whole, in the world, about the mean of its positions; no move if nothing fits."""
     middle = np.mean([body.pose.position for body in group], axis=0) * np.array([1.0, 1.0, 0.0])
@@ -134,7 +138,7 @@ def _move(
     return Pose()
 
 
-def _gaps(solids: Sequence[Solid], others: Solids) -> dict[str, float]:
+def _gaps(solids: Sequence[Solid], others: Obstacles) -> dict[str, float]:
     """Measure the distance to each other body that is near, by name, metres."""
     gaps: dict[str, float] = {}
     for solid in solids:

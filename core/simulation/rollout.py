@@ -16,15 +16,15 @@ from core.geometry import Array
 from core.interfaces import Outcome, Recording, Robot, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import Part, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
-from core.robot.self_collision import find_self_collision
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
 from core.scene import Scene, State, Trace
 from core.simulation.clearance import Idle, find_idle
-from core.simulation.contacts import Contacts, find_contacts, make_trace
 from core.simulation.observing import observe
-from core.simulation.penetration import Explosion, Finding, findings_of_each
-from core.simulation.record_rate import is_finite, sample_hz, thinnest
+from core.solids.contacts import Contacts, find_contacts, make_trace
+from core.solids.penetration import Explosion, Finding, findings_of_each
+from core.solids.record_rate import is_finite, sample_hz, thinnest
+from core.solids.self_collision import find_self_collision
 from core.support.text import shorten
 from core.task import reward_of
 from core.values.observations import TRIAL

@@ -1,1 +1,1 @@
-"""Bodies as solids: what is held, what is in the way, and what passes through what."""
+"""Bodies over time: one place for penetration, self-collision, contacts and clearance."""

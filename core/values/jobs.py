@@ -82,9 +82,9 @@ class RolloutSettings:
     ``segment_s`` is the shortest time of a segment; ``settle_s`` and ``hold_s`` are the pauses before and after the
     motion. ``speed`` is the share of the arm's velocity and acceleration limits that is used. A plan whose motion lasts
     longer than ``max_motion_s`` is rejected. ``penetration`` says what a rollout earns in which solids passed through
-    one another (`core.simulation.penetration`): with ``forbid`` nothing, with ``warn`` the task's reward; both add a
+    one another (`core.solids.penetration`): with ``forbid`` nothing, with ``warn`` the task's reward; both add a
     warning. With ``ignore`` nothing is checked. A plan that drives the arm through itself or the tool through the arm
-    (`core.robot.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``. With ``observe`` each
+    (`core.solids.self_collision`) is rejected with ``forbid``, and adds a warning with ``warn``. With ``observe`` each
     evaluation's details hold an observation of its rollout (`core.simulation.observing`). Plans that look see the scene
     with the noise of ``perception``.
     """

@@ -85,7 +85,7 @@ class Component:
         return Pose() if self.joint is None else Pose(np.array(self.joint.origin))
 
 
-class Part(NamedTuple):
+class ConvexPart(NamedTuple):
     """A convex shape of a tool and the name of its component.
 
     ``pose`` is in the frame of ``bearer``: a mount, or a component with a joint, whose frame is `Component.link`.
@@ -164,10 +164,12 @@ class Tool:
         return {component.name: placed[component.name] for component in self.components}
 
     @cached_property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[ConvexPart, ...]:
         """The convex shapes that collide, in the order of the components."""
         borne = self.borne
-        return tuple(Part(c.name, shape, *borne[c.name]) for c in self.components for shape in c.shape.convex_parts())
+        return tuple(
+            ConvexPart(c.name, shape, *borne[c.name]) for c in self.components for shape in c.shape.convex_parts()
+        )
 
     @cached_property
     def borne(self) -> dict[str, tuple[str, Pose]]:

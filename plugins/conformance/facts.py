@@ -14,9 +14,9 @@ from omegaconf import MISSING, OmegaConf
 
 from core.config.compose import load, robot_part
 from core.designs.arm_sheet import segments, short
+from core.designs.reach import as_table, compute_reach, describe_limits
 from core.interfaces import Robot, RolloutSettings
 from core.robot.kinematics import arm_of
-from core.robot.reach import as_table, compute_reach, describe_limits
 from core.simulation.robustness import engines
 from core.support.cli import arguments, say, write_bytes
 from core.support.text import table

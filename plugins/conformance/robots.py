@@ -22,9 +22,9 @@ from core.plugins import Part, installed
 from core.robot.description import assemble, read_inertia, read_numbers, read_origin
 from core.robot.frames import link_frames, robot_model
 from core.robot.kinematics import Arm, arm_of
-from core.robot.self_collision import DEEP_M
 from core.robot.solids import Solid, robot_solids, signed_distance
 from core.robot.trajectory import plan_motion
+from core.solids.self_collision import DEEP_M
 from plugins.conformance.checking import expect
 from plugins.conformance.worlds import Bodies
 

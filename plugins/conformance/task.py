@@ -15,12 +15,12 @@ from core.design import Tool
 from core.designs.rules import SpawnRules
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.kinematics import arm_of
-from core.robot.solids import Solids, body_solids, signed_distance
+from core.robot.solids import Obstacles, body_solids, signed_distance
 from core.robot.trajectory import at_home
 from core.scene import Scene, State, Trace
-from core.simulation.contacts import find_contacts, make_trace
-from core.simulation.penetration import Explosion, findings
-from core.simulation.tracks import SAMPLE_HZ
+from core.solids.contacts import find_contacts, make_trace
+from core.solids.penetration import Explosion, findings
+from core.solids.tracks import SAMPLE_HZ
 from core.task import reward_of
 from plugins.conformance.checking import expect, some_simulator
 from plugins.conformance.worlds import end, film, start
@@ -93,7 +93,7 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
         solids = {body.name: list(body_solids(body)) for body in bodies}
         for number, body in enumerate(bodies):
             apart = [o for o in bodies[:number] if frozenset((o.name, body.name)) not in scene.joined]
-            others = Solids(s for o in apart if not (o.fixed and body.fixed) for s in solids[o.name])
+            others = Obstacles(s for o in apart if not (o.fixed and body.fixed) for s in solids[o.name])
             for solid in solids[body.name]:
                 for other in others.near(solid, 0.0):
                     depth = -signed_distance(solid, other)

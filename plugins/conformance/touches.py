@@ -14,7 +14,7 @@ from core.design import Tool
 from core.geometry import Array, Box
 from core.interfaces import JointTrajectory, Recording, Rollout, Simulator
 from core.scene import Body, Trace, table
-from core.simulation.contacts import find_contacts, make_trace
+from core.solids.contacts import find_contacts, make_trace
 from plugins.conformance.checking import expect
 from plugins.conformance.worlds import BARE, FAR, GRAVITY, GREY, Bodies, cube, film, motion, run, stick, still
 

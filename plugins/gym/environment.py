@@ -24,8 +24,8 @@ from core.interfaces import Image, Recording, Simulator, Task, ToolRepresentatio
 from core.plugins import installed
 from core.robot.kinematics import arm_of
 from core.scene import State, Trace
-from core.simulation.contacts import find_contacts, make_trace
 from core.simulation.playback import begin_motion
+from core.solids.contacts import find_contacts, make_trace
 from core.task import reward_of
 from core.values.layouts import NONE
 from core.values.traces import TRACE_HZ

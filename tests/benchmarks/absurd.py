@@ -21,7 +21,7 @@ from core.geometry import Array, Box, Cylinder, Mesh, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, Simulator, Task
 from core.robot.trajectory import at_home
 from core.scene import Body, Scene, State
-from core.simulation.tracks import Track, body_tracks, robot_tracks
+from core.solids.tracks import Track, body_tracks, robot_tracks
 from tests.panda import PANDA
 
 LIGHT, SHEET_M, BLADE_M = 1.02, 0.00095, 0.002  # the first: over the least mass that the rules allow

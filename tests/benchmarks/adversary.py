@@ -33,10 +33,10 @@ from core.geometry import Array
 from core.interfaces import Image, Recording, RolloutSettings, Simulator, Task
 from core.plugins import installed
 from core.search.evolution import evaluate_all
-from core.simulation.penetration import Explosion, findings
 from core.simulation.pictures import png
 from core.simulation.robustness import engines
 from core.simulation.rollout import Evaluator, Part, evaluate_batch, prepare
+from core.solids.penetration import Explosion, findings
 from core.support.cli import command
 from tests.benchmarks import measuring
 from tests.benchmarks.absurd import OBJECTIVES, Start, Watched, hanging, random_start, tried

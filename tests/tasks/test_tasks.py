@@ -23,7 +23,7 @@ from core.errors import UserError
 from core.geometry import Mesh
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings
 from core.plugins import installed
-from core.robot.solids import Solids, body_solids, signed_distance
+from core.robot.solids import Obstacles, body_solids, signed_distance
 from core.scene import State
 from core.simulation.robustness import CheckedEvaluator
 from core.simulation.rollout import Part, evaluate_batch
@@ -194,7 +194,7 @@ def test_no_body_penetrates_another(name, variation, seed):
     for one, other in itertools.combinations([body for body in scene.bodies if body.collisions], 2):
         if one.fixed and other.fixed:
             continue
-        others = Solids(body_solids(other))
+        others = Obstacles(body_solids(other))
         for solid in body_solids(one):
             for near in others.near(solid, 0.01):
                 pairs += 1

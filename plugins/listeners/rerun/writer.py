@@ -21,10 +21,10 @@ from core.interfaces import Recording, Reply, Request
 from core.robot.kinematics import arm_of
 from core.robot.trajectory import Motion
 from core.scene import Color, State
-from core.simulation.contacts import find_contacts, make_trace, up_to_each
-from core.simulation.record_rate import subset
 from core.simulation.rollout import prepare
+from core.solids.contacts import find_contacts, make_trace, up_to_each
 from core.solids.held import as_held, solids
+from core.solids.record_rate import subset
 from core.task import reward_of
 from plugins.listeners.rerun.arm import links, tracks
 from plugins.listeners.rerun.layout import Contents, layout

@@ -15,9 +15,9 @@ from core.designs.weight import mass_limit, moment_limit
 from core.errors import UsageError, check_positive
 from core.interfaces import Evaluate, Fitness, Material
 from core.robot.kinematics import arm_of
-from core.robot.self_collision import DEEP_M
 from core.robot.tempo import plan_task_motion
 from core.simulation.rollout import Evaluator
+from core.solids.self_collision import DEEP_M
 from core.values.materials import PAPER
 from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.motion import sample

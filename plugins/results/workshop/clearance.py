@@ -15,9 +15,9 @@ from core.geometry import Array
 from core.interfaces import Recording
 from core.robot.description import assemble
 from core.robot.kinematics import arm_of
-from core.robot.self_collision import self_distances
 from core.scene import Scene
-from core.simulation.tracks import Indices, Track, body_tracks, robot_tracks
+from core.solids.self_collision import self_distances
+from core.solids.tracks import Indices, Track, body_tracks, robot_tracks
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
 

@@ -13,8 +13,8 @@ from core.design import Tool
 from core.errors import UserError
 from core.interfaces import Recording, Rollout, RolloutSettings, Simulator, Task
 from core.scene import Scene, State
-from core.simulation.contacts import Contacts, find_contacts, make_trace
-from core.simulation.penetration import findings
+from core.solids.contacts import Contacts, find_contacts, make_trace
+from core.solids.penetration import findings
 from core.task import reward_of
 from plugins.results.workshop.motion import Sampled
 

@@ -28,7 +28,7 @@ from core.geometry import Array, Pose, mass_properties
 from core.interfaces import Pushes, Recording
 from core.robot.frames import bearer_frames, link_frames, tool_values
 from core.scene import Scene
-from core.simulation.tracks import robot_tracks
+from core.solids.tracks import robot_tracks
 from core.values.materials import Material
 from core.values.robots import Robot
 

@@ -12,8 +12,8 @@ from core.design import Tool
 from core.geometry import Array, Pose
 from core.interfaces import Anchor
 from core.robot.kinematics import Arm
-from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import plan_motion
+from core.solids.self_collision import find_self_collision
 from plugins.vlms.offline.boxes import Boxes, overlaps
 
 _SEGMENT_S = 0.5  # minimum duration of a segment

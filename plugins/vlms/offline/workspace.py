@@ -7,11 +7,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from core.designs.reach import Span, span_at
 from core.geometry import Array, Pose
 from core.interfaces import Robot
 from core.robot.frames import joint_frames, robot_model
 from core.robot.kinematics import arm_of
-from core.robot.reach import Span, span_at
 
 LOWEST_M = 0.1  # of the end-effector above the ground that things stand on
 _TOOL_M = 0.55  # what a tool adds to an arm's stretch, at most

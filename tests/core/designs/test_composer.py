@@ -22,13 +22,13 @@ from core.config.settings import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettin
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool
 from core.designs.composer import CHECK, CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown, counted
 from core.designs.layout import layout_table
+from core.designs.reach import as_table, compute_reach
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UsageError, UserError
 from core.geometry import Array, Box, Cylinder, Pose, Vector
 from core.interfaces import Brief, Message, Picture, Reply, Request, Robot, Task, Text, ToolRepresentation
 from core.plugins import installed
 from core.robot.extents import extents_at_home
-from core.robot.reach import as_table, compute_reach
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Geom, Goal, Scene, State, floor, table
 from core.simulation.rollout import RolloutSettings

@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
-from core.robot.solids import Solids, body_solids, farthest_from_surface, gap, robot_solids, signed_distance
+from core.robot.solids import Obstacles, body_solids, farthest_from_surface, gap, robot_solids, signed_distance
 from core.scene import Body
 from tests.panda import PANDA
 
@@ -43,7 +43,7 @@ def test_near_solids_are_selected_by_their_bounds():
     center, half = rod.bounds()
     np.testing.assert_allclose(center, [0, 0, 1], atol=1e-9)
     np.testing.assert_allclose(half, [1.05 / np.sqrt(2), 0.05, 1.05 / np.sqrt(2)], atol=1e-9)
-    solids = Solids([rod, solid(CUBE, 5, 0, 0)])
+    solids = Obstacles([rod, solid(CUBE, 5, 0, 0)])
     assert solids.near(solid(Sphere(0.1), 0, 0.2, 1), margin=0.06) == [rod]
     assert solids.near(solid(Sphere(0.1), 0, 0.2, 1), margin=0.04) == []
 

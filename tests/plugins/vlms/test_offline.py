@@ -15,10 +15,10 @@ from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Box, Cylinder, Pose, Sphere
 from core.interfaces import Brief, Material, Request, Task
 from core.plugins import installed
-from core.robot.self_collision import find_self_collision
 from core.robot.trajectory import plan_motion
 from core.scene import Body, Geom, Goal, Joint, Scene, floor, goals_reward, table
 from core.simulation.rollout import RolloutSettings, evaluate_batch
+from core.solids.self_collision import find_self_collision
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline import heads
 from plugins.vlms.offline.designer import OfflineDesigner

@@ -11,7 +11,7 @@ from core.config.compose import load, node
 from core.design import Candidate, Tool
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings, Waypoints
 from core.plugins import installed
-from core.robot.solids import Solids, body_solids, signed_distance
+from core.robot.solids import Obstacles, body_solids, signed_distance
 from core.simulation.rollout import evaluate_batch
 from core.values.layouts import Draw
 from plugins.fitness.layouts.fitness import UNSEEN
@@ -63,7 +63,7 @@ def test_no_body_penetrates_another(name, variation, seed):
     for one, other in itertools.combinations([body for body in scene.bodies if body.collisions], 2):
         if (one.fixed and other.fixed) or frozenset((one.name, other.name)) in scene.joined:
             continue
-        others = Solids(body_solids(other))
+        others = Obstacles(body_solids(other))
         for solid in body_solids(one):
             for near in others.near(solid, 0.01):
                 gap = signed_distance(solid, near)

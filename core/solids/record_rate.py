@@ -1,6 +1,6 @@
 """Choose how often a rollout is recorded and looked at, by the speed and the thinness of what moves.
 
-Covered by `tests/core/simulation/test_record_rate.py`.
+Covered by `tests/core/solids/test_record_rate.py`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from core.geometry import Array
 from core.interfaces import JointTrajectory, Recording, Robot
 from core.robot.frames import joint_frames, joint_values, place, robot_model
 from core.scene import Scene, State
-from core.simulation.solids import own_solids, thickness
-from core.simulation.tracks import SAMPLE_HZ, Detour, Indices, angles, lengths
+from core.solids.bodies import own_solids, thickness
+from core.solids.tracks import SAMPLE_HZ, Detour, Indices, angles, lengths
 
 MAX_HZ = 1600.0  # beyond the rate of every engine's steps
 

@@ -1,7 +1,7 @@
 """Bound the gaps between two solids at many samples at once.
 
 Along any direction the gap between two convex solids is no larger than their distance. Covered by
-`tests/core/simulation/test_gap_bounds.py`.
+`tests/core/solids/test_gap_bounds.py`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array, Box, Capsule, Cylinder, Shape, Sphere
-from core.simulation.tracks import Indices, Track, Tracks, lengths
+from core.solids.tracks import Indices, Track, Tracks, lengths
 
 Flags = npt.NDArray[np.bool_]
 

@@ -1,6 +1,6 @@
 """Follow the solids of a rollout over time.
 
-Covered by `tests/core/simulation/test_penetration.py`.
+Covered by `tests/core/solids/test_penetration.py`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from core.geometry import Array, Shape
 from core.interfaces import Recording
 from core.robot.frames import bearer_frames, joint_frames, joint_values, place, robot_model, rotate, tool_values
 from core.scene import Scene, State
-from core.simulation.solids import WORLD, Solids, all_solids, body_solids, own_solids
+from core.solids.bodies import WORLD, Solids, all_solids, body_solids, own_solids
 from core.values.robots import Robot
 
 SAMPLE_HZ = 25.0

@@ -9,10 +9,10 @@ from core.design import Component, Tool
 from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory
 from core.scene import Scene, table
-from core.simulation.penetration import findings
-from core.simulation.record_rate import coarse_samples, refined_samples, sample_hz, subset, thinnest
-from core.simulation.tracks import SAMPLE_HZ
-from tests.core.simulation.test_penetration import WALL, body, recording, straight
+from core.solids.penetration import findings
+from core.solids.record_rate import coarse_samples, refined_samples, sample_hz, subset, thinnest
+from core.solids.tracks import SAMPLE_HZ
+from tests.core.solids.test_penetration import WALL, body, recording, straight
 from tests.panda import ARM, PANDA
 
 

@@ -8,9 +8,9 @@ import pytest
 from core.design import Component, Tool
 from core.geometry import Box, Mesh, Pose, Sphere
 from core.scene import Joint, Scene
-from core.simulation.contacts import HULL_M, TOUCH_M, find_contacts, make_trace
-from core.simulation.penetration import findings
-from tests.core.simulation.test_penetration import HZ, ROD, body, recording, straight
+from core.solids.contacts import HULL_M, TOUCH_M, find_contacts, make_trace
+from core.solids.penetration import findings
+from tests.core.solids.test_penetration import HZ, ROD, body, recording, straight
 from tests.panda import ARM, PANDA
 
 CUBE = Box((0.1, 0.1, 0.1))

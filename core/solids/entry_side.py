@@ -1,7 +1,7 @@
 """Remember from which side a solid got into another, and how far in along that direction.
 
 The least way out of a body does not show that a thin sheet cuts through it: of a sheet in its lowest layer, the least
-way out is downward, and no longer than the sheet is thick. Covered by `tests/core/simulation/test_entry_side.py`.
+way out is downward, and no longer than the sheet is thick. Covered by `tests/core/solids/test_entry_side.py`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array
-from core.simulation.gap_bounds import spans
-from core.simulation.solids import ROBOT, Solids
-from core.simulation.tracks import Track
+from core.solids.bodies import ROBOT, Solids
+from core.solids.gap_bounds import spans
+from core.solids.tracks import Track
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
 THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much

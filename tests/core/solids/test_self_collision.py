@@ -1,7 +1,6 @@
 """Self-collision along joint trajectories, against Coal at dense samples, and what becomes of such plans."""
 
 import itertools
-import json
 from functools import cache
 from pathlib import Path
 
@@ -14,16 +13,15 @@ from hypothesis import strategies as st
 from core.design import Candidate, Component, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.evaluate import main
 from core.geometry import Box, Pose
 from core.interfaces import JointTrajectory, RolloutSettings, Task
 from core.plugins import installed
-from core.robot import self_collision
 from core.robot.description import assemble
-from core.robot.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
 from core.robot.solids import Solid, robot_solids, signed_distance, solid_geometry
 from core.robot.trajectory import plan_motion
 from core.simulation.rollout import evaluate_batch
+from core.solids import self_collision
+from core.solids.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
 from tests.engines import every_simulator, simulator
 from tests.faults import Faulty, Slide
 from tests.panda import ARM, FINGER_OPEN, HOME_JOINTS, PANDA
@@ -249,21 +247,6 @@ def test_the_setting_decides():
     assert warned.status == "ok"
     assert [warning for warning in warned.warnings if "inside the arm's 'panda_link" in warning]
     assert evaluated("ignore", Faulty()).warnings == ()
-
-
-def test_the_command_prints_what_meets_when_and_where(monkeypatch, capsys, tmp_path):
-    document = json.loads((SOLUTIONS / "BringCube.json").read_text())
-    strategy = document["strategies"][0]
-    strategy["action_sets"] = [[[0.4, 0, 0.4, 0, 0, 0], [0.22, 0.12, 0.22, 0, 0, 3.1]]]
-    file = tmp_path / "folded.json"
-    file.write_text(json.dumps(document))
-    words = ["evaluate", "task=BringCube", f"designs={file}", "sim=mujoco", "executor.workers=1"]
-    monkeypatch.setattr("sys.argv", words)
-    main()
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "rejected" in printed
-    assert "inside the arm's 'panda_link" in printed
-    assert "on the way to waypoint 2;" in printed
 
 
 def test_when_a_waypoint_is_reached():

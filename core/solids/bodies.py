@@ -1,6 +1,6 @@
 """Measure the solids of a rollout: the robot's links, the tool's components and the scene's bodies.
 
-Covered by `tests/core/simulation/test_penetration.py`.
+Covered by `tests/core/solids/test_penetration.py`.
 """
 
 from __future__ import annotations

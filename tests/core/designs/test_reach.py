@@ -4,10 +4,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from core.designs.reach import (
+    PITCHES,
+    SELF,
+    SINGULAR,
+    Span,
+    as_table,
+    compute_reach,
+    describe_limits,
+    span_at,
+    turns_at,
+)
 from core.geometry import Pose
 from core.plugins import installed
 from core.robot.kinematics import arm_of
-from core.robot.reach import PITCHES, SELF, SINGULAR, Span, as_table, compute_reach, describe_limits, span_at, turns_at
 from core.robot.trajectory import plan_motion
 from tests.panda import ARM, PANDA
 

@@ -7,9 +7,9 @@ import pytest
 from core.design import Tool
 from core.geometry import Box, Cylinder, Pose
 from core.scene import Body, Geom, Scene, table
-from core.simulation.penetration import findings
-from core.simulation.tracks import robot_tracks
-from tests.core.simulation.test_penetration import ROD, body, penetrations, recording, straight
+from core.solids.penetration import findings
+from core.solids.tracks import robot_tracks
+from tests.core.solids.test_penetration import ROD, body, penetrations, recording, straight
 from tests.panda import ARM, PANDA
 
 HZ = 400.0

@@ -22,11 +22,11 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.scene import Scene
-from core.simulation.entry_side import Depths, Side
-from core.simulation.gap_bounds import SMOOTH, gap_bounds, may_meet, may_meet_closely, neighbours, with_next
-from core.simulation.record_rate import coarse_samples, detours, is_finite, joined, refined_samples, subset
-from core.simulation.solids import ROBOT, all_solids, body_solids
-from core.simulation.tracks import SAMPLE_HZ, Detour, Indices, Track, Tracks, angles, follow, lengths
+from core.solids.bodies import ROBOT, all_solids, body_solids
+from core.solids.entry_side import Depths, Side
+from core.solids.gap_bounds import SMOOTH, gap_bounds, may_meet, may_meet_closely, neighbours, with_next
+from core.solids.record_rate import coarse_samples, detours, is_finite, joined, refined_samples, subset
+from core.solids.tracks import SAMPLE_HZ, Detour, Indices, Track, Tracks, angles, follow, lengths
 
 DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
 

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.scene import Scene
-from core.simulation.gap_bounds import gap_bounds, may_meet, may_meet_closely
-from core.simulation.tracks import body_tracks
-from tests.core.simulation.test_penetration import body, recording
+from core.solids.gap_bounds import gap_bounds, may_meet, may_meet_closely
+from core.solids.tracks import body_tracks
+from tests.core.solids.test_penetration import body, recording
 
 HULL = Mesh.from_trimesh(trimesh.creation.icosphere(subdivisions=1, radius=0.05).apply_scale([2.0, 1.0, 0.5]))
 SHAPES = [Box((0.1, 0.02, 0.3)), Box((0.2, 0.2, 0.001)), Sphere(0.05), Cylinder(0.05, 0.1), Cylinder(0.1, 0.01)]

@@ -15,8 +15,8 @@ from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import installed
 from core.scene import Body, Goal, Scene, State, table
-from core.simulation.penetration import Explosion, findings, findings_of_each
 from core.simulation.rollout import evaluate_batch
+from core.solids.penetration import Explosion, findings, findings_of_each
 from plugins.conformance.joints import hinge, hinged
 from plugins.conformance.shapes import bowl, prism
 from tests.panda import ARM, PANDA

@@ -15,7 +15,7 @@ from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
 from core.robot.frames import robot_model
 from core.robot.kinematics import Arm, Solution
-from core.robot.self_collision import find_self_collision
+from core.solids.self_collision import find_self_collision
 
 PITCHES = (-0.8, -0.5, 0.0, 0.5, 0.8)
 SELF = "the arm itself"

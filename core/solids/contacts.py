@@ -20,10 +20,10 @@ from core.design import Tool
 from core.geometry import Array, Mesh
 from core.interfaces import Contact, Recording, Robot
 from core.scene import Scene, State, Trace
-from core.simulation.gap_bounds import gap_bounds, may_meet, neighbours
-from core.simulation.record_rate import coarse_samples, subset
-from core.simulation.solids import ROBOT
-from core.simulation.tracks import Indices, Track, Tracks, follow, lengths, mount_positions
+from core.solids.bodies import ROBOT
+from core.solids.gap_bounds import gap_bounds, may_meet, neighbours
+from core.solids.record_rate import coarse_samples, subset
+from core.solids.tracks import Indices, Track, Tracks, follow, lengths, mount_positions
 from core.values.traces import TRACE_HZ
 
 TOUCH_M, HULL_M = 0.0005, 0.001  # the largest gap of a contact; so much more for each hull: PyBullet's margin
