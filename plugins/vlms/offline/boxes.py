@@ -1,4 +1,4 @@
-"""Oriented boxes as arrays, and overlaps and gaps between them."""
+"""Oriented boxes as arrays, overlaps and gaps between them, and the axes of a heading."""
 
 from __future__ import annotations
 
@@ -53,12 +53,24 @@ class Boxes:
     def upper(self) -> Array:
         return self.centers + self.reaches
 
+    def extents(self, way: Array, origin: Array) -> tuple[Array, Array]:
+        """The least and the greatest coordinate (N,) of each box along ``way`` (3,), from ``origin`` (3,)."""
+        middles = (self.centers - origin) @ way
+        halves = np.abs(np.einsum("nji,j->ni", self.axes, way) * self.halves).sum(axis=1)
+        return middles - halves, middles + halves
+
     def carried(self, positions: Array, rotations: Array) -> Boxes:
         """The boxes moved to each of K poses, with positions (K, 3) and rotation matrices (K, 3, 3): K * N boxes."""
         centers = np.einsum("kij,nj->kni", rotations, self.centers) + positions[:, None]
         axes = np.einsum("kij,njl->knil", rotations, self.axes)
         halves = np.broadcast_to(self.halves, centers.shape)
         return Boxes(centers.reshape(-1, 3), axes.reshape(-1, 3, 3), halves.reshape(-1, 3))
+
+
+def axes_of(heading: float) -> tuple[Array, Array]:
+    """Unit vectors (3,) ahead and to the left."""
+    ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
+    return ahead, np.array([-ahead[1], ahead[0], 0.0])
 
 
 def overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:

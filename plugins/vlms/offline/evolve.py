@@ -13,8 +13,8 @@ from core.geometry import Array
 from core.interfaces import Anchor, Seen
 from plugins.vlms.offline.invent import Use, Workshop
 from plugins.vlms.offline.mutation import cross, mutate, slimmed
-from plugins.vlms.offline.recognize import middle, recognize
-from plugins.vlms.offline.scene_analysis import Sight
+from plugins.vlms.offline.scene_analysis import SceneAnalysis
+from plugins.vlms.offline.tools import middle, recognize
 
 _TRIES = 12
 
@@ -84,7 +84,7 @@ def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) ->
             continue
         new, anchors, done = base, elite.anchors, []
         for _ in range(int(rng.integers(1, 3)) if i > 0 else int(rng.integers(0, 2))):
-            new, anchors, what = vary(new, anchors, elite, workshop.sight, rng)
+            new, anchors, what = vary(new, anchors, elite, workshop.analysis, rng)
             done.append(what)
         uses.append(Use(new, ", ".join(["the parent's plan", *done]), anchors))
     return uses
@@ -105,13 +105,13 @@ def last_stroke(plan: Array) -> tuple[int, int]:
 
 
 def vary(
-    plan: Array, anchors: Sequence[Anchor], elite: Elite, sight: Sight, rng: np.random.Generator
+    plan: Array, anchors: Sequence[Anchor], elite: Elite, analysis: SceneAnalysis, rng: np.random.Generator
 ) -> tuple[Array, Sequence[Anchor], str]:
     """Change a plan at random, by the elite's scale, and keep an anchor for each waypoint."""
     start, end = last_stroke(plan)
     way = plan[end, :3] - plan[start, :3]
     length = float(np.linalg.norm(way))
-    missing = _missing(elite, sight)
+    missing = _missing(elite, analysis)
     kinds = {"length": 0.2, "shift": 0.25, "height": 0.15, "yaw": 0.1, "slower": 0.05, "faster": 0.05}
     if abs(missing) > 0.001 and length > 0.02:
         kinds["measure"] = 0.25
@@ -152,15 +152,15 @@ def vary(
             return plan[kept], [anchors[i] for i in kept], "its stroke with fewer waypoints"
 
 
-def _missing(elite: Elite, sight: Sight) -> float:
+def _missing(elite: Elite, analysis: SceneAnalysis) -> float:
     """Mean distance in metres by which the elite's bodies fell short (negative: went too far); 0 if unknown."""
     options = []
-    for goal in sight.goals:
+    for goal in analysis.goals:
         missing = []
         for name in goal.bodies:
             if goal.place is None or name not in elite.moved_m:
                 continue
-            here = sight.things[sight.names.index(name)].position
+            here = analysis.things[name].position
             wanted = np.array([h if w is None else w for h, w in zip(here, goal.place, strict=True)])
             missing.append(float(np.linalg.norm(wanted - here)) - elite.moved_m[name])
         if missing:

@@ -1,21 +1,29 @@
-"""Choose a way that follows from what holds a body: a joint, an enclosure, a peg; or from its turning or moving.
+"""Strokes that follow from what holds a body: a joint, an enclosure, a peg; or from its turning or moving.
 
-Each way makes a head for one errand, and the head knows its own path.
+Each makes a head for one errand, and the head knows its own stroke: tines get under a body, to lift it off what goes
+through it, or to turn it over its opposite edge; cages wait for bodies that move when the motion begins; rods and
+hooks are in `plugins.vlms.offline.rods`.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from itertools import accumulate
 
-from core.geometry import Array
-from plugins.vlms.offline.catching import catcher
-from plugins.vlms.offline.heads import Head
-from plugins.vlms.offline.openings import way_out
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from core.geometry import Array, Cylinder, Pose, Sphere
+from plugins.vlms.offline.boxes import axes_of
+from plugins.vlms.offline.heads import Head, Piece, box, cage
+from plugins.vlms.offline.openings import Under, under, way_out
+from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.rods import drawer, mover
-from plugins.vlms.offline.scene_analysis import Errand
-from plugins.vlms.offline.tines import carrier, tipper
+from plugins.vlms.offline.scene_analysis import UP, Errand, Thing
 
 _TURNED = np.radians(20.0)  # a goal about an orientation that is farther off than this
+_STEP_RAD = 0.15  # between waypoints
+_QUARTERS: list[float] = (np.arange(4) * np.pi / 2).tolist()
 
 
 def suits(errand: Errand) -> bool:
@@ -65,3 +73,162 @@ def _threaded(errand: Errand) -> bool:
 
 def _shut_in(errand: Errand) -> bool:
     return errand.covered and errand.length > 0.03 and errand.blocked(errand.shift * [1.0, 1.0, 0.0])
+
+
+def _tines(at: Under, width: float, thick: float, depth: float, wall: float, nose: float) -> tuple[Piece, ...]:
+    """Two tines ahead of a wall, or one wide one; their upper faces are at z = 0, noses at the tips stand above it."""
+    sides = (1.0, -1.0) if at.apart > width / 2 else (0.0,)
+    across = 2 * at.apart + width
+    pieces = [box("wall", -0.004, 0.0, wall / 2 - thick, (0.008, across, wall))]
+    for number, side in enumerate(sides):
+        y = side * at.apart
+        pieces.append(box(f"tine_{number + 1}", (depth - 0.008) / 2, y, -thick / 2, (depth + 0.008, width, thick)))
+        if nose > 0.0:
+            pieces.append(
+                box(f"nose_{number + 1}", depth - 0.002, y, nose / 2 - 0.001, (0.004, width, nose), len(pieces) - 1)
+            )
+    return tuple(pieces)
+
+
+def _behind(errand: Errand, at: Under, height: float) -> float:
+    """Compute how far obstacles reach back from the bodies' rear, where a wall of this height would be."""
+    ahead, side = (axis[:2] for axis in axes_of(at.heading))
+    others = errand.others
+    signs = np.array([[x, y] for x in (-1, 1) for y in (-1, 1)])
+    corners = others.centers[:, None, :2] + signs * others.reaches[:, None, :2] - at.rear[:2]
+    along, across = corners @ ahead, np.abs(corners.mean(axis=1) @ side) - np.ptp(corners @ side, axis=1) / 2
+    near = (across < at.apart + 0.02) & (others.lower[:, 2] < at.rear[2] + height)
+    near &= (others.upper[:, 2] > at.rear[2] - 0.01) & (along.min(axis=1) < 0.0)
+    return float(np.clip(-along[near].min(initial=0.0), 0.0, 0.25))
+
+
+def _choose_under(errand: Errand, headings: Sequence[float], tine: float, rng: np.random.Generator) -> Under | None:
+    """Choose at random among the places that are worth most; None: there is none."""
+    places = [place for heading in headings if (place := under(errand, heading, tine)) is not None]
+    good = [place for place in places if place.worth > max(other.worth for other in places) - 0.03]
+    return good[int(rng.integers(len(good)))] if good else None
+
+
+def carrier(errand: Errand, route: Sequence[Array], rng: np.random.Generator) -> Head | None:
+    """Tines that lift a body off what goes through it, carry it over, and lower it at the goal."""
+    tine = 0.009
+    back = way_out(errand, errand.shift + 0.004 * UP)
+    at = None if back is None else _choose_under(errand, _QUARTERS, tine, rng)
+    if back is None or at is None:
+        return None
+    ahead, thick = axes_of(at.heading)[0], min(0.008, at.room / 2)
+    nose = min(0.008, at.room - thick - 0.003)
+    nose = nose if nose > 0.002 else 0.0
+    reach = float(np.ptp(errand.points @ ahead))
+    gap = _behind(errand, at, 0.05) + rng.uniform(0.01, 0.02)
+    depth = gap + min(at.depth, reach) + (0.012 if nose else 0.0)
+    pieces = _tines(at, tine, thick, depth, 0.03, nose)
+
+    def stroke(path: Path, rng: np.random.Generator) -> str:
+        inside = at.rear - gap * ahead - (nose + 0.001) * UP
+        before = inside - (depth + 0.02) * ahead
+        path.enter(errand, Pose.xyz_rpy(before, (0.0, 0.0, at.heading)))
+        path.go(inside, at.heading)
+        path.hold()
+        lifted = inside + (nose + 0.001) * UP
+        goal = lifted + errand.shift
+        places, down = [*accumulate(route, initial=lifted)], [*accumulate(back, initial=goal)][::-1]
+        high = max(places[-1][2], down[0][2]) + rng.uniform(0.0, 0.03)
+        places += [np.array([*places[-1][:2], high]), np.array([*down[0][:2], high])]
+        places += [*down, goal - (nose + rng.uniform(0.004, 0.012)) * UP]
+        for place in places:
+            length = float(np.linalg.norm(place - path.poses[-1].position))
+            path.stroke(place, at.heading, 0.15 if length > 0.02 else 1.0)
+        path.go(places[-1] - (depth + 0.02) * ahead, at.heading, touch=True)
+        return "gets tines under the body, lifts it off, carries it over, lowers it and leaves"
+
+    return Head(
+        "tines", "guided", pieces, np.array([0.0, 0.0, 0.03 - thick]), depth, 2 * at.apart + tine, stroke=stroke
+    )
+
+
+def tipper(errand: Errand, turn: tuple[Array, float], rng: np.random.Generator) -> Head | None:
+    """A lip that raises a body by one side, and turns it about its opposite edge."""
+    axis, angle = turn
+    headings = _QUARTERS
+    if np.linalg.norm(axis) > 0.2:
+        x, y, _ = np.cross(axis, UP)
+        headings = [float(np.arctan2(y, x))]
+    tine = 0.016
+    if (at := _choose_under(errand, headings, tine, rng)) is None:
+        return None
+    ahead, thick = axes_of(at.heading)[0], min(0.008, 0.6 * at.room)
+    grip = min(at.depth * rng.uniform(0.5, 0.9), 0.04)
+    gap = rng.uniform(0.006, 0.015)
+    _, front = errand.span(at.heading)
+    pivot = at.rear + (front - at.rear @ ahead) * ahead
+    pivot[2] = errand.lower[2]
+    radius = float((pivot - at.rear) @ ahead) - grip
+    most = angle + rng.uniform(0.0, 0.15) if angle < 2.0 else rng.uniform(1.7, 2.3)
+
+    def stroke(path: Path, rng: np.random.Generator) -> str:
+        tip = at.rear + grip * ahead - 0.001 * UP
+        offset = (grip + gap) * ahead  # from the face to the tip
+        path.enter(errand, Pose.xyz_rpy(tip - offset - (grip + gap + 0.02) * ahead, (0.0, 0.0, at.heading)))
+        path.go(tip - offset, at.heading)
+        path.hold()
+        rise = float(tip[2] - pivot[2])
+        for turned in np.linspace(0.0, most, int(np.ceil(most / _STEP_RAD)) + 1)[1:]:
+            arm = Rotation.from_rotvec(np.cross(UP, ahead) * turned).apply(-radius * ahead + rise * UP)
+            path.go(pivot + arm - offset, at.heading, touch=True)
+        path.go(path.poses[-1].position - 0.06 * ahead + 0.02 * UP, at.heading, touch=True)
+        return f"raises one side by a lip, and turns the body about its other edge by {np.degrees(most):.0f} degrees"
+
+    pieces = _tines(at, tine, thick, grip + gap, 0.03, 0.0)
+    return Head("lip", "guided", pieces, np.array([0.0, 0.0, 0.03 - thick]), grip + gap, tine, stroke=stroke)
+
+
+def _slowing(thing: Thing) -> float:
+    """Estimate how fast a body slows down that rolls, or slides if it can't, m/s2."""
+    body, radius = thing.body, float(np.ptp(thing.points[:, 2])) / 2
+    rolls = any(isinstance(part.shape, Sphere | Cylinder) for part in body.collisions)
+    arm = 5 / 7 * body.rolling_friction / radius
+    return 9.81 * max(arm if rolls else np.sqrt(0.5 * body.friction), 1e-4)
+
+
+def catcher(errand: Errand, rng: np.random.Generator) -> Head:
+    """A cage, open to what comes, put in its way before it gets there; what was caught is then moved to the goal."""
+    bodies = [thing.body for thing in errand.things if thing.body.launched]
+    velocities = np.array([body.velocity for body in bodies]) * [1.0, 1.0, 0.0]
+    positions = np.array([body.pose.position for body in bodies])
+    way = velocities.mean(axis=0) / max(float(np.linalg.norm(velocities.mean(axis=0))), 1e-6)
+    heading = float(np.arctan2(-way[1], -way[0]))
+    side = np.array([-way[1], way[0], 0.0])
+    speeds = np.maximum(velocities @ way, 0.02)
+    slowing = np.array([_slowing(thing) for thing in errand.things if thing.body.launched])
+    wanted = errand.shift @ way if errand.length > 0.01 else 0.0
+    sizes = float(np.ptp(errand.things[0].points @ way)) / 2
+    distance = np.maximum(wanted + (positions @ way).mean() - positions @ way, 0.0)
+    if float((distance / speeds).min()) < 1.5:
+        distance = distance + 1.5 * speeds.max()
+    distance = np.minimum(distance + rng.normal(0.0, 0.03), 0.8 * speeds**2 / (2 * slowing))
+    times = (speeds - np.sqrt(np.maximum(speeds**2 - 2 * slowing * distance, 0.0))) / slowing
+    meet = float((positions @ way + distance).mean())
+    across = positions @ side
+    width = float(np.ptp(across)) + 2 * sizes + rng.uniform(0.02, 0.08)
+    height = float(np.clip(np.ptp(errand.points[:, 2]) * rng.uniform(0.6, 1.2), 0.02, 0.15))
+    depth = 2 * sizes * rng.uniform(0.8, 2.5)
+    face = (meet + sizes) * way + (across.min() + across.max()) / 2 * side
+    face[2] = float(errand.lower[2]) + rng.uniform(0.002, 0.008)
+    late = float(times.max()) + rng.uniform(0.3, 1.5)
+    left = (errand.shift - distance.mean() * way) * np.array([1.0, 1.0, 0.0])
+    rest = left - max(float(left @ way), 0.0) * way  # the opening is ahead
+
+    def stroke(path: Path, rng: np.random.Generator) -> str:
+        path.enter(errand, Pose.xyz_rpy(face, (0.0, 0.0, heading)))
+        for _ in range(int(np.clip(np.ceil((late - 1.5) / 0.5), 1, 30))):
+            path.go(face, heading, touch=True)
+        path.hold()
+        if np.linalg.norm(rest) > 0.02:
+            path.stroke(face + rest, heading, 0.1)
+            path.go(face + rest, heading, touch=True)
+        ahead = meet - (positions @ way).mean()
+        return f"waits for {late:.1f} s with a cage, open to what comes, {ahead:.2f} m ahead of it"
+
+    made = cage(width, depth, height, float(rng.uniform(0.005, 0.01)), float(rng.uniform(0.0, 0.3)))
+    return Head("catcher", "guided", made.pieces, made.hold, depth, width, stroke=stroke)

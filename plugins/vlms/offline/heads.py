@@ -1,4 +1,4 @@
-"""Heads: the working ends of tools, as families of boxes.
+"""Heads: the working ends of tools, as families of boxes, sized by what they are to move.
 
 A head's frame: x along its stroke, y to its left, z up. The origin is at the foot of the face that touches the bodies.
 Pieces ahead of the face (x > 0) go around, under or beside the bodies.
@@ -13,9 +13,15 @@ from typing import Literal
 import numpy as np
 
 from core.geometry import Array, Pose
+from plugins.vlms.offline.boxes import axes_of
 from plugins.vlms.offline.plans import Path
+from plugins.vlms.offline.scene_analysis import UP, Errand
 
 Use = Literal["push", "surround", "scoop", "hook", "clamp", "pour", "pinch", "guided"]
+Size = tuple[float, float, float]
+
+_LEAST_M = 0.003  # clearance between a head and the bodies inside it
+SIDES = (("left", 1.0), ("right", -1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +30,7 @@ class Piece:
 
     name: str
     pose: Pose
-    size: tuple[float, float, float]
+    size: Size
     parent: int = 0
 
 
@@ -35,7 +41,7 @@ class Head:
     ``hold`` (3,) is the point where the shaft's axis meets the first piece. ``depth`` is the length ahead of the face,
     ``width`` the length across. ``level`` is the height above the bodies' foot. ``aside`` (3,), for a hook, is the
     offset at which it passes the bodies before it is behind them. ``turn``, for a pinch, is where its x points.
-    ``way``, of a guided head, adds its own waypoints to a path.
+    ``stroke``, of a guided head, adds its own waypoints to a path.
     """
 
     kind: str
@@ -47,11 +53,13 @@ class Head:
     level: float = 0.0
     aside: Array = field(default_factory=lambda: np.zeros(3))
     turn: float = 0.0
-    way: Callable[[Path, np.random.Generator], str] | None = None
+    stroke: Callable[[Path, np.random.Generator], str] | None = None
 
 
-def box(name: str, x: float, y: float, z: float, size: tuple[float, float, float], parent: int = 0) -> Piece:
-    return Piece(name, Pose(np.array([x, y, z])), size, parent)
+def box(name: str, x: float, y: float, z: float, size: Size, parent: int = 0, turn: Pose | None = None) -> Piece:
+    """A box around a point of the head's frame, or of a frame that is turned in it."""
+    pose = Pose(np.array([x, y, z]))
+    return Piece(name, pose if turn is None else turn @ pose, size, parent)
 
 
 def _wall(width: float, height: float, thick: float) -> Piece:
@@ -69,20 +77,19 @@ def blade(width: float, height: float, thick: float) -> Head:
 def cage(width: float, depth: float, height: float, thick: float, splay: float = 0.0) -> Head:
     """A blade between two side walls, which open outward by ``splay`` radians; ``width`` is inside."""
     pieces = [_wall(width + 2 * thick, height, thick)]
-    for name, side in (("left_wall", 1.0), ("right_wall", -1.0)):
+    length = depth + thick
+    for name, side in SIDES:
         turn = Pose.xyz_rpy((0.0, side * (width + thick) / 2, height / 2), (0.0, 0.0, side * splay))
-        length = depth + thick
-        pose = turn @ Pose(np.array([length / 2 - thick, 0.0, 0.0]))
-        pieces.append(Piece(name, pose, (length, thick, height)))
+        pieces.append(box(f"{name}_wall", length / 2 - thick, 0.0, 0.0, (length, thick, height), turn=turn))
     return _head("cage" if splay < 0.1 else "funnel", "push", pieces, height, depth, width + 2 * depth * np.sin(splay))
 
 
 def wedge(length: float, half_angle: float, height: float, thick: float) -> Head:
     """Two wings that meet in a V that is open in front."""
     pieces = [box("keel", -thick / 2, 0.0, height / 2, (thick, 2 * thick, height))]
-    for name, side in (("left_wing", 1.0), ("right_wing", -1.0)):
+    for name, side in SIDES:
         turn = Pose.xyz_rpy((0.0, 0.0, height / 2), (0.0, 0.0, side * half_angle))
-        pieces.append(Piece(name, turn @ Pose(np.array([length / 2 - thick / 2, 0.0, 0.0])), (length, thick, height)))
+        pieces.append(box(f"{name}_wing", length / 2 - thick / 2, 0.0, 0.0, (length, thick, height), turn=turn))
     depth, width = length * np.cos(half_angle), 2 * length * np.sin(half_angle)
     return _head("wedge", "push", pieces, height, depth, width)
 
@@ -113,9 +120,9 @@ def scoop(width: float, depth: float, height: float, rail: float, thick: float) 
         box("tray", (depth - wall) / 2, 0.0, thick / 2, (depth + wall, width, thick)),
     ]
     if rail > thick:
-        for name, side in (("left_rail", 1.0), ("right_rail", -1.0)):
+        for name, side in SIDES:
             y = side * (width - wall) / 2
-            pieces.append(box(name, depth * 0.45, y, rail / 2, (depth * 0.9, wall, rail), parent=1))
+            pieces.append(box(f"{name}_rail", depth * 0.45, y, rail / 2, (depth * 0.9, wall, rail), parent=1))
     return _head("scoop", "scoop", pieces, height, depth, width)
 
 
@@ -145,3 +152,104 @@ def hook(length: float, toe: float, breadth: float, thick: float, gap: float, ou
     pieces = (Piece("probe", Pose(arm_at), arm_size), Piece("toe", Pose(toe_at), toe_size))
     hold = arm_at + np.array([length / 2 - thick, 0.0, thick / 2 - 0.002])
     return Head("hook", "hook", pieces, hold, length, toe, aside=outward * (toe + 0.004))
+
+
+def sample_head(errand: Errand, rng: np.random.Generator, stout: float = 1.0) -> Head:
+    """A head of a suitable family at random, sized by the bodies; walls are ``stout`` times as thick as usual."""
+    rises, falls = errand.shift[2] > 0.03, errand.shift[2] < -0.1
+    # A body that falls is pushed horizontally and goes down by itself.
+    barred = errand.length > 0.03 and errand.blocked(errand.shift * np.array([1.0, 1.0, float(not falls)]))
+    if rises or (barred and rng.random() < 0.8) or (falls and rng.random() < 0.3):
+        return _lifter(errand, rng, stout)
+    if rng.random() < (0.8 if errand.covered else 0.08):
+        return _hook(errand, rng, stout)
+    return _pusher(errand, rng, stout)
+
+
+def _pusher(errand: Errand, rng: np.random.Generator, stout: float) -> Head:
+    """A head that moves bodies horizontally, by its face or by enclosing them."""
+    extent, widest = errand.extent(errand.heading), _widest(errand)
+    along, across = extent.along, extent.across
+    thick = stout * rng.uniform(0.004, 0.012)
+    height = float(np.clip(errand.tall * rng.uniform(0.5, 1.3), 0.02, 0.15))
+    kinds = {"blade": 2.0, "peg": 0.7}
+    spare = rng.uniform(0.004, 0.04)
+    if widest > across + 0.02:
+        kinds |= {"cage": 3.0, "pen": 1.2, "funnel": 1.0, "wedge": 1.0, "rake": 0.7}
+        spare = max(_LEAST_M, min(spare, (widest - across) / 2 - thick))
+    names, weights = list(kinds), np.array(list(kinds.values()))
+    match names[int(rng.choice(len(names), p=weights / weights.sum()))]:
+        case "blade":
+            return blade(min(widest, across * rng.uniform(0.7, 2.0)), height, thick)
+        case "peg":
+            side = min(widest, rng.uniform(0.012, 0.035))
+            return blade(side, height, min(side, 0.02))
+        case "cage":
+            return cage(across + 2 * spare, along * rng.uniform(0.4, 1.1), height, thick)
+        case "pen":
+            return pen(across + 2 * spare, along + 2 * spare, height, thick)
+        case "funnel":
+            depth, splay = along * rng.uniform(0.4, 1.0), rng.uniform(0.1, 0.6)
+            return cage(across + 2 * spare, depth, height, thick, splay)
+        case "wedge":
+            half = rng.uniform(0.6, 1.2)
+            return wedge(across * rng.uniform(0.6, 1.2) / np.sin(half), half, height, thick)
+        case _:
+            smallest = min(float(np.ptp(thing.points[:, :2], axis=0).min()) for thing in errand.things)
+            return rake(min(widest, across * rng.uniform(1.0, 1.6)), height, thick, 0.6 * smallest)
+
+
+def _lifter(errand: Errand, rng: np.random.Generator, stout: float) -> Head:
+    """A head that goes under the bodies, or under their overhang if they have one."""
+    extent = errand.extent(errand.heading)
+    along, across = extent.along, extent.across
+    height = float(np.clip(errand.tall * rng.uniform(0.7, 1.3), 0.02, 0.2))
+    depth = along * rng.uniform(0.75, 1.15)
+    overhang = _overhang(errand)
+    if overhang is not None and rng.random() < 0.8:
+        under, base = overhang
+        tine = max(0.004, (across / 2 - base) * rng.uniform(0.5, 1.2))
+        thin = float(np.clip(under * rng.uniform(0.3, 0.7), 0.002, stout * 0.01))
+        level = max(0.0, under - thin - rng.uniform(0.003, 0.02))
+        return fork(2 * base + rng.uniform(0.004, 0.016), depth, height, tine, thin, level=level)
+    if rng.random() < 0.2:
+        tine = across * rng.uniform(0.08, 0.2)
+        return fork(across * rng.uniform(0.4, 0.7), depth, height, tine, stout * 0.002, int(rng.integers(2, 5)))
+    rail = 0.0 if rng.random() < 0.3 else errand.tall * rng.uniform(0.1, 0.6)
+    width = min(across + rng.uniform(0.005, 0.04), max(_widest(errand), 0.6 * across))
+    return scoop(width, depth, height, rail, stout * rng.uniform(0.001, 0.003))
+
+
+def _widest(errand: Errand) -> float:
+    """How wide a head may be that moves behind the bodies."""
+    return errand.extent(errand.heading).across + 2 * min(errand.rooms(errand.heading)) - 0.002
+
+
+def _overhang(errand: Errand) -> tuple[float, float] | None:
+    """Height of an overhang above the bodies' foot, and half the width below it; None: there is no overhang."""
+    boxes, foot = errand.boxes, errand.lower[2]
+    right, left = boxes.extents(axes_of(errand.heading)[1], errand.center)
+    across = np.maximum(left, -right)
+    low = boxes.lower[:, 2] < foot + 0.004
+    over = ~low & (across > across[low].max() + 0.006)
+    if not over.any():
+        return None
+    under = float(boxes.lower[over, 2].min() - foot)
+    below = ~over & (boxes.lower[:, 2] < foot + under)
+    return under, float(across[below].max())
+
+
+def _hook(errand: Errand, rng: np.random.Generator, stout: float) -> Head:
+    """A head that passes beside or over the bodies, and pulls them from behind."""
+    extent, (right, left) = errand.extent(errand.heading), errand.rooms(errand.heading)
+    sides = [(right, np.array([0.0, -1.0, 0.0])), (left, np.array([0.0, 1.0, 0.0])), (errand.headroom, UP)]
+    weights = np.array([min(room, 0.1) + 1e-3 for room, _ in sides])
+    room, outward = sides[int(rng.choice(3, p=weights / weights.sum()))]
+    over = outward[2] > 0.5
+    thick = float(np.clip(room * stout * rng.uniform(0.1, 0.25), 0.003, stout * 0.014))
+    gap = min(0.004, 0.1 * room)
+    longest = errand.tall if over else extent.across
+    toe = float(np.clip((room - thick - gap) * rng.uniform(0.5, 0.9), 0.004, longest * rng.uniform(0.5, 1.0)))
+    breadth = (extent.across if over else errand.tall) * rng.uniform(0.4, 0.9)
+    length = extent.along + (errand.length * rng.uniform(0.9, 1.4) if errand.covered else rng.uniform(0.02, 0.1))
+    return hook(length, toe, breadth, thick, gap, outward)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from core.geometry import Array, Pose
-from plugins.vlms.offline.boxes import Boxes
+from plugins.vlms.offline.boxes import Boxes, axes_of
 from plugins.vlms.offline.scene_analysis import UP, Errand
 
 _GRID_M, _MOST_RAYS = 0.003, 50  # between rays, and how many lie side by side
@@ -34,9 +34,10 @@ def _kept(find: Callable[Concatenate[Errand, P], R]) -> Callable[Concatenate[Err
     @wraps(find)
     def look(errand: Errand, /, *args: P.args, **kwargs: P.kwargs) -> R:
         key = (find.__name__, *map(id, errand.things), repr((args, kwargs)))
-        if key not in errand.found:
-            errand.found[key] = find(errand, *args, **kwargs)
-        return cast(R, errand.found[key])
+        cache = errand.analysis.cache
+        if key not in cache:
+            cache[key] = find(errand, *args, **kwargs)
+        return cast(R, cache[key])
 
     return look
 
@@ -73,8 +74,9 @@ class _Rays:
         counts = np.minimum(np.ceil((upper - lower)[1:] / _GRID_M).astype(int), _MOST_RAYS)
         self.axes = [np.linspace(lower[i + 1], upper[i + 1], counts[i]) for i in range(2)]
         self.steps = [float(axis[1] - axis[0]) for axis in self.axes]
-        self.near, self.far = self._crossings(errand.boxes)
-        self.other_near, self.other_far = self._crossings(errand.others)
+        self.near, far = self._crossings(errand.boxes)
+        self.other_near, other_far = self._crossings(errand.others)
+        self.all = np.concatenate([self.near, self.other_near], axis=-1), np.concatenate([far, other_far], axis=-1)
 
     def _crossings(self, boxes: Boxes) -> tuple[Array, Array]:
         """Compute where each ray enters and leaves each box, (U, V, N); inf and -inf: it misses the box."""
@@ -89,15 +91,10 @@ class _Rays:
         missed = near >= far
         return np.where(missed, np.inf, near), np.where(missed, -np.inf, far)
 
-    @property
-    def all(self) -> tuple[Array, Array]:
-        return np.concatenate([self.near, self.other_near], axis=-1), np.concatenate(
-            [self.far, self.other_far], axis=-1
-        )
-
     def window(self, half: float) -> tuple[int, int]:
         """Return how many rays are within ``half`` of one, along both axes."""
-        return (2 * int(np.ceil(half / self.steps[0])) + 1, 2 * int(np.ceil(half / self.steps[1])) + 1)
+        across, up = (2 * int(np.ceil(half / step)) + 1 for step in self.steps)
+        return across, up
 
     def point(self, u: int, v: int, depth: float) -> Array:
         return self.turn.apply([depth, self.axes[0][u], self.axes[1][v]])
@@ -190,10 +187,6 @@ class Under:
     depth: float
 
     @property
-    def ahead(self) -> Array:
-        return np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
-
-    @property
     def worth(self) -> float:
         return min(self.depth, 0.06) + min(self.apart, 0.05) + self.room + float(self.rear[2])
 
@@ -203,7 +196,7 @@ def under(errand: Errand, heading: float, tine: float) -> Under | None:
     """Find where tines ``tine`` wide get under the bodies along a heading: high, wide apart, and far ahead."""
     rays = _Rays(errand, UP)
     near, far = rays.all
-    ahead, side = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
+    ahead, side = (axis[:2] for axis in axes_of(heading))
     u, v = np.meshgrid(*rays.axes, indexing="ij")
     places = rays.turn.apply(np.stack([np.zeros_like(u), u, v], axis=-1))[..., :2] - errand.center[:2]
     along, across = places @ ahead, np.abs(places @ side)

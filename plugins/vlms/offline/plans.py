@@ -1,25 +1,27 @@
-"""Turn a head's path into end-effector waypoints, and check reach and collisions."""
+"""Turn a head's path into end-effector waypoints, choose what these stand by, and check reach and collisions."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from core.design import Tool
 from core.geometry import Array, Pose
-from core.interfaces import Anchor
+from core.interfaces import Anchor, Seen
 from core.robot.kinematics import Arm
 from core.robot.trajectory import plan_motion
 from core.solids.self_collision import find_self_collision
 from plugins.vlms.offline.boxes import Boxes, overlaps
+from plugins.vlms.offline.scene_analysis import UP, Errand, SceneAnalysis
 
 _SEGMENT_S = 0.5  # minimum duration of a segment
 _MOST_SEGMENTS = 10  # of a stroke
 _STEP_M = 0.04  # between collision checks
 _CONTACT_M = 0.001  # a smaller overlap is only a contact
+_APART_M = 0.03  # two bodies that are nearer give no direction
 
 
 @dataclass
@@ -38,22 +40,19 @@ class Path:
     held: int | None = None
     anchors: list[Anchor] = field(default_factory=list)
 
-    def go(
-        self,
-        position: Array,
-        heading: float,
-        *,
-        pitch: float = 0.0,
-        roll: float = 0.0,
-        grip: float = 0.0,
-        touch: bool = False,
-    ) -> None:
-        self.add(Pose.xyz_rpy(position, (roll, pitch, heading)), grip=grip, touch=touch)
+    def go(self, position: Array, heading: float, *, grip: float = 0.0, touch: bool = False) -> None:
+        self.add(Pose.xyz_rpy(position, (0.0, 0.0, heading)), grip=grip, touch=touch)
 
     def add(self, pose: Pose, *, grip: float = 0.0, touch: bool = False) -> None:
         self.poses.append(pose)
         self.grips.append(grip)
         self.touching.append(touch)
+
+    def enter(self, errand: Errand, pose: Pose) -> None:
+        """Come down from above everything near."""
+        rise = max(0.03, errand.clear_z - float(pose.position[2]) + 0.03)
+        self.add(Pose(pose.position + rise * UP, pose.quaternion))
+        self.add(pose)
 
     def stroke(self, end: Array, heading: float, speed: float, *, grip: float = 0.0) -> None:
         """Add segments to ``end``, as many as give the head a speed of about ``speed`` metres per second."""
@@ -115,3 +114,56 @@ def collisions(plan: Array, touching: Sequence[bool], tool: Boxes, home: Pose, m
         if not touch:
             count += overlaps(carried, moved, margin=-_CONTACT_M)
     return count
+
+
+def anchors_of(path: Path, errands: Sequence[Errand], rng: np.random.Generator) -> list[Anchor]:
+    """Choose an anchor for each waypoint of a path through the errands.
+
+    Until the bodies are moved it is by them, or by what contains them; then it goes over to where the goal wants them.
+    """
+    positions, anchors = np.array([pose.position for pose in path.poses]), []
+    first = 0
+    for errand, (last, contact) in zip(errands, path.ends, strict=False):
+        base, goal = _base(errand, rng), errand.reference
+        shares = np.zeros(last - first)
+        if goal is not None and goal != base.name and errand.length > _APART_M:
+            along = (positions[first:last] - positions[contact]) @ (errand.shift * [1.0, 1.0, 0.0]) / errand.length
+            shares = np.clip(along / max(float(along.max()), errand.length), 0.0, 1.0).round(3)
+            shares[: contact - first] = 0.0
+        for share in shares.tolist():
+            toward = goal if goal is not None and (share or base.toward) else base.toward
+            anchors.append(replace(base, toward=toward, share=share))
+        first = last
+    return anchors
+
+
+def turn_of(analysis: SceneAnalysis, seen: Seen) -> Pose | None:
+    """Compute a turn about the robot after which the axes of what the bodies are taken by are the world's.
+
+    None: they are not taken along its axes, or there is nothing to turn.
+    """
+    goal = analysis.goals[0]
+    things = [analysis.things[name] for name in goal.bodies]
+    name = analysis.container(things[:1] if goal.any else things)
+    if name is None and len(things) == 1 and analysis.references[0] in (None, goal.bodies[0]):
+        (name,) = goal.bodies
+    yaw = 0.0 if name is None else -float(seen.poses[name].rpy[2])
+    base = Pose(analysis.space.base)
+    return base @ Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw)) @ base.inverse() if yaw else None
+
+
+def _base(errand: Errand, rng: np.random.Generator) -> Anchor:
+    """Choose the frame in which the bodies are taken."""
+    container = errand.analysis.container(errand.things)
+    if container is not None:
+        return Anchor(container, axes="anchor")
+    if len(errand.things) > 1:  # they are scattered otherwise in each layout
+        return Anchor(toward=errand.reference or "")
+    (thing,) = errand.things
+    name, reference = thing.body.name, errand.analysis.things.get(errand.reference or "")
+    away = errand.reference is not None and errand.reference != name and errand.length > _APART_M
+    if reference is not None:  # it may be below
+        away = away and float(np.hypot(*(reference.position - thing.position)[:2])) > _APART_M
+    if away and (errand.alone or rng.random() < 0.8):
+        return Anchor(name, toward=errand.reference or "")
+    return Anchor(name, axes="anchor")

@@ -12,7 +12,6 @@ from plugins.vlms.offline.heads import Head, Piece, box
 from plugins.vlms.offline.openings import Contact, frame_of, pulled, pushed
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.scene_analysis import UP, Errand
-from plugins.vlms.offline.tines import enter
 
 _STEP_M, _STEP_RAD = 0.045, 0.15  # between waypoints
 
@@ -51,7 +50,7 @@ def _joint_way(errand: Errand, rng: np.random.Generator) -> tuple[Array, Array |
     The pole (2, 3) is a point of the axis, and its direction. The motion goes a little beyond the goal.
     """
     assert errand.goal is not None
-    placed, body = errand.scene.placed_joints[errand.goal.joint or ""], errand.things[0].body
+    placed, body = errand.analysis.scene.placed_joints[errand.goal.joint or ""], errand.things[0].body
     joint, to = placed.joint, float(errand.goal.to or 0.0)
     if joint.kind == "ball" or to == joint.start:
         return None
@@ -61,7 +60,7 @@ def _joint_way(errand: Errand, rng: np.random.Generator) -> tuple[Array, Array |
         turned = np.cross(way, errand.points - pole[0])
         way = turned[int(np.linalg.norm(turned, axis=1).argmax())]
     to = float(np.clip(to + (to - joint.start) * rng.uniform(0.0, 0.4), joint.lower, joint.upper))
-    parent = Placement.at_rest(errand.scene[joint.parent].pose if joint.parent else Pose())
+    parent = Placement.at_rest(errand.analysis.scene[joint.parent].pose if joint.parent else Pose())
     count = max(2, int(np.ceil(abs(to - joint.start) / (_STEP_RAD if joint.kind == "hinge" else _STEP_M))))
     places = (placed.carry(np.asarray(v), np.zeros(()), parent) for v in np.linspace(joint.start, to, count + 1)[1:])
     motion = [Pose(there.position, there.quaternion) @ body.pose.inverse() for there in places]
@@ -83,16 +82,16 @@ def mover(errand: Errand, rng: np.random.Generator) -> Head | None:
         return _hooked(errand, contact, way, motion, rng)
     length, turn = contact.length + rng.uniform(0.04, 0.07), frame_of(way)
 
-    def along(path: Path, rng: np.random.Generator) -> str:
+    def stroke(path: Path, rng: np.random.Generator) -> str:
         tip = Pose(contact.point - way * rng.uniform(0.001, 0.004), turn.quaternion)
-        enter(path, errand, Pose(contact.point - way * (contact.length + 0.03), turn.quaternion))
+        path.enter(errand, Pose(contact.point - way * (contact.length + 0.03), turn.quaternion))
         path.add(tip)
         end = _follow(path, tip, motion)
         path.add(_at(end.position - way * 0.03, end), touch=True)
         return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
 
     hold, thick = np.array([0.006 - length, 0.0, 0.0]), 2 * contact.half
-    return Head("rod", "guided", tuple(_rod(contact, length, None)), hold, 0.0, thick, way=along)
+    return Head("rod", "guided", tuple(_rod(contact, length, None)), hold, 0.0, thick, stroke=stroke)
 
 
 def _hooked(
@@ -104,11 +103,11 @@ def _hooked(
     extent = float(np.ptp(errand.points @ way))
     length = max(contact.length, extent) + rng.uniform(0.02, 0.05) + 0.02
 
-    def along(path: Path, rng: np.random.Generator) -> str:
+    def stroke(path: Path, rng: np.random.Generator) -> str:
         behind = contact.point
         beside = behind - contact.aside * (1 + 0.003 / np.linalg.norm(contact.aside))
         out = way * (max(contact.length, extent) + 0.03)
-        enter(path, errand, _at(beside + out, turn))
+        path.enter(errand, _at(beside + out, turn))
         path.add(_at(beside, turn))
         path.add(_at(behind, turn))
         end = _follow(path, _at(behind, turn), motion)
@@ -120,7 +119,7 @@ def _hooked(
 
     at = -toe / np.linalg.norm(toe) * contact.off
     hold = np.array([length - 0.012, at[1], at[2] + contact.half - 0.002])
-    return Head("hook", "guided", tuple(_rod(contact, length, toe)), hold, 0.0, 2 * contact.half, way=along)
+    return Head("hook", "guided", tuple(_rod(contact, length, toe)), hold, 0.0, 2 * contact.half, stroke=stroke)
 
 
 def _nudge(

@@ -13,12 +13,13 @@ from scipy.spatial import ConvexHull
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
 from core.scene import Body, Goal, Scene
-from plugins.vlms.offline.boxes import Boxes, overlaps
+from plugins.vlms.offline.boxes import Boxes, axes_of, overlaps
 from plugins.vlms.offline.workspace import Workspace, workspace_of
 
 UP = np.array([0.0, 0.0, 1.0])
 LIFT_M = 0.15  # what is to be held is lifted by this
 _DEEP_M = 0.05
+_NEAR_M = 0.15
 _SUPPORT_M = 0.006  # bodies are lifted by this for collision checks, since their support does not block them
 
 
@@ -37,10 +38,6 @@ class Thing:
     @property
     def position(self) -> Array:
         return self.body.pose.position
-
-    @property
-    def fixed(self) -> bool:
-        return self.body.fixed
 
     @classmethod
     def of(cls, body: Body) -> Thing:
@@ -76,21 +73,64 @@ def _boxes_around(shape: Shape) -> list[tuple[Pose, Array]]:
 
 
 @dataclass(frozen=True, eq=False)
+class Extent:
+    """Unit vectors ahead and to the left of a heading, and where an errand's bodies begin and end along both."""
+
+    heading: float
+    ahead: Array
+    side: Array
+    rear: float
+    front: float
+    right: float
+    left: float
+
+    @property
+    def along(self) -> float:
+        return self.front - self.rear
+
+    @property
+    def across(self) -> float:
+        return self.left - self.right
+
+    @property
+    def middle(self) -> Array:
+        """The middle of the bodies across the heading."""
+        return (self.left + self.right) / 2 * self.side
+
+
+@dataclass(frozen=True, eq=False)
 class Errand:
     """Bodies that are moved together, and the ``shift`` (3,) that brings them to their goal."""
 
     things: tuple[Thing, ...]
     shift: Array
-    others: Boxes  # of all other bodies
-    clear_z: float  # height above everything near the way
-    space: Workspace
-    holder: Thing | None = None  # a loose body that contains them
-    at: str | None = None  # the body or mark by which the goal's place is given
+    analysis: SceneAnalysis
     goal: Goal | None = None
-    scene: Scene = field(default_factory=lambda: Scene(()))
-    found: dict[Hashable, object] = field(default_factory=dict)  # what was found out about its bodies
+    reference: str | None = None  # the body or mark by which the goal's place is given
     alone: bool = False  # one of several errands, with a body each
-    square: bool = False  # the world's axes are those of what the bodies are taken by
+
+    @property
+    def space(self) -> Workspace:
+        return self.analysis.space
+
+    @cached_property
+    def others(self) -> Boxes:
+        """The boxes of all other bodies."""
+        return Boxes.join(thing.boxes for thing in self.analysis.things.values() if thing not in self.things)
+
+    @cached_property
+    def clear_z(self) -> float:
+        """The height above everything near the bodies' way."""
+        boxes, ends = self.analysis.boxes, (self.points, self.points + self.shift)
+        low = np.minimum(*ends).min(axis=0)[:2] - _NEAR_M
+        high = np.maximum(*ends).max(axis=0)[:2] + _NEAR_M
+        near = ((boxes.lower[:, :2] < high) & (boxes.upper[:, :2] > low)).all(axis=1)
+        return float(boxes.upper[near, 2].max())
+
+    @cached_property
+    def holder(self) -> Thing | None:
+        """A loose body that encloses the positions of all bodies."""
+        return next((thing for thing in self.analysis.around(self.things) if not thing.body.fixed), None)
 
     @cached_property
     def points(self) -> Array:
@@ -109,6 +149,10 @@ class Errand:
         return np.asarray(self.points.max(axis=0))
 
     @property
+    def tall(self) -> float:
+        return float(self.upper[2] - self.lower[2])
+
+    @property
     def center(self) -> Array:
         return (self.lower + self.upper) / 2
 
@@ -119,32 +163,32 @@ class Errand:
 
     @property
     def heading(self) -> float:
-        """The horizontal direction of the shift; if there is none, toward the robot, along an axis if ``square``."""
+        """The level direction of the shift; if there is none, toward the robot: in a turned scene, along an axis."""
         x, y = self.shift[:2] if self.length > 0.01 else -self.space.from_axis(self.center)
         angle = float(np.arctan2(y, x))
-        return round(angle / (np.pi / 2)) * np.pi / 2 if self.square and self.length <= 0.01 else angle
+        return round(angle / (np.pi / 2)) * np.pi / 2 if self.analysis.turned and self.length <= 0.01 else angle
 
     def span(self, heading: float) -> tuple[float, float]:
         """The least and greatest coordinate of the bodies along a heading."""
-        along = self.points[:, :2] @ np.array([np.cos(heading), np.sin(heading)])
+        along = self.points[:, :2] @ axes_of(heading)[0][:2]
         return float(along.min()), float(along.max())
+
+    def extent(self, heading: float) -> Extent:
+        return Extent(heading, *axes_of(heading), *self.span(heading), *self.span(heading + np.pi / 2))
 
     def rooms(self, heading: float) -> tuple[float, float]:
         """The clearance, on the right and left of the bodies, of a tool that moves behind them."""
-        rear, _ = self.span(heading)
-        right, left = self.span(heading + np.pi / 2)
-        ahead = np.array([np.cos(heading), np.sin(heading)])
-        side = np.array([-ahead[1], ahead[0]])
-        rooms = [1.0, 1.0]
+        way, rooms = self.extent(heading), [1.0, 1.0]
         for lower, upper in zip(self.others.lower, self.others.upper, strict=True):
             if upper[2] < self.lower[2] + _SUPPORT_M or lower[2] > self.upper[2]:
                 continue
             corners = np.array([[x, y] for x in (lower[0], upper[0]) for y in (lower[1], upper[1])])
-            along, across = corners @ ahead, corners @ side
-            if along.max() < rear - 0.05 or along.min() > rear + self.length:
+            along, across = corners @ way.ahead[:2], corners @ way.side[:2]
+            if along.max() < way.rear - 0.05 or along.min() > way.rear + self.length:
                 continue
-            on_left = bool(across.mean() > (left + right) / 2)
-            rooms[on_left] = min(rooms[on_left], max(0.0, across.min() - left if on_left else right - across.max()))
+            on_left = bool(across.mean() > (way.left + way.right) / 2)
+            room = across.min() - way.left if on_left else way.right - across.max()
+            rooms[on_left] = min(rooms[on_left], max(0.0, room))
         return rooms[0], rooms[1]
 
     @cached_property
@@ -186,26 +230,26 @@ class Errand:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """Bodies with collision shapes, their names, the goals, the end-effector's home, and the arm's workspace.
+class SceneAnalysis:
+    """Bodies with collision shapes by name, the goals, the end-effector's home, and the arm's workspace.
 
-    Goals are in the world; ``at`` names what each one's place was given by. ``groups`` are the numbers of those that
-    must be reached together.
+    Goals are in the world; ``references`` names what each one's place was given by. ``groups`` are the numbers of those
+    that must be reached together. ``turned``: the world's axes are those of what the bodies are taken by. ``cache``
+    keeps what was found out about bodies.
     """
 
-    things: tuple[Thing, ...]
-    names: tuple[str, ...]
+    things: dict[str, Thing]
     goals: tuple[Goal, ...]
     home: Pose
     space: Workspace
-    at: tuple[str | None, ...]
+    references: tuple[str | None, ...]
     groups: tuple[list[int], ...]
     scene: Scene
-    square: bool = False
-    found: dict[Hashable, object] = field(default_factory=dict)
+    turned: bool = False
+    cache: dict[Hashable, object] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, brief: Brief, turn: Pose | None = None) -> Sight:
+    def of(cls, brief: Brief, turn: Pose | None = None) -> SceneAnalysis:
         """Read a brief. For a task without goals, the goal is to move its first free body.
 
         With a ``turn`` everything but the robot is moved by it.
@@ -213,30 +257,38 @@ class Sight:
         Raises:
             NothingToMove: there are no goals and all bodies are fixed.
         """
-        scene, home = brief.task.scene(brief.scene_seed), brief.task.home
+        task, scene = brief.task, brief.task.scene(brief.scene_seed)
+        home = task.home if turn is None else turn @ task.home
         if turn is not None:
-            moved = tuple(_turned(body, turn) for body in scene.bodies)
-            scene, home = replace(scene, bodies=moved), turn @ home
-        parts = [(n, of.at, g) for n, of in enumerate(brief.task.goals) for g in of.within(scene).spread() if g.bodies]
+            scene = replace(scene, bodies=tuple(_turned(body, turn) for body in scene.bodies))
+        parts = [
+            (number, whole.at, part)
+            for number, whole in enumerate(task.goals)
+            for part in whole.within(scene).spread()
+            if part.bodies
+        ]
         goals = tuple(goal for *_, goal in parts)
         if not goals:
             if not scene.free:
                 raise NothingToMove("the task has no goals and no body that can move; give it a Goal")
             goals = tuple(Goal((body.name,), away=0.2) for body in scene.free[:1])
-        bodies = [body for body in scene.bodies if body.collisions]
-        names = tuple(body.name for body in bodies)
-        things, space = tuple(Thing.of(body) for body in bodies), workspace_of(brief.task.robot)
-        at = tuple(at for _, at, _ in parts) or (None,)
         groups = dict[int, list[int]]()
-        for number, (of, *_) in enumerate(parts):
-            groups.setdefault(0 if brief.task.every else of, []).append(number)
+        for number, (whole, *_) in enumerate(parts):
+            groups.setdefault(0 if task.every else whole, []).append(number)
         return cls(
-            things, names, goals, home, space, at, tuple(groups.values()) or ([0],), scene, square=turn is not None
+            things={body.name: Thing.of(body) for body in scene.bodies if body.collisions},
+            goals=goals,
+            home=home,
+            space=workspace_of(task.robot),
+            references=tuple(reference for _, reference, _ in parts) or (None,),
+            groups=tuple(groups.values()) or ([0],),
+            scene=scene,
+            turned=turn is not None,
         )
 
     @cached_property
     def boxes(self) -> Boxes:
-        return Boxes.join(thing.boxes for thing in self.things)
+        return Boxes.join(thing.boxes for thing in self.things.values())
 
     def errands(self, rng: np.random.Generator, alone: bool = False) -> list[Errand]:
         """Draw errands for a group of goals at random, in order.
@@ -249,75 +301,49 @@ class Sight:
 
     def _errands(self, number: int, rng: np.random.Generator, alone: bool) -> list[Errand]:
         goal = self.goals[number]
-        things = [self.things[self.names.index(name)] for name in goal.bodies]
+        things = [self.things[name] for name in goal.bodies]
         if goal.any and len(things) > 1:
             things = [self._easiest(things, rng)]
         alone = alone and len(things) > 1 and self.container(things) is None
-        if self.square:  # what one container holds is moved at once
+        if self.turned:  # what one container holds is moved at once
             lanes = [things]
         else:
             lanes = [[things[i]] for i in rng.permutation(len(things))] if alone else _lanes(things, goal, rng)
-        shifts = [self._shift(self._errand(lane, np.zeros(3)), goal, rng) for lane in lanes]
-        pairs = zip(lanes, shifts, strict=True)
+        shifts = [_shift(Errand(tuple(lane), np.zeros(3), self), goal, rng) for lane in lanes]
         return [
-            replace(
-                self._errand(lane, shift),
-                at=self.at[number],
-                goal=goal,
-                scene=self.scene,
-                found=self.found,
-                alone=alone,
-                square=self.square,
-            )
-            for lane, shift in pairs
+            Errand(tuple(lane), shift, self, goal, self.references[number], alone)
+            for lane, shift in zip(lanes, shifts, strict=True)
         ]
 
     def _easiest(self, things: list[Thing], rng: np.random.Generator) -> Thing:
         """A thing with nothing on top, at random from the highest ones."""
-        free = [thing for thing in things if self._errand([thing], np.zeros(3)).headroom > 0.03] or things
+        free = [thing for thing in things if Errand((thing,), np.zeros(3), self).headroom > 0.03] or things
         tops = np.array([thing.points[:, 2].max() for thing in free])
         return free[int(rng.choice(np.flatnonzero(tops > tops.max() - 0.005)))]
 
-    def _errand(self, things: list[Thing], shift: Array) -> Errand:
-        others = Boxes.join(thing.boxes for thing in self.things if thing not in things)
-        points = np.concatenate([thing.points for thing in things])
-        reach = np.array([0.15, 0.15])
-        low = np.minimum(points, points + shift).min(axis=0)[:2] - reach
-        high = np.maximum(points, points + shift).max(axis=0)[:2] + reach
-        boxes = self.boxes
-        near = ((boxes.lower[:, :2] < high) & (boxes.upper[:, :2] > low)).all(axis=1)
-        clear_z = float(boxes.upper[near, 2].max())
-        return Errand(tuple(things), shift, others, clear_z, self.space, self._holder(things))
-
-    def _holder(self, things: Sequence[Thing]) -> Thing | None:
-        """A loose body that encloses the positions of all things."""
-        return next((other for other in self._around(things) if not other.fixed), None)
-
-    def _around(self, things: Sequence[Thing]) -> Iterator[Thing]:
+    def around(self, things: Sequence[Thing]) -> Iterator[Thing]:
         """Yield the bodies that enclose the positions of all things."""
         inside = np.array([thing.position for thing in things])
-        for other in self.things:
+        for other in self.things.values():
             lower, upper = other.points.min(axis=0), other.points.max(axis=0)
-            around = (inside > lower).all() and (inside < upper).all()
-            if around and all(other is not thing for thing in things):
+            if (inside > lower).all() and (inside < upper).all() and all(other is not thing for thing in things):
                 yield other
-
-    def name(self, thing: Thing) -> str:
-        return next(name for name, one in zip(self.names, self.things, strict=True) if one is thing)
 
     def container(self, things: Sequence[Thing]) -> str | None:
         """The name of the smallest body, fixed or loose, that encloses the positions of all things."""
-        around = sorted(self._around(things), key=lambda thing: float(np.prod(np.ptp(thing.points, axis=0))))
-        return self.name(around[0]) if around else None
+        around = sorted(self.around(things), key=lambda thing: float(np.prod(np.ptp(thing.points, axis=0))))
+        return around[0].body.name if around else None
 
-    def _shift(self, errand: Errand, goal: Goal, rng: np.random.Generator) -> Array:
-        if goal.place is None and goal.held:
-            return LIFT_M * UP
-        if goal.place is None:
-            return _escape(errand, float(goal.away or 0.1), rng)
-        middle: Array = np.mean([thing.position for thing in errand.things], axis=0)
-        place = [here if wanted is None else wanted for here, wanted in zip(middle, goal.place, strict=True)]
-        return np.array(place) - middle
+
+def _shift(errand: Errand, goal: Goal, rng: np.random.Generator) -> Array:
+    if goal.place is None and goal.held:
+        return LIFT_M * UP
+    if goal.place is None:
+        return _escape(errand, float(goal.away or 0.1), rng)
+    middle: Array = np.mean([thing.position for thing in errand.things], axis=0)
+    return (
+        np.array([here if wanted is None else wanted for here, wanted in zip(middle, goal.place, strict=True)]) - middle
+    )
 
 
 def _turned(body: Body, turn: Pose) -> Body:

@@ -1,46 +1,20 @@
-"""Ways of using a head: each adds the waypoints for one errand to a path, and returns a short description."""
+"""Strokes, ways of using a head: each adds the waypoints for one errand to a path, and returns a short description."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from core.geometry import Array
-from plugins.vlms.offline.heads import Head
-from plugins.vlms.offline.pinch import pinch
+from core.geometry import Array, Pose
+from plugins.vlms.offline.grips import pinch, pour
+from plugins.vlms.offline.heads import Head, Use
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.pour import pour
 from plugins.vlms.offline.scene_analysis import UP, Errand
 
-Way = Callable[[Path, Errand, Head, np.random.Generator], str]
+Stroke = Callable[[Path, Errand, Head, np.random.Generator], str]
 
 _FALL_M = 0.1  # bodies that go down by more are pushed over an edge
-
-
-@dataclass(frozen=True, eq=False)
-class _Along:
-    """Unit vectors ahead and to the left of a heading, and the extents of an errand's bodies along both."""
-
-    heading: float
-    ahead: Array
-    side: Array
-    rear: float
-    front: float
-    right: float
-    left: float
-
-    @classmethod
-    def of(cls, errand: Errand, heading: float) -> _Along:
-        ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
-        side = np.array([-ahead[1], ahead[0], 0.0])
-        return cls(heading, ahead, side, *errand.span(heading), *errand.span(heading + np.pi / 2))
-
-    @property
-    def middle(self) -> Array:
-        """The middle of the bodies across the heading."""
-        return (self.left + self.right) / 2 * self.side
 
 
 def _over(errand: Errand, low: float, rng: np.random.Generator) -> Array:
@@ -57,13 +31,13 @@ def push(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
     """Come down behind or around the bodies, and move them horizontally; fast if they are to be thrown or to fall."""
     falls = errand.shift[2] < -_FALL_M
     thrown = bool(np.hypot(*errand.space.from_axis(errand.center + errand.shift)) > errand.space.farthest)
-    way = _Along.of(errand, errand.heading + rng.normal(0.0, 0.06) * (rng.random() < 0.4))
-    spare = max(0.001, (head.depth - (way.front - way.rear)) / 2)
+    way = errand.extent(errand.heading + rng.normal(0.0, 0.06) * (rng.random() < 0.4))
+    spare = max(0.001, (head.depth - way.along) / 2)
     gap = spare if head.use == "surround" else rng.uniform(0.004, 0.03)
-    slip = rng.normal(0.0, 0.08) * (way.left - way.right) if head.depth == 0 else 0.0
+    slip = rng.normal(0.0, 0.08) * way.across if head.depth == 0 else 0.0
     low = errand.lower[2] + rng.uniform(0.002, 0.012)
     if rng.random() < 0.25 and head.use == "push":
-        low += rng.uniform(0.0, 0.5) * (errand.upper[2] - errand.lower[2])
+        low += rng.uniform(0.0, 0.5) * errand.tall
     length, speed = _about(errand.length, rng), rng.uniform(0.1, 0.4)
     swing = 0.0
     if falls:
@@ -92,7 +66,7 @@ def scoop(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     heading = errand.heading
     if errand.length < 0.03:
         heading += float(rng.choice([0.0, np.pi, np.pi / 2, -np.pi / 2], p=[0.3, 0.5, 0.1, 0.1]))
-    way = _Along.of(errand, heading + rng.normal(0.0, 0.05))
+    way = errand.extent(heading + rng.normal(0.0, 0.05))
     low = errand.lower[2] + head.level + rng.uniform(0.0005, 0.004)
     gap, speed = rng.uniform(0.005, 0.03), rng.uniform(0.08, 0.35)
     start = (way.rear - gap - head.depth) * way.ahead + way.middle + low * UP
@@ -105,19 +79,19 @@ def scoop(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     if errand.length < 0.03:
         tilt = -rng.uniform(0.0, 0.25) if rng.random() < 0.4 else 0.0
         path.stroke(under + rise * UP, way.heading, rng.uniform(0.1, 0.4))
-        path.go(under + rise * UP, way.heading, pitch=tilt, touch=True)
+        path.add(Pose.xyz_rpy(under + rise * UP, (0.0, tilt, way.heading)), touch=True)
         return f"slides under at {speed:.2f} m/s and lifts by {rise:.2f} m"
     high = max(rise, errand.clear_z - errand.lower[2] + 0.03)
     there = under + high * UP + errand.shift * np.array([1.0, 1.0, 0.0])
     path.stroke(under + high * UP, way.heading, rng.uniform(0.15, 0.4))
     path.stroke(there, way.heading, rng.uniform(0.15, 0.5))
-    path.go(there, way.heading, pitch=rng.uniform(0.5, 1.3), touch=True)
+    path.add(Pose.xyz_rpy(there, (0.0, rng.uniform(0.5, 1.3), way.heading)), touch=True)
     return f"slides under, lifts by {high:.2f} m, carries by {errand.length:.2f} m and tips out"
 
 
 def hook(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> str:
     """Come in from the front, beside or over the bodies; move the toe behind them; pull."""
-    way = _Along.of(errand, errand.heading)
+    way = errand.extent(errand.heading)
     aside = head.aside[1] * way.side + head.aside[2] * UP
     if head.aside[2] > 0:
         edge = way.middle + errand.upper[2] * UP
@@ -140,7 +114,7 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     """Come down with the bodies between the fingers, close, drag or carry them, and open at the goal."""
     turn = float(rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1]))
     yaw = turn + rng.normal(0.0, 0.1) * (rng.random() < 0.5)
-    low = errand.lower[2] + rng.uniform(0.002, 0.4 * (errand.upper[2] - errand.lower[2]))
+    low = errand.lower[2] + rng.uniform(0.002, max(0.002, 0.4 * errand.tall))
     at = np.array([*errand.center[:2], low])
     path.go(at + _over(errand, low, rng), yaw)
     path.go(at, yaw)
@@ -166,19 +140,21 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     return f"closes the fingers and {verb} by {np.linalg.norm(errand.shift):.2f} m"
 
 
+_STROKES: dict[Use, Stroke] = {
+    "push": push,
+    "surround": push,
+    "scoop": scoop,
+    "hook": hook,
+    "clamp": clamp,
+    "pour": pour,
+    "pinch": pinch,
+}
+
+
 def head_path(errands: Sequence[Errand], head: Head, rng: np.random.Generator) -> tuple[Path, str]:
     """The head's path through all errands, and its description."""
-    path = Path()
-    if head.way is not None:
-        text = head.way(path, rng)
-        path.end()
-        return path, text
-    if head.use == "pour":  # one motion for all
-        errands = errands[:1]
-    ways: dict[str, Way] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
-    ways |= {"pour": pour, "pinch": pinch}
-    texts = []
-    for errand in errands:
-        texts.append(ways[head.use](path, errand, head, rng))
+    path, texts = Path(), []
+    for errand in errands[:1] if head.stroke is not None or head.use == "pour" else errands:  # or one motion for all
+        texts.append(head.stroke(path, rng) if head.stroke is not None else _STROKES[head.use](path, errand, head, rng))
         path.end()
     return path, "; then ".join(dict.fromkeys(texts))

@@ -1,4 +1,4 @@
-"""Build a tool from a head and a shaft that connects it to the mount."""
+"""Build a tool from a head and a shaft that connects it to the mount, and find the head in a tool of any origin."""
 
 from __future__ import annotations
 
@@ -10,17 +10,26 @@ import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Box, Cylinder, Pose
-from plugins.vlms.offline.boxes import Boxes
-from plugins.vlms.offline.heads import Head
+from plugins.vlms.offline.boxes import Boxes, axes_of
+from plugins.vlms.offline.heads import Head, Use
+from plugins.vlms.offline.scene_analysis import Errand
 
 Style = Literal["gantry", "slope", "elbow", "riser"]
 STYLES: tuple[Style, ...] = get_args(Style)
+_CARRIED_BY = {
+    "gantry": "a boom and a drop",
+    "slope": "a sloping shaft",
+    "elbow": "a post and a low arm",
+    "riser": "a riser and a jib",
+}
 
 _SHAFT = (0.30, 0.33, 0.38, 1.0)
 _HEADS = ((0.90, 0.49, 0.13, 1.0), (0.16, 0.50, 0.73, 1.0), (0.18, 0.63, 0.42, 1.0), (0.75, 0.22, 0.17, 1.0))
 
 # Finger extensions are for a hand of the Panda's size, with fingers that open by 4 cm each.
 FINGER_OPEN = 0.04
+_FINGERTIP = np.array([0.0, 0.0, -0.11])  # of the hand, in the frame of the tool mount
+_LOW_M = 0.015  # boxes this close to a tool's lowest point form its foot
 _FINGER_Z = -0.0584  # the fingers' frames below the tool mount, with the hand on
 _TIP = np.array([0.0, FINGER_OPEN + 0.0076, -0.105])  # the right fingertip, open; the left one's y is negative
 
@@ -93,20 +102,17 @@ class Assembly:
             root = self.add("socket", RIGID_MOUNT, Pose(np.array([0.0, 0.0, -0.006])), (0.05, 0.05, 0.012))
         if np.hypot(*(hold - start)[:2]) < 0.02:
             return self.bar(name + "post", root, np.array([*hold[:2], start[2] + t / 2]), hold)
-        if style == "slope":
-            return self.bar(name + "shaft", root, start, hold)
-        if style == "riser":
-            foot = np.array([*(start + bend * (hold - start))[:2], start[2]])
-            boom = self.bar(name + "boom", root, start, foot)
-            riser = self.bar(name + "riser", boom, foot, np.array([*foot[:2], top]))
-            jib = self.bar(name + "jib", riser, np.array([*foot[:2], top]), np.array([*hold[:2], top]))
-            return self.bar(name + "drop", jib, np.array([*hold[:2], top]), hold)
-        if style == "gantry":
-            corner = np.array([*hold[:2], start[2]])
-            return self.bar(name + "drop", self.bar(name + "boom", root, start, corner), corner, hold)
-        corner = np.array([*start[:2], hold[2] + t / 2])
-        post = self.bar(name + "post", root, start + np.array([0.0, 0.0, t / 2]), corner)
-        return self.bar(name + "arm", post, corner, hold)
+        foot = (start + bend * (hold - start))[:2]
+        points: dict[Style, dict[str, Sequence[float] | Array]] = {
+            "slope": {"shaft": hold},
+            "riser": {"boom": (*foot, start[2]), "riser": (*foot, top), "jib": (*hold[:2], top), "drop": hold},
+            "gantry": {"boom": (*hold[:2], start[2]), "drop": hold},
+            "elbow": {"post": (*start[:2], hold[2] + t / 2), "arm": hold},
+        }
+        last, here = root, start + np.array([0.0, 0.0, t / 2]) if style == "elbow" else start
+        for bar, end in points[style].items():
+            last, here = self.bar(name + bar, last, here, np.array(end)), np.array(end)
+        return last
 
     def tool(self, name: str, description: str) -> Tool:
         return Tool(tuple(self._components), self.gripper, name, description)
@@ -146,12 +152,50 @@ def build(
     last = assembly.shaft(style, at.apply(head.hold + flush), left=True, bend=bend, top=top)
     assembly.head(head, last, at)
     reach = float(np.linalg.norm(at.position))
-    shaft = {
-        "gantry": "a boom and a drop",
-        "slope": "a sloping shaft",
-        "elbow": "a post and a low arm",
-        "riser": "a riser and a jib",
-    }[style]
     carrier = "the left finger" if gripper else "the flange"
-    text = f"{head.kind} {head.width:.3f} m wide, {reach:.2f} m from {carrier}, carried by {shaft}"
+    text = f"{head.kind} {head.width:.3f} m wide, {reach:.2f} m from {carrier}, carried by {_CARRIED_BY[style]}"
     return assembly.tool(f"{style}_{head.kind}", text)
+
+
+def foot(tool: Tool) -> Array:
+    """Corners (V, 3) of the tool's lowest boxes, which do its work, in the frame of the tool mount."""
+    if not tool.components:
+        return _FINGERTIP[None]
+    boxes = tool_boxes(tool)
+    low = boxes[boxes.lower[:, 2] < boxes.lower[:, 2].min() + _LOW_M]
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners: Array = low.centers[:, None] + np.einsum("nij,ncj->nci", low.axes, signs * low.halves[:, None])
+    return corners.reshape(-1, 3)
+
+
+def middle(tool: Tool) -> Array:
+    """The middle (3,) of the foot, at its lowest height."""
+    corners = foot(tool)
+    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    return np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
+
+
+def sample_turn(rng: np.random.Generator) -> float:
+    """A turn of a head about z at random: most often none, or by an eighth or a quarter."""
+    return float(rng.choice([0.0, np.pi / 4, -np.pi / 4, np.pi / 2, -np.pi / 2], p=[0.6, 0.1, 0.1, 0.1, 0.1]))
+
+
+def recognize(tool: Tool, errand: Errand, rng: np.random.Generator) -> tuple[Head, Pose]:
+    """The tool's foot as a head for an errand, and its pose in the frame of the tool mount.
+
+    The side that works is guessed at random, and so is the face: in front as a blade's, or at the back as a cage's.
+    """
+    turn = sample_turn(rng) + rng.normal(0.0, 0.1)
+    deep = bool(rng.random() < 0.5)
+    if tool.gripper and not tool.components:
+        return Head("hand", "clamp", (), np.zeros(3), 0.01, 2 * FINGER_OPEN), Pose(_FINGERTIP)
+    heading = errand.heading - turn
+    (ahead, side), corners = (axis[:2] for axis in axes_of(heading)), foot(tool)
+    along, across = corners[:, :2] @ ahead, corners[:, :2] @ side
+    depth, width = float(np.ptp(along)), float(np.ptp(across))
+    rises = errand.shift[2] > 0.03
+    inside = max(0.0, depth - 0.01) if rises or deep else 0.0
+    face = (along.max() - inside) * ahead + (across.min() + across.max()) / 2 * side
+    use: Use = "scoop" if rises else "push"
+    head = Head("foot", use, (), np.zeros(3), inside, width)
+    return head, Pose.xyz_rpy((face[0], face[1], float(corners[:, 2].min())), (0.0, 0.0, heading))

@@ -22,8 +22,8 @@ from core.solids.self_collision import find_self_collision
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline import heads
 from plugins.vlms.offline.designer import OfflineDesigner
-from plugins.vlms.offline.pour import handles
-from plugins.vlms.offline.scene_analysis import Sight
+from plugins.vlms.offline.grips import handles
+from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from plugins.vlms.offline.tools import STYLES, build
 from plugins.vlms.offline.workspace import workspace_of
 from tasks.high_object import HighObject
@@ -226,29 +226,29 @@ def test_its_name_says_that_it_is_no_language_model():
     assert isinstance(installed().create("vlm", "offline"), OfflineDesigner)
 
 
-def sight(task):
-    return Sight.of(brief(task))
+def analysis(task):
+    return SceneAnalysis.of(brief(task))
 
 
 def test_one_of_several_goals_is_chosen():
     class Choice(CubeTask):
         goals = (Goal(("cube",), place=(0.6, None, None)), Goal(("cube",), place=(None, 0.3, None)))
 
-    shifts = [sight(Choice()).errands(np.random.default_rng(seed)) for seed in range(12)]
+    shifts = [analysis(Choice()).errands(np.random.default_rng(seed)) for seed in range(12)]
     assert {len(errands) for errands in shifts} == {1}
     assert {int(np.argmax(np.abs(errands[0].shift))) for errands in shifts} == {0, 1}
 
 
 def test_if_one_body_is_enough_it_takes_the_uppermost():
     for seed in range(8):
-        (errand,) = sight(DeepTask()).errands(np.random.default_rng(seed))
+        (errand,) = analysis(DeepTask()).errands(np.random.default_rng(seed))
         assert [thing.position[2] for thing in errand.things] == [0.051]
         assert errand.deep
 
 
 def test_only_a_loose_body_holds_others():
     def holder(task):
-        return sight(task).errands(np.random.default_rng(0))[0].holder
+        return analysis(task).errands(np.random.default_rng(0))[0].holder
 
     assert np.allclose(holder(PanTask()).position, (0.76, -0.2, 0.0))
     assert holder(DeepTask()) is None
@@ -257,10 +257,10 @@ def test_only_a_loose_body_holds_others():
 
 def test_handles_are_measured():
     space = workspace_of(PANDA)
-    found = handles(sight(PanTask()).errands(np.random.default_rng(0))[0].holder, space)
+    found = handles(analysis(PanTask()).errands(np.random.default_rng(0))[0].holder, space)
     assert np.allclose((found.base, found.outer, found.low, found.high), (0.1, 0.12, 0.052, 0.06))
     assert np.allclose((found.heading, found.rear, found.reach), (0.0, -0.1, 0.035))
-    assert handles(sight(CubeTask()).things[-1], space) is None
+    assert handles(analysis(CubeTask()).things["cube"], space) is None
 
 
 def test_a_detour_avoids_an_obstacle_above():
@@ -273,11 +273,11 @@ def test_a_detour_avoids_an_obstacle_above():
                 (ground, desk, cube, Body.of("roof", Box((0.1, 0.5, 0.02)), (1.03, 0, 0.3), mass=0, color=RED))
             )
 
-    (errand,) = sight(Roof()).errands(np.random.default_rng(0))
+    (errand,) = analysis(Roof()).errands(np.random.default_rng(0))
     assert errand.blocked(errand.shift)
     assert errand.detour()[0] < -0.009
     assert not errand.blocked(errand.shift, errand.detour())
-    (free,) = sight(CubeTask()).errands(np.random.default_rng(0))
+    (free,) = analysis(CubeTask()).errands(np.random.default_rng(0))
     assert not free.detour().any()
 
 
@@ -471,9 +471,9 @@ class SortTask(CubeTask):
 
 
 def test_goals_become_errands():
-    drawer, cube = sight(DrawerTask()).errands(np.random.default_rng(0))
+    drawer, cube = analysis(DrawerTask()).errands(np.random.default_rng(0))
     assert drawer.shift == pytest.approx([-0.2, 0, 0])
     assert cube.shift == pytest.approx([0, 0, 0.15])
-    assert {len(sight(SortTask()).errands(np.random.default_rng(seed))) for seed in range(8)} == {1, 2}
+    assert {len(analysis(SortTask()).errands(np.random.default_rng(seed))) for seed in range(8)} == {1, 2}
     for task in (DrawerTask(), SortTask()):
         assert candidates(brief(task))

@@ -1,4 +1,4 @@
-"""The embedded designer's guided ways: found by rays, chosen by what holds a body, and useful in an engine."""
+"""The embedded designer's guided strokes: found by rays, chosen by what holds a body, and useful in an engine."""
 
 from pathlib import Path
 
@@ -11,18 +11,18 @@ from plugins.vlms.offline.guided import guided, suits
 from plugins.vlms.offline.openings import frame_of, pulled, pushed, under, way_out
 from plugins.vlms.offline.scene_analysis import UP
 from tests.benchmarks.measuring import SOLUTIONS
-from tests.plugins.vlms.test_offline import brief, candidates, sight
+from tests.plugins.vlms.test_offline import analysis, brief, candidates
 
-WAYS = Path(__file__).parent / "ways"
-SCENES = sorted(path.stem for path in WAYS.glob("*.yaml"))
+SCENES = Path(__file__).parent / "guided"
+NAMES = sorted(path.stem for path in SCENES.glob("*.yaml"))
 
 
 def scene(name):
-    return installed().create("task", "file", file=str(WAYS / f"{name}.yaml"))
+    return installed().create("task", "file", file=str(SCENES / f"{name}.yaml"))
 
 
 def errand(task):
-    return max(sight(task).errands(np.random.default_rng(0)), key=lambda one: len(one.things))
+    return max(analysis(task).errands(np.random.default_rng(0)), key=lambda one: len(one.things))
 
 
 @pytest.mark.parametrize("way", [(1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (1, 2, -3)])
@@ -69,15 +69,15 @@ def test_a_plate_is_taken_where_it_stands_out():
     assert under(plate, np.pi, 0.016) is None
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_every_scene_has_its_way(name):
+@pytest.mark.parametrize("name", NAMES)
+def test_every_scene_has_its_stroke(name):
     found = errand(scene(name))
     assert suits(found)
     assert guided(found, np.random.default_rng(0)) is not None
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in SOLUTIONS.glob("*.json")))
-def test_what_lies_free_goes_none_of_these_ways(name):
+def test_what_lies_free_needs_none_of_these_strokes(name):
     assert not suits(errand(installed().create("task", name)))
 
 
