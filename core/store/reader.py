@@ -1,36 +1,193 @@
-"""Read what a run's store holds.
+"""Read what a run's store holds: the one reader of all who come later.
 
-Covered by `tests/core/store/test_database.py` and `tests/plugins/test_transfer.py`.
+Covered by `tests/core/store/test_reader.py` and `tests/plugins/test_transfer.py`.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import replace
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from itertools import groupby
-from operator import itemgetter
 from pathlib import Path
 from sqlite3 import Row
-from typing import Any
+from typing import Any, NamedTuple
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import first_line, load
 from core.config.trust import as_stored
-from core.design import TIE, Candidate, Evaluation, best_first
+from core.design import STOPPED, TIE, Candidate, Evaluation, best_first, count_rollouts
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
-from core.interfaces import ToolRepresentation
-from core.store.database import reading
-from core.store.rows import load_plan
+from core.interfaces import Reply, ToolRepresentation
+from core.store.database import FILE, reading
+from core.store.rows import RunFigures, load_plan, parsed, validated
+
+Key = tuple[int, int, int]  # generation, agent and strategy of a design
 
 
-def _query(folder: Path, query: str) -> list[Row]:
-    with reading(folder) as database:
-        return database.execute(query).fetchall()
+class RunCost(NamedTuple):
+    """The requests of a run and their cost. Tokens and dollars are None where no reply reports them."""
+
+    requests: int
+    replies: int
+    errors: int
+    prompt_tokens: int | None
+    completion_tokens: int | None
+    cost_usd: float | None
+
+    @classmethod
+    def of(cls, requests: Iterable[StoredRequest]) -> RunCost:
+        """Add up requests and their replies."""
+        asked = list(requests)
+        replies = [request.reply for request in asked if request.reply is not None]
+        sums = (known_sum(getattr(reply, name) for reply in replies) for name in cls._fields[3:])
+        return cls(len(asked), len(replies), sum(reply.error is not None for reply in replies), *sums)
+
+
+def known_sum(values: Iterable[Any]) -> Any:
+    """Add up the values that are known; None: none is."""
+    known = [value for value in values if value is not None]
+    return sum(known) if known else None
+
+
+@dataclass(frozen=True)
+class StoredRequest:
+    """A request with the ids of its elites, and its reply; None: none came."""
+
+    id: str
+    generation: int
+    agent: int
+    elites: tuple[str, ...]
+    reply: Reply | None
+
+    @property
+    def critique(self) -> bool:
+        """Whether it asked for a critique of its elite, and not for designs."""
+        return "-critic" in self.id
+
+
+@dataclass(frozen=True)
+class StoredDesign:
+    """A design as a model wrote it, without its plans, and the ids of the candidates that it derives from."""
+
+    written: dict[str, Any]
+    parents: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class StoredEvaluation:
+    """What a candidate earned; ``number`` is that of its plan."""
+
+    candidate: str
+    design: Key
+    number: int
+    waypoints: str
+    status: str
+    reason: str
+    reward: float
+    distance_m: float | None
+    content: str | None
+    details: dict[str, Any]
+
+    @property
+    def plan(self) -> list[Any]:
+        """The plan as written: an item of ``action_sets``."""
+        return load_plan(self.waypoints)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it was given up before its last trial."""
+        return STOPPED in self.details
+
+    def of(self, candidate: Candidate) -> Evaluation:
+        """Return it as the evaluation with status ``ok`` of a candidate that was read again."""
+        distance = math.nan if self.distance_m is None else self.distance_m  # SQLite has no nan
+        return Evaluation(candidate, "ok", self.reward, distance, details=self.details)
+
+
+def rollouts(evaluations: Sequence[StoredEvaluation]) -> list[int]:
+    """Count the rollouts of each evaluation; candidates with the same content are tried once."""
+    first = {evaluation.content: evaluation for evaluation in reversed(evaluations)}
+    return [count_rollouts(e.status, e.details) if first[e.content] is e else 0 for e in evaluations]
+
+
+class StoredRun:
+    """The store in the folder of a run. Each call reads anew: a run that goes on is read as far as it has come.
+
+    Raises:
+        UserError: the folder holds no store, or one that is damaged or that this version can't read; by each call.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is a store, sound or not."""
+        return (self._folder / FILE).exists()
+
+    def config(self) -> dict[str, Any]:
+        """Return the configuration; empty: the run was killed before it wrote anything."""
+        return next((as_stored(parsed(row["config"]), self._folder) for row in self._rows("run")), {})
+
+    def result(self) -> RunFigures | None:
+        """Return what the run came to; None: it has not ended."""
+        results = [dict(row).get("result") for row in self._rows("run")]
+        return validated(RunFigures, parsed(results[0])) if results and results[0] is not None else None
+
+    def generations(self) -> int:
+        """Count the generations that are done."""
+        return len(self._rows("generations"))
+
+    def seconds(self) -> float:
+        """Return the wall time of all sessions."""
+        return float(sum(row["seconds"] for row in self._rows("sessions")))
+
+    def requests(self) -> list[StoredRequest]:
+        """Return all requests, in the order of their replies."""
+        rows = self._rows("requests LEFT JOIN replies ON request_id = id ORDER BY replies.rowid")
+        names = ("text", "model", "error", "prompt_tokens", "completion_tokens", "cost_usd")
+        return [
+            StoredRequest(
+                *(row["id"], row["generation"], row["agent"], tuple(json.loads(row["elites"]))),
+                None if row["request_id"] is None else Reply(row["id"], *(row[name] for name in names)),
+            )
+            for row in rows
+        ]
+
+    def answers(self) -> list[tuple[StoredRequest, Reply]]:
+        """Return the requests that were answered, with their replies, in the order of these."""
+        return [(request, request.reply) for request in self.requests() if request.reply is not None]
+
+    def designs(self) -> dict[Key, StoredDesign]:
+        """Return all designs that were read, whatever became of them."""
+        return {
+            _key(row): StoredDesign(json.loads(row["design"]), tuple(json.loads(row["parents"])))
+            for row in self._rows("strategies")
+        }
+
+    def evaluations(self) -> list[StoredEvaluation]:
+        """Return the evaluations of all candidates, in the order of `Candidate.key`."""
+        return [
+            StoredEvaluation(
+                *(row["candidate"], _key(row), row["plan"], row["waypoints"], row["status"], row["reason"]),
+                *(row["reward"], row["distance_m"], row["content"], json.loads(row["details"])),
+            )
+            for row in self._rows("evaluations ORDER BY generation, agent, strategy, plan")
+        ]
+
+    def _rows(self, table: str) -> list[Row]:
+        with reading(self._folder) as database:
+            return database.execute(f"SELECT * FROM {table}").fetchall()  # noqa: S608
+
+
+def _key(row: Row) -> Key:
+    return row["generation"], row["agent"], row["strategy"]
 
 
 def stored_config(folder: Path) -> dict[str, Any]:
@@ -39,10 +196,10 @@ def stored_config(folder: Path) -> dict[str, Any]:
     Raises:
         UserError: the folder holds no run, or one that this version can't read.
     """
-    rows = _query(folder, "SELECT config FROM run")
-    if not rows:
+    config = StoredRun(folder).config()
+    if not config:
         raise UserError(f"{folder} holds a run that ended before it began; its store is empty")
-    return as_stored(json.loads(rows[0]["config"]), folder)
+    return config
 
 
 def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: SpawnRules) -> list[Evaluation]:
@@ -54,20 +211,16 @@ def stored_evaluations(folder: Path, representation: ToolRepresentation, spawn: 
     Raises:
         UserError: the folder holds no run.
     """
-    key_of = itemgetter("generation", "agent", "strategy")
-    strategies = {key_of(row): row for row in _query(folder, "SELECT * FROM strategies")}
-    rows = _query(folder, "SELECT * FROM evaluations WHERE status = 'ok' ORDER BY generation, agent, strategy, plan")
+    designs = StoredRun(folder).designs()
+    tried = [stored for stored in StoredRun(folder).evaluations() if stored.status == "ok"]
     evaluations = []
-    for key, group in groupby(rows, key_of):
-        plans = list(group)
-        design = json.loads(strategies[key]["design"])
-        design["action_sets"] = [load_plan(row["waypoints"]) for row in plans]
-        parents = tuple(json.loads(strategies[key]["parents"]))
-        candidates = read_designs({"strategies": [design]}, representation, spawn, generation=key[0], agent=key[1])
-        for row, candidate in zip(plans, candidates, strict=True):
-            known = replace(candidate, strategy=key[2], action=row["plan"], parents=parents)
-            details = json.loads(row["details"])
-            evaluations.append(Evaluation(known, "ok", row["reward"], row["distance_m"], details=details))
+    for key, group in groupby(tried, lambda stored: stored.design):
+        alike, design = list(group), designs[key]
+        document = {"strategies": [design.written | {"action_sets": [stored.plan for stored in alike]}]}
+        candidates = read_designs(document, representation, spawn, generation=key[0], agent=key[1])
+        for stored, candidate in zip(alike, candidates, strict=True):
+            known = replace(candidate, strategy=key[2], action=stored.number, parents=design.parents)
+            evaluations.append(stored.of(known))
     return evaluations
 
 

@@ -159,7 +159,7 @@ class Saved:
 
 
 @dataclass(frozen=True)
-class Figures:
+class RunFigures:
     """The content of a ``result.json``; ``stopped`` says why a run ended before its budget was spent, ``tie`` up to
     which difference rewards counted as equal.
     """
@@ -234,7 +234,7 @@ class _Design(_Schema):
 class _Run(_Schema):
     schema_version: Count
     config: Annotated[_Config, Json]
-    result: Annotated[Figures, Json] | None = None
+    result: Annotated[RunFigures, Json] | None = None
 
 
 class _Session(_Schema):

@@ -8,7 +8,7 @@ from pathlib import Path
 from core.errors import UsageError, UserError
 from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Request
-from core.store.database import reading
+from core.store.reader import StoredRun
 
 
 @hookimpl
@@ -33,11 +33,12 @@ class Replay(VLM):
         if not run:
             raise UsageError("vlm.run is empty; give the folder of a past run, such as vlm.run=runs/BringCube/...")
         try:
-            with reading(Path(run)) as database:
-                rows = database.execute("SELECT request_id, text, model, error FROM replies").fetchall()
+            answers = StoredRun(Path(run)).answers()
         except UserError as error:
             raise UserError(f"vlm.run: {error}") from error
-        self._replies = {row[0]: Reply(*row) for row in rows}
+        self._replies = {
+            request.id: Reply(request.id, reply.text, reply.model, reply.error) for request, reply in answers
+        }
         models = sorted({reply.model for reply in self._replies.values()})
         self.model = f"replay of {', '.join(models) or 'nothing'} from {run}"
 

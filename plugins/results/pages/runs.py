@@ -1,7 +1,6 @@
 """Run folders, read without a change: the result of a run, or why it has none.
 
-Figures are from ``result.json``. Designs, requests and the configuration are from ``run.sqlite``, read by column name,
-so that a later version may add columns.
+RunFigures are from ``result.json``; the configuration, and what stands in for a result, is from the store.
 """
 
 from __future__ import annotations
@@ -13,30 +12,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
-from core.config.trust import as_stored, read_stored_yaml
+from core.config.trust import read_stored_yaml
 from core.errors import UserError
-from core.store.database import reading
-from core.store.rows import Best, Figures, parsed, validated
+from core.store.database import FILE
+from core.store.reader import StoredRun
+from core.store.rows import Best, RunFigures, parsed, validated
 from core.support.text import clean
 
-STORE, RESULT, HYDRA = "run.sqlite", "result.json", ".hydra"
+RESULT, HYDRA = "result.json", ".hydra"
 CHOICES = ("task", "robot", "sim", "vlm", "tool", "action", "material", "evolution", "budget")  # by name in a result
 MAX_DEPTH = 6  # of a run's folder below one that the user names
 
 _LONGEST = 300
-
-
-class Spending(NamedTuple):
-    """The requests of a run and their cost. Tokens and dollars are None where no reply reports them."""
-
-    requests: int
-    replies: int
-    errors: int
-    prompt_tokens: int | None
-    completion_tokens: int | None
-    cost_usd: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +33,12 @@ class FinishedRun:
     """A run that ended and has a best candidate. ``config`` is all of its configuration, resolved."""
 
     folder: Path
-    figures: Figures
+    figures: RunFigures
     config: dict[str, Any]
+
+    @property
+    def store(self) -> StoredRun:
+        return StoredRun(self.folder)
 
     @property
     def task(self) -> str:
@@ -99,7 +92,7 @@ def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutR
             raise UserError(f"no folder {folder}; give the folder of a run or of a multirun")
         found = run_folders(folder)
         if not found:
-            raise UserError(f"{folder} holds no run: neither {RESULT} nor {STORE} is in it or below it")
+            raise UserError(f"{folder} holds no run: neither {RESULT} nor {FILE} is in it or below it")
         for path in found:
             if path.resolve() not in runs:
                 runs[path.resolve()] = read_run(path)
@@ -113,7 +106,7 @@ def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
         entries = {entry.name: entry for entry in os.scandir(folder)}
     except OSError as error:
         raise UserError(f"{folder} can't be read: {error.strerror}") from error
-    if RESULT in entries or STORE in entries:
+    if RESULT in entries or FILE in entries:
         return [folder]
     skipped = (HYDRA, "best", "requests", "replies")
     below = [name for name, entry in entries.items() if entry.is_dir(follow_symlinks=False) and name not in skipped]
@@ -129,26 +122,26 @@ def natural(name: str) -> list[tuple[int, int | str]]:
 
 def read_run(folder: Path) -> FinishedRun | LeftOutRun:
     """Read a run from its folder."""
-    for name in (STORE, RESULT):
+    for name in (FILE, RESULT):
         if (folder / name).is_symlink():
             return LeftOutRun(folder, "unreadable", f"{name} is a link, which is not followed")
-    store, result = folder / STORE, folder / RESULT
-    if not store.exists() and not result.exists():
+    store, result = StoredRun(folder), folder / RESULT
+    if not store.exists and not result.exists():
         config = _hydra_config(folder)
         return LeftOutRun(folder, "failed", "it ended before it began: it has no store", _task(config), config)
     try:
-        config, stored = _stored(folder) if store.exists() else ({}, None)
+        config, stored = (store.config(), store.result()) if store.exists else ({}, None)
     except UserError as error:
         return LeftOutRun(folder, "unreadable", short(str(error)))
     if not result.exists() and stored is None:
         config = config or _hydra_config(folder)
         return LeftOutRun(folder, "unfinished", _progress(store), _task(config), config)
     try:
-        figures = validated(Figures, parsed(result.read_bytes())) if stored is None or result.exists() else stored
+        figures = validated(RunFigures, parsed(result.read_bytes())) if stored is None or result.exists() else stored
         if stored not in (None, figures):
             raise ValueError("it is not what the run stored")  # noqa: TRY301
     except (OSError, ValueError) as error:
-        mend = "" if stored is None else f"; delete it, and {STORE} is read in its place"
+        mend = "" if stored is None else f"; delete it, and {FILE} is read in its place"
         return LeftOutRun(folder, "unreadable", short(f"{RESULT}: {error}{mend}"), _task(config), config)
     config = config or {kind: {"name": getattr(figures, kind)} for kind in CHOICES if getattr(figures, kind)}
     if figures.stopped is not None:
@@ -176,50 +169,19 @@ def _hydra_config(folder: Path) -> dict[str, Any]:
         return {}
 
 
-# --- the store --------------------------------------------------------------------------------------------------
-
-
-def _stored(folder: Path) -> tuple[dict[str, Any], Figures | None]:
-    """The configuration and the result in a store; empty: it was killed before it wrote anything."""
-    with reading(folder) as database:
-        found = database.execute("SELECT * FROM run").fetchone()
-    row = dict(found) if found is not None else {}
-    result = row.get("result")
-    config = as_stored(parsed(row.get("config", "{}")), folder)
-    return config, None if result is None else validated(Figures, parsed(result))
-
-
-def _progress(store: Path) -> str:
+def _progress(store: StoredRun) -> str:
     """The progress of an unfinished run, in words."""
     try:
-        with reading(store.parent) as database:
-            generations, tried, best = database.execute(
-                "SELECT (SELECT count(*) FROM generations), count(*), max(CASE status WHEN 'ok' THEN reward END)"
-                " FROM evaluations"
-            ).fetchone()
+        evaluations, generations = store.evaluations(), store.generations()
     except UserError as error:
         return short(str(error))
+    best = max((e.reward for e in evaluations if e.status == "ok"), default=None)
     reached = "" if best is None else f", best reward so far {best:.3f}"
-    return f"{generations} generations and {tried} candidates done{reached}"
+    return f"{generations} generations and {len(evaluations)} candidates done{reached}"
 
 
-def _why_nothing(store: Path) -> str:
+def _why_nothing(store: StoredRun) -> str:
     """The reason why a run that ended has no best candidate."""
-    try:
-        with reading(store.parent) as database:
-            row = database.execute("SELECT reason FROM evaluations WHERE status != 'ok' ORDER BY rowid").fetchone()
-    except UserError:
-        row = None
-    return "no candidate could be tried" + (short(f"; the first reason: {row['reason']}") if row else "")
-
-
-def spending(run: FinishedRun | LeftOutRun) -> Spending | None:
-    """The requests of a run and their cost; None if its store is missing."""
-    if not (run.folder / STORE).exists():
-        return None
-    with reading(run.folder) as database:
-        row = database.execute(
-            "SELECT (SELECT count(*) FROM requests), count(*), count(error), sum(prompt_tokens),"
-            " sum(completion_tokens), sum(cost_usd) FROM replies"
-        ).fetchone()
-    return Spending(*row)
+    evaluations = store.evaluations() if store.exists else []
+    reason = next((f"; the first reason: {e.reason}" for e in evaluations if e.status != "ok"), "")
+    return "no candidate could be tried" + short(reason)

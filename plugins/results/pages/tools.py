@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -15,17 +13,17 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from core.config.compose import part, robot_part, tool_part
-from core.design import STOPPED, DesignError, Tool, ranked
+from core.design import DesignError, Tool, ranked
 from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import Material, Robot, ToolRepresentation
 from core.plugins import installed
 from core.solids.held import as_held
-from core.store.database import reading
-from core.store.rows import load_plan, parsed
+from core.store.database import FILE
+from core.store.reader import Key, StoredDesign, StoredEvaluation
 from core.support.text import clean, number
-from plugins.results.pages.runs import STORE, FinishedRun
+from plugins.results.pages.runs import FinishedRun
 
 if TYPE_CHECKING:
     from plugins.results.report.results import Results
@@ -102,18 +100,8 @@ def winners(
         UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
     shapes: list[Shape] = []
-    with readable(run):
-        found = (winner for winner in every_tool(run, generation) if another(winner, shapes, apart))
-        return list(itertools.islice(found, count))
-
-
-@contextmanager
-def readable(run: FinishedRun) -> Iterator[None]:
-    """Turn what a damaged store raises into a UserError."""
-    try:
-        yield
-    except (sqlite3.Error, KeyError, ValueError, TypeError) as error:
-        raise UserError(f"{run.folder / STORE} can't be read: {clean(str(error), MAX_NAME)}") from error
+    found = (winner for winner in every_tool(run, generation) if another(winner, shapes, apart))
+    return list(itertools.islice(found, count))
 
 
 def another(winner: Winner, shapes: list[Shape], apart: float) -> bool:
@@ -134,42 +122,41 @@ def _alike(a: Shape, b: Shape, apart: float) -> bool:
 
 
 def every_tool(run: FinishedRun, generation: int | None = None) -> Iterator[Winner]:
-    """Yield each tool with its best plan, the best first, for `readable`."""
-    if not (run.folder / STORE).exists():
-        raise UserError(f"{run.folder} has no {STORE}, and so no designs")
+    """Yield each tool with its best plan, the best first.
+
+    Raises:
+        UserError: as `winners`.
+    """
+    if not run.store.exists:
+        raise UserError(f"{run.folder} has no {FILE}, and so no designs")
     given, representation, robot = given_tool(run), _part(run, "tool"), _part(run, "robot")
     representation.robot = robot
-    query = (
-        "SELECT candidate, generation, agent, strategy, reward, distance_m, details FROM evaluations"
-        " WHERE status = 'ok' AND generation = coalesce(:generation, generation)"
-        " ORDER BY generation, agent, strategy, plan"
-    )
-    best: dict[tuple[int, ...], str] = {}  # candidates
-    with reading(run.folder) as database:
-        every = database.execute(query, {"generation": generation}).fetchall()
-        rows = [row for row in every if STOPPED not in parsed(row["details"])] or every
-        for row in ranked(rows, lambda row: (row["reward"], row["distance_m"]), run.figures.tie):
-            best.setdefault((row["generation"], row["agent"], row["strategy"]), row["candidate"])
-        for candidate in best.values():
-            stored = database.execute(
-                "SELECT evaluations.*, strategies.design FROM evaluations"
-                " JOIN strategies USING (generation, agent, strategy) WHERE candidate = ?",
-                [candidate],
-            ).fetchone()
-            yield _winner(run, stored, given, representation, robot)
+    tried = [e for e in run.store.evaluations() if e.status == "ok" and generation in (None, e.design[0])]
+    finished = [e for e in tried if not e.stopped] or tried
+    best: dict[Key, StoredEvaluation] = {}
+    for evaluation in ranked(finished, lambda e: (e.reward, e.distance_m), run.figures.tie):
+        best.setdefault(evaluation.design, evaluation)
+    designs = run.store.designs()
+    for key, evaluation in best.items():
+        yield _winner(run, evaluation, designs[key], given, representation, robot)
 
 
 def _winner(
-    run: FinishedRun, row: sqlite3.Row, given: Tool | None, representation: ToolRepresentation, robot: Robot
+    run: FinishedRun,
+    evaluation: StoredEvaluation,
+    stored: StoredDesign,
+    given: Tool | None,
+    representation: ToolRepresentation,
+    robot: Robot,
 ) -> Winner:
-    design = json.loads(row["design"])
+    design = stored.written
     try:
         tool = given or representation.parse(design, gripper=bool(design["gripper"]))
         if given is None:
             _check_size(tool, robot)
             tool = representation.material.made(tool)
     except DesignError as error:
-        raise UserError(f"the design of {row['candidate']} can't be read again: {error}") from error
+        raise UserError(f"the design of {evaluation.candidate} can't be read again: {error}") from error
     if given is None:
         name, description = _text(design, "tool_name", MAX_NAME), _text(design, "tool_description", MAX_DESCRIPTION)
         tool = replace(tool, name=name, description=description)
@@ -177,11 +164,11 @@ def _winner(
         run,
         robot,
         tool,
-        row["candidate"],
-        row["generation"],
-        row["reward"],
-        row["distance_m"],
-        design | {"action_sets": [load_plan(row["waypoints"])]},
+        evaluation.candidate,
+        evaluation.design[0],
+        evaluation.reward,
+        evaluation.distance_m,
+        design | {"action_sets": [evaluation.plan]},
         representation.material,
         _text(design, "strategy_name", MAX_NAME),
         _text(design, "strategy_description", MAX_DESCRIPTION),
@@ -249,5 +236,4 @@ def collect(results: Results) -> Tools:
 
 def evolves(run: FinishedRun) -> bool:
     """True if any design of the run derives from others."""
-    with reading(run.folder) as database:
-        return database.execute("SELECT 1 FROM strategies WHERE parents != '[]'").fetchone() is not None
+    return any(design.parents for design in run.store.designs().values())

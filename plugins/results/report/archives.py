@@ -15,13 +15,11 @@ from core.designs.reading import MAX_DESCRIPTION
 from core.errors import UserError
 from core.interfaces import Robot
 from core.search.archive import UNITS, VALUES, Kept, Measure, handed_over, measures_of
-from core.store.database import reading
-from core.store.rows import Details, validated
 from core.support.text import clean, number
 from plugins.results.pages.drawing import Pixels, draw, painted
 from plugins.results.pages.formats import Cell, Table, columns
 from plugins.results.pages.runs import FinishedRun
-from plugins.results.pages.tools import every_tool, readable
+from plugins.results.pages.tools import every_tool
 from plugins.results.report.plots import INK, Picture, new_figure, wrapped
 from plugins.results.report.results import Results
 
@@ -59,24 +57,14 @@ def read_archive(task: str, method: str, run: FinishedRun) -> Archived | None:
     measures = measures_of(run.config.get("evolution", {}))
     if not measures:
         return None
-    with readable(run):
-        found = list(every_tool(run))
-        tools = {winner.candidate.rpartition("-")[0]: winner.tool for winner in found}
-        query = (
-            "SELECT generation, agent, strategy, plan, reward, distance_m, details FROM evaluations WHERE status = 'ok'"
-        )
-        evaluations = []
-        with reading(run.folder) as database:
-            for *key, reward, distance_m, text in map(tuple, database.execute(query)):
-                generation, agent, strategy, action = key
-                tool = tools.get(f"g{generation}-a{agent}-s{strategy}")
-                if tool is None:
-                    continue  # all its plans stopped
-                tried = Candidate(tool, NO_PLAN, generation, agent, strategy, action)
-                distance = float("nan") if distance_m is None else distance_m
-                details = validated(Details, text)
-                evaluations.append(Evaluation(tried, "ok", reward=reward, distance_m=distance, details=details))
-        kept = handed_over(measures, evaluations, run.figures.tie)
+    found = list(every_tool(run))
+    tools = {winner.candidate.rpartition("-")[0]: winner.tool for winner in found}
+    evaluations = []
+    for stored in run.store.evaluations():
+        tool = tools.get(stored.candidate.rpartition("-")[0])
+        if stored.status == "ok" and tool is not None:  # none: all its plans stopped
+            evaluations.append(stored.of(Candidate(tool, NO_PLAN, *stored.design, stored.number)))
+    kept = handed_over(measures, evaluations, run.figures.tie)
     return Archived(task, method, found[0].robot, measures, kept)
 
 

@@ -6,7 +6,6 @@ An entry is made of runs, or read from the results file of one that was made els
 from __future__ import annotations
 
 import re
-import sqlite3
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -17,13 +16,13 @@ from omegaconf import OmegaConf
 from pydantic import Field, TypeAdapter
 
 from core.config.compose import load
-from core.design import count_rollouts
 from core.errors import UserError, choices
 from core.plugins import installed
-from core.store.database import reading
+from core.store.database import FILE
+from core.store.reader import RunCost, StoredRun, rollouts
 from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
 from plugins.results.pages.formats import Column, Table, columns
-from plugins.results.pages.runs import STORE, FinishedRun, LeftOutRun, short, spending
+from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 from plugins.results.report.methods import flatten, label
 from plugins.results.report.statistics import Resampling, interval, mean
 
@@ -205,7 +204,7 @@ def _tracks(rules: str) -> dict[str, list[str]]:
 
 def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[AnyRun]) -> Entry:
     for run in runs:
-        if isinstance(run, LeftOutRun) and not (run.status == "failed" and (run.folder / STORE).exists()):
+        if isinstance(run, LeftOutRun) and not (run.status == "failed" and (run.folder / FILE).exists()):
             raise UserError(f"{short(str(run.folder))} is {run.status}; resume it, or delete it")
     settings = [flatten(run.config) for run in runs]
     shared = {key: value for key, value in settings[0].items() if all(of.get(key) == value for of in settings)}
@@ -223,24 +222,16 @@ def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[
 
 
 def _result(run: AnyRun, rules: Protocol) -> RunResult:
-    spent = spending(run)
-    if spent is None:
-        raise UserError(f"{short(str(run.folder))} has no {STORE}")
-    try:
-        with reading(run.folder) as database:
-            tried = database.execute(
-                "SELECT content, status, details FROM evaluations WHERE status != 'rejected'"
-            ).fetchall()
-            (seconds,) = database.execute("SELECT total(seconds) FROM sessions").fetchone()
-        alike = {row["content"]: row for row in tried}  # candidates with the same content are tried once
-        rollouts = sum(count_rollouts(row["status"], parsed(row["details"])) for row in alike.values())
-    except (sqlite3.Error, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise UserError(f"{short(str(run.folder / STORE))} can't be read: {short(str(error))}") from error
+    store = StoredRun(run.folder)
+    if not store.exists:
+        raise UserError(f"{short(str(run.folder))} has no {FILE}")
+    cost, tried = RunCost.of(store.requests()), [e for e in store.evaluations() if e.status != "rejected"]
     if isinstance(run, FinishedRun):
         rewards = run.figures.unseen.engines if run.figures.unseen else {}
     else:
         rewards = dict.fromkeys(rules.engines, (0.0,) * rules.layouts)
-    return RunResult(run.config["seed"], rewards, len(tried), rollouts, spent.requests, spent.cost_usd, seconds)
+    spent = (sum(rollouts(tried)), cost.requests, cost.cost_usd, store.seconds())
+    return RunResult(run.config["seed"], rewards, len(tried), *spent)
 
 
 # --- tables -----------------------------------------------------------------------------------------------------

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from core.design import count_rollouts
 from core.errors import UserError
 from core.geometry import Array
-from core.store.database import reading
-from core.store.rows import parsed
+from core.store.reader import StoredRun, rollouts
 from plugins.results.pages.formats import Cell, Table, columns
-from plugins.results.pages.runs import STORE, FinishedRun
+from plugins.results.pages.runs import FinishedRun
 from plugins.results.report.plots import Picture, band, legend, line_handles, line_style, new_figure
 from plugins.results.report.results import Results
 
@@ -25,12 +21,6 @@ if TYPE_CHECKING:
 
 ENOUGH = 0.95  # the reward that counts as reached
 POINTS = 25  # of a curve, at which its interval is drawn
-
-_QUERY = """SELECT e.content, e.status, e.reward, e.details,
-    (SELECT count(*) FROM requests AS r WHERE r.generation <= e.generation) AS requests,
-    (SELECT total(cost_usd) FROM replies JOIN requests AS r ON request_id = r.id
-        WHERE r.generation <= e.generation) AS cost
-    FROM evaluations AS e ORDER BY e.generation, e.agent, e.strategy, e.plan"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,28 +45,28 @@ class Course:
         return int(there[0]) if len(there) else None
 
 
-def read_course(folder: Path) -> Course | None:
-    """Read the course of a finished run; None if it has no store, or one that can't be read."""
-    if not (folder / STORE).exists():
-        return None
+def read_course(store: StoredRun) -> Course | None:
+    """Read the course of a run that ended; None if it has no candidate, or a store that can't be read."""
     try:
-        with reading(folder) as database:
-            rows = database.execute(_QUERY).fetchall()
-        seen: set[str] = set()
-        rollouts = []
-        for row in rows:  # candidates with the same content are tried once
-            rollouts.append(0 if row["content"] in seen else count_rollouts(row["status"], parsed(row["details"])))
-            seen.add(row["content"])
-    except (UserError, sqlite3.Error, AttributeError, KeyError, TypeError, ValueError):
+        evaluations, requests = store.evaluations(), store.requests()
+    except UserError:
         return None  # the table of runs says what is wrong with it
-    best = np.maximum.accumulate(np.array([row["reward"] for row in rows], dtype=np.float64))
-    requests, cost = (np.array([row[key] for row in rows], dtype=np.float64) for key in ("requests", "cost"))
-    return Course(best, np.cumsum(rollouts).astype(np.float64), requests, cost)
+    if not evaluations:
+        return None
+    last = np.array([e.design[0] for e in evaluations])
+    asked = np.array([request.generation for request in requests])
+    costs = np.array([(request.reply and request.reply.cost_usd) or 0.0 for request in requests])
+    until = np.arange(last[-1] + 1)[:, None] >= asked  # (generations, requests)
+    return Course(
+        np.maximum.accumulate([e.reward for e in evaluations]),
+        np.cumsum(rollouts(evaluations)).astype(np.float64),
+        until.sum(axis=1).astype(np.float64)[last],
+        (until * costs).sum(axis=1)[last],
+    )
 
 
 def _courses(runs: Sequence[FinishedRun]) -> list[Course]:
-    found = (read_course(run.folder) for run in runs)
-    return [course for course in found if course is not None and len(course.best)]
+    return [course for run in runs if (course := read_course(run.store)) is not None]
 
 
 def effort(courses: Sequence[Course]) -> tuple[int, list[float | None]]:

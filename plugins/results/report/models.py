@@ -2,36 +2,13 @@
 
 from __future__ import annotations
 
-import json
+import math
 from collections import defaultdict
-from collections.abc import Iterator
-from sqlite3 import Row
 from typing import NamedTuple
 
-from core.store.database import reading
+from core.store.reader import RunCost, StoredEvaluation, StoredRequest
 from plugins.results.pages.formats import Cell, Link, Table, columns
-from plugins.results.pages.runs import STORE, FinishedRun
 from plugins.results.report.results import Results
-
-_CRITIC = "'%-critic%'"  # the ids of requests for critiques
-_ASKED = f"""
-    SELECT model, id LIKE {_CRITIC} AS critic, count(*) AS replies, count(error) AS errors,
-        sum(prompt_tokens) AS prompt, sum(completion_tokens) AS completion, sum(cost_usd) AS cost
-    FROM requests JOIN replies ON request_id = id GROUP BY model, critic"""  # noqa: S608
-# The candidates of an agent are those of its last answer: an answer that was checked or repaired comes second.
-_EARNED = f"""
-    WITH agents AS (
-        SELECT generation, agent, model, max(replies.rowid) FROM requests JOIN replies ON request_id = id
-        WHERE id NOT LIKE {_CRITIC} GROUP BY generation, agent
-    )
-    SELECT model, count(*) AS candidates, sum(status != 'rejected') AS tried, sum(status = 'ok') AS ok,
-        max(CASE status WHEN 'ok' THEN reward END) AS best, total(reward) AS earned
-    FROM evaluations JOIN agents USING (generation, agent) GROUP BY model"""  # noqa: S608
-_CRITIQUES = f"""
-    SELECT elites, text, model, cost_usd FROM requests JOIN replies ON request_id = id
-    WHERE id LIKE {_CRITIC} AND error IS NULL ORDER BY requests.generation, requests.agent"""  # noqa: S608
-_COUNTS = ("replies", "errors", "prompt", "completion", "cost")
-_FIGURES = ("candidates", "tried", "ok", "earned")
 
 
 class _Model(NamedTuple):
@@ -49,22 +26,26 @@ def models(results: Results) -> Table:
     )
     rows: list[tuple[Cell, ...]] = []
     for g in results.groups:
-        asked: defaultdict[_Model, dict[str, float]] = defaultdict(dict)
+        asked: defaultdict[_Model, list[StoredRequest]] = defaultdict(list)
+        earned: defaultdict[_Model, list[StoredEvaluation]] = defaultdict(list)
         for run in g.runs:
-            for row in _rows(run, _ASKED):
-                _add(asked[_Model(row["model"], bool(row["critic"]))], row, _COUNTS)
-            for row in _rows(run, _EARNED):
-                of = asked[_Model(row["model"], False)]
-                _add(of, row, _FIGURES)
-                of["best"] = max(of.get("best", 0.0), row["best"] or 0.0)
-        for model, of in sorted(asked.items()) if len(asked) > 1 else ():
-            candidates, ok = of.get("candidates", 0), of.get("ok", 0)
+            answers = run.store.answers() if run.store.exists else []
+            for request, reply in answers:
+                asked[_Model(reply.model, request.critique)].append(request)
+            # The candidates of an agent are those of its last answer: a checked or repaired one comes second.
+            designers = {(r.generation, r.agent): reply.model for r, reply in answers if not r.critique}
+            for evaluation in run.store.evaluations() if answers else ():
+                if (name := designers.get(evaluation.design[:2])) is not None:
+                    earned[_Model(name, False)].append(evaluation)
+        for model in sorted(asked) if len(asked) > 1 else ():
+            tried = [e for e in earned[model] if e.status != "rejected"]
+            rewards = [e.reward for e in tried if e.status == "ok"]
             rows.append(
                 (
                     *(g.task, g.method, model.name, "critiques" if model.critic else "designs"),
-                    *(of.get(name) for name in _COUNTS),
-                    *(of.get("candidates"), 100 * of["tried"] / candidates if candidates else None),
-                    *((of["best"], of["earned"] / ok) if ok else (None, None)),
+                    *RunCost.of(asked[model])[1:],
+                    *((len(earned[model]), 100 * len(tried) / len(earned[model])) if earned[model] else (None, None)),
+                    *((max(rewards), math.fsum(rewards) / len(rewards)) if rewards else (None, None)),
                 )
             )
     note = (
@@ -80,25 +61,13 @@ def critiques(results: Results) -> Table:
     head = columns("task|method|candidate|reward:3|critique|model|cost (USD):4|run")
     rows: list[tuple[Cell, ...]] = []
     for g in results.groups:
-        for run in g.runs:
-            written = list(_rows(run, _CRITIQUES))
-            rewards = dict(map(tuple, _rows(run, "SELECT candidate, reward FROM evaluations"))) if written else {}
-            for row in written:
-                candidate = str(next(iter(json.loads(row["elites"])), ""))
-                said = (candidate, rewards.get(candidate), row["text"], row["model"], row["cost_usd"])
-                rows.append((g.task, g.method, *said, Link(run.folder.name, run.folder)))
+        for run in (run for run in g.runs if run.store.exists):
+            written = [(request, reply) for request, reply in run.store.answers() if request.critique]
+            rewards = {e.candidate: e.reward for e in run.store.evaluations()} if written else {}
+            for request, reply in sorted(written, key=lambda pair: (pair[0].generation, pair[0].agent)):
+                if reply.error is None:
+                    candidate = next(iter(request.elites), "")
+                    said = (candidate, rewards.get(candidate), reply.text, reply.model, reply.cost_usd)
+                    rows.append((g.task, g.method, *said, Link(run.folder.name, run.folder)))
     note = "Opinions of models on pictures and figures of rollouts (`prompt.critic`), cut to 1000 characters."
     return Table("critiques", "Critiques", head, tuple(rows), note)
-
-
-def _rows(run: FinishedRun, query: str) -> Iterator[Row]:
-    if (run.folder / STORE).exists():
-        with reading(run.folder) as database:
-            yield from database.execute(query)
-
-
-def _add(figures: dict[str, float], row: Row, names: tuple[str, ...]) -> None:
-    """Add what is known."""
-    for name in names:
-        if row[name] is not None:
-            figures[name] = figures.get(name, 0) + row[name]

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from core.store.reader import RunCost, known_sum
 from core.store.rows import Saved
 from plugins.results.pages.formats import Cell, Column, Link, Table, columns
-from plugins.results.pages.runs import FinishedRun, Spending, spending
+from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.tools import Tools, size
 from plugins.results.report.leaderboard import entry_tables
 from plugins.results.report.learning_curves import efforts
@@ -220,7 +221,7 @@ def costs(results: Results) -> Table:
     )
     rows = []
     for g in results.groups:
-        spent: list[Spending] = [s for s in map(spending, g.runs) if s is not None]
+        spent = [RunCost.of(run.store.requests()) for run in g.runs if run.store.exists]
         seconds = sum(run.figures.wall_time_s for run in g.runs)
         tried = sum(map(_rollouts, g.runs))
         saved = [run.figures.saved for run in g.runs if run.figures.saved is not None]
@@ -231,7 +232,7 @@ def costs(results: Results) -> Table:
                 tried / seconds if seconds > 0 else None,
                 sum(s.requests for s in spent) / len(spent) if spent else None,
                 sum(s.errors for s in spent),
-                *(_over_known(sum, [getattr(s, name) for s in spent]) for name in names),
+                *(known_sum(getattr(s, name) for s in spent) for name in names),
                 *(sum(getattr(of, name) for of in saved) if saved else None for name in Saved.__annotations__),
             )
         )

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from core.errors import UserError
-from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, natural, read_run, spending
+from core.store.reader import RunCost
+from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, natural, read_run
 from plugins.results.pages.tools import given_tool, winners
 from tests.core.run_folders import result, write_run
 
@@ -28,7 +29,7 @@ def test_a_finished_run(tmp_path):
     assert run.best_so_far == [0.2, 0.5]
     assert [g.n_rejected for g in run.figures.generations] == [1, 0]
     assert run.config["budget"]["name"] == "quick"
-    spent = spending(run)
+    spent = RunCost.of(run.store.requests())
     assert (spent.requests, spent.replies, spent.prompt_tokens, spent.cost_usd) == (2, 2, 200, 0.5)
     assert run.recordings() == {}
 
@@ -38,7 +39,7 @@ def test_reading_leaves_a_folder_as_it_was(tmp_path):
     before = folder_state(folder)
     run = read_run(folder)
     winners(run)
-    spending(run)
+    run.store.requests()
     assert folder_state(folder) == before
 
 
@@ -147,7 +148,7 @@ def test_a_result_alone_counts_and_its_tools_are_missing(tmp_path):
     (folder / "run.sqlite").unlink()
     run = read_run(folder)
     assert run.best.reward == 0.7
-    assert spending(run) is None
+    assert not run.store.exists
     assert given_tool(run) is None
     with pytest.raises(UserError, match=r"has no run\.sqlite"):
         winners(run)

@@ -5,6 +5,7 @@ import csv
 import numpy as np
 import pytest
 
+from core.store.reader import StoredRun
 from plugins.results.report.command import report
 from plugins.results.report.learning_curves import read_course
 from tests.core.run_folders import write_run
@@ -18,7 +19,7 @@ def efforts(folder):
 
 
 def test_a_course_rises_with_candidates_and_counts_calls_by_generation(tmp_path):
-    course = read_course(write_run(tmp_path, rewards=[[0.2, 0.4, None], [0.1, 0.7]], cost_usd=0.25))
+    course = read_course(StoredRun(write_run(tmp_path, rewards=[[0.2, 0.4, None], [0.1, 0.7]], cost_usd=0.25)))
     assert course.best.tolist() == [0.2, 0.4, 0.4, 0.4, 0.7]
     assert course.rollouts.tolist() == [1, 2, 2, 3, 4]
     assert course.requests.tolist() == [1, 1, 1, 2, 2]
@@ -30,7 +31,7 @@ def test_a_course_rises_with_candidates_and_counts_calls_by_generation(tmp_path)
 def test_there_is_none_without_a_store(tmp_path):
     folder = write_run(tmp_path)
     (folder / "run.sqlite").unlink()
-    assert read_course(folder) is None
+    assert read_course(StoredRun(folder)) is None
 
 
 def test_effort_is_what_all_runs_spent_by_those_that_reached_it(tmp_path):

@@ -1,0 +1,47 @@
+"""The reader of a store: requests, designs and evaluations as values."""
+
+from core.store.reader import RunCost, StoredRun, rollouts
+from tests.core.run_folders import edit, write_run
+
+
+def test_a_run_is_read_as_values(tmp_path):
+    store = StoredRun(write_run(tmp_path, rewards=[[0.2, None], [0.5, 0.5]], cost_usd=0.25))
+    assert store.config()["budget"]["name"] == "quick"
+    assert store.result().best.reward == 0.5
+    assert (store.generations(), store.seconds() > 0) == (2, True)
+    assert [(e.candidate, e.status, e.reward) for e in store.evaluations()] == [
+        ("g0-a0-s0-p0", "ok", 0.2),
+        ("g0-a0-s1-p0", "rejected", 0.0),
+        ("g1-a0-s0-p0", "ok", 0.5),
+        ("g1-a0-s1-p0", "ok", 0.5),
+    ]
+    assert {key: design.parents for key, design in store.designs().items() if design.parents} == {
+        (1, 0, 0): ("g0-a0-s0-p0",),
+        (1, 0, 1): ("g0-a0-s0-p0",),
+    }
+    assert [len(e.plan) for e in store.evaluations()] == [2] * 4
+    assert RunCost.of(store.requests()) == (2, 2, 0, 200, 20, 0.5)
+
+
+def test_requests_come_with_their_replies_and_those_without_one_too(tmp_path):
+    store = StoredRun(write_run(tmp_path, rewards=[[0.2], [0.5]]))
+    edit(tmp_path, "UPDATE requests SET id = 'g1-critic0', elites = '[\"g0-a0-s0-p0\"]' WHERE generation = 1")
+    unanswered, answered = store.requests()
+    assert (unanswered.critique, unanswered.elites, unanswered.reply) == (True, ("g0-a0-s0-p0",), None)
+    assert (answered.id, answered.critique, answered.reply.text) == ("g0-a0", False, "{}")
+    assert store.answers() == [(answered, answered.reply)]
+    assert RunCost.of([unanswered]) == (1, 0, 0, None, None, None)
+
+
+def test_candidates_with_the_same_content_count_once(tmp_path):
+    store = StoredRun(write_run(tmp_path, rewards=[[0.2, 0.2, None]]))
+    assert rollouts(store.evaluations()) == [1, 1, 0]
+    edit(tmp_path, "UPDATE evaluations SET content = 'same' WHERE status = 'ok'")
+    assert rollouts(store.evaluations()) == [1, 0, 0]
+
+
+def test_a_run_that_was_killed_at_once_has_nothing(tmp_path):
+    store = StoredRun(write_run(tmp_path, rewards=[]))
+    edit(tmp_path, "DELETE FROM run")
+    assert (store.exists, store.config(), store.result()) == (True, {}, None)
+    assert not StoredRun(tmp_path / "elsewhere").exists
