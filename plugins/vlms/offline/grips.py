@@ -84,9 +84,9 @@ def pinch(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     """Come down over the body, press the plates on, and lift."""
     top = np.array([*errand.center[:2], float(errand.upper[2])])
     low = top - head.level * UP
-    path.go(low + max(0.03, errand.clear_z - low[2] + rng.uniform(0.01, 0.05)) * UP, head.turn)
-    path.go(top + 0.01 * UP, head.turn)
-    path.go(low, head.turn, touch=True)
+    above = low + max(0.03, errand.clear_z - low[2] + rng.uniform(0.01, 0.05)) * UP
+    path.go(head.turn, above, top + 0.01 * UP)
+    path.go(head.turn, low, touch=True)
     rise = float(errand.shift[2]) + rng.uniform(0.0, 0.03)
     path.stroke(low + 0.02 * UP, head.turn, 0.1)
     path.stroke(low + rise * UP, head.turn, rng.uniform(0.1, 0.3))
@@ -183,8 +183,7 @@ def pour(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
     grasp = grips.middle + (grips.rear - gap - _BACK_M) * ahead
     grasp[2] = level
     before = grasp - (head.depth + rng.uniform(0.01, 0.03)) * ahead
-    path.go(before + rng.uniform(0.06, 0.15) * UP, grips.heading)
-    path.go(before, grips.heading)
+    path.go(grips.heading, before + rng.uniform(0.06, 0.15) * UP, before)
     path.stroke(grasp, grips.heading, rng.uniform(0.1, 0.3))
     # High enough for the container to pass over everything near, upright and on its side.
     foot = float(errand.holder.points[:, 2].min())
@@ -201,7 +200,6 @@ def pour(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
     path.stroke(there, heading, rng.uniform(0.15, 0.4))
     for share in np.linspace(0.0, 1.0, int(rng.integers(3, 7)) + 1)[1:]:
         path.add(Pose.xyz_rpy(there, (sign * share * turn, 0.0, heading)), touch=True)
-    for rise in (0.02, 0.0, 0.02):
-        path.add(Pose.xyz_rpy(there + rise * UP, (sign * turn, 0.0, heading)), touch=True)
+    path.go(path.poses[-1], there + 0.02 * UP, there, there + 0.02 * UP, touch=True)
     carried = f"slides over the handles, lifts, carries by {errand.length:.2f} m"
     return f"{carried} and turns over by {np.degrees(turn):.0f} degrees"

@@ -13,7 +13,7 @@ from itertools import accumulate
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Array, Cylinder, Pose, Sphere
+from core.geometry import Array, Cylinder, Sphere
 from plugins.vlms.offline.boxes import axes_of
 from plugins.vlms.offline.heads import Head, Piece, box, cage
 from plugins.vlms.offline.openings import Under, under, way_out
@@ -127,8 +127,7 @@ def carrier(errand: Errand, route: Sequence[Array], rng: np.random.Generator) ->
     def stroke(path: Path, rng: np.random.Generator) -> str:
         inside = at.rear - gap * ahead - (nose + 0.001) * UP
         before = inside - (depth + 0.02) * ahead
-        path.enter(errand, Pose.xyz_rpy(before, (0.0, 0.0, at.heading)))
-        path.go(inside, at.heading)
+        path.enter(errand, at.heading, before, inside)
         path.hold()
         lifted = inside + (nose + 0.001) * UP
         goal = lifted + errand.shift
@@ -139,7 +138,7 @@ def carrier(errand: Errand, route: Sequence[Array], rng: np.random.Generator) ->
         for place in places:
             length = float(np.linalg.norm(place - path.poses[-1].position))
             path.stroke(place, at.heading, 0.15 if length > 0.02 else 1.0)
-        path.go(places[-1] - (depth + 0.02) * ahead, at.heading, touch=True)
+        path.go(at.heading, places[-1] - (depth + 0.02) * ahead, touch=True)
         return "gets tines under the body, lifts it off, carries it over, lowers it and leaves"
 
     return Head(
@@ -169,14 +168,13 @@ def tipper(errand: Errand, turn: tuple[Array, float], rng: np.random.Generator) 
     def stroke(path: Path, rng: np.random.Generator) -> str:
         tip = at.rear + grip * ahead - 0.001 * UP
         offset = (grip + gap) * ahead  # from the face to the tip
-        path.enter(errand, Pose.xyz_rpy(tip - offset - (grip + gap + 0.02) * ahead, (0.0, 0.0, at.heading)))
-        path.go(tip - offset, at.heading)
+        path.enter(errand, at.heading, tip - offset - (grip + gap + 0.02) * ahead, tip - offset)
         path.hold()
         rise = float(tip[2] - pivot[2])
         for turned in np.linspace(0.0, most, int(np.ceil(most / _STEP_RAD)) + 1)[1:]:
             arm = Rotation.from_rotvec(np.cross(UP, ahead) * turned).apply(-radius * ahead + rise * UP)
-            path.go(pivot + arm - offset, at.heading, touch=True)
-        path.go(path.poses[-1].position - 0.06 * ahead + 0.02 * UP, at.heading, touch=True)
+            path.go(at.heading, pivot + arm - offset, touch=True)
+        path.go(at.heading, path.poses[-1].position - 0.06 * ahead + 0.02 * UP, touch=True)
         return f"raises one side by a lip, and turns the body about its other edge by {np.degrees(most):.0f} degrees"
 
     pieces = _tines(at, tine, thick, grip + gap, 0.03, 0.0)
@@ -220,13 +218,12 @@ def catcher(errand: Errand, rng: np.random.Generator) -> Head:
     rest = left - max(float(left @ way), 0.0) * way  # the opening is ahead
 
     def stroke(path: Path, rng: np.random.Generator) -> str:
-        path.enter(errand, Pose.xyz_rpy(face, (0.0, 0.0, heading)))
-        for _ in range(int(np.clip(np.ceil((late - 1.5) / 0.5), 1, 30))):
-            path.go(face, heading, touch=True)
+        path.enter(errand, heading, face)
+        path.go(heading, *[face] * int(np.clip(np.ceil((late - 1.5) / 0.5), 1, 30)), touch=True)
         path.hold()
         if np.linalg.norm(rest) > 0.02:
             path.stroke(face + rest, heading, 0.1)
-            path.go(face + rest, heading, touch=True)
+            path.go(heading, face + rest, touch=True)
         ahead = meet - (positions @ way).mean()
         return f"waits for {late:.1f} s with a cage, open to what comes, {ahead:.2f} m ahead of it"
 

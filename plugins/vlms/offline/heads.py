@@ -6,9 +6,9 @@ Pieces ahead of the face (x > 0) go around, under or beside the bodies.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from plugins.vlms.offline.scene_analysis import UP, Errand
 
 Use = Literal["push", "surround", "scoop", "hook", "clamp", "pour", "pinch", "guided"]
 Size = tuple[float, float, float]
+K = TypeVar("K", bound=Hashable)
 
 _LEAST_M = 0.003  # clearance between a head and the bodies inside it
 SIDES = (("left", 1.0), ("right", -1.0))
@@ -54,6 +55,12 @@ class Head:
     aside: Array = field(default_factory=lambda: np.zeros(3))
     turn: float = 0.0
     stroke: Callable[[Path, np.random.Generator], str] | None = None
+
+
+def draw(weights: Mapping[K, float], rng: np.random.Generator) -> K:
+    """Choose at random, by weights."""
+    shares = np.array(list(weights.values()))
+    return list(weights)[int(rng.choice(len(shares), p=shares / shares.sum()))]
 
 
 def box(name: str, x: float, y: float, z: float, size: Size, parent: int = 0, turn: Pose | None = None) -> Piece:
@@ -177,8 +184,7 @@ def _pusher(errand: Errand, rng: np.random.Generator, stout: float) -> Head:
     if widest > across + 0.02:
         kinds |= {"cage": 3.0, "pen": 1.2, "funnel": 1.0, "wedge": 1.0, "rake": 0.7}
         spare = max(_LEAST_M, min(spare, (widest - across) / 2 - thick))
-    names, weights = list(kinds), np.array(list(kinds.values()))
-    match names[int(rng.choice(len(names), p=weights / weights.sum()))]:
+    match draw(kinds, rng):
         case "blade":
             return blade(min(widest, across * rng.uniform(0.7, 2.0)), height, thick)
         case "peg":
@@ -243,8 +249,7 @@ def _hook(errand: Errand, rng: np.random.Generator, stout: float) -> Head:
     """A head that passes beside or over the bodies, and pulls them from behind."""
     extent, (right, left) = errand.extent(errand.heading), errand.rooms(errand.heading)
     sides = [(right, np.array([0.0, -1.0, 0.0])), (left, np.array([0.0, 1.0, 0.0])), (errand.headroom, UP)]
-    weights = np.array([min(room, 0.1) + 1e-3 for room, _ in sides])
-    room, outward = sides[int(rng.choice(3, p=weights / weights.sum()))]
+    room, outward = sides[draw({i: min(room, 0.1) + 1e-3 for i, (room, _) in enumerate(sides)}, rng)]
     over = outward[2] > 0.5
     thick = float(np.clip(room * stout * rng.uniform(0.1, 0.25), 0.003, stout * 0.014))
     gap = min(0.004, 0.1 * room)

@@ -40,26 +40,28 @@ class Path:
     held: int | None = None
     anchors: list[Anchor] = field(default_factory=list)
 
-    def go(self, position: Array, heading: float, *, grip: float = 0.0, touch: bool = False) -> None:
-        self.add(Pose.xyz_rpy(position, (0.0, 0.0, heading)), grip=grip, touch=touch)
+    def go(self, turn: float | Pose, *positions: Array, grip: float = 0.0, touch: bool = False) -> None:
+        """Add positions of the head at a heading, or turned as a pose is."""
+        for position in positions:
+            pose = Pose(position, turn.quaternion) if isinstance(turn, Pose) else Pose.xyz_rpy(position, (0, 0, turn))
+            self.add(pose, grip=grip, touch=touch)
 
     def add(self, pose: Pose, *, grip: float = 0.0, touch: bool = False) -> None:
         self.poses.append(pose)
         self.grips.append(grip)
         self.touching.append(touch)
 
-    def enter(self, errand: Errand, pose: Pose) -> None:
-        """Come down from above everything near."""
-        rise = max(0.03, errand.clear_z - float(pose.position[2]) + 0.03)
-        self.add(Pose(pose.position + rise * UP, pose.quaternion))
-        self.add(pose)
+    def enter(self, errand: Errand, turn: float | Pose, position: Array, *others: Array) -> None:
+        """Come down to a position from above everything near, and go on to others."""
+        rise = max(0.03, errand.clear_z - float(position[2]) + 0.03)
+        self.go(turn, position + rise * UP, position, *others)
 
     def stroke(self, end: Array, heading: float, speed: float, *, grip: float = 0.0) -> None:
         """Add segments to ``end``, as many as give the head a speed of about ``speed`` metres per second."""
         start = self.poses[-1].position
         count = int(np.clip(np.ceil(np.linalg.norm(end - start) / (speed * _SEGMENT_S)), 1, _MOST_SEGMENTS))
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
-            self.go(start + share * (end - start), heading, grip=grip, touch=True)
+            self.go(heading, start + share * (end - start), grip=grip, touch=True)
 
     def hold(self) -> None:
         """Note that the bodies are in the head's hold now; without it they are moved from the first touch on."""

@@ -33,15 +33,12 @@ def _rod(contact: Contact, length: float, toe: Array | None) -> list[Piece]:
     ]
 
 
-def _follow(path: Path, head: Pose, motion: Motion) -> Pose:
+def _follow(path: Path, motion: Motion) -> Pose:
     """Move the head as the body moves; returns where the head ends."""
+    head = path.poses[-1]
     for moved in motion:
         path.add(moved @ head, touch=True)
     return path.poses[-1]
-
-
-def _at(position: Array, turn: Pose) -> Pose:
-    return Pose(position, turn.quaternion)
 
 
 def _joint_way(errand: Errand, rng: np.random.Generator) -> tuple[Array, Array | None, Motion] | None:
@@ -83,11 +80,10 @@ def mover(errand: Errand, rng: np.random.Generator) -> Head | None:
     length, turn = contact.length + rng.uniform(0.04, 0.07), frame_of(way)
 
     def stroke(path: Path, rng: np.random.Generator) -> str:
-        tip = Pose(contact.point - way * rng.uniform(0.001, 0.004), turn.quaternion)
-        path.enter(errand, Pose(contact.point - way * (contact.length + 0.03), turn.quaternion))
-        path.add(tip)
-        end = _follow(path, tip, motion)
-        path.add(_at(end.position - way * 0.03, end), touch=True)
+        tip = contact.point - way * rng.uniform(0.001, 0.004)
+        path.enter(errand, turn, contact.point - way * (contact.length + 0.03), tip)
+        end = _follow(path, motion)
+        path.go(end, end.position - way * 0.03, touch=True)
         return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
 
     hold, thick = np.array([0.006 - length, 0.0, 0.0]), 2 * contact.half
@@ -107,10 +103,8 @@ def _hooked(
         behind = contact.point
         beside = behind - contact.aside * (1 + 0.003 / np.linalg.norm(contact.aside))
         out = way * (max(contact.length, extent) + 0.03)
-        path.enter(errand, _at(beside + out, turn))
-        path.add(_at(beside, turn))
-        path.add(_at(behind, turn))
-        end = _follow(path, _at(behind, turn), motion)
+        path.enter(errand, turn, beside + out, beside, behind)
+        end = _follow(path, motion)
         if then is not None:
             slide = rng.uniform(0.0, 0.012) * way
             moved = errand.points + motion[-1].position + slide
@@ -140,14 +134,10 @@ def _nudge(
     high = float(points[:, 2].max()) + 2 * drop + 0.03
     back = head.rotation.apply([-0.02, 0.0, 0.0])  # away from the body
     start = head.position + back
-    path.add(_at(start, head), touch=True)
-    for place in ([*start[:2], high], [*at[:2], high]):
-        path.add(_at(np.array(place), head), touch=True)
-    path.add(_at(at, head), touch=True)
+    over = [np.array([*place[:2], high]) for place in (start, at)]
     end = at + way * (length + 0.008) * rng.normal(1.0, 0.03)
-    for share in np.linspace(0.0, 1.0, max(2, int(length / 0.08)) + 1)[1:]:
-        path.add(_at(at + share * (end - at), head), touch=True)
-    path.add(_at(end - 0.03 * way, head), touch=True)
+    pushes = np.linspace(at, end, max(2, int(length / 0.08)) + 1)[1:]
+    path.go(head, start, *over, at, *pushes, end - 0.03 * way, touch=True)
 
 
 def drawer(errand: Errand, route: Sequence[Array], rng: np.random.Generator) -> Head | None:

@@ -48,15 +48,14 @@ def push(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
     start = (way.rear - gap) * way.ahead + way.middle + slip * way.side + low * UP
     end = start + (gap + length) * way.ahead
     over = _over(errand, low, rng)
-    path.go(start + over, way.heading - swing)
-    path.go(start, way.heading - swing)
+    path.go(way.heading - swing, start + over, start)
     path.stroke(end, way.heading + swing, speed)
     text = f"comes down {gap * 1000:.0f} mm behind and moves by {length:.2f} m at {speed:.2f} m/s"
     if rng.random() < 0.4 or len(errand.things) > 1 or errand.alone:
         if head.use == "push":
             end = end - 0.03 * way.ahead
-            path.go(end, way.heading + swing, touch=True)
-        path.go(end + over, way.heading + swing, touch=True)
+            path.go(way.heading + swing, end, touch=True)
+        path.go(way.heading + swing, end + over, touch=True)
         text += ", then leaves"
     return text
 
@@ -71,8 +70,7 @@ def scoop(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     gap, speed = rng.uniform(0.005, 0.03), rng.uniform(0.08, 0.35)
     start = (way.rear - gap - head.depth) * way.ahead + way.middle + low * UP
     under = start + (gap + head.depth * rng.uniform(0.85, 1.02)) * way.ahead
-    path.go(start + _over(errand, low, rng), way.heading)
-    path.go(start, way.heading)
+    path.go(way.heading, start + _over(errand, low, rng), start)
     path.stroke(under, way.heading, speed)
     path.hold()
     rise = _about(max(errand.shift[2] + rng.uniform(-0.01, 0.03), 0.0), rng)
@@ -102,9 +100,7 @@ def hook(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> st
     behind = edge + (way.rear - rng.uniform(0.004, 0.02)) * way.ahead
     before = edge + (way.front + outside + rng.uniform(0.01, 0.04)) * way.ahead
     over = 0.05 * UP if errand.covered else _over(errand, errand.lower[2], rng)
-    path.go(before + aside + over, way.heading)
-    for point in (before + aside, behind + aside, behind):
-        path.go(point, way.heading)
+    path.go(way.heading, before + aside + over, before + aside, behind + aside, behind)
     length = _about(errand.length, rng)
     path.stroke(edge + (way.rear + length) * way.ahead, way.heading, rng.uniform(0.1, 0.4))
     return f"passes {'over' if head.aside[2] > 0 else 'beside'}, gets behind and pulls by {length:.2f} m"
@@ -116,9 +112,8 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     yaw = turn + rng.normal(0.0, 0.1) * (rng.random() < 0.5)
     low = errand.lower[2] + rng.uniform(0.002, max(0.002, 0.4 * errand.tall))
     at = np.array([*errand.center[:2], low])
-    path.go(at + _over(errand, low, rng), yaw)
-    path.go(at, yaw)
-    path.go(at, yaw, grip=1.0, touch=True)
+    path.go(yaw, at + _over(errand, low, rng), at)
+    path.go(yaw, at, grip=1.0, touch=True)
     path.hold()
     rises = errand.shift[2] > 0.03
     drags = not rises and not errand.blocked(errand.shift) and rng.random() < 0.6
@@ -135,7 +130,7 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     if not rises:
         down = over_ground + min(lift, errand.shift[2] + 0.003) * UP
         path.stroke(down, yaw, 0.2, grip=1.0)
-        path.go(down, yaw, touch=True)
+        path.go(yaw, down, touch=True)
     verb = "drags" if drags else "carries"
     return f"closes the fingers and {verb} by {np.linalg.norm(errand.shift):.2f} m"
 
