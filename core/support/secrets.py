@@ -11,11 +11,12 @@ import html
 import json
 import os
 import re
-from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, TextIO
+
+import numpy as np
 
 SHORTEST = 8  # a shorter value is no key, and its stars would damage the text
 
@@ -54,11 +55,20 @@ def scrub(text: str) -> str:
     if not forms:
         return text
     plain = _WRITTEN.sub(_character, text)
-    found = [form for form in forms if form in plain]
+    found = [re.escape(form) for form in forms if form in plain]
     if not found:
         return text
-    spans = [match.span() for match in re.finditer("|".join(map(re.escape, found)), plain)]
-    return _starred(text, spans)
+    seen = np.ones(len(text) + 1, dtype=bool)  # where a character of the plain text stands, or begins if it is escaped
+    bound = seen.copy()  # where it may end
+    for match in _WRITTEN.finditer(text):
+        seen[match.start() + len(_character(match)) : match.end()] = False
+        bound[match.start() + 1 : match.end()] = False
+    places, bounds = np.flatnonzero(seen), np.flatnonzero(bound)
+    pieces, last = [], 0
+    for match in re.finditer("|".join(found), plain):
+        pieces += [text[last : places[match.start()]], "***"]
+        last = bounds[np.searchsorted(bounds, places[match.end() - 1], side="right")]
+    return "".join([*pieces, text[last:]])
 
 
 def scrubbed(value: Any) -> Any:
@@ -154,31 +164,3 @@ def _character(match: re.Match[str]) -> str:
     else:
         found = _ESCAPED.get(escaped, escaped) if escaped else ""
     return re.sub(_UNSEEN, "", found)
-
-
-def _starred(text: str, spans: list[tuple[int, int]]) -> str:
-    """Replace spans of the plain text where they stand in ``text``."""
-    ends: list[int] = []  # of each escaped character, in the plain text
-    tokens: list[tuple[int, int, int]] = []
-    shift = 0  # from the text to the plain text
-    for match in _WRITTEN.finditer(text):
-        length = len(_character(match))
-        begin = match.start() - shift
-        ends.append(begin + length)
-        tokens.append((begin, match.start(), match.end()))
-        shift += match.end() - match.start() - length
-
-    def place(index: int, *, end: bool) -> int:
-        """Where a plain text's character begins in ``text``; ``end``: where the one before it ends."""
-        index -= end
-        k = bisect_right(ends, index)
-        if k < len(tokens) and tokens[k][0] <= index:
-            return tokens[k][2] if end else tokens[k][1]
-        before = tokens[k - 1][2] - ends[k - 1] if k else 0
-        return index + before + end
-
-    pieces, last = [], 0
-    for begin, end in spans:
-        pieces += [text[last : place(begin, end=False)], "***"]
-        last = place(end, end=True)
-    return "".join([*pieces, text[last:]])
