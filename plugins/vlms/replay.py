@@ -13,10 +13,10 @@ from core.store.reader import StoredRun
 
 @hookimpl
 def vlms() -> Mapping[str, Callable[..., VLM]]:
-    return {"replay": Replay}
+    return {"replay": PastReplies}
 
 
-class Replay(VLM):
+class PastReplies(VLM):
     """Answers each request with the past run's reply to the request of the same generation and agent.
 
     Another simulator may choose other elites. The replies of later generations still refer to the past run's elites,

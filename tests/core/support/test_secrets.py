@@ -133,7 +133,7 @@ def test_the_effort_grows_with_the_length_of_the_text():
 def test_a_commands_traceback_is_scrubbed():
     code = (
         "from core.support.cli import command\n"
-        "def fail(): print('out 0123456789abcdef'); raise ValueError('in 0123456789abcdef')\n"
+        "def fail(words): print('out 0123456789abcdef'); raise ValueError('in 0123456789abcdef')\n"
         "command(fail)"
     )
     done = subprocess.run(
