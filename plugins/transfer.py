@@ -70,7 +70,7 @@ World = tuple[str, str, int | None]
 
 
 @dataclass(frozen=True, eq=False)
-class Trial(Candidate):
+class CandidateInWorld(Candidate):
     """A candidate that is tried in one world."""
 
     world: World = ("", "", None)
@@ -120,7 +120,7 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
             disable=not console.is_terminal,
         ):
             trial = evaluation.candidate
-            assert isinstance(trial, Trial)
+            assert isinstance(trial, CandidateInWorld)
             tried[trial.id, trial.world] = evaluation
     return {
         "task": task.name,
@@ -142,7 +142,9 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     }
 
 
-def trials(candidates: Mapping[str, Sequence[Candidate]], evaluators: Mapping[World, Evaluator]) -> Iterator[Trial]:
+def trials(
+    candidates: Mapping[str, Sequence[Candidate]], evaluators: Mapping[World, Evaluator]
+) -> Iterator[CandidateInWorld]:
     """Yield each robot's candidates with each of its evaluators; candidates that share a tool stay together."""
     for robot, of in candidates.items():
         for _, group in itertools.groupby(of, key=lambda candidate: id(candidate.tool)):
@@ -150,7 +152,7 @@ def trials(candidates: Mapping[str, Sequence[Candidate]], evaluators: Mapping[Wo
             for world, evaluator in evaluators.items():
                 for candidate in alike if world[0] == robot else ():
                     named = {field.name: getattr(candidate, field.name) for field in fields(Candidate)}
-                    yield Trial(**named, world=world, evaluator=evaluator)
+                    yield CandidateInWorld(**named, world=world, evaluator=evaluator)
 
 
 def on_each(cfg: DictConfig, tasks: Mapping[str, TaskPart]) -> dict[str, list[Candidate]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from core.simulation.pictures import png
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from core.support.text import number
 from plugins.results.pages.drawing import draw, painted
+from plugins.results.pages.figure import slug
 from plugins.results.pages.page import data_address, in_viewer, render
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, short
 from plugins.results.pages.tools import Shape, Winner, another, size, winners
@@ -46,7 +46,7 @@ class GalleryConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
+class Exhibit:
     """A tool of the gallery: ``place`` is 1 for the best of its task, ``folder`` is that of its files, relative to the
     gallery's.
     """
@@ -74,7 +74,7 @@ class Entry:
 
 def gallery(
     folders: Sequence[Path], output: Path, top: int, printer: Printer, apart_mm: float = 10.0
-) -> tuple[list[Entry], list[LeftOutRun]]:
+) -> tuple[list[Exhibit], list[LeftOutRun]]:
     """Write pictures, STL, 3MF and designs files of the ``top`` best tools of each task, and a page of them, to
     ``output``. Tools with equally many components and all corners within ``apart_mm`` count as one: the best of them.
 
@@ -97,8 +97,8 @@ def gallery(
     for task in sorted({run.task for run in finished}):
         best = _best([w for run in finished if run.task == task for w in best_of[run]], top, apart_mm / 1000)
         for place, winner in enumerate(best, 1):
-            folder = Path(_name(task)) / f"{place}_{_name(winner.name)}"
-            entries.append(Entry(place, methods[winner.run], winner, tuple(pieces(winner.tool, printer)), folder))
+            folder = Path(slug(task, 40)) / f"{place}_{slug(winner.name, 40) or 'tool'}"
+            entries.append(Exhibit(place, methods[winner.run], winner, tuple(pieces(winner.tool, printer)), folder))
     if not entries:
         if left_out and not finished:
             raise UserError(f"no tool to show: {_why(left_out[0])}")
@@ -136,12 +136,7 @@ def _why(run: LeftOutRun) -> str:
     return f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}"
 
 
-def _name(text: str) -> str:
-    """A file name made of any text."""
-    return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:40] or "tool"
-
-
-def _write(entry: Entry, output: Path) -> bytes:
+def _write(entry: Exhibit, output: Path) -> bytes:
     """Write the entry's files, and return its picture."""
     folder = output / entry.folder
     picture = png(draw(painted(entry.winner.tool, entry.winner.robot), *PICTURE))
@@ -156,7 +151,7 @@ def _write(entry: Entry, output: Path) -> bytes:
     return picture
 
 
-def _record(entry: Entry) -> dict[str, Any]:
+def _record(entry: Exhibit) -> dict[str, Any]:
     """An entry of ``gallery.json``."""
     winner = entry.winner
     return {
@@ -185,7 +180,7 @@ def _record(entry: Entry) -> dict[str, Any]:
     }
 
 
-def show(entries: Sequence[Entry]) -> None:
+def show(entries: Sequence[Exhibit]) -> None:
     """Print a table, and below it what speaks against printing a tool."""
     numbers = ("place", "reward")
     rows = [

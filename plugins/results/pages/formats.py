@@ -14,14 +14,14 @@ from core.support.text import clean, number
 
 
 @dataclass(frozen=True)
-class Link:
+class CellLink:
     """A cell that leads to a file."""
 
     text: str
     target: Path
 
 
-Cell = str | int | float | None | Link | tuple[Link, ...]
+Cell = str | int | float | None | CellLink | tuple[CellLink, ...]
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def printed(cell: Cell, column: Column) -> str:
     match cell:
         case None:
             return "–"
-        case Link() | tuple():
+        case CellLink() | tuple():
             return ", ".join(clean(link.text, 300) for link in links(cell))
         case str():
             return clean(cell, 1000)
@@ -67,16 +67,16 @@ def printed(cell: Cell, column: Column) -> str:
             return str(cell) if column.digits is None else number(cell, column.digits)
 
 
-def links(cell: Cell) -> tuple[Link, ...]:
+def links(cell: Cell) -> tuple[CellLink, ...]:
     """The links of a cell that holds nothing else."""
-    return (cell,) if isinstance(cell, Link) else cell if isinstance(cell, tuple) else ()
+    return (cell,) if isinstance(cell, CellLink) else cell if isinstance(cell, tuple) else ()
 
 
 def to_csv(table: Table, folder: Path) -> str:
     """CSV in full precision; links are paths from ``folder``, where the table will lie."""
 
     def plain(cell: Cell) -> Any:
-        if isinstance(cell, Link | tuple):
+        if isinstance(cell, CellLink | tuple):
             return _no_formula(" ".join(relative(link.target, folder) for link in links(cell)))
         return _no_formula(cell) if isinstance(cell, str) else cell  # None is written as nothing
 

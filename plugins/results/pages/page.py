@@ -20,9 +20,9 @@ from markupsafe import Markup
 
 from core.support.text import clean, number
 from plugins.results.pages.drawing import painted
+from plugins.results.pages.figure import INK
 from plugins.results.pages.formats import Cell, links, printed, relative
 from plugins.results.pages.tools import Winner
-from plugins.results.report.plots import INK
 
 _LONGEST = 20_000  # characters of any text
 _SHARP = np.deg2rad(20.0)  # angle between two faces above which an edge is drawn

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -17,10 +16,10 @@ from core.interfaces import Robot
 from core.search.archive import UNITS, VALUES, Kept, Measure, handed_over, measures_of
 from core.support.text import clean, number
 from plugins.results.pages.drawing import Pixels, draw, painted
+from plugins.results.pages.figure import INK, FigurePage, new_figure, slug, wrapped
 from plugins.results.pages.formats import Cell, Table, columns
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.tools import every_tool
-from plugins.results.report.plots import INK, Picture, new_figure, wrapped
 from plugins.results.report.results import Results
 
 if TYPE_CHECKING:
@@ -109,9 +108,8 @@ def _name(evaluation: Evaluation) -> str:
     return tool.name if tool is not None and tool.name else evaluation.candidate.id
 
 
-def heat_map(archive: Archived, place: int) -> Picture:
+def heat_map(archive: Archived, place: int) -> FigurePage:
     """The archive as a map of its first two measures, with the best tool in each cell."""
-    slug = re.sub(r"[^A-Za-z0-9]+", "_", f"{archive.task}_{archive.method}").strip("_")[:60]
     first, *others = [measure.name for measure in archive.measures]
     over = f"; of cells that differ in {', '.join(others[1:])} alone the best one is shown" if others[1:] else ""
     caption = (
@@ -119,8 +117,9 @@ def heat_map(archive: Archived, place: int) -> Picture:
         f"{f' and {others[0]}' if others else ''}: the colour and the number are the best reward in the cell, the "
         f"drawing is its tool, each to its own scale{over}. Rows and columns without any are cut off at the edges."
     )
+    name = f"archive_{place}_{slug(f'{archive.task}_{archive.method}')}"
     pictures: dict[str, Pixels] = {}  # drawn once for all formats
-    return Picture(f"archive_{place}_{slug}", "The best of each kind", caption, lambda: _map(archive, pictures))
+    return FigurePage(name, "The best of each kind", caption, lambda: _map(archive, pictures))
 
 
 def _map(archive: Archived, pictures: dict[str, Pixels]) -> Figure:

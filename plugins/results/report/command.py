@@ -10,14 +10,14 @@ from pathlib import Path
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
 from core.support.cli import folders_and_overrides, say, write_bytes
+from plugins.results.pages.figure import FORMATS, FigurePage
 from plugins.results.pages.formats import Table, to_csv, to_markdown
 from plugins.results.pages.page import figure_address, in_viewer, render
 from plugins.results.pages.runs import find_runs, short
 from plugins.results.pages.tools import Tools, collect
 from plugins.results.report.archives import heat_map, picked_table, read_archives
-from plugins.results.report.figures import pictures
+from plugins.results.report.figures import figure_pages
 from plugins.results.report.leaderboard import find_entries, read_entry
-from plugins.results.report.plots import FORMATS, Picture
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import Resampling
 from plugins.results.report.tables import tables
@@ -79,7 +79,7 @@ def report(
     shown = collect(results)
     archives = read_archives(results, shown.problems)
     listed = [*tables(results, shown), *([picked_table(archives)] if archives else [])]
-    drawn = [*pictures(results, shown), *(heat_map(archive, place) for place, archive in enumerate(archives, 1))]
+    drawn = [*figure_pages(results, shown), *(heat_map(archive, place) for place, archive in enumerate(archives, 1))]
     for table in listed:
         write_bytes(output / DATA / f"{table.name}.csv", to_csv(table, output / DATA).encode(errors="backslashreplace"))
         write_bytes(output / DATA / f"{table.name}.md", to_markdown(table).encode(errors="backslashreplace"))
@@ -91,7 +91,7 @@ def report(
 
 
 def page(
-    results: Results, shown: Tools, listed: list[Table], drawn: list[Picture], formats: list[str], folder: Path
+    results: Results, shown: Tools, listed: list[Table], drawn: list[FigurePage], formats: list[str], folder: Path
 ) -> str:
     """The page with all tables and figures, as it will lie in ``folder``."""
     tools = []

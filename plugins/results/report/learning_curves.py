@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +12,7 @@ from core.geometry import Array
 from core.store.reader import StoredRun, rollouts
 from plugins.results.pages.formats import Cell, Table, columns
 from plugins.results.pages.runs import FinishedRun
-from plugins.results.report.plots import Picture, band, legend, line_handles, line_style, new_figure
 from plugins.results.report.results import Results
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ENOUGH = 0.95  # the reward that counts as reached
 POINTS = 25  # of a curve, at which its interval is drawn
@@ -65,7 +60,8 @@ def read_course(store: StoredRun) -> Course | None:
     )
 
 
-def _courses(runs: Sequence[FinishedRun]) -> list[Course]:
+def read_courses(runs: Sequence[FinishedRun]) -> list[Course]:
+    """Read the courses of runs, as far as they have one."""
     return [course for run in runs if (course := read_course(run.store)) is not None]
 
 
@@ -84,7 +80,7 @@ def efforts(results: Results) -> Table:
     head = columns("task|method|runs:0|reached:0|rollouts:0|calls of the model:1|cost (USD):2")
     rows: list[tuple[Cell, ...]] = []
     for g in results.groups:
-        courses = _courses(g.runs)
+        courses = read_courses(g.runs)
         reached, spent = effort(courses)
         if courses:
             rows.append((g.task, g.method, len(courses), reached, *spent))
@@ -94,31 +90,3 @@ def efforts(results: Results) -> Table:
         "'COCO', 2021); empty where none did. A generation's calls count from its first candidate on."
     )
     return Table("efforts", f"Effort to reach {ENOUGH:g}", head, tuple(rows), note)
-
-
-def anytime(results: Results, tasks: Sequence[str], methods: Sequence[str]) -> Picture | None:
-    """The mean best reward so far against rollouts, over the tasks that the methods share."""
-    found = {method: [_courses(g.runs) for g in results.of(method, tasks)] for method in methods}
-    longest = max((course.rollouts[-1] for of in found.values() for task in of for course in task), default=0.0)
-    if longest < 2 or not all(task for of in found.values() for task in of):
-        return None
-
-    def paint() -> Figure:
-        figure = new_figure(6.4, 4.0)
-        ax = figure.subplots()
-        for method, of in found.items():
-            x = np.linspace(0, max(course.rollouts[-1] for task in of for course in task), POINTS)
-            scores = [np.array([course.at(x) for course in task]) for task in of]
-            middle = band(ax, results, method, x, [[task[:, i].tolist() for task in scores] for i in range(POINTS)])
-            ax.plot(x, middle, **line_style(results, method) | {"marker": None})
-        ax.grid(axis="y", visible=True)
-        ax.set_ylabel("mean best reward so far (0 to 1)")
-        ax.set_xlabel("rollouts")
-        legend(figure, line_handles(results, methods))
-        return figure
-
-    caption = (
-        f"The best reward after each number of rollouts, averaged over runs and then over {len(tasks)} tasks; bands: "
-        f"{100 * results.how.confidence:g} % stratified bootstrap intervals. A run that ended early keeps its last."
-    )
-    return Picture("anytime", "Reward by rollouts", caption, paint)

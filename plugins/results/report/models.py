@@ -7,7 +7,7 @@ from collections import defaultdict
 from typing import NamedTuple
 
 from core.store.reader import RunCost, StoredEvaluation, StoredRequest
-from plugins.results.pages.formats import Cell, Link, Table, columns
+from plugins.results.pages.formats import Cell, CellLink, Table, columns
 from plugins.results.report.results import Results
 
 
@@ -68,6 +68,6 @@ def critiques(results: Results) -> Table:
                 if reply.error is None:
                     candidate = next(iter(request.elites), "")
                     said = (candidate, rewards.get(candidate), reply.text, reply.model, reply.cost_usd)
-                    rows.append((g.task, g.method, *said, Link(run.folder.name, run.folder)))
+                    rows.append((g.task, g.method, *said, CellLink(run.folder.name, run.folder)))
     note = "Opinions of models on pictures and figures of rollouts (`prompt.critic`), cut to 1000 characters."
     return Table("critiques", "Critiques", head, tuple(rows), note)

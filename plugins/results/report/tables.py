@@ -11,7 +11,7 @@ import numpy as np
 
 from core.store.reader import RunCost, known_sum
 from core.store.rows import Saved
-from plugins.results.pages.formats import Cell, Column, Link, Table, columns
+from plugins.results.pages.formats import Cell, CellLink, Column, Table, columns
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.tools import Tools, size
 from plugins.results.report.leaderboard import entry_tables
@@ -260,7 +260,10 @@ def runs(results: Results) -> Table:
             *(g.task, g.method, run.seed, run.best.reward, getattr(run.figures.unseen, "mean", None)),
             *(run.best.distance_m, run.best.generation),
             *(run.best.candidate, _rollouts(run), run.figures.wall_time_s),
-            *(Link(run.folder.name, run.folder), tuple(Link(what, file) for what, file in run.recordings().items())),
+            *(
+                CellLink(run.folder.name, run.folder),
+                tuple(CellLink(what, file) for what, file in run.recordings().items()),
+            ),
         )
         for g in results.groups
         for run in g.runs
@@ -292,7 +295,7 @@ def tools(results: Results, shown: Tools) -> Table:
             *(task, method, winner.name, winner.reward, winner.distance_m, size(winner.tool, winner.robot)),
             *(1000 * winner.tool.mass, winner.material.name, len(winner.tool.components)),
             *(winner.tool.description, winner.strategy_description or winner.strategy_name, winner.candidate),
-            Link(winner.run.folder.name, winner.run.folder),
+            CellLink(winner.run.folder.name, winner.run.folder),
         )
         for (task, method), winner in shown.best.items()
     ]
@@ -317,6 +320,6 @@ def versions(results: Results) -> Table:
 
 def left_out(results: Results) -> Table:
     """The runs that no figure counts."""
-    rows = [(Link(run.folder.name, run.folder), run.task, run.status, run.reason) for run in results.left_out]
+    rows = [(CellLink(run.folder.name, run.folder), run.task, run.status, run.reason) for run in results.left_out]
     title = "Runs that failed or are unfinished"
     return Table("left_out", title, columns("folder|task|status|reason"), tuple(rows), "None of them is averaged in.")

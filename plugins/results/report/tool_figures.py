@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from plugins.results.pages.drawing import draw, painted
+from plugins.results.pages.figure import FigurePage, new_figure, slug, wrapped
 from plugins.results.pages.tools import Tools, Winner
-from plugins.results.report.plots import Picture, new_figure, wrapped
 from plugins.results.report.results import Results
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 MAX_GENERATIONS = 5  # side by side in a row of tools
 
 
-def gallery(results: Results, tools: Tools) -> Picture | None:
+def gallery(results: Results, tools: Tools) -> FigurePage | None:
     """The best tools side by side: a row per task and a column per method, or all in rows of four of one method."""
     methods = [method for method in results.methods if any(of == method for _, of in tools.best)]
     if not methods:
@@ -35,10 +34,10 @@ def gallery(results: Results, tools: Tools) -> Picture | None:
         "the reader, grey is the flange or the fingers. Each is drawn to its own scale; the size is its extent along "
         "x, y and z."
     )
-    return Picture("gallery", "The best tools", caption, lambda: _grid(grid, heads))
+    return FigurePage("gallery", "The best tools", caption, lambda: _grid(grid, heads))
 
 
-def evolution(method: str, rows: dict[str, list[Winner | None]], place: int) -> Picture:
+def evolution(method: str, rows: dict[str, list[Winner | None]], place: int) -> FigurePage:
     """The best tool of each generation: before evolution, and after it."""
     count = max(len(row) for row in rows.values())
     chosen = sorted({round(i) for i in np.linspace(0, count - 1, min(count, MAX_GENERATIONS))})
@@ -47,10 +46,9 @@ def evolution(method: str, rows: dict[str, list[Winner | None]], place: int) -> 
         f"The best tool of each generation of the best run of each task with {method}: generation 0 is before "
         "evolution, the last one after it. Each is drawn to its own scale."
     )
-    slug = re.sub(r"[^A-Za-z0-9]+", "_", method).strip("_")[:60] or "method"
     heads = [f"generation {i}" for i in chosen]
     title = f"Before and after evolution: {method}"
-    return Picture(f"evolution_{place}_{slug}", title, caption, lambda: _grid(grid, heads))
+    return FigurePage(f"evolution_{place}_{slug(method) or 'method'}", title, caption, lambda: _grid(grid, heads))
 
 
 def _grid(grid: Sequence[Sequence[tuple[str, Winner | None]]], heads: Sequence[str]) -> Figure:

@@ -174,7 +174,7 @@ def export(cfg: DictConfig) -> Export:
 
 def plot(made: Export, effort: Any) -> Figure:
     """Draw distances, speeds and torques over time."""
-    from plugins.results.report.plots import new_figure
+    from plugins.results.pages.figure import new_figure
 
     figure = new_figure(8.0, 8.0)
     axes, arm, times = figure.subplots(3, 1, sharex=True), arm_of(made.task.robot), made.motion.times

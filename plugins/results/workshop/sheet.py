@@ -18,8 +18,8 @@ from core.scene import Scene
 from core.support.cli import write_bytes
 from core.values.materials import Material
 from core.values.robots import Robot
+from plugins.results.pages.figure import FigurePage
 from plugins.results.pages.page import data_address, render
-from plugins.results.report.plots import Picture
 from plugins.results.workshop.payload import payload
 from plugins.results.workshop.printing import LAYER_S, Check, Piece, estimate
 from plugins.results.workshop.sheet_drawing import HEADS, draw_page, draw_views, lines, table
@@ -104,7 +104,7 @@ def write_sheet(
     material, made = solid.material, [part.piece for part in solid.parts]
     strengths = measured(tool, robot, material, scene, motion, replays)
     said = figures(tool, robot, material, solid.printer, made, strengths, solid.mounted, solid.checks)
-    page = Picture("sheet", said["tool"], "", lambda: draw_page(tool, robot, said))
+    page = FigurePage("sheet", said["tool"], "", lambda: draw_page(tool, robot, said))
     views = replace(page, paint=lambda: draw_views(tool, robot, said))
     write_bytes(folder / "sheet.pdf", page.render("pdf", titled=False))
     drawing = data_address(views.render("svg", titled=False), "svg+xml")

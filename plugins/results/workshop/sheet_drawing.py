@@ -17,7 +17,7 @@ from core.solids.held import as_held
 from core.support.text import clean, shorten
 from core.values.robots import Robot
 from plugins.results.pages.drawing import draw, painted
-from plugins.results.report.plots import COLORS, INK, new_figure
+from plugins.results.pages.figure import COLORS, INK, new_figure
 from plugins.results.workshop.verdicts import Verdict
 
 if TYPE_CHECKING:

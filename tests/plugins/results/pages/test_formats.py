@@ -6,7 +6,7 @@ import io
 import pytest
 
 from core.support.text import number
-from plugins.results.pages.formats import Column, Link, Table, columns, printed, to_csv, to_markdown
+from plugins.results.pages.formats import CellLink, Column, Table, columns, printed, to_csv, to_markdown
 
 
 def test_columns_of_a_text():
@@ -23,7 +23,7 @@ def test_nothing_is_rounded_up_to_one(value, digits, said):
 
 def test_cells_in_a_file_of_commas_and_in_markdown(tmp_path):
     columns = (Column("text"), Column("number", 2), Column("link"))
-    rows = (("=1+1|\x1b[31m\n*b*", 1 / 3, Link("a|b", tmp_path / "x" / "y")), ("", None, ()))
+    rows = (("=1+1|\x1b[31m\n*b*", 1 / 3, CellLink("a|b", tmp_path / "x" / "y")), ("", None, ()))
     table = Table("t", "T", columns, rows, "note")
     text = to_csv(table, tmp_path / "out")
     (first, second) = csv.DictReader(io.StringIO(text))

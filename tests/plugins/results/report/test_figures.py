@@ -7,8 +7,8 @@ import pytest
 from lxml import etree
 from PIL import Image
 
+from plugins.results.pages.figure import COLORS
 from plugins.results.report.command import report
-from plugins.results.report.plots import COLORS
 from tests.core.run_folders import write_run
 from tests.plugins.results.conftest import QUICK
 from tests.plugins.results.report.test_tables import read_csv

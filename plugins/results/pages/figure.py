@@ -1,0 +1,86 @@
+"""Write figures as files: style, ink, and the same bytes each time.
+
+Covered by `tests/plugins/results/report/test_figures.py`.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import textwrap
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from core.support.text import clean
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442")
+"""M. Okabe and K. Ito's, which the colour-blind can distinguish."""
+
+INK = "#1b1f24"
+FORMATS = ("png", "svg")
+
+_STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "text.parse_math": False,  # names are text, dollars and all
+    "text.color": INK,
+    "axes.facecolor": "none",
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "grid.color": INK,
+    "grid.alpha": 0.15,
+    "figure.titlesize": 12,
+    "legend.frameon": False,
+    "svg.fonttype": "path",  # looks the same where the font is missing
+}
+
+
+@dataclass(frozen=True, eq=False)
+class FigurePage:
+    """A figure: ``name`` is its file's, ``caption`` says what it shows and how it was made."""
+
+    name: str
+    title: str
+    caption: str
+    paint: Callable[[], Figure] = field(repr=False)
+
+    def render(self, format_: str, ground: str = "white", titled: bool = True) -> bytes:
+        """The figure as a file of one of `FORMATS`, or PDF, the same bytes each time; untitled unless ``titled``."""
+        import matplotlib
+
+        buffer = io.BytesIO()
+        undated = {"png": {"Software": None}, "pdf": {"CreationDate": None}}
+        metadata = undated.get(format_, {"Date": None, "Creator": None})
+        with matplotlib.rc_context(_STYLE | {"svg.hashsalt": self.name}), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph .* missing")  # a name in a script that the font lacks
+            figure = self.paint()
+            if titled:
+                figure.suptitle(wrapped(self.title, 80))
+            figure.savefig(buffer, format=format_, dpi=160, facecolor=ground, metadata=metadata)
+        return buffer.getvalue()
+
+
+def new_figure(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def wrapped(text: str, width: int, lines: int = 3) -> str:
+    return "\n".join(textwrap.wrap(clean(text, 300), width, max_lines=lines, placeholder=" …") or [""])
+
+
+def slug(text: str, longest: int = 60) -> str:
+    """A file name made of any text; it may be empty."""
+    return re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:longest]
