@@ -17,7 +17,6 @@ from core.design import Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
-from core.hooks import Command, hookimpl
 from core.interfaces import Image, Task
 from core.simulation.pictures import png
 from core.support.cli import arguments, say, write_bytes
@@ -77,8 +76,3 @@ def main(words: list[str]) -> None:
     picture, drawn_by = render(cfg)
     write_bytes(Path(cfg.output), png(picture))
     say(str(cfg.output), *([f"drawn by {drawn_by}"] if drawn_by else []))
-
-
-@hookimpl
-def commands() -> dict[str, Command]:
-    return {"render": Command("draw a task's scene, with a tool if one is given", main)}

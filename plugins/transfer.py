@@ -23,7 +23,6 @@ from core.config.settings import PerturbationRange
 from core.design import Candidate, Evaluation
 from core.designs.rules import SpawnRules
 from core.errors import UserError
-from core.hooks import Command, hookimpl
 from core.interfaces import RolloutSettings
 from core.plugins import TaskPart
 from core.search.evolution import evaluate_all
@@ -240,8 +239,3 @@ def show(result: Mapping[str, Any]) -> None:
         of = f"{design['design']}, {design['robot']}"
         lines += [f"{of}: {clean(remark, 2000)}" for remark in remarks]
     say(*lines)
-
-
-@hookimpl
-def commands() -> dict[str, Command]:
-    return {"transfer": Command("try the best designs in several engines and in perturbed scenes", main)}

@@ -12,6 +12,7 @@ import pytest
 from core.hooks import Configs, Events, Parts
 from core.plugins import KINDS, installed
 from docs.diagrams import FLOORS, PARTS
+from plugins.commands import commands
 
 ROOT = Path(__file__).parents[1]
 LEVEL = {name: height for height, name in enumerate(name for names in FLOORS.values() for name in names)}
@@ -23,6 +24,7 @@ ROBOTS = re.compile(  # names of arms and of their makers
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 NAME = PROJECT["name"]
 OFFERED = set(PROJECT["entry-points"]["vlmgineer"].values())  # modules and packages, each of which is a plugin
+COMMANDS = {".".join(re.split("[.:]", str(command.main))[:2]) for command in commands().values()}
 
 
 def modules(folder):
@@ -142,7 +144,7 @@ def test_every_robot_that_is_offered_has_a_name_that_is_looked_for():
 def test_plugins_do_not_know_each_other():
     for file, tree in modules("plugins"):
         parts = file.relative_to(ROOT).with_suffix("").parts
-        own = ".".join(parts[:2] if ".".join(parts[:2]) in OFFERED else parts[:3])
+        own = ".".join(parts[:2] if ".".join(parts[:2]) in OFFERED | COMMANDS else parts[:3])
         for name in imported(tree):
             if name.split(".")[0] in ("plugins", "tasks"):
                 assert name == own or name.startswith(f"{own}."), f"{file} imports {name}"

@@ -42,9 +42,18 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(), re.S)
 
 
+STARTS = ("python -m ", "vlmgineer ")
+
+
 def commands() -> list[str]:
     lines = [line for page in PAGES for block in blocks(page, "sh") for line in block.splitlines()]
-    return sorted({line for line in lines if line.startswith("python -m ")})
+    return sorted({line for line in lines if line.startswith(STARTS)})
+
+
+def after_python(line: str) -> list[str]:
+    """Return a command's words after ``python``; ``vlmgineer NAME`` is ``python -m core NAME``."""
+    first, *words = shlex.split(line, comments=True)
+    return ["-m", "core", *words] if first == "vlmgineer" else words
 
 
 def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
@@ -53,7 +62,7 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
         for page in PAGES
         for block in blocks(page, "sh")
         for line in block.splitlines()
-        if not line.startswith("python -m ")
+        if not line.startswith(STARTS)
     }
     assert len(commands()) > 5
     assert all(line.startswith("python3.11 -m venv .venv && ") for line in others)
@@ -64,13 +73,13 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
 @pytest.mark.parametrize("line", commands())
 def test_command(line: str, tmp_path: Path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
-    words = shlex.split(line)[1:]
+    words = after_python(line)
     if "robot.path=my_lab" in line:
         write_arm(tmp_path / "my_lab")
     if words[1] == "core.run" and "--help" not in words:
         words += SMALL
-    if words[1] in ("core", "report", "core", "gallery"):
-        write_run(tmp_path / words[2] / "0")  # what the page's line before it leaves
+    if words[1:3] in (["core", "report"], ["core", "gallery"]):
+        write_run(tmp_path / words[3] / "0")  # what the page's line before it leaves
     done = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
@@ -83,7 +92,9 @@ def console(page: Path) -> list[tuple[str, str]]:
 
 def typed(block: str) -> list[str]:
     """Read the commands of a console block, with or without a prompt."""
-    return [line.removeprefix("$ ") for line in block.splitlines() if re.match(r"(\$ )?python -m core", line)]
+    return [
+        line.removeprefix("$ ") for line in block.splitlines() if re.match(r"(\$ )?(python -m core|vlmgineer)", line)
+    ]
 
 
 def test_what_is_not_run_says_why():
@@ -99,7 +110,7 @@ def test_settings_of_what_is_not_run_are_there():
     lines = [line for page in PAGES for _, block in console(page) for line in typed(block)]
     assert len(lines) > 10
     for line in lines:
-        words = shlex.split(line, comments=True)[2:]
+        words = after_python(line)[1:]
         program, words = words[0], [word for word in words[1:] if word != "-m" and not word.startswith("hydra")]
         if program in ("core.run", "core.prompt") and not any(word.startswith("resume=") for word in words):
             one = [word if "[" in word else word.split(",")[0] for word in words]  # of a sweep the first

@@ -115,7 +115,9 @@ def overview(name: str, overrides: Sequence[str]) -> str:
         UserError: see `load`.
     """
     config = load(name, overrides)
-    groups = "".join(f"{group}: {', '.join(sorted(names))}\n" for group, names in sorted(_groups().items()))
+    groups = "".join(
+        f"{group}: {', '.join(sorted(names))}\n" for group, names in sorted(_groups().items()) if group != "command"
+    )
     return f"groups (GROUP=NAME):\n\n{groups}\nkeys (KEY=VALUE), and their values:\n\n{OmegaConf.to_yaml(config)}"
 
 

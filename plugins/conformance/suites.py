@@ -12,6 +12,7 @@ from core.plugins import Part
 from plugins.conformance import (
     action,
     bodies,
+    commands,
     evolution,
     executor,
     fitness,
@@ -52,6 +53,7 @@ SUITES = {
     "fitness": _checks(fitness),
     "executor": _checks(executor),
     "listener": _checks(listener),
+    "command": _checks(commands),
 }
 """The checks of each kind. They take what `subject` returns. With pytest::
 
@@ -79,6 +81,8 @@ def subject(part: Part) -> Any:
     """
     if part.kind == "evolution":
         return lambda designer, budget: part.create(designer=designer, budget=budget)
+    if part.kind == "command":
+        return part
     if part.kind == "fitness":
         return lambda evaluator: part.create(evaluator=evaluator)
     return part.create if part.kind in ("executor", "listener") else part.create()

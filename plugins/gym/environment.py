@@ -111,7 +111,7 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if gripper and self.task.robot.gripper is None:
             raise UserError(f"{self.task.robot.title} has no gripper; leave out gripper=True")
         self.simulator: Simulator = installed().create("sim", sim, sim_settings)
-        made_of = {**load("render", [f"material={material}"]).material, **(material_settings or {})}
+        made_of = {**load("evaluate", [f"material={material}"]).material, **(material_settings or {})}
         representation = tool_part(OmegaConf.create({"tool": {"name": tool}, "material": made_of})).create()
         self.tool = Tool(gripper=gripper)
         if designs is not None:

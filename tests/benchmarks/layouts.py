@@ -87,7 +87,7 @@ def representation(file: Path, material: str = "paper") -> ToolRepresentation:
     """Make the representation that a designs file was written for, by its fields."""
     written = load_designs(file)["strategies"][0]
     words = [[f"tool={name}", f"material={material}"] for name in ("urdf", "boxes", "solids")]
-    tools = [tool_part(load("render", of)).create() for of in words]
+    tools = [tool_part(load("evaluate", of)).create() for of in words]
     return next(tool for tool in tools if {*tool.schema()} <= {*written})
 
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 from pathlib import Path
 
 import pytest
@@ -178,18 +177,16 @@ def test_the_command_writes_what_would_be_sent(tmp_path):
     assert last == "there"
 
 
-def test_without_a_language_model_tokens_are_estimated_from_the_length(monkeypatch, tmp_path, capsys):
+def test_without_a_language_model_tokens_are_estimated_from_the_length(tmp_path, capsys):
     words = ["task=OneBook", "vlm=offline", f"output={tmp_path}", "prompt.views=[]", "prompt.check=true"]
-    monkeypatch.setattr(sys, "argv", ["prompt", *words])
-    main()
+    main(words)
     said = capsys.readouterr().out
     assert "rule of thumb: 3 characters to a token, 800 tokens to a picture" in said
     assert "prompt.check=true: each agent asks twice" in said
 
 
 @pytest.mark.slow
-def test_an_output_that_can_not_be_written(monkeypatch, tmp_path):
+def test_an_output_that_can_not_be_written(tmp_path):
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr(sys, "argv", ["prompt", "task=OneBook", f"output={tmp_path / 'file'}"])
     with pytest.raises(UserError, match="can't write"):
-        main()
+        main(["task=OneBook", f"output={tmp_path / 'file'}"])

@@ -85,10 +85,9 @@ def make_runs(folder: Path) -> list[Path]:
     return [whole, killed, failed, bare, old]
 
 
-def call(main: Callable[[], None], *words: str) -> None:
+def call(main: Callable[[list[str]], int | None], *words: str) -> None:
     run._failures.clear()
-    with mock.patch.object(sys, "argv", ["command", *words]):
-        main()
+    main([*words])
 
 
 def changed(rng: random.Random, value: object) -> object:

@@ -16,7 +16,7 @@ from core.plugins import Offer, installed
 from core.search.orchestration import run
 from core.store.reader import stored_config, stored_evaluations
 from plugins.robots.panda import panda
-from plugins.transfer import configured, transfer
+from plugins.transfer import TransferConfig, configured, transfer
 from tests import toys
 from tests.commands import python_m
 
@@ -24,6 +24,10 @@ ROOT = Path(__file__).parents[2]
 SOLUTION = ROOT / "tests" / "tasks" / "solutions" / "BringCube.json"
 COARSE = "{name: pybullet, time_step: 0.004}"
 SIMS = f"sims=[pybullet,{COARSE}]"
+
+
+def settings(words):
+    return load("transfer", words, TransferConfig)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +83,7 @@ def test_every_design_in_every_engine_with_every_change(tmp_path):
 @pytest.mark.slow
 def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp_path):
     words = [f"designs={SOLUTION}", SIMS, "seeds=[1,2]"]
-    results = [transfer(load("transfer", [*words, f"executor.workers={n}"])) for n in (1, 2)]
+    results = [transfer(settings([*words, f"executor.workers={n}"])) for n in (1, 2)]
     assert results[0] == results[1]
     assert python_m(tmp_path, "core.evaluate", f"designs={SOLUTION}", "output=plain.json").returncode == 0
     (plain,) = json.loads((tmp_path / "plain.json").read_text())
@@ -90,7 +94,7 @@ def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp
 def test_two_engines_that_were_written_independently():
     pytest.importorskip("pybullet")
     pytest.importorskip("sapien")
-    (design,) = transfer(load("transfer", [f"designs={SOLUTION}", "seeds=[3]", "executor.workers=1"]))["designs"]
+    (design,) = transfer(settings([f"designs={SOLUTION}", "seeds=[3]", "executor.workers=1"]))["designs"]
     assert list(design["engines"]) == ["pybullet", "sapien"]
     pybullet, sapien = design["engines"].values()
     assert pybullet["nominal"] != sapien["nominal"]
@@ -101,9 +105,9 @@ def test_two_engines_that_were_written_independently():
 @pytest.mark.slow
 def test_no_spread_no_difference():
     words = [f"designs={SOLUTION}", "sims=[pybullet]", "seeds=[1]", "executor.workers=1"]
-    (design,) = transfer(
-        load("transfer", [*words, *(f"perturbation.{k}=0" for k in ("position", "yaw", "mass", "friction"))])
-    )["designs"]
+    (design,) = transfer(settings([*words, *(f"perturbation.{k}=0" for k in ("position", "yaw", "mass", "friction"))]))[
+        "designs"
+    ]
     figures = design["engines"]["pybullet"]
     assert figures["rewards"] == [figures["nominal"]]
 
@@ -127,7 +131,7 @@ def arms(monkeypatch, tmp_path):
 
 def on(arms, robots, *words):
     """Tell each arm's entry by its name."""
-    result = transfer(load("transfer", [f"designs={SOLUTION}", *arms, f"robots=[{robots}]", *words]))
+    result = transfer(settings([f"designs={SOLUTION}", *arms, f"robots=[{robots}]", *words]))
     assert list(result["robots"]) == [design["robot"] for design in result["designs"]]
     assert len({design["design"] for design in result["designs"]}) == 1
     return {design["robot"]: design for design in result["designs"]}
@@ -254,7 +258,7 @@ def test_mistakes(words, said):
 @pytest.mark.slow
 def test_top_must_be_a_number_of_designs(ran):
     with pytest.raises(UserError, match="top must be at least 1, got 0"):
-        transfer(load("transfer", [f"designs={ran[0]}", "sims=[pybullet]", "top=0"]))
+        transfer(settings([f"designs={ran[0]}", "sims=[pybullet]", "top=0"]))
 
 
 @pytest.mark.slow

@@ -64,15 +64,15 @@ def test_a_setting_without_a_value(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(installed().offers, ("executor", "remote"), offer)
     monkeypatch.setattr("core.run._failures", [])
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")  # set by main, and restored here
-    monkeypatch.setattr(sys, "argv", ["core.run", "executor=remote", f"hydra.run.dir={tmp_path / 'run'}"])
+    monkeypatch.setattr(sys, "argv", ["core.run"])  # set by main, and restored here
     with pytest.raises(UsageError, match=r"executor\.address has no value; give one with executor\.address=VALUE"):
-        main()
+        main(["executor=remote", f"hydra.run.dir={tmp_path / 'run'}"])
     assert capsys.readouterr() == ("", "")
 
 
 def test_a_setting_that_refers_to_another_key():
     """Every command knows ``seed``; a key that a command lacks is one line."""
-    config = load("conformance", ["sim=mujoco", "+sim.time_step=${seed}"])
+    config = load("evaluate", ["sim=mujoco", "+sim.time_step=${seed}"])
     assert dict(part("sim", config.sim).settings)["time_step"] == 0
     with pytest.raises(
         UserError, match=r"^sim: its configuration can't be used here: Interpolation key 'film' not found$"

@@ -8,6 +8,7 @@ from core.errors import UsageError, UserError
 from core.hooks import PROJECT, hookimpl
 from core.interfaces import Task
 from core.plugins import Plugins, installed
+from core.plugins.own_commands import COMMANDS
 from tests.core.plugins.offering import Engine, Offering
 
 ROOT = Path(__file__).parents[3]
@@ -77,10 +78,10 @@ def test_an_import_that_raises_whatever_it_likes(monkeypatch, tmp_path):
 
 def test_plugins_can_be_switched_off(monkeypatch):
     monkeypatch.setenv("VLMGINEER_PLUGINS", "")
-    assert not Plugins().offers
+    assert set(Plugins().offers) == {("command", name) for name in COMMANDS}
     monkeypatch.setenv("VLMGINEER_PLUGINS", "urdf, robotoolbench")
     found = Plugins()
-    assert {offer.entry_point for offer in found.offers.values()} == {"urdf", "robotoolbench"}
+    assert {offer.entry_point for offer in found.offers.values()} == {"core", "urdf", "robotoolbench"}
     left_out = "no sim 'pybullet'; possible: none; VLMGINEER_PLUGINS=urdf, robotoolbench leaves out other plugins"
     with pytest.raises(UserError, match=left_out):
         found.create("sim", "pybullet")

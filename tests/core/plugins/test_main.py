@@ -7,6 +7,7 @@ import pytest
 from core.errors import UsageError, UserError
 from core.plugins import Plugins, installed
 from core.plugins import __main__ as command
+from core.plugins.own_commands import COMMANDS
 from tests.core.plugins.offering import Offering
 
 BUILT_IN = sorted(installed().offers)
@@ -17,8 +18,7 @@ def test_python_m_core_plugins_lists_every_part(capsys, monkeypatch):
     found = Plugins()
     found.register(Offering(simulators=RuntimeError("oh no")), "mine", "my-package")
     monkeypatch.setattr(command, "installed", lambda: found)
-    monkeypatch.setattr(sys, "argv", ["core.plugins"])
-    command.main()
+    command.main([])
     out = capsys.readouterr().out
     for kind, name in BUILT_IN:
         assert any(line.split()[:2] == [kind, name] for line in out.splitlines()), (kind, name)
@@ -26,18 +26,19 @@ def test_python_m_core_plugins_lists_every_part(capsys, monkeypatch):
 
 
 def test_what_is_switched_off_is_not_imported_and_is_reported(tmp_path):
-    words = [sys.executable, "-c", "import core.plugins.__main__ as c, sys; c.main(); sys.exit('tasks' in sys.modules)"]
+    code = "import core.plugins.__main__ as c, sys; c.main([]); sys.exit('tasks' in sys.modules)"
+    words = [sys.executable, "-c", code]
     env = os.environ | {"VLMGINEER_PLUGINS": "urdf"}
     done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert [line.split()[:2] for line in done.stdout.splitlines()[1:-1]] == [["tool", "urdf"]]
+    listed = [line.split()[:2] for line in done.stdout.splitlines()[1:-1]]
+    assert listed == [["tool", "urdf"], *(["command", name] for name in sorted(COMMANDS))]
     assert done.stdout.splitlines()[-1] == "VLMGINEER_PLUGINS=urdf: other plugins are not loaded"
 
 
 def check(monkeypatch, found, *words):
     monkeypatch.setattr(command, "installed", lambda: found)
-    monkeypatch.setattr(sys, "argv", ["core.plugins", *words])
-    command.main()
+    command.main([*words])
 
 
 @pytest.mark.slow

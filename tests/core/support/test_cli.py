@@ -119,7 +119,7 @@ def test_a_line_shows_what_is_not_printable(capsys):
 )
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
 def test_a_command_prints_anything_in_any_encoding(fault, code, shown, encoding):
-    program = f"from core.support.cli import command\ndef main():\n    {fault}\ncommand(main)"
+    program = f"from core.support.cli import command\ndef main(words):\n    {fault}\ncommand(main)"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, env={**os.environ, "PYTHONIOENCODING": encoding}
     )
@@ -174,17 +174,18 @@ def test_a_table_on_a_terminal_folds_text_but_no_number(monkeypatch):
         (["runs=[a, 'b c']", "top=3"], ["a", "b c"]),
     ],
 )
-def test_folders_are_given_as_they_are_or_as_runs(monkeypatch, words, folders):
-    monkeypatch.setattr(sys, "argv", ["report", *words])
-    assert cli.folders_and_overrides("usage: ") == ([Path(f) for f in folders], [w for w in words if w == "top=3"])
+def test_folders_are_given_as_they_are_or_as_runs(words, folders):
+    assert cli.folders_and_overrides("usage: ", words) == (
+        [Path(folder) for folder in folders],
+        [word for word in words if word == "top=3"],
+    )
 
 
 def test_a_folder_that_is_there_is_one_with_any_name(tmp_path, monkeypatch):
     (tmp_path / "seed=1").mkdir()
     (tmp_path / "[x]").mkdir()
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["report", "seed=1", "runs=[x]"])
-    assert cli.folders_and_overrides("usage: ") == ([Path("seed=1"), Path("[x]")], [])
+    assert cli.folders_and_overrides("usage: ", ["seed=1", "runs=[x]"]) == ([Path("seed=1"), Path("[x]")], [])
 
 
 def test_colours_are_for_terminals(monkeypatch):

@@ -17,7 +17,7 @@ from core.support.cli import command
 from core.errors import UserError
 from core.support.scratch import scratch
 
-def main():
+def main(words):
     (scratch() / "a" / "b").mkdir(parents=True)
     print(scratch(), flush=True)
     match sys.argv[1]:

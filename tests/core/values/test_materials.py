@@ -26,8 +26,8 @@ from plugins.results.pages.tools import winners
 from plugins.transfer import configured
 from tests.panda import on_panda
 
-SOLUTION = Path(__file__).parents[1] / "tasks" / "solutions" / "BringCube.json"
-NAMES = sorted(file.stem for file in (Path(__file__).parents[2] / "conf" / "material").glob("*.yaml"))
+SOLUTION = Path(__file__).parents[2] / "tasks" / "solutions" / "BringCube.json"
+NAMES = sorted(file.stem for file in (Path(__file__).parents[3] / "conf" / "material").glob("*.yaml"))
 PLA = Material("pla", 1240, 0.2, 1.2, 0.5, 2.5e9, 26e6)
 SHAPES = [Box((0.02, 0.03, 0.1)), Sphere(0.02), Cylinder(0.01, 0.1), Capsule(0.01, 0.1)]
 SHAPES += [Mesh.from_trimesh(Box((0.02, 0.03, 0.1)).to_trimesh())]
@@ -180,7 +180,7 @@ def test_a_stored_run_is_read_with_its_material(ran):
     assert best.tool.mass == pytest.approx(result.best.candidate.tool.mass)
     assert best.material == replace(PLA, infill=0.3)
     assert configured([f"designs={folder}"]).material.infill == 0.3
-    assert configured([f"designs={folder}", "material=steel"]).material == load("transfer", ["material=steel"]).material
+    assert configured([f"designs={folder}", "material=steel"]).material == load("evaluate", ["material=steel"]).material
     assert configured([f"designs={folder}", "material.infill=1"]).material.infill == 1
 
 
@@ -194,4 +194,4 @@ def test_a_run_of_before_is_of_paper(ran, tmp_path):
         config = {key: value for key, value in json.loads(config).items() if key != "material"}
         database.execute("UPDATE run SET config = ?, checksum = NULL", [json.dumps(config)])
     database.close()
-    assert configured([f"designs={folder}"]).material == load("transfer", []).material
+    assert configured([f"designs={folder}"]).material == load("evaluate", []).material

@@ -9,7 +9,7 @@ from plugins.conformance.facts import LABELS, sheet
 from tests.panda import PANDA
 from tests.test_commands import call
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def test_the_page_has_the_sheet_of_the_stored_figures():

@@ -11,7 +11,7 @@ import plugins.conformance
 from core.design import Component, Evaluation, Tool
 from core.errors import UsageError, UserError
 from core.geometry import Pose
-from core.hooks import hookimpl
+from core.hooks import Command, hookimpl
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, GivenTools, Reply, Task, ToolRepresentation
 from core.plugins import KINDS, Offer, Part, installed
 from core.scene import Body, Box, Goal, Scene, Sphere, floor, goals_reward, table
@@ -23,6 +23,7 @@ PARTS = [("task", name) for name in installed().ready("task")]
 PARTS += [("tool", name) for name in installed().names("tool")]
 PARTS += [("evolution", name) for name in installed().names("evolution")]
 PARTS += [("fitness", "nominal"), pytest.param("fitness", "robust", marks=pytest.mark.slow)]
+PARTS += [("command", name) for name in installed().names("command")]
 PARTS += [("listener", "progress"), ("listener", "summary")]
 PARTS += [pytest.param("listener", "rerun", marks=pytest.mark.slow)]
 PARTS += [("vlm", "offline")]  # the others need a key, a folder or a person
@@ -202,7 +203,14 @@ class Trusting:
         self.file.close()
 
 
+SULLEN = Command("does nothing\nat all", lambda words: 3)
+
 WRONG = {
+    ("command", SULLEN): {
+        "its help is one line": "help has more than one line",
+        "help prints its usage": "with --help its exit status is 3 instead of 0",
+        "an unknown word is one line": "an unknown word raises no UsageError; the exit status is 3",
+    },
     ("listener", Trusting): {
         "it receives a whole run": "candidate_evaluated raised AttributeError: 'NoneType' object has no attribute",
         "a run may break off": "run_started raised FileExistsError",
@@ -272,16 +280,14 @@ def test_what_is_wrong_is_reported(offered, kind, part):
 
 def test_a_scene_that_solves_itself_fails_the_command(offered, monkeypatch, capsys):
     offered("task", RollsHome)
-    monkeypatch.setattr("sys.argv", ["core", "conformance", "task=wrong"])
     with pytest.raises(UserError, match=r"^2 of 9 checks failed$"):
-        conformance.main()
+        conformance.main(["task=wrong"])
     assert "doing nothing earns nothing: FAILED: doing nothing earns" in capsys.readouterr().out
 
 
 @pytest.mark.slow
 def test_listeners_are_checked_by_name(monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["core", "conformance", "listener=[summary,progress]", "listener.summary.top=1"])
-    conformance.main()
+    conformance.main(["listener=[summary,progress]", "listener.summary.top=1"])
     out = capsys.readouterr().out
     assert out.startswith("listener summary\n")
     assert "\nlistener progress\n" in out
@@ -290,9 +296,8 @@ def test_listeners_are_checked_by_name(monkeypatch, capsys):
 
 def test_the_command_counts_what_failed(offered, monkeypatch, capsys):
     offered("task", Idle)
-    monkeypatch.setattr("sys.argv", ["core", "conformance", "tool=none", "task=wrong"])
     with pytest.raises(UserError, match=r"^\d of 14 checks failed$"):
-        conformance.main()
+        conformance.main(["tool=none", "task=wrong"])
     out = capsys.readouterr().out
     assert "tool none\n" in out
     assert "one seed gives one layout: FAILED: nothing in the scene can move" in out
@@ -300,9 +305,8 @@ def test_the_command_counts_what_failed(offered, monkeypatch, capsys):
 
 
 def test_something_must_be_named(monkeypatch):
-    monkeypatch.setattr("sys.argv", ["core", "conformance"])
     with pytest.raises(UsageError, match=r"name a part to check; usage: vlmgineer conformance \{sim\|task\|"):
-        conformance.main()
+        conformance.main([])
 
 
 def test_no_check_is_forgotten():

@@ -91,8 +91,7 @@ def test_nothing_is_overwritten(tmp_path):
 
 def test_the_command_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["core", "new", "strategy", "TopThree"])
-    command.main()
+    command.main(["strategy", "TopThree"])
     assert capsys.readouterr().out == (
         "top_three/top_three/search.py: a search strategy, ready to be changed\n"
         "  pip install -e 'top_three[test]'\n"
@@ -101,10 +100,8 @@ def test_the_command_says_how_to_go_on(tmp_path, monkeypatch, capsys):
         "  python -m pytest top_three\n"
     )
     assert "class TopThreeStrategy(" in (tmp_path / "top_three/top_three/search.py").read_text()
-    monkeypatch.setattr(sys, "argv", ["core", "new", "task", "PullIt", "output=top_three"])
-    command.main()
+    command.main(["task", "PullIt", "output=top_three"])
     assert capsys.readouterr().out.startswith("top_three/top_three/pull_it/task.py: a task, ready to be changed\n")
     for words in ([], ["task"], ["task", "A", "into=x"], ["task", "A", "B"], ["-x", "task"]):
-        monkeypatch.setattr(sys, "argv", ["core", "new", *words])
         with pytest.raises(UsageError, match="a kind and a name are needed; usage: "):
-            command.main()
+            command.main(words)

@@ -1,5 +1,3 @@
-import sys
-
 import pytest
 
 from core.errors import UsageError, UserError
@@ -10,8 +8,7 @@ from plugins.new.scenes import write_scene
 
 def test_the_command_writes_a_scene_and_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["core", "new", "scene", "PushBlock"])
-    command.main()
+    command.main(["scene", "PushBlock"])
     assert capsys.readouterr().out == (
         "push_block.yaml: a scene, ready to be changed\n"
         "  vlmgineer render task=file task.file=push_block.yaml\n"

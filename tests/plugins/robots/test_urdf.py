@@ -27,7 +27,7 @@ def words(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.parametrize("check", SUITES["robot"], ids=lambda check: check.__name__.removeprefix("check_"))
 def test_an_outside_arm_conforms(check, words):
-    check(robot_part(load("render", words).robot).create())
+    check(robot_part(load("evaluate", words).robot).create())
 
 
 @pytest.mark.slow
@@ -40,7 +40,7 @@ def test_it_performs_the_reference_solution(words, sim):
 
 @pytest.mark.slow
 def test_it_is_drawn_in_its_own_colours(words, tmp_path):
-    picture, _ = render.render(load("render", [*words, "task=BringCube", "sim=mujoco"]))
+    picture, _ = render.render(load("render", [*words, "task=BringCube", "sim=mujoco"], render.RenderConfig))
     pixels = picture.reshape(-1, 3).astype(int)
     assert (np.abs(pixels - (230, 120, 30)).sum(axis=1) < 60).sum() > 200, "no orange of its turret"
 
@@ -50,7 +50,7 @@ def test_settings_of_a_gripper(words):
     ((old, new),) = gripped()
     file.with_name("gripped.urdf").write_text(file.read_text().replace(old, new))
     path = f"robot.path={file.with_name('gripped.urdf')}"
-    part, again = (robot_part(load("render", [*words, path, GRIPPER]).robot) for _ in range(2))
+    part, again = (robot_part(load("evaluate", [*words, path, GRIPPER]).robot) for _ in range(2))
     assert hash(part) == hash(again)  # it is made once per process
     robot = part.create()
     assert (robot.gripper.force_n, robot.finger_joints) == (30.0, ("left", "right"))

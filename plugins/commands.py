@@ -1,0 +1,18 @@
+"""The commands that stand in a module or package of their own; each is imported when it is called."""
+
+from __future__ import annotations
+
+from core.hooks import Command, hookimpl
+
+
+@hookimpl
+def commands() -> dict[str, Command]:
+    return {
+        "conformance": Command("check that a part does what its kind must do", "plugins.conformance.command:main"),
+        "facts": Command(
+            "measure how exact the arm is in engines, and write a sheet about it", "plugins.conformance.facts:main"
+        ),
+        "new": Command("write a plugin package to start from", "plugins.new.command:main"),
+        "render": Command("draw a task's scene, with a tool if one is given", "plugins.render:main"),
+        "transfer": Command("try the best designs in several engines and in perturbed scenes", "plugins.transfer:main"),
+    }

@@ -1,0 +1,56 @@
+"""Checks that every command must pass. Each takes the part, which is called as ``vlmgineer NAME`` calls it.
+
+Covered by `tests/plugins/conformance/test_suites.py`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+
+from core.errors import UsageError, UserError
+from core.hooks import Command
+from core.plugins import Part, installed
+from plugins.conformance.checking import expect
+
+
+def _call(part: Part[Command], word: str) -> tuple[object, str]:
+    """Call the command with one word; return its exit status and what it prints."""
+    status: object
+    given, output = sys.argv, io.StringIO()
+    sys.argv = [part.name, word]  # Hydra reads and changes them
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(io.StringIO()):
+        try:
+            status = installed().run_command(part.name, [word])
+        except SystemExit as end:
+            status = end.code
+        finally:
+            sys.argv = given
+    return status or 0, output.getvalue()
+
+
+def check_its_help_is_one_line(part: Part[Command]) -> None:
+    text = part.create().help
+    expect(
+        isinstance(text, str) and text.strip(), f"help is {text!r}; a line that says what the command does is needed"
+    )
+    expect(len(text.splitlines()) == 1, "help has more than one line")
+
+
+def check_help_prints_its_usage(part: Part[Command]) -> None:
+    status, printed = _call(part, "--help")
+    expect(status == 0, f"with --help its exit status is {status} instead of 0")
+    expect(printed.startswith("usage: "), f"with --help it prints {printed[:60]!r} instead of a line 'usage: ...'")
+
+
+def check_an_unknown_word_is_one_line(part: Part[Command]) -> None:
+    """It ends with status 2, as a `UsageError` does."""
+    try:
+        status, _ = _call(part, "no_such_key=1")
+    except UsageError as error:
+        expect(len(str(error).splitlines()) == 1, f"an unknown word is reported in more than one line: {error}")
+    except UserError as error:
+        raise AssertionError(f"an unknown word raises a UserError, not a UsageError: {error}") from error
+    else:
+        raise AssertionError(f"an unknown word raises no UsageError; the exit status is {status}")
