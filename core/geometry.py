@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # both are slow to import, and not needed to name poses and s
 
 Array = npt.NDArray[np.float64]
 Vector = Sequence[float] | Array
+Color = tuple[float, float, float, float]  # red, green, blue and opacity, 0..1
 
 
 def frozen_array(values: npt.ArrayLike, shape: tuple[int, ...] | None = None) -> Array:

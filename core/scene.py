@@ -13,13 +13,12 @@ from typing import TypedDict
 import numpy as np
 
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape, Sphere, Vector, frozen_array
+from core.geometry import Color as Color
 from core.goals import Goal, describe_goals, goals_reward, needs_trace
 from core.values.joints import Drive, Joint, JointState, Latch, PlacedJoint
 from core.values.states import State
 from core.values.tools import Tool
 from core.values.traces import Trace
-
-Color = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,6 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from lxml import etree
-
 from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.rules import (
     MAX_BEND_M_N,
@@ -32,7 +30,7 @@ from core.designs.tool_joints import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
 from core.designs.weight import describe_weight, mass_limit
 from core.geometry import Compound, Pose, Shape
 from core.interfaces import Robot
-from core.robot.description import assemble
+from core.robot.description import assembled
 from core.support.text import kind, shorten
 from core.values.materials import Material
 
@@ -121,8 +119,8 @@ def robot_names(robot: Robot | None) -> frozenset[str]:
     if robot is not None:
         names.update(name for name, _ in robot.aliases)
         for gripper in {False, robot.gripper is not None}:
-            root = etree.fromstring(assemble(robot, Tool(gripper=gripper), visuals=False))
-            names.update(str(element.get("name")) for tag in ("link", "joint") for element in root.findall(tag))
+            arm = assembled(robot, Tool(gripper=gripper))
+            names.update(arm.links, arm.named)
     return frozenset(names)
 
 

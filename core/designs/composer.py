@@ -27,7 +27,7 @@ from core.designs.layout import layout_table
 from core.designs.rules import MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, observation
-from core.robot.outline import outline
+from core.robot.extents import outline
 from core.robot.trajectory import plan_motion
 from core.scene import Body, describe_goals
 from core.support.text import short_numbers

@@ -1,8 +1,9 @@
-"""Write the arm with a tool mounted as one URDF, from the description that a robot carries."""
+"""Mount a tool on an arm's description, and write descriptions as URDF text."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,186 +13,31 @@ from lxml import etree
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool, ToolJoint
 from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere, mass_properties
 from core.support.scratch import scratch, write_once
+from core.values.descriptions import (
+    MOMENTS,
+    ONE,
+    Description,
+    Inertial,
+    Limits,
+    Origin,
+    RobotJoint,
+    RobotLink,
+    RobotShape,
+    Weight,
+    rounded,
+)
 from core.values.robots import Robot
 
 MeshPath = Callable[[Path], str]
 BASE = "world_base"  # the root link of an arm that does not stand at the world's origin
+RESERVED = (RIGID_MOUNT, *GRIPPER_MOUNTS, BASE, f"{RIGID_MOUNT}_joint", f"{BASE}_joint")  # names of links and joints
 
 
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(map(_number, values))
+# --- data -----------------------------------------------------------------------------------------------------------
 
 
-def _number(value: float) -> str:
-    return f"{round(float(value), 12) + 0.0:.15g}"
-
-
-def _origin(parent: Any, pose: Pose) -> None:
-    etree.SubElement(parent, "origin", xyz=_numbers(pose.position), rpy=_numbers(pose.rpy))
-
-
-def _inertial(link: Any, mass: float, center: Array, tensor: Array) -> None:
-    element = etree.SubElement(link, "inertial")
-    etree.SubElement(element, "origin", xyz=_numbers(center), rpy="0 0 0")
-    etree.SubElement(element, "mass", value=f"{mass:.15g}")
-    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    etree.SubElement(element, "inertia", {name: f"{tensor[at]:.15g}" for name, at in names.items()})
-
-
-def _shapes(link: Any, component: Component, pose: Pose, capsules: bool = False) -> None:
-    for tag, shapes in (("visual", (component.shape.drawn,)), ("collision", component.shape.convex_parts())):
-        for at, geometry in (written for shape in shapes for written in _geometry(shape, capsules)):
-            element = etree.SubElement(link, tag)
-            _origin(element, pose @ at if at else pose)
-            etree.SubElement(element, "geometry").append(geometry)
-            if tag == "visual":
-                material = etree.SubElement(element, "material", name=f"{component.name}_color")
-                etree.SubElement(material, "color", rgba=_numbers(component.color))
-
-
-def _geometry(shape: Shape, capsules: bool = False) -> Iterator[tuple[Pose | None, Any]]:
-    """Yield URDF's shapes that make up one of ours, with their poses; a mesh is a file of `scratch`."""
-    match shape:
-        case Box(size):
-            yield None, etree.Element("box", size=_numbers(size))
-        case Sphere(radius):
-            yield None, etree.Element("sphere", radius=_numbers([radius]))
-        case Cylinder(radius, length):
-            yield None, etree.Element("cylinder", radius=_numbers([radius]), length=_numbers([length]))
-        case Capsule(radius, length) if capsules:
-            yield None, etree.Element("capsule", radius=_numbers([radius]), length=_numbers([length]))
-        case Capsule(radius, length):  # URDF has none
-            yield from _geometry(Cylinder(radius, length))
-            for end in (-length / 2, length / 2):
-                ((_, ball),) = _geometry(Sphere(radius))
-                yield Pose(np.array([0.0, 0.0, end])), ball
-        case Mesh():
-            file = scratch() / f"{shape.content}.obj"
-            write_once(file, lambda: str(shape.to_trimesh().export(file_type="obj", digits=12)))
-            yield None, etree.Element("mesh", filename=str(file))
-
-
-def read_numbers(element: Any, name: str) -> Array:
-    """Read the numbers of an element's attribute; three zeros without one."""
-    return np.array([float(number) for number in element.get(name, "0 0 0").split()])
-
-
-def read_origin(element: Any) -> Pose:
-    """Read the pose of a link's shape or inertia, or of a joint."""
-    origin = element.find("origin")
-    return Pose() if origin is None else Pose.xyz_rpy(read_numbers(origin, "xyz"), read_numbers(origin, "rpy"))
-
-
-def read_shape(element: Any) -> Box | Sphere | Cylinder | Path:
-    """Read a shape; a mesh is its file, whose scale is not read."""
-    match element.tag:
-        case "box":
-            x, y, z = read_numbers(element, "size").tolist()
-            return Box((x, y, z))
-        case "sphere":
-            return Sphere(float(element.get("radius")))
-        case "cylinder":
-            return Cylinder(float(element.get("radius")), float(element.get("length")))
-        case _:
-            return Path(element.get("filename"))
-
-
-def read_inertia(inertial: Any) -> tuple[float, Array]:
-    """Read a mass, kg, and the tensor (3, 3) about its centre, in the axes of its origin."""
-    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    xx, xy, xz, yy, yz, zz = (float(inertial.find("inertia").get(name)) for name in names)
-    return float(inertial.find("mass").get("value")), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def merged(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
-    """Merge rigidly joined parts: their mass, centre (3,), and inertia tensor (3, 3) about it; one frame for all."""
-    masses, centers, _ = zip(*parts, strict=True)
-    center: Array = np.average(centers, axis=0, weights=masses)
-    tensor = np.zeros((3, 3))
-    for mass, at, own in parts:
-        arm = at - center
-        tensor += own + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return sum(masses), center, tensor
-
-
-def tool_elements(tool: Tool, *, capsules: bool = False) -> list[Any]:
-    """Make the tool's links and joints as URDF elements, children of the robot element."""
-    elements, links = [], {component.name: component.link for component in tool.components}
-    for component in tool.components:
-        link, own = etree.Element("link", name=component.name), component.link.inverse()
-        center, tensor = mass_properties(component.shape, component.mass)
-        _inertial(link, component.mass, own.apply(center), tensor)
-        _shapes(link, component, own, capsules)
-        pose = component.pose @ component.link if component.joint else component.pose
-        pose = links[component.parent].inverse() @ pose if component.parent in links else pose
-        elements += [link, _joint(component.name, component.parent, pose, component.joint)]
-    return elements
-
-
-def _joint(name: str, parent: str, pose: Pose, moving: ToolJoint | None) -> Any:
-    """Make the joint that bears a link of a tool. URDF has no springs; other readers skip our ``<spring>``."""
-    kind = {"hinge": "revolute", "slider": "prismatic"}[moving.kind] if moving else "fixed"
-    joint = etree.Element("joint", name=joint_name(name), type=kind)
-    etree.SubElement(joint, "parent", link=parent)
-    etree.SubElement(joint, "child", link=name)
-    _origin(joint, pose)
-    if moving:
-        etree.SubElement(joint, "axis", xyz=_numbers(moving.axis))
-        lower, upper, damping, friction = map(_number, (moving.lower, moving.upper, moving.damping, moving.friction))
-        etree.SubElement(joint, "limit", lower=lower, upper=upper, effort="0", velocity="1000")
-        etree.SubElement(joint, "dynamics", damping=damping, friction=friction)
-        if moving.stiffness:
-            etree.SubElement(joint, "spring", stiffness=_number(moving.stiffness), rest=_number(moving.rest))
-    return joint
-
-
-def joint_name(component: str) -> str:
-    """Name the joint that bears a component."""
-    return f"{component}_joint"
-
-
-def to_text(element: Any) -> str:
-    etree.indent(element, "  ")
-    return str(etree.tostring(element, encoding="unicode")) + "\n"
-
-
-def tool_urdf(tool: Tool, *, capsules: bool = False, mesh_path: MeshPath = str) -> str:
-    """Write the tool's links and joints as text, without a root element.
-
-    With ``capsules`` a capsule is an element of that name, which URDF lacks; else a cylinder and two spheres.
-    ``mesh_path`` maps a mesh's absolute path to the text that is written.
-    """
-    elements = tool_elements(tool, capsules=capsules)
-    for mesh in (mesh for element in elements for mesh in element.iter("mesh")):
-        mesh.set("filename", mesh_path(Path(str(mesh.get("filename")))))
-    return "".join(map(to_text, elements))
-
-
-def _fuse(link: Any, tool: Tool, bearer: str) -> None:
-    """Merge the components on ``bearer`` into its link: many shapes, one inertia."""
-    parts = [(c, tool.borne[c.name][1]) for c in tool.components if tool.borne[c.name][0] == bearer]
-    if not parts:
-        return
-    own, inertias = link.find("inertial"), []
-    if own is None:
-        own = etree.SubElement(link, "inertial")
-    elif (own_mass := float(own.find("mass").get("value"))) > 0:
-        origin, (_, tensor) = read_origin(own), read_inertia(own)
-        turn = origin.rotation.as_matrix()
-        inertias.append((own_mass, origin.position, turn @ tensor @ turn.T))
-    link.remove(own)
-    for component, pose in parts:
-        turn, (center, tensor) = pose.rotation.as_matrix(), mass_properties(component.shape, component.mass)
-        inertias.append((component.mass, pose.apply(center), turn @ tensor @ turn.T))
-    _inertial(link, *merged(inertias))
-    for component, pose in parts:
-        _shapes(link, component, pose)
-
-
-def assemble(
-    robot: Robot, tool: Tool | None = None, *, fused: bool = False, visuals: bool = True, mesh_path: MeshPath = str
-) -> str:
-    """Write the arm with a tool mounted as URDF text.
+def assembled(robot: Robot, tool: Tool | None = None, *, fused: bool = False) -> Description:
+    """Mount a tool on the arm.
 
     A rigid tool replaces the gripper; with a gripper tool the gripper stays. The mount is `core.design.RIGID_MOUNT`, a
     link without mass; the fingers are named as the mounts of a gripper tool. The root is the base, or, if that does not
@@ -203,82 +49,244 @@ def assemble(
             gripper, or the bare flange of an arm without one.
         fused: merge the tool's components into the link that bears them (for engines: fewer links, the same physics)
             instead of giving each a link of its own (for people).
-        visuals: include the visual shapes of the arm and of the tool.
-        mesh_path: maps a mesh's absolute path to the text that is written.
     """
     tool = tool if tool is not None else Tool(gripper=robot.gripper is not None)
-    parser = etree.XMLParser(remove_comments=True, remove_blank_text=True)
-    root = etree.fromstring(robot.urdf.encode(), parser)
-    if robot.gripper is not None:
-        if tool.gripper:
-            _rename_links(root, dict(zip(robot.gripper.links, GRIPPER_MOUNTS, strict=True)))
-        else:
-            _remove_branch(root, robot.gripper.link)
-    bearer, mount = robot.mount_link, robot.mount
-    if tool.gripper and robot.gripper is not None:
-        bearer, mount = robot.gripper.link, robot.gripper.mount
-    _add_frame(root, RIGID_MOUNT, bearer, mount)
+    arm, gripper, bearer, mount = robot.description, robot.gripper, robot.mount_link, robot.mount
+    if gripper is not None and tool.gripper:
+        arm = arm.renamed(dict(zip(gripper.links, GRIPPER_MOUNTS, strict=True)))
+        bearer, mount = gripper.link, gripper.mount
+    elif gripper is not None:
+        arm = arm.without(gripper.link)
+    links = [*arm.links.values(), RobotLink(RIGID_MOUNT)]
+    joints = [*arm.joints.values(), _joint(RIGID_MOUNT, bearer, mount)]
     if fused:
-        for name, parent, pose, joint in tool.bearers:
-            etree.SubElement(root, "link", name=name)
-            root.append(_joint(name, parent, pose, joint))
-        for name in tool.borne_on:
-            _fuse(root.find(f"link[@name='{name}']"), tool, name)
+        links += [RobotLink(bearer.name) for bearer in tool.bearers]
+        joints += [_joint(name, parent, pose, joint) for name, parent, pose, joint in tool.bearers]
+        links = [_fused(link, tool) for link in links]
     else:
-        root.extend(tool_elements(tool))
-    for link in root.findall("link"):
-        for visual in link.findall("visual") if not visuals else ():
-            link.remove(visual)
-        for mesh in link.iter("mesh"):
-            mesh.set("filename", mesh_path(Path(str(mesh.get("filename")))))
+        for link, joint in tool_parts(tool):
+            links.append(link)
+            joints.append(joint)
     if robot.base != Pose():
-        _place_base(root, robot.base)
-    for link in root.findall("link"):
-        if link.find("inertial") is None:  # in URDF none; engines would guess one
-            _inertial(link, 0.0, np.zeros(3), np.zeros((3, 3)))
-    return to_text(root)
+        links.append(RobotLink(BASE))
+        joints.append(RobotJoint(joint_name(BASE), "fixed", BASE, arm.root, Origin.of(robot.base)))
+    return Description(arm.name, {link.name: link for link in links}, {joint.child: joint for joint in joints})
 
 
-def root_link(root: Any) -> str:
-    """Name the link of a URDF's root element that no joint bears."""
-    borne = {joint.find("child").get("link") for joint in root.findall("joint")}
-    return next(str(link.get("name")) for link in root.findall("link") if link.get("name") not in borne)
+def tool_parts(tool: Tool, *, capsules: bool = False) -> Iterator[tuple[RobotLink, RobotJoint]]:
+    """Yield the links of a tool's components, and the joints that bear them."""
+    links = {component.name: component.link for component in tool.components}
+    for component in tool.components:
+        own = component.link.inverse()
+        center, tensor = mass_properties(component.shape, component.mass)
+        pose = component.pose @ component.link if component.joint else component.pose
+        pose = links[component.parent].inverse() @ pose if component.parent in links else pose
+        collisions, visuals = _shapes(component, own, capsules)
+        inertial = Inertial.of(component.mass, own.apply(center), tensor)
+        yield (
+            RobotLink(component.name, inertial, collisions, visuals),
+            _joint(component.name, component.parent, pose, component.joint),
+        )
 
 
-def _add_frame(root: Any, name: str, parent: str, pose: Pose) -> None:
-    """Add a link without mass."""
-    _inertial(etree.SubElement(root, "link", name=name), 0.0, np.zeros(3), np.zeros((3, 3)))
-    joint = etree.SubElement(root, "joint", name=f"{name}_joint", type="fixed")
-    etree.SubElement(joint, "parent", link=parent)
-    etree.SubElement(joint, "child", link=name)
-    _origin(joint, pose)
+def joint_name(link: str) -> str:
+    """Name the joint that bears a component, or another link that is ours."""
+    return f"{link}_joint"
 
 
-def _place_base(root: Any, base: Pose) -> None:
-    child = root_link(root)
-    etree.SubElement(root, "link", name=BASE)
-    joint = etree.SubElement(root, "joint", name=f"{BASE}_joint", type="fixed")
-    etree.SubElement(joint, "parent", link=BASE)
-    etree.SubElement(joint, "child", link=child)
-    _origin(joint, base)
+def _joint(name: str, parent: str, pose: Pose, moving: ToolJoint | None = None) -> RobotJoint:
+    """Make the joint that bears a link of a tool, or a frame."""
+    joint = RobotJoint(joint_name(name), "fixed", parent, name, Origin.of(pose))
+    if moving is None:
+        return joint
+    lower, upper, damping, friction, stiffness, rest, x, y, z = (
+        rounded(value, 12)
+        for value in (
+            *(moving.lower, moving.upper, moving.damping, moving.friction, moving.stiffness, moving.rest),
+            *moving.axis,
+        )
+    )
+    return replace(
+        joint,
+        kind={"hinge": "revolute", "slider": "prismatic"}[moving.kind],
+        axis=(x, y, z),
+        limits=Limits(lower, upper, 0.0, 1000.0),
+        damping=damping,
+        friction=friction,
+        spring=(stiffness, rest) if moving.stiffness else None,
+    )
 
 
-def _remove_branch(root: Any, link: str) -> None:
-    """Remove a link and all that it bears."""
-    children: dict[str, list[Any]] = {}
-    for joint in root.findall("joint"):
-        children.setdefault(joint.find("parent").get("link"), []).append(joint)
-    borne = [link]
-    for name in borne:
-        borne += [joint.find("child").get("link") for joint in children.get(name, ())]
-    for element in list(root):
-        child = element.find("child")
-        if element.get("name") in borne or (child is not None and child.get("link") in borne):
-            root.remove(element)
+def _shapes(
+    component: Component, pose: Pose, capsules: bool = False
+) -> tuple[tuple[RobotShape, ...], tuple[RobotShape, ...]]:
+    """Make the collision and the visual shapes of a component at a pose in its link."""
+    collisions, visuals = (
+        tuple(
+            RobotShape(shape, Origin.of(pose @ at if at else pose), color)
+            for whole in shapes
+            for at, shape in _written(whole, capsules)
+        )
+        for shapes, color in ((component.shape.convex_parts(), None), ((component.shape.drawn,), component.color))
+    )
+    return collisions, visuals
 
 
-def _rename_links(root: Any, names: dict[str, str]) -> None:
-    for link in root.findall("link"):
-        link.set("name", names.get(link.get("name"), link.get("name")))
-    for end in root.iter("parent", "child"):
-        end.set("link", names.get(end.get("link"), end.get("link")))
+def _written(shape: Shape, capsules: bool) -> Iterator[tuple[Pose | None, Box | Sphere | Cylinder | Capsule | Path]]:
+    """Yield URDF's shapes that make up one of ours, with their poses; a mesh is a file of `scratch`."""
+    match shape:
+        case Box(size):
+            x, y, z = (rounded(side, 12) for side in size)
+            yield None, Box((x, y, z))
+        case Sphere(radius):
+            yield None, Sphere(rounded(radius, 12))
+        case Cylinder(radius, length):
+            yield None, Cylinder(rounded(radius, 12), rounded(length, 12))
+        case Capsule(radius, length) if capsules:
+            yield None, Capsule(rounded(radius, 12), rounded(length, 12))
+        case Capsule(radius, length):  # URDF has none
+            yield None, Cylinder(rounded(radius, 12), rounded(length, 12))
+            for end in (-length / 2, length / 2):
+                yield Pose(np.array([0.0, 0.0, end])), Sphere(rounded(radius, 12))
+        case Mesh():
+            file = scratch() / f"{shape.content}.obj"
+            write_once(file, lambda: str(shape.to_trimesh().export(file_type="obj", digits=12)))
+            yield None, file
+
+
+def merged(parts: Sequence[Weight]) -> Weight:
+    """Merge the inertias of rigidly joined parts, all in one frame."""
+    masses, centers, _ = zip(*parts, strict=True)
+    center: Array = np.average(centers, axis=0, weights=masses)
+    tensor = np.zeros((3, 3))
+    for mass, at, own in parts:
+        arm = at - center
+        tensor += own + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return sum(masses), center, tensor
+
+
+def _fused(link: RobotLink, tool: Tool) -> RobotLink:
+    """Merge the components that a link bears into it: many shapes, one inertia."""
+    parts = [(c, tool.borne[c.name][1]) for c in tool.components if tool.borne[c.name][0] == link.name]
+    if not parts:
+        return link
+    weights = [link.inertial.placed()] if link.inertial.mass > 0 else []
+    collisions, visuals = list(link.collisions), list(link.visuals)
+    for component, pose in parts:
+        turn, (center, tensor) = pose.rotation.as_matrix(), mass_properties(component.shape, component.mass)
+        weights.append((component.mass, pose.apply(center), turn @ tensor @ turn.T))
+        own = _shapes(component, pose)
+        collisions += own[0]
+        visuals += own[1]
+    return RobotLink(link.name, Inertial.of(*merged(weights)), tuple(collisions), tuple(visuals))
+
+
+# --- text -----------------------------------------------------------------------------------------------------------
+
+
+def assemble(
+    robot: Robot, tool: Tool | None = None, *, fused: bool = False, visuals: bool = True, mesh_path: MeshPath = str
+) -> str:
+    """Write the arm with a tool mounted as URDF text; see `assembled` and `write`."""
+    return write(assembled(robot, tool, fused=fused), visuals=visuals, mesh_path=mesh_path)
+
+
+def write(description: Description, *, visuals: bool = True, mesh_path: MeshPath = str) -> str:
+    """Write a description as URDF text.
+
+    Args:
+        description: links and joints.
+        visuals: include the visual shapes.
+        mesh_path: maps a mesh's absolute path to the text that is written.
+    """
+    root = etree.Element("robot", name=description.name)
+    root.extend(_link_element(link, visuals, mesh_path) for link in description.links.values())
+    root.extend(map(_joint_element, description.joints.values()))
+    return _to_text(root)
+
+
+def tool_urdf(tool: Tool, *, capsules: bool = False, mesh_path: MeshPath = str) -> str:
+    """Write the tool's links and joints as text, without a root element.
+
+    With ``capsules`` a capsule is an element of that name, which URDF lacks; else a cylinder and two spheres.
+    ``mesh_path`` maps a mesh's absolute path to the text that is written.
+    """
+    return "".join(
+        _to_text(element)
+        for link, joint in tool_parts(tool, capsules=capsules)
+        for element in (_link_element(link, True, mesh_path), _joint_element(joint))
+    )
+
+
+def _to_text(element: Any) -> str:
+    etree.indent(element, "  ")
+    return str(etree.tostring(element, encoding="unicode")) + "\n"
+
+
+def _link_element(link: RobotLink, visuals: bool, mesh_path: MeshPath) -> Any:
+    element, own = etree.Element("link", name=link.name), link.inertial
+    inertial = etree.SubElement(element, "inertial")  # of each link: engines would guess one
+    _origin(inertial, Origin(own.center, own.rpy))
+    etree.SubElement(inertial, "mass", value=_number(own.mass))
+    etree.SubElement(inertial, "inertia", dict(zip(MOMENTS, map(_number, own.moments), strict=True)))
+    colors = list(dict.fromkeys(shape.color for shape in link.visuals))
+    for tag, shapes in (("visual", link.visuals if visuals else ()), ("collision", link.collisions)):
+        for shape in shapes:
+            part = etree.SubElement(element, tag)
+            _origin(part, shape.origin)
+            etree.SubElement(part, "geometry").append(_geometry(shape, mesh_path))
+            if shape.color is not None and tag == "visual":
+                name = f"{link.name}_color{colors.index(shape.color) or ''}"
+                material = etree.SubElement(part, "material", name=name)
+                etree.SubElement(material, "color", rgba=_numbers(shape.color))
+    return element
+
+
+def _geometry(shape: RobotShape, mesh_path: MeshPath) -> Any:
+    match shape.shape:
+        case Box(size):
+            return etree.Element("box", size=_numbers(size))
+        case Sphere(radius):
+            return etree.Element("sphere", radius=_number(radius))
+        case Cylinder(radius, length):
+            return etree.Element("cylinder", radius=_number(radius), length=_number(length))
+        case Capsule(radius, length):
+            return etree.Element("capsule", radius=_number(radius), length=_number(length))
+        case Path() as file:
+            scale = {"scale": _numbers(shape.scale)} if shape.scale != ONE else {}
+            return etree.Element("mesh", {"filename": mesh_path(file)} | scale)
+
+
+def _joint_element(joint: RobotJoint) -> Any:
+    """Write a joint. URDF has no springs; other readers skip our ``<spring>``."""
+    element = etree.Element("joint", name=joint.name, type=joint.kind)
+    etree.SubElement(element, "parent", link=joint.parent)
+    etree.SubElement(element, "child", link=joint.child)
+    _origin(element, joint.origin)
+    if joint.kind == "fixed":
+        return element
+    etree.SubElement(element, "axis", xyz=_numbers(joint.axis))
+    if limits := {name: _number(value) for name, value in joint.limits._asdict().items() if value is not None}:
+        etree.SubElement(element, "limit", limits)
+    etree.SubElement(element, "dynamics", damping=_number(joint.damping), friction=_number(joint.friction))
+    if joint.mimic is not None:
+        name, multiplier, offset = joint.mimic
+        etree.SubElement(element, "mimic", joint=name, multiplier=_number(multiplier), offset=_number(offset))
+    if joint.spring is not None:
+        stiffness, rest = map(_number, joint.spring)
+        etree.SubElement(element, "spring", stiffness=stiffness, rest=rest)
+    return element
+
+
+def _origin(parent: Any, origin: Origin) -> None:
+    etree.SubElement(parent, "origin", xyz=_numbers(origin.xyz), rpy=_numbers(origin.rpy))
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(map(_number, values))
+
+
+def _number(value: float) -> str:
+    """Write a number so that it is read to the last bit."""
+    text = f"{value:.15g}"
+    return text if float(text) == value else repr(float(value))

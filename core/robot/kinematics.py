@@ -10,10 +10,10 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg.lapack import dgesv
 
-from core.design import RIGID_MOUNT, Tool
+from core.design import RIGID_MOUNT
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.robot.description import assemble
+from core.robot.frames import robot_model
 from core.values.robots import Robot
 
 # Levenberg-Marquardt: a radian weighs as much as this many metres, so that out of reach the position comes first.
@@ -50,7 +50,7 @@ class Arm:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self._model = pin.buildModelFromXML(assemble(robot, Tool(), visuals=False))
+        self._model = robot_model(robot, False).model
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(RIGID_MOUNT)
         # The frame's placement: views of memory that Pinocchio keeps up to date.

@@ -1,24 +1,29 @@
-"""Turn mesh files of the usual kinds into what every engine reads alike, kept in the user's cache folder.
+"""Turn mesh files of the usual kinds into what every engine reads alike, and read what a robot looks like.
 
-A file is named by the content that it was made from, so that equal meshes share one, and engines that load files by
-name never mix two up.
+What is made is kept in the user's cache folder. A file is named by the content that it was made from, so that equal
+meshes share one, and engines that load files by name never mix two up.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import platformdirs
 import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
+from core.design import Tool
 from core.errors import UserError
-from core.geometry import Array
-from core.scene import Color
+from core.geometry import Array, Color, Mesh, Pose, Shape
+from core.robot.description import assembled
 from core.support.files import write_whole
+from core.values.descriptions import ONE, RobotShape, Scale
+from core.values.robots import Robot
 
 KINDS = (".stl", ".obj", ".dae", ".ply")
 MAX_MB = 64
@@ -28,9 +33,15 @@ MAX_DRAWN = 100_000  # triangles
 _MANY = 8_000  # corners of a hull: of more, only those farthest in many directions are looked at
 _LARGEST_M = 10.0  # a link's mesh that is larger was drawn in millimetres
 _VERSION = 1  # of what is written
+_GREY: Color = (0.8, 0.8, 0.8, 1.0)  # of shapes without a material
 
-Scale = tuple[float, float, float]
-ONE: Scale = (1.0, 1.0, 1.0)
+
+class Visual(NamedTuple):
+    """A shape in one colour, and its pose in the frame of its link."""
+
+    shape: Shape
+    pose: Pose
+    color: Color
 
 
 def hull_file(mesh: Path, scale: Scale = ONE) -> Path:
@@ -185,3 +196,36 @@ def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
         coarse = trimesh.Trimesh(np.round(mesh.vertices / width) * width, mesh.faces)  # merges what is equal
         coarse.update_faces(coarse.unique_faces() & (coarse.faces != np.roll(coarse.faces, 1, axis=1)).all(axis=1))
     return coarse
+
+
+@lru_cache(maxsize=8)
+def link_visuals(robot: Robot, gripper: bool) -> dict[str, tuple[Visual, ...]]:
+    """List the visual shapes of each link of the bare arm that has some, with its gripper or without."""
+    links = assembled(robot, Tool(gripper=gripper)).links.values()
+    visuals = {link.name: tuple(visual for shape in link.visuals for visual in _visuals(shape)) for link in links}
+    return {name: shapes for name, shapes in visuals.items() if shapes}
+
+
+def _visuals(visual: RobotShape) -> Iterator[Visual]:
+    shape, pose, color = visual.shape, visual.origin.pose, visual.color or _GREY
+    if not isinstance(shape, Path):
+        yield Visual(shape, pose, color)
+        return
+    for mesh, own in _pieces(shape):
+        scaled = mesh if visual.scale == ONE else Mesh.from_trimesh(mesh.to_trimesh().apply_scale(visual.scale))
+        yield Visual(scaled, pose, own or color)
+
+
+@lru_cache(maxsize=64)
+def _pieces(file: Path) -> tuple[tuple[Mesh, Color | None], ...]:
+    """Read a file's meshes and their colours; None: the file has none."""
+    pieces: list[tuple[Mesh, Color | None]] = []
+    for piece in trimesh.load_scene(file).dump():
+        if isinstance(piece, trimesh.Trimesh) and len(piece.faces):  # not lines
+            color: Color | None = None
+            if piece.visual.kind == "texture":
+                red, green, blue, opacity = (float(x) / 255 for x in piece.visual.material.main_color)
+                color = (red, green, blue, opacity)
+            piece.merge_vertices(merge_tex=True, merge_norm=True)
+            pieces.append((Mesh.from_trimesh(piece), color))
+    return tuple(pieces)

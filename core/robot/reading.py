@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import ConfigDict
@@ -14,13 +14,20 @@ from scipy.spatial.transform import Rotation
 
 from core.errors import UsageError, UserError, choices
 from core.geometry import Array, Pose
+from core.robot.description import RESERVED, write
 from core.robot.frames import link_frames
 from core.robot.kinematics import Arm
-from core.robot.normalise import Drive, rigid_parts, write_plain
+from core.robot.normalise import normalised
 from core.robot.solids import robot_solids
-from core.robot.urdf import MOVING, Description, Joint, read_description
 from core.support.text import clean, short_numbers
+from core.values.descriptions import (
+    MOVING,
+    Description,
+    Limits,
+    RobotJoint,
+)
 from core.values.robots import Gripper, Robot
+from core.values.urdf import read_description
 
 # A URDF has none of these; each is a setting.
 REACHES_SPEED_S = 0.5  # in which a joint reaches its speed limit; arms that are built in need 0.13 to 0.79 s
@@ -51,29 +58,14 @@ class GripperOptions:
     __pydantic_config__: ClassVar[ConfigDict] = {"extra": "forbid"}
 
 
-def read_robot(
-    path: Path,
-    home: Sequence[float] | Mapping[str, float],
-    flange: str | None = None,
-    *,
-    name: str = "urdf",
-    title: str = "",
-    mount_rpy: Sequence[float] | None = None,
-    payload_kg: float = PAYLOAD_KG,
-    acceleration: Sequence[float] | None = None,
-    motor_inertia: Sequence[float] | None = None,
-    gripper: GripperOptions | None = None,
-    fixed: Sequence[str] = (),
-    without: Sequence[str] = (),
-    arguments: Mapping[str, str] | None = None,
-) -> Robot:
-    """Make a robot of a file. Its base is the only link that has no parent.
+@dataclass(frozen=True)
+class ArmSettings:
+    """What is chosen of a file, and what a description does not say of its arm.
 
-    Args:
+    Attributes:
         path: a URDF file, or one whose name ends in ``.xacro``.
         home: joints (J,) from the base on, or by name, radians; there the flange looks down.
         flange: the link that bears tools; None: the only one that bears no other link.
-        name: the robot's, as in ``robot=NAME``.
         title: as people call it; empty: the name in the description.
         mount_rpy: how the mount is turned in the flange's frame, radians; None: by right angles, so that its axes at
             home are nearest to the world's.
@@ -84,44 +76,83 @@ def read_robot(
         fixed: joints that are held at 0.
         without: links that are left out, with all that they bear.
         arguments: of a Xacro file.
+    """
+
+    path: Path
+    home: list[float] | dict[str, float]
+    flange: str | None = None
+    title: str = ""
+    mount_rpy: tuple[float, float, float] | None = None
+    payload_kg: float = PAYLOAD_KG
+    acceleration: list[float] | None = None
+    motor_inertia: list[float] | None = None
+    gripper: GripperOptions | None = None
+    fixed: list[str] | None = None
+    without: list[str] | None = None
+    arguments: Mapping[str, str] | None = None
+
+
+def read_robot(
+    path: Path,
+    home: Sequence[float] | Mapping[str, float],
+    flange: str | None = None,
+    *,
+    name: str = "urdf",
+    **settings: Any,
+) -> Robot:
+    """Make a robot of a file. Its base is the only link that has no parent.
+
+    Args:
+        path: see `ArmSettings`, as for ``home`` and ``flange``.
+        home: see there.
+        flange: see there.
+        name: the robot's, as in ``robot=NAME``.
+        settings: the others of `ArmSettings`.
 
     Raises:
         UserError: the file or something in it can't be used; says what, where, and how to mend it.
     """
     path = path.expanduser().absolute()
-    description = read_description(_text(path, arguments or {}), path, tuple(without))
+    chosen = ArmSettings(path, dict(home) if isinstance(home, Mapping) else list(home), flange, **settings)
+    description = read_description(
+        _text(path, chosen.arguments or {}), path, tuple(chosen.without or ()), taken=RESERVED
+    )
     try:
-        link = _flange(description, flange)
-        arm = _arm(description, link, fixed)
-        drives = {joint.name: _turning(joint) for joint in arm}
-        start = _home(home, drives)
-        grip, fingers = (None, {}) if gripper is None else _gripper(description, gripper, link, list(drives))
-        _check_rest(description, {**drives, **fingers}, fixed)
-        parts = rigid_parts(description, [joint.child for joint in arm])
-        _check_shapes(description, [name for name, (head, _) in parts.items() if head != description.root])
-        speeds = [drives[joint.name].velocity for joint in arm]
-        robot = Robot(
-            name=name,
-            title=title or clean(description.name, 60),
-            urdf=write_plain(description, {**drives, **fingers}, link, [gripper.link] if gripper else []),
-            arm_joints=tuple(drives),
-            home=start,
-            acceleration_limits=tuple(acceleration or (speed / REACHES_SPEED_S for speed in speeds)),
-            motor_inertia=tuple(motor_inertia or [MOTOR_INERTIA] * len(arm)),
-            mount_link=link,
-            mount=Pose(),
-            near_mount=tuple(dict.fromkeys([parts[link][0], link])),
-            payload_kg=payload_kg,
-            gripper=grip,
-            sources=(f"description: {path}",),
-        )
-        axis = parts[link][1].rotation.inv().apply(arm[-1].axis)
-        mount = _mount(robot, axis, mount_rpy)
-        if grip is not None:
-            grip = replace(grip, mount=grip.mount @ mount)
-        return _straightened(replace(robot, mount=mount, gripper=grip))
+        return _robot(description, chosen, name)
     except UserError as error:
         raise type(error)(f"{path}: {error}") from error
+
+
+def _robot(description: Description, chosen: ArmSettings, name: str) -> Robot:
+    link, fixed = _flange(description, chosen.flange), chosen.fixed or ()
+    arm = [_turning(joint) for joint in _arm(description, link, fixed)]
+    home = _home(chosen.home, arm)
+    grip, fingers = (None, []) if chosen.gripper is None else _gripper(description, chosen.gripper, link, arm)
+    drives = {joint.name: joint for joint in (*arm, *fingers)}
+    _check_rest(description, drives, fixed)
+    parts = description.rigid_parts(joint.child for joint in arm)
+    if not any(description.links[name].collisions for name, (head, _) in parts.items() if head != description.root):
+        raise UserError("the arm has no collision shape; repeat each <visual> as <collision>: its hull counts")
+    speeds = [joint.limits.velocity or 0.0 for joint in arm]
+    robot = Robot(
+        name=name,
+        title=chosen.title or clean(description.name, 60),
+        urdf=write(normalised(description, drives, link, [grip.link] if grip else [])),
+        arm_joints=tuple(joint.name for joint in arm),
+        home=home,
+        acceleration_limits=tuple(chosen.acceleration or (speed / REACHES_SPEED_S for speed in speeds)),
+        motor_inertia=tuple(chosen.motor_inertia or [MOTOR_INERTIA] * len(arm)),
+        mount_link=link,
+        mount=Pose(),
+        near_mount=tuple(dict.fromkeys([parts[link][0], link])),
+        payload_kg=chosen.payload_kg,
+        gripper=grip,
+        sources=(f"description: {chosen.path}",),
+    )
+    mount = _mount(robot, parts[link][1].rotation.inv().apply(arm[-1].direction), chosen.mount_rpy)
+    if grip is not None:
+        grip = replace(grip, mount=grip.mount @ mount)
+    return _straightened(replace(robot, mount=mount, gripper=grip))
 
 
 def _text(path: Path, arguments: Mapping[str, str]) -> bytes:
@@ -160,7 +191,7 @@ def _flange(description: Description, flange: str | None) -> str:
     return leaves[0]
 
 
-def _arm(description: Description, flange: str, fixed: Sequence[str]) -> list[Joint]:
+def _arm(description: Description, flange: str, fixed: Sequence[str]) -> list[RobotJoint]:
     """List the joints that move between base and flange."""
     between = [description.joints[link] for link in description.above(flange)[-2::-1]]
     arm = [joint for joint in between if joint.kind != "fixed" and joint.name not in fixed]
@@ -169,8 +200,8 @@ def _arm(description: Description, flange: str, fixed: Sequence[str]) -> list[Jo
     return arm
 
 
-def _turning(joint: Joint) -> Drive:
-    """Check a joint of the arm."""
+def _turning(joint: RobotJoint) -> RobotJoint:
+    """Check a joint of the arm, and give it finite limits."""
     where = f"joint {joint.name!r}"
     if joint.kind not in ("revolute", "continuous"):
         mend = f"an arm's joints turn; hold it at 0 with robot.fixed=[{joint.name}]"
@@ -178,66 +209,68 @@ def _turning(joint: Joint) -> Drive:
     if joint.mimic:
         raise UserError(f"{where} between base and flange mimics another one, which can't be; drive each by itself")
     lower, upper = (-_TURN, _TURN) if joint.kind == "continuous" else _span(joint, "radians")
-    return Drive("revolute", lower, upper, _limit(joint, "effort", "N m"), _limit(joint, "velocity", "rad/s"))
+    limits = Limits(lower, upper, _limit(joint, "effort", "N m"), _limit(joint, "velocity", "rad/s"))
+    return replace(joint, kind="revolute", limits=limits)
 
 
-def _span(joint: Joint, unit: str) -> tuple[float, float]:
-    lower, upper = joint.limits["lower"] or 0.0, joint.limits["upper"] or 0.0  # 0 where they are missing, as in URDF
+def _span(joint: RobotJoint, unit: str) -> tuple[float, float]:
+    lower, upper = joint.range
     if not lower < upper:
         mend = f'give <limit lower="..." upper="..." effort="..." velocity="..."/>, {unit}'
         raise UserError(f"joint {joint.name!r} can't move: its limits are {lower:g} to {upper:g}; {mend}")
     return lower, upper
 
 
-def _limit(joint: Joint, name: str, unit: str) -> float:
-    value = joint.limits[name]
+def _limit(joint: RobotJoint, name: str, unit: str) -> float:
+    value: float | None = getattr(joint.limits, name)
     if value is None or value <= 0:
         found = "has no" if value is None else f"has {value:g} as"
         raise UserError(f"joint {joint.name!r} {found} {name} limit; take it from the arm's data sheet, {unit}")
     return value
 
 
-def _home(home: Sequence[float] | Mapping[str, float], drives: Mapping[str, Drive]) -> tuple[float, ...]:
+def _home(home: Sequence[float] | Mapping[str, float], arm: Sequence[RobotJoint]) -> tuple[float, ...]:
+    names = [joint.name for joint in arm]
     if isinstance(home, Mapping):
         for name in home:
-            if name not in drives:
-                raise choices("joint", name, drives, "home")
-        if missing := [name for name in drives if name not in home]:
+            if name not in names:
+                raise choices("joint", name, names, "home")
+        if missing := [name for name in names if name not in home]:
             raise UsageError(f"home lacks {', '.join(missing)}")
-        home = [home[name] for name in drives]
-    if len(home) != len(drives):
-        raise UsageError(f"home has {len(home)} numbers for {len(drives)} joints: {', '.join(drives)}")
-    for value, (name, drive) in zip(home, drives.items(), strict=True):
-        if not drive.lower <= value <= drive.upper:
-            raise UsageError(
-                f"home {value:g} of joint {name!r} is not in its limits {drive.lower:g} to {drive.upper:g}"
-            )
+        home = [home[name] for name in names]
+    if len(home) != len(arm):
+        raise UsageError(f"home has {len(home)} numbers for {len(arm)} joints: {', '.join(names)}")
+    for value, joint in zip(home, arm, strict=True):
+        lower, upper = joint.range
+        if not lower <= value <= upper:
+            raise UsageError(f"home {value:g} of joint {joint.name!r} is not in its limits {lower:g} to {upper:g}")
     return tuple(float(value) for value in home)
 
 
 def _gripper(
-    description: Description, options: GripperOptions, flange: str, arm: Sequence[str]
-) -> tuple[Gripper, dict[str, Drive]]:
-    """Check the gripper; its mount is the flange's pose."""
-    by_name = {joint.name: joint for joint in description.joints.values()}
+    description: Description, options: GripperOptions, flange: str, arm: Sequence[RobotJoint]
+) -> tuple[Gripper, list[RobotJoint]]:
+    """Check the gripper, whose mount is the flange's pose, and its two joints."""
     if options.link not in description.links:
         raise choices("link", options.link, description.links, "gripper")
     for name in options.joints:
-        if name not in by_name:
-            raise choices("joint", name, by_name, "gripper")
-    left, right = (by_name[name] for name in options.joints)
-    heads = {joint.child for joint in (*(by_name[name] for name in arm), left, right)}
-    parts = rigid_parts(description, heads)
+        if name not in description.named:
+            raise choices("joint", name, description.named, "gripper")
+    left, right = (description.named[name] for name in options.joints)
+    parts = description.rigid_parts(joint.child for joint in (*arm, left, right))
     (head, at), (same, mount) = parts[options.link], parts[flange]
     if head != same or options.link in description.above(flange):
         raise UserError(f"gripper link {options.link!r} must be fixed to flange {flange!r}, not before it")
     for joint in (left, right):
         if joint.kind != "prismatic" or options.link not in description.above(joint.child):
             raise UserError(f"joint {joint.name!r} is no prismatic joint on gripper link {options.link!r}")
-    ways = [parts[joint.parent][1].rotation.apply(joint.pose.rotation.apply(joint.axis)) for joint in (left, right)]
+    ways = [
+        parts[joint.parent][1].rotation.apply(joint.origin.pose.rotation.apply(joint.direction))
+        for joint in (left, right)
+    ]
     if parts[left.parent][0] != parts[right.parent][0] or ways[0] @ ways[1] > -0.9:
         raise UserError(f"{left.name!r} and {right.name!r} don't move in opposite directions; turn one's axis around")
-    spans = [_span(joint, "metres") for joint in (left, right) if not joint.mimic or joint.limits["upper"]]
+    spans = [_span(joint, "metres") for joint in (left, right) if not joint.mimic or joint.limits.upper]
     if not spans or any(lower != 0 for lower, _ in spans):
         raise UserError(f"{left.name!r} and {right.name!r} must move from 0, closed, to how far they open")
     driving = [joint for joint in (left, right) if not joint.mimic] or [left]
@@ -245,24 +278,19 @@ def _gripper(
     force = options.force_n if options.force_n is not None else min(_limit(joint, "effort", "N") for joint in driving)
     if not 0 < force < math.inf or not 0 <= options.friction < math.inf:
         raise UsageError(f"gripper: force_n must be positive and friction 0 or more, got {force}, {options.friction}")
-    drive = Drive("prismatic", 0.0, travel, force, min(_limit(joint, "velocity", "m/s") for joint in driving))
+    limits = Limits(0.0, travel, force, min(_limit(joint, "velocity", "m/s") for joint in driving))
     links, joints = (left.child, right.child), (left.name, right.name)
     made = Gripper(options.link, at.inverse() @ mount, (options.link,), joints, links, travel, force, options.friction)
-    return made, dict.fromkeys(joints, drive)
+    return made, [replace(joint, limits=limits) for joint in (left, right)]
 
 
-def _check_shapes(description: Description, links: Sequence[str]) -> None:
-    if not any(description.links[name].collisions for name in links):
-        raise UserError("the arm has no collision shape; repeat each <visual> as <collision>: its hull counts")
-
-
-def _check_rest(description: Description, drives: Mapping[str, Drive], fixed: Sequence[str]) -> None:
+def _check_rest(description: Description, drives: Mapping[str, RobotJoint], fixed: Sequence[str]) -> None:
     """Refuse joints that would move by themselves."""
-    joints = {joint.name: joint for joint in description.joints.values()}
+    joints = description.named
     for name in fixed:
         if name not in joints:
             raise choices("joint", name, joints, "fixed")
-        lower, upper = joints[name].limits["lower"] or 0.0, joints[name].limits["upper"] or 0.0
+        lower, upper = joints[name].range
         if joints[name].kind != "continuous" and not min(lower, 0.0) == lower <= 0.0 <= upper:
             raise UserError(f"joint {name!r} can't be held at 0: its limits are {lower:g} to {upper:g}")
     for joint in joints.values():

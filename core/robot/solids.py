@@ -14,11 +14,10 @@ from typing import Any
 import coal
 import numpy as np
 import trimesh
-from lxml import etree
 
 from core.design import Tool
 from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
-from core.robot.description import assemble, read_origin, read_shape
+from core.robot.description import assembled
 from core.scene import Body
 from core.values.robots import Robot
 
@@ -133,10 +132,13 @@ def farthest_from_surface(points: Array, vertices: Array, faces: Array) -> float
 def robot_solids(robot: Robot, gripper: bool) -> tuple[Solid, ...]:
     """List the collision shapes of the robot without a tool, each in the frame of its link."""
     solids = []
-    root: Any = etree.fromstring(assemble(robot, Tool(gripper=gripper), visuals=False))
-    for link in root.findall("link"):
-        for collision in link.findall("collision"):
-            shape = read_shape(collision.find("geometry")[0])
-            geometry = hull(trimesh.load_mesh(shape)) if isinstance(shape, Path) else solid_geometry(shape)
-            solids.append(Solid(str(link.get("name")), geometry, read_origin(collision)))
+    for link in assembled(robot, Tool(gripper=gripper)).links.values():
+        for part in link.collisions:
+            shape = part.shape
+            geometry = (
+                hull(trimesh.load_mesh(shape).apply_scale(part.scale))
+                if isinstance(shape, Path)
+                else solid_geometry(shape)
+            )
+            solids.append(Solid(link.name, geometry, part.origin.pose))
     return tuple(solids)

@@ -8,9 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 
 from core.errors import UsageError, UserError
 from core.geometry import Cylinder, Pose
+from core.values.descriptions import Description
+from core.values.urdf import read_description
 
 LINK_FRICTION = 0.5  # of an arm's links
 
@@ -141,6 +145,15 @@ class Robot:
 
     def __hash__(self) -> int:
         return hash((self.name, self.base, self.mount, self.home))
+
+    @cached_property
+    def description(self) -> Description:
+        """The links and joints of ``urdf``.
+
+        Raises:
+            UserError: the text is no URDF, or something in it is wrong.
+        """
+        return read_description(self.urdf.encode(), Path(f"{self.name}.urdf"))
 
     @property
     def finger_joints(self) -> tuple[str, ...]:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from functools import lru_cache
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, Tool
@@ -19,7 +19,7 @@ from core.errors import UserError
 from core.geometry import Array, Box, Pose
 from core.interfaces import JointTrajectory, Outcome, Robot, Rollout, Simulator
 from core.plugins import Part, installed
-from core.robot.description import assemble, read_inertia, read_numbers, read_origin
+from core.robot.description import assembled
 from core.robot.frames import link_frames, robot_model
 from core.robot.kinematics import Arm, arm_of
 from core.robot.solids import Solid, robot_solids, signed_distance
@@ -48,20 +48,16 @@ _HZ = 100.0
 
 
 def check_limits_are_there(robot: Robot) -> None:
-    root: Any = etree.fromstring(assemble(robot))
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
-    for name in robot.joints(robot.gripper is not None):
+    driven, joints = robot.joints(robot.gripper is not None), robot.description.named
+    for name in driven:
         expect(name in joints, f"the description has no joint {name!r}")
-        kind = "prismatic" if name in robot.finger_joints else "revolute"
-        found = joints[name].get("type")
-        expect(found == kind, f"joint {name!r} is {found}; it must be {kind}, with limits")
-        limit = joints[name].find("limit")
-        expect(limit is not None, f"joint {name!r} has no limits")
-        low, high, speed, effort = (float(limit.get(key, "nan")) for key in ("lower", "upper", "velocity", "effort"))
+        kind, joint = "prismatic" if name in robot.finger_joints else "revolute", joints[name]
+        expect(joint.kind == kind, f"joint {name!r} is {joint.kind}; it must be {kind}, with limits")
+        expect(any(limit is not None for limit in joint.limits), f"joint {name!r} has no limits")
+        low, high, effort, speed = (np.nan if limit is None else limit for limit in joint.limits)
         expect(low < high, f"joint {name!r} turns from {low} to {high}")
         expect(speed > 0 and effort > 0, f"joint {name!r} has the speed {speed} and the effort {effort}")
-    movable = {name for name, joint in joints.items() if joint.get("type") != "fixed"}
-    more = sorted(movable - set(robot.joints(robot.gripper is not None)))
+    more = sorted(name for name, joint in joints.items() if joint.kind != "fixed" and name not in driven)
     expect(not more, f"joints {', '.join(map(repr, more))} move, and are neither the arm's nor the gripper's")
 
 
@@ -79,16 +75,12 @@ def check_inertias_are_physical(robot: Robot) -> None:
     for solid in robot_solids(robot, robot.gripper is not None):
         center, half = solid.bounds()
         corners.setdefault(solid.name, []).append(np.array([center - half, center + half]))
-    names = robot.gripper.links if robot.gripper else ()
-    renamed = dict(zip(names, ("left_finger", "right_finger"), strict=False))
-    root: Any = etree.fromstring(robot.urdf.encode())
-    for link in root.findall("link"):
-        name, inertial = renamed.get(link.get("name"), link.get("name")), link.find("inertial")
-        if inertial is None or float(inertial.find("mass").get("value")) == 0:
+    for name, link in assembled(robot).links.items():
+        mass, center, tensor = link.inertial.placed()
+        if mass == 0:
             expect(name not in corners, f"link {name!r} has a collision shape and no mass")
             continue
         expect(name in corners, f"link {name!r} has a mass and no collision shape")
-        mass, tensor = read_inertia(inertial)
         least, middle, most = np.linalg.eigvalsh(tensor)
         expect(mass > 0 and least > 0, f"link {name!r} has the mass {mass:g} kg and the inertia {least:g} kg m^2")
         expect(
@@ -98,17 +90,15 @@ def check_inertias_are_physical(robot: Robot) -> None:
         size, spread = float(np.linalg.norm(high - low)), float(np.sqrt(most / mass))
         found = f"link {name!r} is {size:.3f} m large"
         expect(spread < _SPREAD * size, f"{found}, and its mass lies {spread:.3f} m from its centre on average")
-        away = float(np.linalg.norm(read_origin(inertial).position - (low + high) / 2))
+        away = float(np.linalg.norm(center - (low + high) / 2))
         expect(away < size, f"{found}, and the centre of its mass lies {away:.3f} m from the middle of its shapes")
 
 
 def check_collision_shapes_are_read_by_every_engine(robot: Robot) -> None:
-    root: Any = etree.fromstring(assemble(robot, visuals=False))
-    for mesh in root.iter("mesh"):
-        file = mesh.get("filename")
-        expect(file.lower().endswith((".stl", ".obj")), f"engines can't read {file}; convert it to STL")
-        scale = read_numbers(mesh, "scale") if mesh.get("scale") else np.ones(3)
-        expect((scale > 0).all(), f"{file} has the scale {scale.tolist()}")
+    for shape in (shape for link in robot.description.links.values() for shape in link.collisions):
+        if isinstance(file := shape.shape, Path):
+            expect(file.suffix.lower() in (".stl", ".obj"), f"engines can't read {file}; convert it to STL")
+            expect(min(shape.scale) > 0, f"{file} has the scale {list(shape.scale)}")
 
 
 def check_shapes_are_clear_of_each_other_at_home(robot: Robot) -> None:

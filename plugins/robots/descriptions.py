@@ -5,29 +5,19 @@ from __future__ import annotations
 import importlib.metadata
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
-
-from lxml import etree
+from typing import Any
 
 from core.errors import UserError
-from core.geometry import Cylinder, Pose, Vector
+from core.geometry import Cylinder, Pose
+from core.robot.description import write
 from core.robot.meshes import hull_file
+from core.values.descriptions import Inertial, Origin, RobotLink, RobotShape, rounded
+from core.values.urdf import read_description
 
 _PREFIX = "package://example-robot-data/"
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-
-
-class Inertial(NamedTuple):
-    """The mass of a link, its centre in the link's frame, metres, and its inertia about the centre, kg m^2.
-
-    ``moments``: xx, xy, xz, yy, yz, zz, along the axes of the link's frame.
-    """
-
-    mass: float
-    center: Vector
-    moments: tuple[float, float, float, float, float, float]
 
 
 @lru_cache(maxsize=1)
@@ -65,90 +55,65 @@ def measured(name: str) -> dict[str, dict[str, float | None]]:
 class Mending:
     """A description that is mended, step by step.
 
-    Only its links, joints and materials are kept.
-
     Raises:
-        LookupError: a step names a link that is not there.
+        LookupError: a step names a link or a joint that is not there.
     """
 
     def __init__(self, file: str) -> None:
-        parser = etree.XMLParser(remove_comments=True, remove_blank_text=True)
-        self.root: Any = etree.fromstring(description(file).encode(), parser)
-        for element in list(self.root):
-            if element.tag not in ("link", "joint", "material"):
-                self.root.remove(element)
+        self._arm = read_description(description(file).encode(), robots_folder() / file)
 
     def text(self) -> str:
         """Write the description."""
-        return str(etree.tostring(self.root, encoding="unicode"))
+        return write(self._arm)
 
     def drop(self, *links: str) -> Mending:
         """Remove links, and the joints that bear them or that they bear."""
         for name in links:
-            self.root.remove(self._link(name))
-            for joint in self.root.findall("joint"):
-                if name in (joint.find("parent").get("link"), joint.find("child").get("link")):
-                    self.root.remove(joint)
+            self._link(name)
+        kept = {name: link for name, link in self._arm.links.items() if name not in links}
+        joints = {child: j for child, j in self._arm.joints.items() if child in kept and j.parent in kept}
+        self._arm = replace(self._arm, links=kept, joints=joints)
         return self
 
     def weigh(self, inertials: Mapping[str, Inertial]) -> Mending:
         """Replace the inertias of links."""
-        for name, (mass, center, moments) in inertials.items():
-            link = self._link(name)
-            for old in link.findall("inertial"):
-                link.remove(old)
-            element = etree.SubElement(link, "inertial")
-            etree.SubElement(element, "origin", xyz=_written(center), rpy="0 0 0")
-            etree.SubElement(element, "mass", value=f"{mass:.15g}")
-            numbers = dict(zip(_MOMENTS, moments, strict=True))
-            etree.SubElement(element, "inertia", {key: f"{value:.15g}" for key, value in numbers.items()})
+        for name, inertial in inertials.items():
+            mass, center, tensor = inertial.placed()
+            self._change(name, inertial=Inertial.of(mass, center, tensor))
         return self
 
     def limit(self, joints: Mapping[str, Mapping[str, float]]) -> Mending:
         """Set limits of joints, by the names of URDF: lower, upper, velocity, effort. A continuous joint gets ends."""
         for name, limits in joints.items():
-            joint = self.root.find(f"joint[@name='{name}']")
-            for key, value in limits.items():
-                joint.find("limit").set(key, f"{value:.15g}")
-            if joint.get("type") == "continuous":
-                joint.set("type", "revolute")
+            joint = self._arm.named[name]
+            kind = "revolute" if joint.kind == "continuous" else joint.kind
+            new = joint.limits._replace(**{key: rounded(value) for key, value in limits.items()})
+            self._arm = replace(
+                self._arm, joints=self._arm.joints | {joint.child: replace(joint, kind=kind, limits=new)}
+            )
         return self
 
     def hull(self, meshes: Mapping[str, str]) -> Mending:
         """Replace the collision shapes of links with the convex hull of a mesh, in a file that every engine reads."""
         for name, mesh in meshes.items():
-            geometry = etree.SubElement(etree.SubElement(self._uncovered(name), "collision"), "geometry")
-            etree.SubElement(geometry, "mesh", filename=str(hull_file(robots_folder() / mesh)))
+            self._change(name, collisions=(RobotShape(hull_file(robots_folder() / mesh)),))
         return self
 
     def bare(self, link: str, mesh: str) -> Mending:
         """Remove what is drawn of a link with a mesh whose file has this name."""
-        element = self._link(link)
-        for visual in element.findall("visual"):
-            if Path(visual.find("geometry/mesh").get("filename")).name == mesh:
-                element.remove(visual)
-        return self
+        shapes = self._link(link).visuals
+        return self._change(link, visuals=tuple(shape for shape in shapes if Path(str(shape.shape)).name != mesh))
 
     def cover(self, link: str, shape: Cylinder, pose: Pose) -> Mending:
         """Replace the collision shapes of a link with a cylinder, in its frame."""
-        collision = etree.SubElement(self._uncovered(link), "collision")
-        etree.SubElement(collision, "origin", xyz=_written(pose.position), rpy=_written(pose.rpy))
-        sizes = {"radius": f"{shape.radius:.15g}", "length": f"{shape.length:.15g}"}
-        etree.SubElement(etree.SubElement(collision, "geometry"), "cylinder", sizes)
+        return self._change(link, collisions=(RobotShape(shape, Origin.of(pose)),))
+
+    def _change(self, name: str, **changes: Any) -> Mending:
+        link = replace(self._link(name), **changes)
+        self._arm = replace(self._arm, links=self._arm.links | {name: link})
         return self
 
-    def _uncovered(self, link: str) -> Any:
-        element = self._link(link)
-        for old in element.findall("collision"):
-            element.remove(old)
-        return element
-
-    def _link(self, name: str) -> Any:
-        found = self.root.find(f"link[@name='{name}']")
-        if found is None:
+    def _link(self, name: str) -> RobotLink:
+        if name not in self._arm.links:
             raise LookupError(f"the description has no link {name!r}")
-        return found
-
-
-def _written(numbers: Any) -> str:
-    return " ".join(f"{round(float(number), 12) + 0.0:.15g}" for number in numbers)
+        return self._arm.links[name]

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from core.interfaces import Robot
-from plugins.robots.descriptions import Inertial, Mending, measured
+from core.values.descriptions import Inertial
+from plugins.robots.descriptions import Mending, measured
 from plugins.robots.panda import panda
 
 # lower, upper, velocity, effort

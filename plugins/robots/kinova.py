@@ -13,7 +13,8 @@ import numpy as np
 
 from core.geometry import Cylinder, Pose
 from core.interfaces import Robot
-from plugins.robots.descriptions import Inertial, Mending, measured
+from core.values.descriptions import Inertial
+from plugins.robots.descriptions import Mending, measured
 
 PREFIX = "j2s6s200_"
 HAND = f"{PREFIX}link_6"

@@ -13,7 +13,8 @@ import numpy as np
 
 from core.geometry import Pose
 from core.interfaces import Robot
-from plugins.robots.descriptions import Inertial, Mending, measured
+from core.values.descriptions import Inertial
+from plugins.robots.descriptions import Mending, measured
 from plugins.robots.programs import program
 
 JOINTS = (

@@ -10,7 +10,7 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Robot
 from core.robot.frames import bearer_frames, link_frames, tool_values
-from core.robot.visuals import link_visuals
+from core.robot.meshes import link_visuals
 
 
 def links(robot: Robot, gripper: bool) -> dict[str, trimesh.Trimesh]:

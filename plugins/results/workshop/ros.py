@@ -16,7 +16,7 @@ from lxml import etree
 
 from core.design import RIGID_MOUNT, Tool
 from core.geometry import Array, Box, Cylinder, Pose, Shape, Sphere
-from core.robot.description import root_link, tool_urdf
+from core.robot.description import tool_urdf
 from core.scene import Scene
 from core.store.artifacts import copied
 from core.support.cli import write_bytes
@@ -109,7 +109,7 @@ def scene_message(robot: Robot, scene: Scene) -> dict[str, Any]:
 
     Poses are in the frame of the arm's base.
     """
-    base, objects = root_link(etree.fromstring(robot.urdf.encode())), []
+    base, objects = robot.description.root, []
     for body in scene.bodies:
         at = robot.base.inverse() @ body.pose
         entry: dict[str, Any] = {"id": body.name, "header": {"frame_id": base}, "pose": _pose(at)}

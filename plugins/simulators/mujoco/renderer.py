@@ -17,7 +17,7 @@ from core.errors import NoPicture
 from core.geometry import Array, Mesh, Pose, Shape
 from core.interfaces import Image, Task
 from core.robot.description import assemble
-from core.robot.visuals import link_visuals
+from core.robot.meshes import link_visuals
 from core.scene import Camera, Color, State
 from core.simulation.rendering import Renderer, joint_positions
 from core.values.robots import Robot

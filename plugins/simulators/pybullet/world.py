@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import combinations
 from math import ceil
@@ -10,18 +11,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from core.design import GRIPPER_MOUNTS, Tool
 from core.errors import UsageError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
-from core.robot.description import assemble, joint_name, read_numbers, read_origin, to_text
+from core.robot.description import assembled, joint_name, write
 from core.scene import Inertia, Scene, State
 from core.simulation.playback import Thing
+from core.values.descriptions import Inertial, RobotLink
 from core.values.robots import Robot
-from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
+from plugins.simulators.pybullet.bodies import PreparedBody, text, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.forces import Forces
 from plugins.simulators.pybullet.trees import Mechanism, Place, prepare_trees
@@ -33,7 +34,7 @@ _CONTACT_DRIFT = 0.002
 MAX_STEPS = 16  # that are taken in place of one in scenes with stiff joints
 # Of no body is a moment of inertia larger than the sum of the two others, and PyBullet reads no such file. A link with
 # its motor's inertia is no such body. So files hold these moments, kg m^2, and links get their own once loaded.
-_PLACEHOLDER = np.ones(3)
+_PLACEHOLDER = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 
 
 class Settings(NamedTuple):
@@ -301,11 +302,13 @@ class World:
 
 def robot_file(folder: Path, robot: Robot, tool: Tool, *, visuals: bool) -> Path:
     """Write the arm with its tool to a file: PyBullet reads only files."""
-    root: Any = etree.fromstring(assemble(robot, tool, fused=True, visuals=visuals))
+    arm, held = assembled(robot, tool, fused=True), dict[str, RobotLink]()
     for name, inertia in driven_links(robot).items():
-        link = root.find(f"link[@name='{name}']")
-        link.replace(link.find("inertial"), inertial(Inertia(inertia.mass, inertia.frame, _PLACEHOLDER)))
-    return text_file(folder, to_text(root), "urdf")
+        numbers = (inertia.mass, *inertia.frame.position, *inertia.frame.rpy)
+        mass, x, y, z, roll, pitch, yaw = map(float, text(numbers).split())
+        inertial = Inertial(mass, (x, y, z), _PLACEHOLDER, (roll, pitch, yaw))
+        held[name] = replace(arm.links[name], inertial=inertial)
+    return text_file(folder, write(replace(arm, links=arm.links | held), visuals=visuals), "urdf")
 
 
 @lru_cache(maxsize=8)
@@ -314,21 +317,14 @@ def driven_links(robot: Robot) -> dict[str, Inertia]:
 
     Bullet has no inertia of a joint. As a link's own, the joints before it carry it too where their axes are parallel.
     """
-    root: Any = etree.fromstring(assemble(robot, fused=True, visuals=False))
-    found = {}
+    arm, inertias = assembled(robot, fused=True), {}
     for name, motor in zip(robot.arm_joints, robot.motor_inertia, strict=True):
-        joint = root.find(f"joint[@name='{name}']")
-        link = joint.find("child").get("link")
-        own = root.find(f"link[@name='{link}']/inertial")
-        at, tensor, axis = read_origin(own), own.find("inertia"), read_numbers(joint.find("axis"), "xyz")
-        xx, xy, xz, yy, yz, zz = (float(tensor.get(f"i{pair}")) for pair in ("xx", "xy", "xz", "yy", "yz", "zz"))
-        turn = at.rotation.as_matrix()
-        whole = turn @ [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]] @ turn.T + motor * np.outer(axis, axis)
-        moments, axes = np.linalg.eigh(whole)
+        joint = arm.named[name]
+        mass, center, tensor = arm.links[joint.child].inertial.placed()
+        moments, axes = np.linalg.eigh(tensor + motor * np.outer(joint.axis, joint.axis))
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-        frame = Pose.from_rotation(at.position, Rotation.from_matrix(axes))
-        found[link] = Inertia(float(own.find("mass").get("value")), frame, moments)
-    return found
+        inertias[joint.child] = Inertia(mass, Pose.from_rotation(center, Rotation.from_matrix(axes)), moments)
+    return inertias
 
 
 def load_robot(client: int, file: Path) -> int:

@@ -12,12 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from core.design import Tool
 from core.errors import NoPicture
-from core.geometry import Array, Box, Pose, Sphere
-from core.geometry import Shape as Geometry
+from core.geometry import Array, Box, Pose, Shape, Sphere
 from core.interfaces import Image, Task
 from core.scene import Camera, Color, Geom, State
 from core.simulation.rendering import Renderer, joint_positions
-from plugins.simulators.sapien.description import Shape, place, robot_links
+from plugins.simulators.sapien.description import PlacedShape, place, robot_links
 from plugins.simulators.sapien.engine import sapien
 from plugins.simulators.sapien.shapes import to_sapien
 
@@ -50,7 +49,7 @@ class SapienRenderer(Renderer):
         self._entities = [self._add(link.visuals, Pose()) for link in self._links]
         self._bodies = {body.name: self._add(body.visuals, body.pose) for body in task.scene(seed).bodies}
 
-    def _add(self, visuals: Iterable[Shape | Geom], pose: Pose) -> Any:
+    def _add(self, visuals: Iterable[PlacedShape | Geom], pose: Pose) -> Any:
         component = sapien.render.RenderBodyComponent()
         for part in visuals:
             drawn = _drawn(part.shape, part.color)
@@ -95,7 +94,7 @@ def _look(camera: Camera) -> Pose:
     return Pose.from_rotation(camera.position, Rotation.from_matrix(axes))
 
 
-def _drawn(shape: Geometry | Path, color: Color) -> Any:
+def _drawn(shape: Shape | Path, color: Color) -> Any:
     if isinstance(shape, Path):
         return sapien.render.RenderShapeTriangleMesh(str(shape))
     red, green, blue, opacity = color

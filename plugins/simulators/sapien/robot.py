@@ -14,7 +14,7 @@ from core.interfaces import JointTrajectory
 from core.robot.description import joint_name
 from core.values.robots import Robot as Arm
 from plugins.simulators.sapien.bodies import weigh
-from plugins.simulators.sapien.description import Joint, Shape, robot_links
+from plugins.simulators.sapien.description import AxisJoint, PlacedShape, robot_links
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.shapes import collision, hull, place, to_sapien
 from plugins.simulators.sapien.surfaces import Surface, Surfaces
@@ -77,7 +77,9 @@ class Robot:
                 _drive(component.joint, link.joint, arm, tracking_rate)
         if tool.gripper:
             fingers = [
-                i for i, link in enumerate(links) if link.joint is not None and link.joint.name in arm.finger_joints
+                i
+                for i, link in enumerate(links)
+                if link.joint is not None and link.joint.joint.name in arm.finger_joints
             ]
             chain = [components[i].parent for i in fingers[:1]] + [components[i] for i in fingers]
             difference = [0.0, 1.0, -1.0]  # of the two joints, that is
@@ -152,7 +154,7 @@ class Robot:
         return values[..., : self._arm], np.concatenate([fingers, loose], axis=-1)
 
 
-def _attach(component: Any, part: Shape, arm: Arm, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
+def _attach(component: Any, part: PlacedShape, arm: Arm, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
     def make(material: Any) -> Any:
         shape = part.shape
         collider = hull(shape, material) if isinstance(shape, Path) else collision(shape, material, folder)
@@ -179,7 +181,7 @@ def _apart(part: str, arm: Arm, tool: Tool) -> int:
     return bits
 
 
-def _hang(joint: Any, about: Joint, moving: ToolJoint) -> None:
+def _hang(joint: Any, about: AxisJoint, moving: ToolJoint) -> None:
     """Set a joint of the tool: its drive is the spring and damper.
 
     With dry friction it is that: a damper that gives up at a torque. Then the spring is applied in each step.
@@ -193,22 +195,22 @@ def _hang(joint: Any, about: Joint, moving: ToolJoint) -> None:
         joint.set_drive_target(moving.rest)
 
 
-def _place(joint: Any, about: Joint) -> None:
-    joint.name = about.name
-    joint.type = about.kind
+def _place(joint: Any, about: AxisJoint) -> None:
+    joint.name = about.joint.name
+    joint.type = about.joint.kind
     joint.pose_in_parent = to_sapien(about.in_parent)
     joint.pose_in_child = to_sapien(about.in_child)
-    joint.limit = [[about.lower, about.upper]]
+    joint.limit = [list(about.joint.range)]
 
 
-def _drive(joint: Any, about: Joint, arm: Arm, tracking_rate: float) -> None:
+def _drive(joint: Any, about: AxisJoint, arm: Arm, tracking_rate: float) -> None:
     _place(joint, about)
     joint.friction = 0.0
-    force = about.effort
-    if arm.gripper is not None and about.name in arm.gripper.joints:
+    force = about.joint.limits.effort or 0.0
+    if arm.gripper is not None and about.joint.name in arm.gripper.joints:
         force = arm.gripper.force_n
         joint.armature = [_FINGER_DRIVE]
     else:
-        joint.armature = [arm.motor_inertia[arm.arm_joints.index(about.name)]]
+        joint.armature = [arm.motor_inertia[arm.arm_joints.index(about.joint.name)]]
     stiffness = force / _GIVES_WAY
     joint.set_drive_properties(stiffness, stiffness / tracking_rate, force, "force")

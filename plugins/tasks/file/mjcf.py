@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 from core.errors import UserError
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.robot.meshes import MAX_CORNERS
-from core.robot.urdf import MAX_BYTES, NAME, read_xml
 from core.scene import Body, Geom, Joint
 from core.support.text import clean
+from core.values.urdf import MAX_BYTES, NAME, read_xml
 from plugins.tasks.file.imports import Imported
 from plugins.tasks.file.imports.bodies import heavy_body, still_body
 from plugins.tasks.file.imports.solids import isolated, read_inside

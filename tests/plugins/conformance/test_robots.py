@@ -27,14 +27,14 @@ def turned(joint: int, by: float) -> tuple[float, ...]:
     return tuple(home)
 
 
-WEAK = [(f'effort="{old}"', 'effort="0.5"') for old in ("150.0", "28.0")]
+WEAK = [(f'effort="{old}"', 'effort="0.5"') for old in (150, 28)]
 WRONG = {
     "an endless joint": (
         lambda: rewritten(('name="wrist_3_joint" type="revolute"', 'name="wrist_3_joint" type="continuous"')),
         {"limits are there": "joint 'wrist_3_joint' is continuous; it must be revolute, with limits"},
     ),
     "no torque": (
-        lambda: rewritten(('effort="28.0"', 'effort="0"')),
+        lambda: rewritten(('effort="28"', 'effort="0"')),
         {"limits are there": "joint 'wrist_1_joint' has the speed 3.14159265358979 and the effort 0.0"},
     ),
     "a joint of nobody": (

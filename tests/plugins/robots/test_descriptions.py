@@ -5,7 +5,9 @@ import pinocchio as pin
 import pytest
 
 from core.geometry import Cylinder, Pose
-from plugins.robots.descriptions import Inertial, Mending
+from core.values.descriptions import Inertial
+from core.values.urdf import read_description
+from plugins.robots.descriptions import Mending
 
 
 def mending():
@@ -50,9 +52,10 @@ def test_collision_shapes_are_replaced(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     mended = mending().hull({"base_link": "ur_description/meshes/ur5/collision/base.stl"})
     mended.cover("wrist_3_link", Cylinder(0.03, 0.02), Pose(np.array([0.0, 0.1, 0.0])))
-    (mesh,) = mended.root.iterfind("link[@name='base_link']/collision/geometry/mesh")
-    assert mesh.get("filename").startswith(str(tmp_path))
-    assert mesh.get("filename").endswith(".stl")
-    (collision,) = mended.root.iterfind("link[@name='wrist_3_link']/collision")
-    assert collision.find("origin").get("xyz") == "0 0.1 0"
-    assert collision.find("geometry/cylinder").get("radius") == "0.03"
+    links = read_description(mended.text().encode(), tmp_path / "ur5.urdf").links
+    (mesh,) = links["base_link"].collisions
+    assert mesh.shape.is_relative_to(tmp_path)
+    assert mesh.shape.suffix == ".stl"
+    (collision,) = links["wrist_3_link"].collisions
+    assert collision.origin.xyz == (0, 0.1, 0)
+    assert collision.shape == Cylinder(0.03, 0.02)

@@ -11,8 +11,8 @@ import numpy as np
 
 from core.errors import UsageError, UserError
 from core.geometry import Pose
-from core.robot.urdf import NAME
 from core.scene import Body, Color, Geom
+from core.values.urdf import NAME
 from plugins.tasks.file.imports.bodies import Imported
 from plugins.tasks.file.imports.solids import MAX_PARTS, THRESHOLD, Solid, load_solid
 

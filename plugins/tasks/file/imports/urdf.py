@@ -12,16 +12,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.errors import UserError
-from core.geometry import Pose
-from core.robot.meshes import Scale
-from core.robot.normalise import rigid_parts
-from core.robot.urdf import MAX_BYTES, Description, Link, Shape, read_description, read_xml
-from core.robot.urdf import Joint as Hinge
+from core.geometry import Color, Pose
+from core.robot.description import RESERVED
 from core.scene import Body, Geom, Joint
+from core.values.descriptions import Description, RobotJoint, RobotLink, RobotShape
+from core.values.urdf import MAX_BYTES, read_description, read_xml
 from plugins.tasks.file.imports.bodies import Imported, heavy_body, still_body
 from plugins.tasks.file.imports.solids import KINDS, load_solid, read_inside
 
 _READ = ("link", "joint", "material")
+_GREY: Color = (0.7, 0.7, 0.7, 1.0)
 
 
 def read_urdf(
@@ -52,7 +52,7 @@ def read_urdf(
     file = Path(file).expanduser().absolute()
     folder = folder or file.parent
     data = read_inside(file, folder, "URDF", MAX_BYTES / 1e6)
-    description = read_description(data, file)
+    description = read_description(data, file, taken=RESERVED)
     left = Counter(str(element.tag) for element in read_xml(data, file) if element.tag not in _READ)
     notes = [f"left out: {count} <{tag[:40]}>" for tag, count in left.items()]
     try:
@@ -69,27 +69,27 @@ class _Reading:
         self._prefix, self._friction, self._notes = prefix, friction, notes
 
     def read(self, pose: Pose, fixed: bool) -> Imported:
-        of, root = self._description, self._description.root
-        moving = {child: joint for child, joint in of.joints.items() if self._moves(joint)}
-        parts = rigid_parts(of, moving)
+        tree, root = self._description, self._description.root
+        moving = {child: joint for child, joint in tree.joints.items() if self._moves(joint)}
+        parts = tree.rigid_parts(moving)
         places, bodies, joints = dict[str, Pose](), dict[str, Body](), list[Joint]()
-        for head in sorted({root, *moving}, key=lambda link: len(of.above(link))):
-            links = [(of.links[name], at) for name, (first, at) in parts.items() if first == head]
+        for head in sorted({root, *moving}, key=lambda link: len(tree.above(link))):
+            links = [(tree.links[name], at) for name, (first, at) in parts.items() if first == head]
             joint = None if head == root else moving[head]
             if joint is None:
                 places[head] = pose
             else:
                 first, at = parts[joint.parent]
-                places[head] = places[first] @ at @ joint.pose @ _moved(joint)
+                places[head] = places[first] @ at @ joint.origin.pose @ _moved(joint)
                 if joint.kind != "floating":
                     joints.append(self._joint(joint, first if first in bodies else None))
             if body := self._body(head, places[head], links, fixed=fixed and joint is None):
                 bodies[head] = body
-        if any(joint.limits[name] for joint in moving.values() for name in ("effort", "velocity")):
+        if any(joint.limits.effort or joint.limits.velocity for joint in moving.values()):
             self._notes.append("left out: limits of effort and velocity, as nothing drives the joints")
         return Imported(tuple(bodies.values()), tuple(joints), tuple(self._notes))
 
-    def _moves(self, joint: Hinge) -> bool:
+    def _moves(self, joint: RobotJoint) -> bool:
         """Tell whether a joint moves, and note what it does not do."""
         where = f"joint {joint.name!r}"
         if joint.kind == "planar":
@@ -97,7 +97,7 @@ class _Reading:
         if joint.mimic:
             self._notes.append(f"{where} mimics another one, which is left out; it moves by itself")
         if joint.kind in ("revolute", "prismatic"):
-            lower, upper = _range(joint)
+            lower, upper = joint.range
             if lower > upper:
                 raise UserError(f"{where} has limits {lower:g} to {upper:g}; exchange them")
             if lower == upper:
@@ -107,14 +107,14 @@ class _Reading:
                 self._notes.append(f"{where} may turn a whole turn, so that it has no limits")
         return joint.kind not in ("fixed", "planar")
 
-    def _joint(self, joint: Hinge, parent: str | None) -> Joint:
-        lower, upper = _range(joint)
+    def _joint(self, joint: RobotJoint, parent: str | None) -> Joint:
+        lower, upper = joint.range
         made = Joint(
             self._prefix + joint.name,
             "slider" if joint.kind == "prismatic" else "hinge",
             self._prefix + joint.child,
             None if parent is None else self._prefix + parent,
-            axis=joint.axis,
+            axis=joint.direction,
             damping=joint.damping,
             friction=joint.friction,
         )
@@ -122,42 +122,37 @@ class _Reading:
             return made
         return replace(made, lower=lower, upper=upper, start=_start(joint))
 
-    def _body(self, head: str, pose: Pose, links: Sequence[tuple[Link, Pose]], *, fixed: bool) -> Body | None:
+    def _body(self, head: str, pose: Pose, links: Sequence[tuple[RobotLink, Pose]], *, fixed: bool) -> Body | None:
         visuals = [geom for link, at in links for shape in link.visuals for geom in self._drawn(shape, at)]
         collisions = [geom for link, at in links for shape in link.collisions for geom in self._solid(shape, at)]
         name = self._prefix + head
         if fixed:
             return still_body(name, pose, visuals, collisions, self._friction) if visuals or collisions else None
-        turns = [(link, at, at.rotation.as_matrix()) for link, at in links]
-        weights = [(link.mass, at.apply(link.center), turn @ link.inertia @ turn.T) for link, at, turn in turns]
+        weights = [link.inertial.placed(at) for link, at in links]
         return heavy_body(name, pose, weights, visuals, collisions, self._friction, self._notes)
 
-    def _drawn(self, shape: Shape, at: Pose) -> list[Geom]:
+    def _drawn(self, shape: RobotShape, at: Pose) -> list[Geom]:
         if not isinstance(shape.shape, Path):
-            return [Geom(shape.shape, at @ shape.pose, shape.color)]
+            return [Geom(shape.shape, at @ shape.origin.pose, shape.color or _GREY)]
         if shape.shape.suffix.lower() not in KINDS:
             self._notes.append(f"left out: what is drawn of {shape.shape.name}; {', '.join(KINDS)} are read")
             return []
         solid = load_solid(shape.shape, self._folder, shape.scale, max_parts=0)
-        return [Geom(mesh, at @ shape.pose, own or shape.color) for mesh, own in solid.drawn]
+        return [Geom(mesh, at @ shape.origin.pose, own or shape.color or _GREY) for mesh, own in solid.drawn]
 
-    def _solid(self, shape: Shape, at: Pose) -> list[Geom]:
+    def _solid(self, shape: RobotShape, at: Pose) -> list[Geom]:
         if not isinstance(shape.shape, Path):
-            return [Geom(shape.shape, at @ shape.pose, shape.color)]
-        scale: Scale = shape.scale
-        parts = load_solid(shape.shape, self._folder, scale).parts
-        return [Geom(part, at @ shape.pose, shape.color) for part in parts]
+            return [Geom(shape.shape, at @ shape.origin.pose, shape.color or _GREY)]
+        parts = load_solid(shape.shape, self._folder, shape.scale).parts
+        return [Geom(part, at @ shape.origin.pose, shape.color or _GREY) for part in parts]
 
 
-def _range(joint: Hinge) -> tuple[float, float]:
-    return joint.limits["lower"] or 0.0, joint.limits["upper"] or 0.0
+def _start(joint: RobotJoint) -> float:
+    lower, upper = joint.range
+    return min(max(0.0, lower), upper) if joint.kind in ("revolute", "prismatic") else 0.0
 
 
-def _start(joint: Hinge) -> float:
-    return min(max(0.0, _range(joint)[0]), _range(joint)[1]) if joint.kind in ("revolute", "prismatic") else 0.0
-
-
-def _moved(joint: Hinge) -> Pose:
+def _moved(joint: RobotJoint) -> Pose:
     if joint.kind == "prismatic":
-        return Pose(joint.axis * _start(joint))
-    return Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(joint.axis * _start(joint)))
+        return Pose(joint.direction * _start(joint))
+    return Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(joint.direction * _start(joint)))

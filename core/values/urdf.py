@@ -1,4 +1,4 @@
-"""Read a robot's URDF that a person or a program wrote, defensively: links and joints as data.
+"""Read a robot's URDF defensively: links and joints as data.
 
 The text may be wrong in any way: it is parsed without DTD, entities and network, and every number is checked.
 Covered by `tests/core/robot/test_reading.py`.
@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element, ParseError
@@ -19,81 +18,31 @@ import numpy as np
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT
 from core.errors import UserError, choices
-from core.geometry import Array, Box, Cylinder, Pose, Sphere
-from core.robot.description import BASE
-from core.robot.meshes import ONE, Scale
-from core.scene import Color
+from core.geometry import Box, Color, Cylinder, Sphere
 from core.support.text import shorten
+from core.values.descriptions import (
+    MOMENTS,
+    MOVING,
+    ONE,
+    ZERO,
+    Description,
+    Inertial,
+    Limits,
+    Mimic,
+    Origin,
+    RobotJoint,
+    RobotLink,
+    RobotShape,
+    Scale,
+)
 
 MAX_BYTES = 10_000_000
 MAX_PARTS = 500  # links, joints, and shapes of a link
 MAX_NUMBER = 1e6  # of any unit; keeps products finite
-MOVING = ("revolute", "continuous", "prismatic")
-_KINDS = (*MOVING, "fixed", "floating", "planar")
-_GREY: Color = (0.7, 0.7, 0.7, 1.0)
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
-_OURS = (RIGID_MOUNT, *GRIPPER_MOUNTS, BASE, f"{RIGID_MOUNT}_joint", f"{BASE}_joint")
+_KINDS = (*MOVING, "fixed", "floating", "planar")
 _PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A shape of a link, in the link's frame: a box, sphere or cylinder, or a mesh file with its scale."""
-
-    shape: Box | Sphere | Cylinder | Path
-    scale: Scale
-    pose: Pose
-    color: Color
-
-
-@dataclass(frozen=True)
-class Link:
-    """A link: its mass, centre of mass (3,) and inertia tensor (3, 3) about it, in its frame, and its shapes."""
-
-    name: str
-    mass: float
-    center: Array
-    inertia: Array
-    collisions: tuple[Shape, ...]
-    visuals: tuple[Shape, ...]
-
-
-@dataclass(frozen=True)
-class Joint:
-    """A joint: its pose in the parent's frame, its axis (3,), and its limits as written; None where there is none.
-
-    ``damping`` and ``friction`` are those of its ``dynamics``.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    pose: Pose
-    axis: Array
-    limits: Mapping[str, float | None]  # lower, upper, effort, velocity
-    mimic: bool
-    damping: float = 0.0
-    friction: float = 0.0
-
-
-@dataclass(frozen=True)
-class Description:
-    """A tree of links: the name of the robot, its links by name, and its joints by child; ``root`` has none."""
-
-    name: str
-    root: str
-    links: dict[str, Link]
-    joints: dict[str, Joint]
-
-    def above(self, link: str) -> list[str]:
-        """List a link and those that bear it, up to the root."""
-        chain = [link]
-        while chain[-1] in self.joints:
-            chain.append(self.joints[chain[-1]].parent)
-        return chain
 
 
 def read_xml(data: bytes, file: Path) -> Element:
@@ -112,8 +61,17 @@ def read_xml(data: bytes, file: Path) -> Element:
         raise UserError(f"{file} must be plain XML without DOCTYPE and entities ({type(error).__name__})") from error
 
 
-def read_description(data: bytes, file: Path, without: tuple[str, ...] = ()) -> Description:
+def read_description(
+    data: bytes, file: Path, without: Collection[str] = (), taken: Collection[str] | None = None
+) -> Description:
     """Read a URDF that lies at ``file``, without the links that ``without`` names and all that they bear.
+
+    Args:
+        data: the text.
+        file: where it lies; meshes are found from there.
+        without: links that are left out.
+        taken: names that are refused, as are odd ones. None: the text is a robot's, where any name goes, and meshes are
+            looked for when they are needed.
 
     Raises:
         UserError: it is no URDF, or something in it is wrong; says what, where, and how to mend it.
@@ -122,14 +80,14 @@ def read_description(data: bytes, file: Path, without: tuple[str, ...] = ()) -> 
     if root.tag != "robot":
         raise UserError(f"{file} is no URDF: its root is <{shorten(root.tag)[1:-1]}> instead of <robot>")
     try:
-        return _read(root, file, without)
+        return _read(root, file, without, taken)
     except UserError as error:
         raise type(error)(f"{file}: {error}") from error
 
 
-def _read(root: Element, file: Path, without: tuple[str, ...]) -> Description:
+def _read(root: Element, file: Path, without: Collection[str], taken: Collection[str] | None) -> Description:
     colors = {m.get("name", ""): _color(m) for m in root.iter("material") if m.find("color") is not None}
-    elements = {tag: _unique(root, tag) for tag in ("link", "joint")}
+    elements = {tag: _unique(root, tag, taken) for tag in ("link", "joint")}
     ends = [
         (joint, _end(joint, "parent", elements["link"]), _end(joint, "child", elements["link"]))
         for joint in elements["joint"].values()
@@ -148,19 +106,20 @@ def _read(root: Element, file: Path, without: tuple[str, ...]) -> Description:
     if len(roots) != 1:
         found = f"{len(roots)} links have no parent: {', '.join(roots[:5])}" if roots else "no link is left"
         raise UserError(f"{found}; an arm has one base, join the others to it with fixed joints")
-    links = {name: _link(elements["link"][name], name, colors, file) for name in elements["link"] if name in kept}
+    base = file if taken is not None else None
+    links = {name: _link(elements["link"][name], name, colors, base) for name in elements["link"] if name in kept}
     joints = {child: _joint(joint, parent, child) for joint, parent, child in ends if child in kept}
-    return Description(str(root.get("name") or file.stem), roots[0], links, joints)
+    return Description(str(root.get("name") or file.stem), links, joints)
 
 
-def _unique(root: Element, tag: str) -> dict[str, Element]:
+def _unique(root: Element, tag: str, taken: Collection[str] | None) -> dict[str, Element]:
     """Find the elements of a kind by name."""
     found: dict[str, Element] = {}
     for element in root.findall(tag):
         name = _name(element, tag)
-        if not NAME.fullmatch(name):
+        if taken is not None and not NAME.fullmatch(name):
             raise UserError(f"{tag} name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'; rename it")
-        if name in _OURS:
+        if name in (taken or ()):
             raise UserError(f"{tag} {name!r} has a name that the program needs itself; rename it")
         if name in found:
             raise UserError(f"two {tag}s are named {name!r}; each needs a name of its own")
@@ -200,25 +159,24 @@ def _chain(link: str, parents: Mapping[str, str]) -> list[str]:
 # --- elements -------------------------------------------------------------------------------------------------------
 
 
-def _link(element: Element, name: str, colors: Mapping[str, Color], file: Path) -> Link:
+def _link(element: Element, name: str, colors: Mapping[str, Color], file: Path | None) -> RobotLink:
     where = f"link {name!r}"
-    shapes = {tag: tuple(_shapes(element, tag, where, colors, file)) for tag in ("collision", "visual")}
+    collisions, visuals = (tuple(_shapes(element, tag, where, colors, file)) for tag in ("collision", "visual"))
     inertial = element.find("inertial")
-    mass, pose, tensor = 0.0, Pose(), np.zeros((3, 3))
-    if inertial is not None:
-        at = f"{where}: inertial"
-        pose, mass = _origin(inertial, at), _number(_child(inertial, "mass", at), "value", at)
-        if mass < 0:
-            raise UserError(f"{at}: mass is {mass:g} kg; it can't be negative")
-        given = inertial.find("inertia")
-        names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        xx, xy, xz, yy, yz, zz = (0.0,) * 6 if given is None else (_number(given, n, at, 0.0) for n in names)
-        axes = pose.rotation.as_matrix()
-        tensor = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
-    return Link(name, mass, pose.position, tensor, shapes["collision"], shapes["visual"])
+    if inertial is None:
+        return RobotLink(name, Inertial(), collisions, visuals)
+    at = f"{where}: inertial"
+    origin, mass = _origin(inertial, at), _number(_child(inertial, "mass", at), "value", at)
+    if mass < 0:
+        raise UserError(f"{at}: mass is {mass:g} kg; it can't be negative")
+    given = inertial.find("inertia")
+    xx, xy, xz, yy, yz, zz = (0.0,) * 6 if given is None else (_number(given, n, at, 0.0) for n in MOMENTS)
+    return RobotLink(name, Inertial(mass, origin.xyz, (xx, xy, xz, yy, yz, zz), origin.rpy), collisions, visuals)
 
 
-def _shapes(link: Element, tag: str, where: str, colors: Mapping[str, Color], file: Path) -> Iterator[Shape]:
+def _shapes(
+    link: Element, tag: str, where: str, colors: Mapping[str, Color], file: Path | None
+) -> Iterator[RobotShape]:
     elements = link.findall(tag)
     if len(elements) > MAX_PARTS:
         raise UserError(f"{where} has {len(elements)} <{tag}> elements; at most {MAX_PARTS} are read")
@@ -227,16 +185,15 @@ def _shapes(link: Element, tag: str, where: str, colors: Mapping[str, Color], fi
         geometry = _child(element, "geometry", at)
         if len(geometry) != 1:
             raise UserError(f"{at}: <geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}")
-        material = element.find("material")
-        color = _GREY
+        material, color = element.find("material"), None
         if material is not None:
-            named = colors.get(material.get("name", ""), _GREY)
+            named = colors.get(material.get("name", ""))
             color = named if material.find("color") is None else _color(material)
         shape, scale = _geometry(geometry[0], at, file)
-        yield Shape(shape, scale, _origin(element, at), color)
+        yield RobotShape(shape, _origin(element, at), color, scale)
 
 
-def _geometry(element: Element, at: str, file: Path) -> tuple[Box | Sphere | Cylinder | Path, Scale]:
+def _geometry(element: Element, at: str, file: Path | None) -> tuple[Box | Sphere | Cylinder | Path, Scale]:
     def size(name: str) -> float:
         return _positive(_number(element, name, f"{at}: {element.tag}"), name, at)
 
@@ -252,7 +209,8 @@ def _geometry(element: Element, at: str, file: Path) -> tuple[Box | Sphere | Cyl
             x, y, z = _numbers(element, "scale", 3, f"{at}: mesh", ONE)
             if 0.0 in (x, y, z):
                 raise UserError(f"{at}: mesh scale is {x:g} {y:g} {z:g}; no factor can be 0")
-            return find_mesh(element.get("filename") or "", file, at), (x, y, z)
+            name = element.get("filename") or ""
+            return Path(name) if file is None else find_mesh(name, file, at), (x, y, z)
     raise UserError(f"{at}: <{shorten(element.tag)[1:-1]}> is no shape of a URDF: use box, sphere, cylinder or mesh")
 
 
@@ -294,24 +252,29 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
     return found.resolve()
 
 
-def _joint(element: Element, parent: str, child: str) -> Joint:
+def _joint(element: Element, parent: str, child: str) -> RobotJoint:
     name = _name(element, "joint")
     where, kind = f"joint {name!r}", element.get("type", "")
     if kind not in _KINDS:
         raise choices("type", kind, _KINDS, where)
-    axis, given = element.find("axis"), element.find("limit")
-    along = np.array([1.0, 0.0, 0.0] if axis is None else _numbers(axis, "xyz", 3, f"{where}: axis"))
-    length = float(np.linalg.norm(along))
-    if kind in MOVING and length < 1e-6:
+    parts = {tag: element.find(tag) for tag in ("axis", "limit", "dynamics", "mimic")}
+
+    def numbers(tag: str, names: Iterable[str], defaults: Iterable[float | None]) -> list[float | None]:
+        part = parts[tag]
+        return [
+            default if part is None or part.get(n) is None else _number(part, n, f"{where}: {tag}")
+            for n, default in zip(names, defaults, strict=True)
+        ]
+
+    x, y, z = (1.0, 0.0, 0.0) if parts["axis"] is None else _numbers(parts["axis"], "xyz", 3, f"{where}: axis")
+    if kind in MOVING and math.hypot(x, y, z) < 1e-6:
         raise UserError(f"{where}: its axis has length 0")
-    names = ("lower", "upper", "effort", "velocity")
-    limits = {n: None if given is None or given.get(n) is None else _number(given, n, f"{where}: limit") for n in names}
-    pose, mimic = _origin(element, where), element.find("mimic") is not None
-    inside = element.find("dynamics")
-    damping, friction = (
-        0.0 if inside is None else _number(inside, n, f"{where}: dynamics", 0.0) for n in ("damping", "friction")
-    )
-    return Joint(name, kind, parent, child, pose, along / max(length, 1e-6), limits, mimic, damping, friction)
+    limits = Limits(*numbers("limit", Limits._fields, [None] * 4))
+    damping, friction = numbers("dynamics", ("damping", "friction"), (0.0, 0.0))
+    multiplier, offset = numbers("mimic", ("multiplier", "offset"), (1.0, 0.0))
+    mimic = None if parts["mimic"] is None else Mimic(parts["mimic"].get("joint", ""), multiplier or 0.0, offset or 0.0)
+    origin = _origin(element, where)
+    return RobotJoint(name, kind, parent, child, origin, (x, y, z), limits, mimic, damping or 0.0, friction or 0.0)
 
 
 def _child(element: Element, tag: str, where: str) -> Element:
@@ -321,12 +284,12 @@ def _child(element: Element, tag: str, where: str) -> Element:
     return child
 
 
-def _origin(element: Element, where: str) -> Pose:
+def _origin(element: Element, where: str) -> Origin:
     origin = element.find("origin")
     if origin is None:
-        return Pose()
-    xyz, rpy = (_numbers(origin, name, 3, f"{where}: origin", (0.0, 0.0, 0.0)) for name in ("xyz", "rpy"))
-    return Pose.xyz_rpy(xyz, rpy)
+        return Origin()
+    (x, y, z), (roll, pitch, yaw) = (_numbers(origin, n, 3, f"{where}: origin", ZERO) for n in ("xyz", "rpy"))
+    return Origin((x, y, z), (roll, pitch, yaw))
 
 
 def _color(material: Element) -> Color:

@@ -1,0 +1,208 @@
+"""Hold a robot's description as data: links, joints, shapes and inertias, as a URDF has them.
+
+Numbers stay as they were written, so that `core.robot.description` writes them again to the last bit. Covered by
+`tests/core/robot/test_description.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from core.geometry import Array, Box, Capsule, Color, Cylinder, Pose, Sphere
+
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+MOVING = ("revolute", "continuous", "prismatic")
+
+Triple = tuple[float, float, float]
+Scale = Triple
+Weight = tuple[float, Array, Array]  # mass, its centre (3,), and the inertia tensor (3, 3) about it; one frame for all
+ZERO: Triple = (0.0, 0.0, 0.0)
+ONE: Scale = (1.0, 1.0, 1.0)
+
+
+def rounded(value: float, decimals: int | None = None) -> float:
+    """Round a number to 15 digits, and to ``decimals``."""
+    return float(f"{value if decimals is None else round(float(value), decimals) + 0.0:.15g}")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """A frame as URDF has it: ``xyz``, metres, and ``rpy`` about fixed axes, radians."""
+
+    xyz: Triple = ZERO
+    rpy: Triple = ZERO
+
+    @classmethod
+    def of(cls, pose: Pose, decimals: int | None = 12) -> Origin:
+        """Make the frame of a pose, rounded."""
+        (x, y, z), (roll, pitch, yaw) = (
+            [rounded(value, decimals) for value in values] for values in (pose.position, pose.rpy)
+        )
+        return cls((x, y, z), (roll, pitch, yaw))
+
+    @cached_property
+    def pose(self) -> Pose:
+        return Pose.xyz_rpy(self.xyz, self.rpy)
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """The mass of a link, kg, its centre in the link's frame, metres, and its inertia about the centre, kg m^2.
+
+    ``moments``: xx, xy, xz, yy, yz, zz, in axes that ``rpy`` turns in the link's frame.
+    """
+
+    mass: float = 0.0
+    center: Triple = ZERO
+    moments: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    rpy: Triple = ZERO
+
+    @classmethod
+    def of(cls, mass: float, center: Array, tensor: Array, decimals: int | None = 12) -> Inertial:
+        """Take an inertia in the link's axes, rounded; ``decimals`` are those of the centre."""
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = [[rounded(value) for value in row] for row in tensor]
+        return cls(rounded(mass), Origin.of(Pose(center), decimals).xyz, (xx, xy, xz, yy, yz, zz))
+
+    @property
+    def tensor(self) -> Array:
+        """The tensor (3, 3) about the centre, in the inertia's own axes."""
+        xx, xy, xz, yy, yz, zz = self.moments
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def placed(self, link: Pose | None = None) -> Weight:
+        """Place it in a frame in which the link has a pose; None: in the link's own."""
+        own = Origin(self.center, self.rpy).pose
+        own = own if link is None else link @ own
+        axes = own.rotation.as_matrix()
+        return self.mass, own.position, axes @ self.tensor @ axes.T
+
+
+@dataclass(frozen=True)
+class RobotShape:
+    """A shape of a link, in the link's frame, or a mesh file with its scale; without a colour there is no material."""
+
+    shape: Box | Sphere | Cylinder | Capsule | Path
+    origin: Origin = Origin()
+    color: Color | None = None
+    scale: Scale = ONE
+
+
+@dataclass(frozen=True)
+class RobotLink:
+    """A link: its inertia, and its shapes."""
+
+    name: str
+    inertial: Inertial = Inertial()
+    collisions: tuple[RobotShape, ...] = ()
+    visuals: tuple[RobotShape, ...] = ()
+
+
+class Limits(NamedTuple):
+    """The limits of a joint, in radians or metres, N m or N, and 1/s; None where none is written."""
+
+    lower: float | None = None
+    upper: float | None = None
+    effort: float | None = None
+    velocity: float | None = None
+
+
+class Mimic(NamedTuple):
+    """The joint that another one follows: the other's value is ``multiplier`` times this one's plus ``offset``."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+NO_LIMITS = Limits()
+
+
+@dataclass(frozen=True)
+class RobotJoint:
+    """A joint: its frame in the parent's, its axis (3,), limits, and dynamics.
+
+    ``spring``: stiffness and rest; a tool's joint may have one.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Origin = Origin()
+    axis: Triple = (1.0, 0.0, 0.0)
+    limits: Limits = NO_LIMITS
+    mimic: Mimic | None = None
+    damping: float = 0.0
+    friction: float = 0.0
+    spring: tuple[float, float] | None = None
+
+    @property
+    def direction(self) -> Array:
+        """The axis (3,) as a unit vector."""
+        axis = np.array(self.axis)
+        return axis / max(float(np.linalg.norm(axis)), 1e-6)
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The lower and the upper limit; 0 where they are missing, as in URDF."""
+        return self.limits.lower or 0.0, self.limits.upper or 0.0
+
+
+@dataclass(frozen=True)
+class Description:
+    """A tree of links: the name of the robot, its links by name, and its joints by the link that they bear."""
+
+    name: str
+    links: dict[str, RobotLink]
+    joints: dict[str, RobotJoint] = field(default_factory=dict)
+
+    @property
+    def root(self) -> str:
+        """The link that no joint bears."""
+        return next(name for name in self.links if name not in self.joints)
+
+    @cached_property
+    def named(self) -> dict[str, RobotJoint]:
+        """The joints by their names."""
+        return {joint.name: joint for joint in self.joints.values()}
+
+    def above(self, link: str) -> list[str]:
+        """List a link and those that bear it, up to the root."""
+        chain = [link]
+        while chain[-1] in self.joints:
+            chain.append(self.joints[chain[-1]].parent)
+        return chain
+
+    def without(self, *links: str) -> Description:
+        """Remove links and all that they bear."""
+        kept = {name: link for name, link in self.links.items() if not {*links} & {*self.above(name)}}
+        joints = {child: joint for child, joint in self.joints.items() if child in kept}
+        return Description(self.name, kept, joints)
+
+    def renamed(self, names: Mapping[str, str]) -> Description:
+        """Give links other names."""
+        links = [replace(link, name=names.get(link.name, link.name)) for link in self.links.values()]
+        joints = [
+            replace(joint, parent=names.get(joint.parent, joint.parent), child=names.get(joint.child, joint.child))
+            for joint in self.joints.values()
+        ]
+        return Description(self.name, {k.name: k for k in links}, {k.child: k for k in joints})
+
+    def rigid_parts(self, heads: Iterable[str]) -> dict[str, tuple[str, Pose]]:
+        """Map each link to the link in ``heads`` (or the root) that it is rigidly joined to, and its pose in it."""
+        ends = {*heads, self.root}
+
+        @cache
+        def part(link: str) -> tuple[str, Pose]:
+            if link in ends:
+                return link, Pose()
+            head, pose = part(self.joints[link].parent)
+            return head, pose @ self.joints[link].origin.pose
+
+        return {name: part(name) for name in self.links}
