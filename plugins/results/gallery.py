@@ -21,7 +21,8 @@ from plugins.results.pages.page import data_address, in_viewer, render
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, short
 from plugins.results.pages.tools import Shape, Winner, another, size, winners
 from plugins.results.report.methods import label
-from plugins.results.workshop.printing import Piece, grams, pieces, to_3mf
+from plugins.results.workshop.printing import PrintedPart, grams, to_3mf, to_stl
+from plugins.results.workshop.tool import pieces
 
 USAGE = (
     "usage: vlmgineer gallery FOLDER [FOLDER ...] [output=DIR] [top=3] [apart_mm=10] [plate_mm=[250,210,220]] "
@@ -54,7 +55,7 @@ class Exhibit:
     place: int
     method: str
     winner: Winner
-    pieces: tuple[Piece, ...]
+    pieces: tuple[PrintedPart, ...]
     folder: Path
 
     @property
@@ -142,9 +143,7 @@ def _write(entry: Exhibit, output: Path) -> bytes:
     picture = png(draw(painted(entry.winner.tool, entry.winner.robot), *PICTURE))
     write_bytes(folder / "picture.png", picture)
     for piece in entry.pieces:
-        data = piece.mesh.export(file_type="stl")
-        assert isinstance(data, bytes)
-        write_bytes(folder / f"{piece.name}.stl", data)
+        write_bytes(folder / f"{piece.name}.stl", to_stl(piece))
     write_bytes(folder / "tool.3mf", to_3mf(entry.pieces))
     design = json.dumps({"strategies": [entry.winner.design]}, indent=2) + "\n"
     write_bytes(folder / "design.json", design.encode())

@@ -21,9 +21,9 @@ from core.solids.self_collision import DEEP_M
 from core.values.materials import PAPER
 from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.motion import sample
-from plugins.results.workshop.printing import pieces
 from plugins.results.workshop.replay import RECORD_HZ, Unplayable, play
 from plugins.results.workshop.strength import measured
+from plugins.results.workshop.tool import pieces
 from plugins.results.workshop.verdicts import SAFETY, carried, printable, strong
 
 NAME = "buildable"

@@ -31,13 +31,13 @@ from core.values.materials import Material
 from plugins.results.workshop.clearance import NEAR_M, Clearance, clearance, margins, torques
 from plugins.results.workshop.motion import Sampled, approach, cut, sample, to_csv, to_json
 from plugins.results.workshop.payload import payload
+from plugins.results.workshop.printing import Check
 from plugins.results.workshop.programs import write_programs
 from plugins.results.workshop.readback import check_files
-from plugins.results.workshop.replay import Replay, play
+from plugins.results.workshop.replay import PlayedMotion, play
 from plugins.results.workshop.ros import PACKAGE, write_package
 from plugins.results.workshop.sheet import write_sheet
 from plugins.results.workshop.tool import PrintedTool, make_tool, write_lists, write_tool
-from plugins.results.workshop.verdicts import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,14 +83,14 @@ class Export:
     task: Task
     candidate: Candidate
     motion: Sampled
-    replays: dict[str, Replay]
+    replays: dict[str, PlayedMotion]
     clearance: Clearance
     limits: list[dict[str, Any]]
     payload: dict[str, Any]
     contact_s: float | None
     printed: PrintedTool
     read_back: dict[str, float]  # rewards, with the tool's files
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[Check, ...]
 
     def figures(self) -> dict[str, Any]:
         """Return all figures as data."""
@@ -137,11 +137,11 @@ def export(cfg: DictConfig) -> Export:
     }
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
 
-    def replay(engine: str, of: Tool) -> Replay:
+    def replay(engine: str, of: Tool) -> PlayedMotion:
         return play(task, sims[engine].create(), of, motion, scene, cfg.seed, settings)
 
     replays = {name: replay(name, tool) for name in sims}
-    verdicts, read = list[Verdict](), dict[str, float]()
+    verdicts, read = list[Check](), dict[str, float]()
     if solid.parts:
         solid = write_tool(solid, output / "tool")
         simulated = {name: found.reward for name, found in replays.items()}

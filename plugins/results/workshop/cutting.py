@@ -15,9 +15,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.config.settings import Fit, Printer
-from core.geometry import Array, Mesh, Pose, Sphere
+from core.geometry import Array, Mesh, Pose
 from plugins.results.workshop.printing import lay
-from plugins.results.workshop.solid import Solid, Step, body, hull, to_mesh
+from plugins.results.workshop.solid import Workpiece, hull
 
 MAX_PARTS = 24
 PLACES = np.linspace(0.25, 0.75, 11)  # of the length, where a cut may be
@@ -28,7 +28,7 @@ _LEAST = 1.0  # thickness of a section that can be joined
 
 
 @dataclass(frozen=True)
-class Joint:
+class Dovetails:
     """What joins two parts: the number of tails, the area of their necks, and that of the whole section, mm^2."""
 
     tails: int
@@ -65,7 +65,9 @@ class _Tail:
         return points
 
 
-def cut(solid: Solid, printer: Printer, fit: Fit, axes: Array, whole: Array) -> tuple[list[Solid], list[Joint]]:
+def cut(
+    solid: Workpiece, printer: Printer, fit: Fit, axes: Array, whole: Array
+) -> tuple[list[Workpiece], list[Dovetails]]:
     """Cut until each part fits the plate.
 
     Args:
@@ -78,38 +80,28 @@ def cut(solid: Solid, printer: Printer, fit: Fit, axes: Array, whole: Array) -> 
     Returns:
         The parts, and a joint for each cut.
     """
-    done, todo, joints = list[Solid](), [solid], list[Joint]()
+    done, todo, joints = list[Workpiece](), [solid], list[Dovetails]()
     while todo:
-        steps = todo.pop(0)
-        found = body(steps)
-        if len(done) + len(todo) + 1 >= MAX_PARTS or lay(to_mesh(found), printer.plate_mm)[1]:
-            done.append(steps)
+        piece = todo.pop(0)
+        if len(done) + len(todo) + 1 >= MAX_PARTS or lay(piece.mesh, printer.plate_mm)[1]:
+            done.append(piece)
             continue
-        near, far, joint = _divide(steps, found, printer, fit, axes, whole)
+        near, far, joint = _divide(piece, printer, fit, axes, whole)
         joints.append(joint)
-        todo[:0] = [part for half in (near, far) for part in _separated(half)]
+        todo[:0] = [*near.separated(), *far.separated()]
     return done, joints
 
 
-def _separated(half: Solid) -> list[Solid]:
-    """Take the bodies of a half apart: each is a part of its own."""
-    found = body(half).decompose()
-    if len(found) < 2:
-        return [half]
-    middles = [np.asarray(to_mesh(each).center_mass) / 1000 for each in found]
-    return [(*half, Step("one", ((Sphere(0.001), Pose(middle)),))) for middle in middles]
-
-
 def _divide(
-    steps: Solid, found: Any, printer: Printer, fit: Fit, axes: Array, whole: Array
-) -> tuple[Solid, Solid, Joint]:
-    box = to_mesh(found).bounding_box_oriented
+    piece: Workpiece, printer: Printer, fit: Fit, axes: Array, whole: Array
+) -> tuple[Workpiece, Workpiece, Dovetails]:
+    box = piece.mesh.bounding_box_oriented
     longest = np.asarray(box.primitive.transform)[:3, int(np.argmax(box.primitive.extents))]
     way = axes[np.abs(axes @ longest).argmax()]
     other = axes[np.abs(axes @ way).argmin()]
     other = other - (other @ way) * way
     frame = np.stack([other / np.linalg.norm(other), np.cross(way, other / np.linalg.norm(other)), way])
-    turned = found.transform(np.column_stack([frame, np.zeros(3)]))
+    turned = piece.body.transform(np.column_stack([frame, np.zeros(3)]))
     low, high = turned.bounding_box()[2], turned.bounding_box()[5]
     held = whole @ way
     choices = []
@@ -130,10 +122,9 @@ def _divide(
     in_, out = (
         [(_mesh(tail.solid(_floor(tail, printer), gap, 1.0)), back) for tail in sound] for gap in (0.0, fit.joint_mm)
     )
-    near = (*steps, Step("keep", ((below, back), *in_)))
-    far = (*steps, Step("cut", ((below, back), *out)))
     neck = sum(tail.width / 3 * (tail.high - tail.low - _floor(tail, printer)) for tail in sound)
-    return near, far, Joint(len(sound), neck, area)
+    near, far = piece.keep((below, back), *in_), piece.cut((below, back), *out)
+    return near, far, Dovetails(len(sound), neck, area)
 
 
 def _mesh(points: Array) -> Mesh:

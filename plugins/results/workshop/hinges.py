@@ -18,7 +18,7 @@ from core.config.settings import Fit, Printer
 from core.design import Bearer, Tool
 from core.geometry import Array, Pose
 from plugins.results.workshop.printing import Check, grown, piece_name
-from plugins.results.workshop.solid import Placed, Step, hull, rod, union
+from plugins.results.workshop.solid import Placed, hull, rod, union
 
 PINS_MM = (8, 10, 12, 16, 20, 24, 30, 40, 50, 60)  # lengths of ISO 8734
 LOST = 0.4  # of a fork, at most, where the other link turns
@@ -33,7 +33,7 @@ _NONE = "an axle is not part of the solids"
 class Hinges:
     """What is cut out of each link, by what bears it; what was found; and what is bought."""
 
-    steps: dict[str, list[Step]] = field(default_factory=dict)
+    cuts: dict[str, list[Placed]] = field(default_factory=dict)
     checks: list[Check] = field(default_factory=list)
     hardware: list[str] = field(default_factory=list)
 
@@ -67,8 +67,8 @@ def _make_hinge(tool: Tool, joint: Bearer, fit: Fit, printer: Printer, made: Hin
         return f"{_NONE}; it would be {f1 - f0:.0f} mm long"
     sign = -1.0 if fork == joint.name else 1.0  # how the tongue turns as the fork sees it
     swept = _swept(_link(tool, tongue, fit.hinge_mm), at, sign * axis, joint.joint.lower, joint.joint.upper)
-    whole, away = union(links[fork]), union(swept)
-    left = whole - away
+    whole = union(links[fork])
+    left = whole - union(swept)
     if left.volume() < (1 - LOST) * whole.volume() or len(left.decompose()) > 1:
         return f"{_NONE}: too little is left of {piece_name(fork)} where {piece_name(tongue)} turns"
     radius, bores = fit.axle_mm / 2, []
@@ -82,9 +82,8 @@ def _make_hinge(tool: Tool, joint: Bearer, fit: Fit, printer: Printer, made: Hin
         if (tube ^ solid).volume() < FULL * tube.volume():
             return f"{_NONE}: {piece_name(name)} is too thin about the axis for one of {fit.axle_mm:g} mm"
         bores.append((name, rod(at + axis * (start - 1) / 1000, at + axis * (end + 1) / 1000, bore / 1000)))
-    made.steps.setdefault(fork, []).append(Step("cut", swept))
-    for name, hole in bores:
-        made.steps.setdefault(name, []).append(Step("cut", (hole,)))
+    for name, hole in [*((fork, shape) for shape in swept), *bores]:
+        made.cuts.setdefault(name, []).append(hole)
     made.hardware.append(
         f"1 pin {fit.axle_mm:g} m6 x {max(pins)} for the hinge of {joint.name}: "
         f"tight in {piece_name(fork)}, free in {piece_name(tongue)}"

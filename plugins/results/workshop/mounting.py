@@ -24,7 +24,7 @@ from core.values.materials import Material
 from core.values.robots import Robot
 from core.values.shapes import resized
 from plugins.results.workshop.printing import PLA_G_PER_CM3, Check
-from plugins.results.workshop.solid import Placed, Solid, Step, body, box, hull, rod, union
+from plugins.results.workshop.solid import Placed, Workpiece, box, hull, rod, union
 
 HEADS_MM = {"M3": 5.5, "M4": 7.0, "M5": 8.5, "M6": 10.0, "M8": 13.0, "M10": 16.0}  # ISO 4762
 SCREWS_MM = (10, 12, 16, 20, 25, 30, 35, 40)
@@ -39,19 +39,29 @@ CLAMP_MM = 6.0  # thickness of plastic around a clamping insert
 
 @dataclass(frozen=True)
 class Mount:
-    """What fits a piece to the arm: ``steps`` after its components; ``added``: the same as components, to simulate.
+    """A solid that is fitted to the arm; ``added``: what was added for it as components, to simulate.
 
     ``hardware``: what is bought for it.
     """
 
-    steps: Solid = ()
+    solid: Workpiece
     added: tuple[Component, ...] = ()
     checks: tuple[Check, ...] = ()
     hardware: tuple[str, ...] = ()
 
+    @property
+    def adding(self) -> list[Placed]:
+        """The shapes that were added to the components."""
+        return self.solid.done("add")[len(self.solid.first.shapes) :]
 
-def at_flange(robot: Robot, tool: Tool, components: Sequence[Component], shapes: Sequence[Placed], fit: Fit) -> Mount:
-    """Make the plate of a rigid tool.
+    @property
+    def taking(self) -> list[Placed]:
+        """The shapes that were cut away."""
+        return self.solid.done("cut")
+
+
+def at_flange(robot: Robot, tool: Tool, components: Sequence[Component], solid: Workpiece, fit: Fit) -> Mount:
+    """Make the plate of a rigid tool, whose components the solid is of.
 
     The mount's origin is in the flange's face, and the tool extends toward -z, so that the plate is right below z = 0.
     What the tool has above it is cut away where the arm is. Descriptions agree: the last link's mesh ends at the frame
@@ -72,11 +82,11 @@ def at_flange(robot: Robot, tool: Tool, components: Sequence[Component], shapes:
         height = min(BOSS_MM / 1000, flange.centring_depth_m - 0.0005)
         added.append(_upright((0, 0), -t / 2, height, flange.centring_m / 2 - fit.centring_mm / 2000))
     arm = _arm(robot)
-    before = body((Step("add", tuple(shapes)), Step("cut", arm), Step("add", (plate,))))
-    lost = max(_shared(of, arm) / union([of]).volume() for of in shapes)
-    bores, screws, covered = _screws(robot, tool, components, before, fit)
+    clear = solid.cut(*arm)
+    lost = max(_shared(shape, arm) / union([shape]).volume() for shape in solid.shapes)
+    bores, screws, covered = _screws(robot, tool, components, clear.add(plate).body, fit)
     ways = [way for _, way in bores]
-    opened = [c.name for c, of in zip(components, shapes, strict=True) if ways and _shared(of, ways) > WORTH_SAYING]
+    opened = [c.name for c, shape in zip(components, solid.shapes, strict=True) if _shared(shape, ways) > WORTH_SAYING]
     checks = [
         Check("clear of the arm", lost < MOST_LOST, f"at most {lost:.0%} of a component is cut away where the arm is"),
         _bolted(len(screws), flange.bolts, covered, bores, opened),
@@ -84,11 +94,11 @@ def at_flange(robot: Robot, tool: Tool, components: Sequence[Component], shapes:
     cut = [shape for pair in bores for shape in pair]
     if flange.pin_angle is not None:
         cut.append(_upright(_on_circle(robot, flange.pin_angle), -t, 0.001, flange.pin_m / 2 + fit.pin_mm / 2000))
-    steps = Step("cut", arm), Step("add", tuple(added)), Step("cut", tuple(cut))
+    fitted = clear.add(*added).cut(*cut)
     kinds = [f"{screws.count(kind)} x {kind}" for kind in dict.fromkeys(screws)]
     pin = [f"1 pin {1000 * flange.pin_m:g} m6 x 12"] * (flange.pin_angle is not None)
     simulated = Component(_free("mount_plate", tool), RIGID_MOUNT, plate[1], plate[0])
-    return Mount(tuple(step for step in steps if step.shapes), (simulated,), tuple(checks), (*kinds, *pin))
+    return Mount(fitted, (simulated,), tuple(checks), (*kinds, *pin))
 
 
 def _shared(shape: Placed, others: Sequence[Placed]) -> float:
@@ -196,7 +206,7 @@ def _bolted(
     return Check("screws", count >= 3 or (count == 2 and bool(apart > 0.04)), found)
 
 
-def on_finger(robot: Robot, tool: Tool, mount: str, shapes: Sequence[Placed], fit: Fit) -> Mount:
+def on_finger(robot: Robot, tool: Tool, mount: str, solid: Workpiece, fit: Fit) -> Mount:
     """Make the sleeve that an attachment is slid onto a finger with, and its clamping screw.
 
     The finger's collision shapes, moved along it to its base, are cut out of the attachment: it goes on from the tip.
@@ -215,18 +225,19 @@ def on_finger(robot: Robot, tool: Tool, mount: str, shapes: Sequence[Placed], fi
     half = np.minimum(widths / 2, 0.005) * (1 - np.abs(side))
     clamp = box(middle - half, middle + half + out)
     bore = rod(middle, middle + out + 0.001 * np.abs(side), fit.insert_mm / 2000)
-    steps = Step("add", (walls, clamp)), Step("cut", cavity), Step("cut", (bore,))
+    fitted = solid.add(walls, clamp).cut(*cavity).cut(bore)
     ends = [(axis, end) for axis in range(3) for end in (-1, 1) if end * tip[axis] >= 0]  # it is open at its base
     kept = [_sheet(low, high, wall, axis, end) for axis, end in ends]
     names = [_free(f"{mount}_sleeve_{n}", tool) for n in range(len(kept) + 1)]
-    added = tuple(Component(name, mount, of[1], of[0]) for name, of in zip(names, [*kept, clamp], strict=True))
-    before = union(shapes).volume()
-    lost = (union(shapes) ^ union(cavity)).volume()
+    added = tuple(
+        Component(name, mount, pose, shape) for name, (shape, pose) in zip(names, [*kept, clamp], strict=True)
+    )
+    before, lost = solid.body.volume(), (solid.body ^ union(cavity)).volume()
     checks = (
         Check("finger", lost < 0.5 * before, f"{lost / before:.0%} of the attachment is cut away where the finger is"),
         Check("sleeve", True, f"its wall stands {1000 * (gap + wall):.1f} mm before the inner face"),
     )
-    return Mount(steps, added, checks, ("1 x M3 x 8 set screw", f"1 insert M3 for a bore of {fit.insert_mm:g} mm"))
+    return Mount(fitted, added, checks, ("1 x M3 x 8 set screw", f"1 insert M3 for a bore of {fit.insert_mm:g} mm"))
 
 
 def _clasped(slid: Sequence[Mesh], tip: Array, end: float, length: float) -> tuple[Array, Array]:

@@ -1,7 +1,4 @@
-"""Tools as solids that a printer can make: one closed body for each mount and each joint, laid on the plate.
-
-What speaks against printing it is said. Lengths are millimetres, as slicers expect.
-"""
+"""Lay solids on a printer's plate, check them and estimate how they print. Lengths are millimetres, as slicers expect."""
 
 from __future__ import annotations
 
@@ -9,24 +6,21 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from core.config.settings import Printer
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.geometry import Array, Compound, Mesh, Pose, Shape
-from core.solids.held import solids
-from core.values.materials import Material
+from core.geometry import Array, Compound, Mesh
+from core.values.materials import PAPER, Material
 from core.values.shapes import resized
+from plugins.results.workshop.solid import Placed, Workpiece, manifold, to_mesh, union
 
 if TYPE_CHECKING:
     import trimesh
 
-NAMES = {
-    GRIPPER_MOUNTS[0]: "left",
-    GRIPPER_MOUNTS[1]: "right",
-}  # of the pieces; others are "tool", and joints'
+NAMES = {RIGID_MOUNT: "tool", GRIPPER_MOUNTS[0]: "left", GRIPPER_MOUNTS[1]: "right"}  # others have their joints' names
 PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
 
 # By how much each side of a component is moved out, so that components that touch, or nearly do, become one body: the
@@ -46,21 +40,50 @@ _FLAT = 0.999  # cosine up to which two faces lie in one plane
 _SIDES = 24  # on which a piece may be laid; the largest are tried first
 
 
-@dataclass(frozen=True)
-class Check:
-    """A check of a piece: its name, whether it passed, and what was found."""
+class Check(NamedTuple):
+    """One thing that was checked: what was found, and where it fails what to change; ``passed`` None: not known."""
 
     name: str
-    passed: bool
+    passed: bool | None
     found: str
+    mend: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.found}" + (f"; {self.mend}" if self.passed is False and self.mend else "")
+
+
+@dataclass(frozen=True)
+class PrintEstimate:
+    """How a part prints, roughly; ``overhang_share`` is that of its surface, without supports."""
+
+    mass_g: float
+    hours: float
+    filament_m: float
+    overhang_share: float
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """A body to print: ``mesh`` in millimetres, as it lies on the plate, centred, its lowest point at 0."""
+class PrintedPart:
+    """A solid to print.
+
+    Attributes:
+        name: of the part.
+        link: what it is part of, see `piece_name`.
+        solid: in the frame of its mount.
+        mesh: as it lies on the plate, centred, its lowest point at 0.
+        to_mount: (4, 4) from the mesh to the frame of its mount, millimetres.
+        weld_mm: by how much its sides were moved out.
+        estimate: how it prints, with walls and infill of its material; without a density it is solid PLA.
+        checks: what was checked.
+    """
 
     name: str
+    link: str
+    solid: Workpiece
     mesh: trimesh.Trimesh
+    to_mount: Array
+    weld_mm: float
+    estimate: PrintEstimate
     checks: tuple[Check, ...]
 
     @property
@@ -72,100 +95,64 @@ class Piece:
         return float(self.mesh.volume) / 1000
 
 
-def pieces(tool: Tool, printer: Printer) -> list[Piece]:
-    """The bodies of a tool, one for each mount and for what each joint moves; none for the bare hand."""
-    found = []
-    for bearer, placed in solids(tool, loose=True).items():
-        components = [component for component, _ in placed]
-        mesh, weld = fused(components, tool)
-        found.append(checked(piece_name(bearer), mesh, printer, weld, joined(components, tool, weld, printer)))
-    return found
-
-
 def piece_name(bearer: str) -> str:
     """Name a piece by what bears it."""
-    return "tool" if bearer == RIGID_MOUNT else NAMES.get(bearer, bearer)
+    return NAMES.get(bearer, bearer)
 
 
-def checked(name: str, mesh: trimesh.Trimesh, printer: Printer, weld: float, *checks: Check) -> Piece:
-    """Lay a solid, in millimetres, on the plate, and check it; ``weld``: by how much its sides were moved out."""
-    lying, fits = lay(mesh, printer.plate_mm)
-    wall = thinnest(mesh) - 2 * weld
+def print_part(
+    name: str, link: str, solid: Workpiece, weld_mm: float, whole: Check, printer: Printer, material: Material = PAPER
+) -> PrintedPart:
+    """Lay a solid on the plate, and check it; ``whole``: the check that it is in one piece."""
+    mesh, plate = solid.mesh, printer.plate_mm
+    lying, fits, back = lay(mesh, plate)
+    wall, closed = thinnest(mesh) - 2 * weld_mm, bool(mesh.is_volume)
     size = " × ".join(f"{side:.0f}" for side in lying.extents)
-    plate = " × ".join(f"{side:g}" for side in printer.plate_mm)
-    closed = Check("watertight", bool(mesh.is_volume), "closed" if mesh.is_volume else "the surface is not closed")
+    room = " × ".join(f"{side:g}" for side in plate)
     walls = f"thinnest {wall:.2f} mm, at least {printer.min_wall_mm:g} mm"
-    return Piece(
-        name,
-        lying,
-        (
-            closed,
-            *checks,
-            Check("walls", wall >= printer.min_wall_mm, walls),
-            Check("fits the plate", fits, f"{size} mm as it lies, the plate is {plate} mm"),
-        ),
+    checks = (
+        Check("watertight", closed, "closed" if closed else "the surface is not closed"),
+        whole,
+        Check("walls", wall >= printer.min_wall_mm, walls),
+        Check("fits the plate", fits, f"{size} mm as it lies, the plate is {room} mm"),
     )
+    return PrintedPart(name, link, solid, lying, back, weld_mm, estimate(lying, material, printer), checks)
 
 
-def fused(components: Sequence[Component], tool: Tool) -> tuple[trimesh.Trimesh, float]:
-    """The union of components of one mount, and by how much each was grown for it to be one body (`WELDS_MM`)."""
-    import trimesh.boolean
-
-    mesh, weld = None, WELDS_MM[0]
-    for weld in WELDS_MM:
-        mesh = trimesh.boolean.union(_grown(components, tool, weld), engine="manifold")
-        if mesh.body_count == 1:
-            break
-    assert mesh is not None
-    return mesh, weld
-
-
-def grown(components: Sequence[Component], tool: Tool, by: float) -> list[tuple[Shape | Compound, Pose]]:
+def grown(components: Sequence[Component], tool: Tool, by: float) -> list[Placed]:
     """Shapes and their poses in their mount's frame, in metres, each side moved out by millimetres."""
     placed = tool.placed()
-    return [(_moved_out(c.shape, by), placed[c.name][1]) for c in components]
+    return widened([(c.shape, placed[c.name][1]) for c in components], by)
 
 
-def _moved_out(shape: Shape | Compound, by: float) -> Shape | Compound:
-    if isinstance(shape, Compound) and by <= WELDS_MM[0]:
-        return shape  # the inner walls of what is hollow would move with the outer ones
-    return resized(shape, shape.bounds[1] + 0.002 * by)
+def widened(shapes: Sequence[Placed], by: float) -> list[Placed]:
+    """Move each side of shapes out by millimetres; by little, what is hollow stays: its inner walls would move, too."""
+    stays = by <= WELDS_MM[0]
+    return [
+        (shape if stays and isinstance(shape, Compound) else resized(shape, shape.bounds[1] + 0.002 * by), pose)
+        for shape, pose in shapes
+    ]
 
 
-def _grown(components: Sequence[Component], tool: Tool, by: float) -> list[trimesh.Trimesh]:
-    """Solids in millimetres, in their mount's frame, each side moved out."""
-    placed = grown(components, tool, by)
-    return [shape.to_trimesh().apply_transform(pose.matrix).apply_scale(1000.0) for shape, pose in placed]
-
-
-def joined(components: Sequence[Component], tool: Tool, weld: float, printer: Printer) -> Check:
-    """Check that all components are connected by joints as wide as a wall, in two directions at least."""
+def joined(names: Sequence[str], shapes: Sequence[Placed], weld_mm: float, printer: Printer) -> Check:
+    """Check that all shapes are connected by joints as wide as a wall, in two directions at least."""
     import networkx
-    import trimesh.boolean
 
-    solid = _grown(components, tool, weld)
-    joints = networkx.empty_graph(len(solid))
-    for a, b in itertools.combinations(range(len(solid)), 2):
-        (low_a, high_a), (low_b, high_b) = solid[a].bounds, solid[b].bounds
-        if (np.maximum(low_a, low_b) > np.minimum(high_a, high_b)).any() or networkx.has_path(joints, a, b):
+    solids = [union([shape]) for shape in shapes]
+    joints = networkx.empty_graph(len(solids))
+    for a, b in itertools.combinations(range(len(solids)), 2):
+        (one, other) = (np.reshape(solids[i].bounding_box(), (2, 3)) for i in (a, b))
+        if (np.maximum(one[0], other[0]) > np.minimum(one[1], other[1])).any() or networkx.has_path(joints, a, b):
             continue
-        shared = trimesh.boolean.intersection([solid[a], solid[b]], engine="manifold")
-        if not shared.is_empty and sorted(shared.bounding_box_oriented.extents)[1] >= printer.min_wall_mm:
+        shared = solids[a] ^ solids[b]
+        if not shared.is_empty() and sorted(to_mesh(shared).bounding_box_oriented.extents)[1] >= printer.min_wall_mm:
             joints.add_edge(a, b)
-    closed = f", gaps closed by {weld:g} mm on each side" if weld > WELDS_MM[0] else ""
-    loose = [components[i].name for i in range(len(solid)) if not networkx.has_path(joints, 0, i)]
+    closed = f", gaps closed by {weld_mm:g} mm on each side" if weld_mm > WELDS_MM[0] else ""
+    loose = [name for i, name in enumerate(names) if not networkx.has_path(joints, 0, i)]
     if not loose:
-        return Check("one piece", True, f"{len(solid)} component{'s' if len(solid) > 1 else ''}{closed}")
+        return Check("one piece", True, f"{len(solids)} component{'s' if len(solids) > 1 else ''}{closed}")
     thin = f"held by a joint thinner than a wall, or by none: {', '.join(loose[:3])}{closed}"
     return Check("one piece", False, thin)
-
-
-def manifold(mesh: trimesh.Trimesh) -> Any:
-    """Return a closed mesh as a Manifold."""
-    import manifold3d
-
-    corners, faces = np.array(mesh.vertices, np.float64, order="C"), np.array(mesh.faces, np.uint64, order="C")
-    return manifold3d.Manifold(manifold3d.Mesh64(corners, faces))
 
 
 def thinnest(mesh: trimesh.Trimesh) -> float:
@@ -193,12 +180,12 @@ def thinnest(mesh: trimesh.Trimesh) -> float:
     return float(found[order][np.searchsorted(np.cumsum(stands_for[order]), min(_SPOT_MM2, stands_for.sum()))])
 
 
-def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> tuple[trimesh.Trimesh, bool]:
+def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> tuple[trimesh.Trimesh, bool, Array]:
     """Lay a mesh on one of its sides and turn it so that it fits the plate; of the ways that fit, the one that touches
     the plate most, else the one that exceeds it least.
 
     Returns:
-        The mesh as it lies, and whether it fits.
+        The mesh as it lies, whether it fits, and the (4, 4) matrix that takes it back.
     """
     import trimesh
 
@@ -214,8 +201,8 @@ def lay(mesh: trimesh.Trimesh, plate: Sequence[float]) -> tuple[trimesh.Trimesh,
     (exceeds, *_), matrix = min(ways, key=lambda way: way[0])
     lying = mesh.copy().apply_transform(matrix)
     low, high = lying.bounds
-    lying.apply_translation([-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2]])
-    return lying, not exceeds
+    moved = trimesh.transformations.translation_matrix([*(-(low + high)[:2] / 2), -low[2]])
+    return lying.apply_transform(moved), not exceeds, np.linalg.inv(moved @ matrix)
 
 
 def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:
@@ -229,41 +216,46 @@ def _turn(corners: Array, plate: Sequence[float]) -> tuple[float, float]:
     return float(angles[chosen]), float(excess[chosen])
 
 
-def to_3mf(pieces: Sequence[Piece]) -> bytes:
-    """All pieces as one 3MF file, side by side."""
+def to_stl(part: PrintedPart) -> bytes:
+    """Return a part as an STL file."""
+    data = part.mesh.export(file_type="stl")
+    assert isinstance(data, bytes)
+    return data
+
+
+def to_3mf(parts: Sequence[PrintedPart]) -> bytes:
+    """All parts as one 3MF file, side by side."""
     import trimesh
 
     scene = trimesh.Scene()
     at = 0.0
-    for piece in pieces:
-        width = float(piece.mesh.extents[0])
+    for part in parts:
+        width = float(part.mesh.extents[0])
         place = trimesh.transformations.translation_matrix([at + width / 2, 0, 0])
-        scene.add_geometry(piece.mesh, geom_name=piece.name, node_name=piece.name, transform=place)
+        scene.add_geometry(part.mesh, geom_name=part.name, node_name=part.name, transform=place)
         at += width + 10
     data = scene.export(file_type="3mf")
     assert isinstance(data, bytes)
     return data
 
 
-def estimate(piece: Piece, material: Material, printer: Printer) -> dict[str, float]:
-    """Estimate how a piece prints as it lies: mass_g, hours, filament_m, and overhang_share of its surface.
+def estimate(mesh: trimesh.Trimesh, material: Material, printer: Printer) -> PrintEstimate:
+    """Estimate how a mesh prints as it lies.
 
-    It has the material's walls and infill; without a density it is solid PLA. The hours are roughly those of the
-    plastic at `Printer.flow_mm3_s`, and `LAYER_S` for each layer, without supports.
+    The hours are roughly those of the plastic at `Printer.flow_mm3_s`, and `LAYER_S` for each layer.
     """
-    mesh = piece.mesh
     plastic = 1e9 * material.volume_of(Mesh(np.asarray(mesh.vertices) / 1000, np.asarray(mesh.faces)))  # mm^3
     layers = math.ceil(float(mesh.extents[2]) / printer.layer_mm)
     hangs = np.asarray(mesh.face_normals)[:, 2] < -_STEEP
     hangs &= np.asarray(mesh.triangles)[:, :, 2].max(axis=1) > _SKIN_MM
-    return {
-        "mass_g": plastic * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3) * 1e-6,
-        "hours": (plastic / printer.flow_mm3_s + LAYER_S * layers) / 3600,
-        "filament_m": plastic / (math.pi / 4 * FILAMENT_MM**2) / 1000,
-        "overhang_share": float(mesh.area_faces[hangs].sum() / mesh.area),
-    }
+    return PrintEstimate(
+        mass_g=plastic * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3) * 1e-6,
+        hours=(plastic / printer.flow_mm3_s + LAYER_S * layers) / 3600,
+        filament_m=plastic / (math.pi / 4 * FILAMENT_MM**2) / 1000,
+        overhang_share=float(mesh.area_faces[hangs].sum() / mesh.area),
+    )
 
 
-def grams(pieces: Sequence[Piece]) -> float:
-    """The mass of the pieces, printed solid in PLA."""
-    return PLA_G_PER_CM3 * math.fsum(piece.volume_cm3 for piece in pieces)
+def grams(parts: Sequence[PrintedPart]) -> float:
+    """The mass of the parts, printed solid in PLA."""
+    return PLA_G_PER_CM3 * math.fsum(part.volume_cm3 for part in parts)

@@ -22,8 +22,8 @@ from core.geometry import Array, Compound, Mesh, Pose
 from core.robot.meshes import farthest
 from core.robot.solids import farthest_from_surface
 from core.values.shapes import resized
-from plugins.results.workshop.printing import Check, manifold, piece_name
-from plugins.results.workshop.solid import hull, to_mesh, union
+from plugins.results.workshop.printing import Check, piece_name
+from plugins.results.workshop.solid import hull, manifold, to_mesh, union
 from plugins.results.workshop.tool import EXACT_MM, SAME_REWARD, PrintedTool
 
 MISSED_MM = 4.0  # of the files, at most: the edges of a sleeve
@@ -42,7 +42,7 @@ def read_back(made: PrintedTool, folder: Path) -> tuple[Tool, float, float]:
         UserError: a file can't be read, or a component is not in the files.
     """
     tool, solids = made.mounted, _solids(folder)
-    welds = {part.of: part.weld_mm for part in made.parts}
+    welds = {part.link: part.weld_mm for part in made.parts}
     hulls: dict[str, list[Array]] = {}
     shapes: dict[str, list[Mesh]] = {}
     for component in tool.components:

@@ -26,7 +26,7 @@ class Unplayable(UserError):
 
 
 @dataclass(frozen=True, eq=False)
-class Replay:
+class PlayedMotion:
     """What a motion earned in an engine, and what was seen; ``problems`` name what passed through something."""
 
     reward: float
@@ -41,7 +41,7 @@ class Replay:
 
 def play(
     task: Task, simulator: Simulator, tool: Tool, motion: Sampled, scene: Scene, seed: int, settings: RolloutSettings
-) -> Replay:
+) -> PlayedMotion:
     """Play a motion from its first sample, in the layout of ``seed``.
 
     Raises:
@@ -58,4 +58,4 @@ def play(
     reward = float(np.asarray(reward_of(task, start, end, trace))[0])
     seen = findings(scene, task.robot, tool, outcome.recording)
     problems = tuple(finding.text for finding in seen if finding.penetration)
-    return Replay(0.0 if problems else reward, outcome.recording, contacts, problems)
+    return PlayedMotion(0.0 if problems else reward, outcome.recording, contacts, problems)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from core.config.settings import Printer
 from core.design import Tool
 from core.designs.weight import flange_moment
 from core.scene import Scene
@@ -21,14 +20,14 @@ from core.values.robots import Robot
 from plugins.results.pages.figure import FigurePage
 from plugins.results.pages.page import data_address, render
 from plugins.results.workshop.payload import payload
-from plugins.results.workshop.printing import LAYER_S, Check, Piece, estimate
+from plugins.results.workshop.printing import LAYER_S, Check, PrintedPart
 from plugins.results.workshop.sheet_drawing import HEADS, draw_page, draw_views, lines, table
 from plugins.results.workshop.strength import Strength, measured
-from plugins.results.workshop.verdicts import Verdict, carried, printable, strong
+from plugins.results.workshop.verdicts import carried, printable, strong
 
 if TYPE_CHECKING:
     from plugins.results.workshop.motion import Sampled
-    from plugins.results.workshop.replay import Replay
+    from plugins.results.workshop.replay import PlayedMotion
     from plugins.results.workshop.tool import PrintedTool
 
 HOW = (
@@ -37,39 +36,28 @@ HOW = (
 )
 
 
-def printed(piece: Piece, material: Material, printer: Printer) -> dict[str, Any]:
-    """Estimate how a piece prints; mass, time and filament only for walls with infill."""
-    found = estimate(piece, material, printer)
+def printed(part: PrintedPart, material: Material) -> dict[str, Any]:
+    """Say how a part prints; mass, time and filament only for walls with infill."""
+    how = asdict(part.estimate)
     if not (material.density_kg_m3 and material.wall_mm):
-        found = {"overhang_share": found["overhang_share"]}
-    return {"name": piece.name, "size_mm": np.round(piece.mesh.extents, 2).tolist()} | found
+        how = {"overhang_share": how["overhang_share"]}
+    return {"name": part.name, "size_mm": np.round(part.mesh.extents, 2).tolist()} | how
 
 
-def figures(
-    tool: Tool,
-    robot: Robot,
-    material: Material,
-    printer: Printer,
-    made: Sequence[Piece],
-    strengths: Sequence[Strength],
-    mounted: Tool | None = None,
-    checks: Sequence[Check] = (),
-) -> dict[str, Any]:
-    """Return all that the sheet says of a tool that is ``made`` of pieces, as data.
-
-    ``mounted`` is the tool with what bolts it to the arm, which is borne too; ``checks`` are those of the whole tool.
-    """
-    mounted = mounted or tool
-    load = payload(robot, mounted)
-    verdicts = [*carried(mounted, robot, material), *printable(made, checks), *strong(material, strengths)]
-    held = {row.component: row for row in strengths}
-    parts = []
-    for component in tool.components:
-        row = held.get(component.name)
-        size = np.round(1000 * component.shape.bounds[1], 1).tolist()
-        parts.append(
-            {"name": component.name, "size_mm": size, "mass_kg": component.mass} | (asdict(row) if row else {})
-        )
+def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Strength]) -> dict[str, Any]:
+    """Return all that the sheet says of a tool, as data; what bolts it to the arm is borne, too."""
+    material, load = made.material, payload(robot, made.mounted)
+    verdicts = [
+        *carried(made.mounted, robot, material),
+        *printable(made.parts, made.checks),
+        *strong(material, strengths),
+    ]
+    held = {row.component: asdict(row) for row in strengths}
+    components = [
+        {"name": c.name, "size_mm": np.round(1000 * c.shape.bounds[1], 1).tolist(), "mass_kg": c.mass}
+        | held.get(c.name, {})
+        for c in tool.components
+    ]
     return {
         "tool": tool.name or "a tool",
         "robot": robot.title,
@@ -77,33 +65,31 @@ def figures(
         "mass_kg": load["mass_kg"],
         "center_m": load["center_m"],
         "frame": load["frame"],
-        "moment_nm": flange_moment(mounted, robot),
-        "pieces": [printed(piece, material, printer) for piece in made],
-        "parts": sorted(parts, key=lambda part: part.get("safety") or math.inf),
+        "moment_nm": flange_moment(made.mounted, robot),
+        "pieces": [printed(part, material) for part in made.parts],
+        "parts": sorted(components, key=lambda part: part.get("safety") or math.inf),
         "least_safety": min((row.safety for row in strengths if row.safety is not None), default=None),
         "verdicts": [verdict._asdict() for verdict in verdicts],
         "ready": all(verdict.passed is not False for verdict in verdicts),
-        "how": HOW.format(flow=printer.flow_mm3_s, layer=printer.layer_mm),
+        "how": HOW.format(flow=made.printer.flow_mm3_s, layer=made.printer.layer_mm),
     }
 
 
 def write_sheet(
-    solid: PrintedTool,
+    made: PrintedTool,
     tool: Tool,
     robot: Robot,
     scene: Scene,
     motion: Sampled,
-    replays: Mapping[str, Replay],
+    replays: Mapping[str, PlayedMotion],
     folder: Path,
-) -> list[Verdict]:
+) -> list[Check]:
     """Write ``sheet.pdf``, ``sheet.html`` and ``sheet.json`` to a folder; return what was checked.
 
     Raises:
         UserError: a file can't be written.
     """
-    material, made = solid.material, [part.piece for part in solid.parts]
-    strengths = measured(tool, robot, material, scene, motion, replays)
-    said = figures(tool, robot, material, solid.printer, made, strengths, solid.mounted, solid.checks)
+    said = figures(tool, robot, made, measured(tool, robot, made.material, scene, motion, replays))
     page = FigurePage("sheet", said["tool"], "", lambda: draw_page(tool, robot, said))
     views = replace(page, paint=lambda: draw_views(tool, robot, said))
     write_bytes(folder / "sheet.pdf", page.render("pdf", titled=False))
@@ -112,4 +98,4 @@ def write_sheet(
     html = render("sheet.html.j2", folder, title=f"{said['tool']}: sheet", said=said, drawing=drawing, **text)
     write_bytes(folder / "sheet.html", html.encode())
     write_bytes(folder / "sheet.json", (json.dumps(said, indent=2) + "\n").encode())
-    return [Verdict(**of) for of in said["verdicts"]]
+    return [Check(**verdict) for verdict in said["verdicts"]]

@@ -18,7 +18,7 @@ from core.support.text import clean, shorten
 from core.values.robots import Robot
 from plugins.results.pages.drawing import draw, painted
 from plugins.results.pages.figure import COLORS, INK, new_figure
-from plugins.results.workshop.verdicts import Verdict
+from plugins.results.workshop.printing import Check
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,7 +92,7 @@ def draw_page(tool: Tool, robot: Robot, said: Mapping[str, Any]) -> Figure:
     for of in shown[:VERDICTS]:
         mark = {True: "✓", False: "✗", None: "–"}[of["passed"]]
         color = {True: INK, False: RED, None: SOFT}[of["passed"]]
-        text = f"{mark} {Verdict(**of)}"
+        text = f"{mark} {Check(**of)}"
         at = _write(page, 12, at, text, 7.5, 132, color)
     if len(shown) > VERDICTS:
         failing = sum(of["passed"] is False for of in shown[VERDICTS:])

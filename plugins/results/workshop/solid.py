@@ -1,4 +1,4 @@
-"""Describe a solid as shapes that are added, cut away or kept, so that a mesh and an exact model can be made of it.
+"""Make solids of shapes, operation by operation, so that a mesh and an exact model can be made of them.
 
 Shapes are in metres, in the frame of what bears the solid; meshes are in millimetres.
 Covered by `tests/plugins/results/workshop/test_tool.py`.
@@ -6,14 +6,14 @@ Covered by `tests/plugins/results/workshop/test_tool.py`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from core.geometry import Array, Box, Compound, Cylinder, Mesh, Pose, Shape
-from plugins.results.workshop.printing import manifold
 
 if TYPE_CHECKING:
     import trimesh
@@ -21,52 +21,92 @@ if TYPE_CHECKING:
 Placed = tuple[Shape | Compound, Pose]
 
 
-@dataclass(frozen=True)
-class Step:
-    """What is done to a solid with the union of shapes: it is added, cut away, or what it shares with it is kept.
+@dataclass(frozen=True, eq=False)
+class Workpiece:
+    """A solid: what was done last, and the solid ``before``; each is computed once.
 
-    With ``one`` the body whose middle is next to the origin of the only shape is kept.
+    The union of ``shapes`` was added, cut away, or what the solid shares with it was kept; with ``one`` the body was
+    kept whose centre is next to the ``middle`` (3,), in metres.
     """
 
     kind: Literal["add", "cut", "keep", "one"]
-    shapes: tuple[Placed, ...]
+    shapes: tuple[Placed, ...] = ()
+    before: Workpiece | None = None
+    middle: Array | None = None
+
+    def add(self, *shapes: Placed) -> Workpiece:
+        return Workpiece("add", shapes, self)
+
+    def cut(self, *shapes: Placed) -> Workpiece:
+        return Workpiece("cut", shapes, self) if shapes else self
+
+    def keep(self, *shapes: Placed) -> Workpiece:
+        return Workpiece("keep", shapes, self)
+
+    def separated(self) -> list[Workpiece]:
+        """Take its bodies apart, each as a solid of its own."""
+        middles = [to_mesh(each).center_mass / 1000 for each in self.bodies]
+        return [Workpiece("one", (), self, middle) for middle in middles] if len(middles) > 1 else [self]
+
+    @property
+    def first(self) -> Workpiece:
+        return self if self.before is None else self.before.first
+
+    def done(self, kind: str) -> list[Placed]:
+        """List the shapes of all operations of a kind, in order."""
+        earlier = self.before.done(kind) if self.before is not None else []
+        return [*earlier, *(self.shapes if self.kind == kind else ())]
+
+    @cached_property
+    def body(self) -> Any:
+        """It as a Manifold, in millimetres."""
+        if self.before is None:
+            return union(self.shapes)
+        if self.middle is not None:
+            middle = 1000 * self.middle
+            return min(self.before.bodies, key=lambda each: np.linalg.norm(to_mesh(each).center_mass - middle))
+        whole, other = self.before.body, union(self.shapes)
+        return whole + other if self.kind == "add" else whole - other if self.kind == "cut" else whole ^ other
+
+    @cached_property
+    def bodies(self) -> list[Any]:
+        """Its connected bodies, as Manifolds."""
+        return list(self.body.decompose())
+
+    @cached_property
+    def mesh(self) -> trimesh.Trimesh:
+        return to_mesh(self.body)
 
 
-Solid = tuple[Step, ...]
-
-
-def union(shapes: Iterable[Placed]) -> Any:
+def union(shapes: Sequence[Placed]) -> Any:
     """Return the union of shapes as a Manifold, in millimetres."""
+    return _union(tuple(shapes))
+
+
+@lru_cache(maxsize=256)
+def _union(shapes: tuple[Placed, ...]) -> Any:
     import manifold3d
 
-    return manifold3d.Manifold.batch_boolean([_manifold(*placed) for placed in shapes], manifold3d.OpType.Add)
-
-
-def body(solid: Solid) -> Any:
-    """Return a solid as a Manifold, in millimetres."""
-    import manifold3d
-
-    whole = manifold3d.Manifold()
-    for step in solid:
-        if step.kind == "one":
-            middle = 1000 * step.shapes[0][1].position
-            whole = min(whole.decompose(), key=lambda each: float(np.linalg.norm(to_mesh(each).center_mass - middle)))
-            continue
-        other = union(step.shapes)
-        whole = whole + other if step.kind == "add" else whole - other if step.kind == "cut" else whole ^ other
-    return whole
-
-
-def _manifold(shape: Shape | Compound, pose: Pose) -> Any:
+    if len(shapes) != 1:
+        return manifold3d.Manifold.batch_boolean([_union((placed,)) for placed in shapes], manifold3d.OpType.Add)
+    ((shape, pose),) = shapes
     return manifold(shape.to_trimesh().apply_transform(pose.matrix).apply_scale(1000.0))
+
+
+def manifold(mesh: trimesh.Trimesh) -> Any:
+    """Return a closed mesh as a Manifold."""
+    import manifold3d
+
+    corners, faces = np.array(mesh.vertices, np.float64, order="C"), np.array(mesh.faces, np.uint64, order="C")
+    return manifold3d.Manifold(manifold3d.Mesh64(corners, faces))
 
 
 def to_mesh(whole: Any) -> trimesh.Trimesh:
     """Return a Manifold as a mesh."""
     import trimesh
 
-    found = whole.to_mesh64()
-    return trimesh.Trimesh(found.vert_properties[:, :3], found.tri_verts, process=True)
+    data = whole.to_mesh64()
+    return trimesh.Trimesh(data.vert_properties[:, :3], data.tri_verts, process=True)
 
 
 def hull(points: Array) -> Mesh:

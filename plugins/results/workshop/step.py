@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import importlib.util
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from core.geometry import Array, Box, Capsule, Compound, Cylinder, Mesh, Shape, Sphere
 from core.support.cli import write_bytes
-from plugins.results.workshop.solid import Placed, Solid, body
+from plugins.results.workshop.solid import Placed, Workpiece
 
 SAME_VOLUME = 0.01  # by how much a model may differ from the solid
 NO_STEP = "no STEP was written; for it: pip install 'cadquery-ocp-novtk>=8,<9'"
@@ -26,7 +27,7 @@ def can_write_step() -> bool:
     return importlib.util.find_spec("OCP") is not None
 
 
-def write_step(solids: Sequence[tuple[str, Solid]], file: Path) -> list[str]:
+def write_step(solids: Mapping[str, Workpiece], file: Path) -> list[str]:
     """Write named solids to one STEP file, each in its mount's frame, in millimetres; nothing without Open CASCADE.
 
     Returns:
@@ -46,8 +47,8 @@ def write_step(solids: Sequence[tuple[str, Solid]], file: Path) -> list[str]:
     whole, builder = TopoDS_Compound(), BRep_Builder()
     builder.MakeCompound(whole)
     missing = []
-    for name, solid in solids:
-        shape, volume = model(solid), body(solid).volume()
+    for name, solid in solids.items():
+        shape, volume = _unified(model(solid)), solid.body.volume()
         if shape.IsNull() or abs(_weighed(shape).Mass() - volume) > SAME_VOLUME * volume:
             missing.append(name)
         else:
@@ -63,22 +64,20 @@ def write_step(solids: Sequence[tuple[str, Solid]], file: Path) -> list[str]:
     return missing
 
 
-def model(solid: Solid) -> Any:
-    """Return a solid as a shape of Open CASCADE, in millimetres."""
+@lru_cache(maxsize=64)
+def model(piece: Workpiece) -> Any:
+    """Return a solid as a shape of Open CASCADE, in millimetres, with each of its operations done once."""
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
 
-    whole: Any = None
-    for step in solid:
-        if whole is None:
-            whole = _fused(map(_placed, step.shapes))
-        elif step.kind == "one":
-            whole = _nearest(whole, 1000 * step.shapes[0][1].position)
-        elif step.kind == "add":
-            whole = _fused([whole, *map(_placed, step.shapes)])
-        else:
-            other = _fused(map(_placed, step.shapes))
-            whole = (BRepAlgoAPI_Common if step.kind == "keep" else BRepAlgoAPI_Cut)(whole, other).Shape()
-    return _unified(whole)
+    if piece.before is None:
+        return _fused(map(_placed, piece.shapes))
+    whole = model(piece.before)
+    if piece.middle is not None:
+        return _nearest(whole, 1000 * piece.middle)
+    if piece.kind == "add":
+        return _fused([whole, *map(_placed, piece.shapes)])
+    other = _fused(map(_placed, piece.shapes))
+    return (BRepAlgoAPI_Common if piece.kind == "keep" else BRepAlgoAPI_Cut)(whole, other).Shape()
 
 
 def _nearest(whole: Any, middle: Array) -> Any:

@@ -34,7 +34,7 @@ from core.values.robots import Robot
 
 if TYPE_CHECKING:
     from plugins.results.workshop.motion import Sampled
-    from plugins.results.workshop.replay import Replay
+    from plugins.results.workshop.replay import PlayedMotion
 
 HARDEST = 10  # instants with the largest forces on the tool, and with the largest moments; and for each body one more
 NEAR_M = 0.005  # of a contact point to the bounding boxes of components that may have it
@@ -204,7 +204,7 @@ def strength(
 
 
 def measured(
-    tool: Tool, robot: Robot, material: Material, scene: Scene, motion: Sampled, replays: Mapping[str, Replay]
+    tool: Tool, robot: Robot, material: Material, scene: Scene, motion: Sampled, replays: Mapping[str, PlayedMotion]
 ) -> list[Strength]:
     """Find the worst of a motion that was played in engines, and without any; of their stresses the largest counts.
 

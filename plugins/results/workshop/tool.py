@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,26 +15,26 @@ import numpy as np
 from core.config.settings import Fit, Printer
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Compound
-from core.interfaces import Material
-from core.solids.held import solids
 from core.support.cli import write_bytes
+from core.values.materials import PAPER, Material
 from core.values.robots import Robot
-from plugins.results.workshop.cutting import Joint, cut
+from plugins.results.workshop.cutting import Dovetails, cut
 from plugins.results.workshop.hinges import make_hinges
 from plugins.results.workshop.mounting import Mount, at_flange, on_finger, weighed
 from plugins.results.workshop.printing import (
     LAYER_S,
     WELDS_MM,
     Check,
-    Piece,
-    checked,
-    estimate,
+    PrintedPart,
     grown,
     joined,
     piece_name,
+    print_part,
     to_3mf,
+    to_stl,
+    widened,
 )
-from plugins.results.workshop.solid import Solid, Step, body, to_mesh, union
+from plugins.results.workshop.solid import Placed, Workpiece, to_mesh, union
 from plugins.results.workshop.step import NO_STEP, can_write_step, write_step
 from plugins.results.workshop.verdicts import printable
 
@@ -45,25 +45,15 @@ _NOTHING_MM3 = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """A printed part: its solid in the frame of its mount, how it lies on the plate, and by how much it was grown."""
-
-    of: str
-    solid: Solid
-    piece: Piece
-    weld_mm: float
-
-
-@dataclass(frozen=True, eq=False)
 class PrintedTool:
     """A tool as parts; ``mounted``: the tool with its plate or sleeves as components, as it can be simulated.
 
     ``step`` says whether there is a STEP file.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[PrintedPart, ...]
     checks: tuple[Check, ...]
-    joints: tuple[Joint, ...]
+    joints: tuple[Dovetails, ...]
     hardware: tuple[str, ...]
     mounted: Tool
     material: Material
@@ -78,19 +68,30 @@ class PrintedTool:
     @property
     def faults(self) -> list[str]:
         """What speaks against it, and what to change, a line each."""
-        found = printable([part.piece for part in self.parts], self.checks)
-        return [str(verdict) for verdict in found if verdict.passed is False]
+        return [str(check) for check in printable(self.parts, self.checks) if check.passed is False]
 
     def figures(self) -> dict[str, Any]:
-        """Return all figures as data."""
-        parts = [part_figures(part, self.material, self.printer) for part in self.parts]
-        total = {name: round(math.fsum(part[name] for part in parts), 3) for name in ("mass_g", "volume_cm3", "hours")}
+        """Return all figures as data; ``to_mount`` (4, 4) leads from a part's file to the frame of its mount, mm."""
+        parts = [
+            {
+                "file": self.file(number),
+                "of": part.link,
+                "size_mm": np.round(part.mesh.extents, 2).tolist(),
+                "volume_cm3": round(part.volume_cm3, 3),
+                **{name: round(value, 4) for name, value in asdict(part.estimate).items()},
+                "to_mount": np.round(part.to_mount, 6).tolist(),
+                "checks": _as_data(part.checks),
+            }
+            for number, part in enumerate(self.parts)
+        ]
         return {
             "printer": vars(self.printer),
             "material": self.material.name if self.material.density_kg_m3 else "pla, solid",
             "estimate": f"hours, roughly: plastic at flow_mm3_s, and {LAYER_S:g} s a layer; no supports",
-            "total": total,
-            "parts": [{"file": self.file(n)} | part for n, part in enumerate(parts)],
+            "total": {
+                name: round(math.fsum(part[name] for part in parts), 3) for name in ("mass_g", "volume_cm3", "hours")
+            },
+            "parts": parts,
             "joints": [str(joint) for joint in self.joints],
             "hardware": list(self.hardware),
             "step": "tool.step" if self.step else None,
@@ -101,25 +102,49 @@ class PrintedTool:
         return f"part_{number + 1}_of_{len(self.parts)}.stl"
 
 
-def part_figures(part: Part, material: Material, printer: Printer) -> dict[str, Any]:
-    """Measure a part; ``to_mount`` (4, 4) leads from its file to the frame of its mount, millimetres."""
-    import trimesh
-
-    mesh = part.piece.mesh
-    own = to_mesh(body(part.solid))
-    back = trimesh.transformations.superimposition_matrix(mesh.vertices.T, own.vertices.T)
-    return {
-        "of": part.of,
-        "size_mm": np.round(mesh.extents, 2).tolist(),
-        "volume_cm3": round(part.piece.volume_cm3, 3),
-        **{name: round(value, 4) for name, value in estimate(part.piece, material, printer).items()},
-        "to_mount": np.round(back, 6).tolist(),
-        "checks": _as_data(part.piece.checks),
-    }
-
-
 def _as_data(checks: Sequence[Check]) -> dict[str, Any]:
     return {check.name: {"passed": check.passed, "found": check.found} for check in checks}
+
+
+def pieces(tool: Tool, printer: Printer, material: Material = PAPER) -> list[PrintedPart]:
+    """Make the bodies of a tool, one for each mount and for what each joint moves, as they are without fitting."""
+    made = []
+    for bearer, components in _links(tool).items():
+        mount, weld = _welded(components, tool, Mount)
+        whole = joined([c.name for c in components], grown(components, tool, weld), weld, printer)
+        name = piece_name(bearer)
+        made.append(print_part(name, name, mount.solid, weld, whole, printer, material))
+    return made
+
+
+def _links(tool: Tool) -> dict[str, list[Component]]:
+    """The components by what bears them: a mount or, for those that a joint moves, the component with the joint."""
+    links: dict[str, list[Component]] = {}
+    for component in tool.components:
+        links.setdefault(tool.borne[component.name][0], []).append(component)
+    return links
+
+
+def _welded(components: Sequence[Component], tool: Tool, fix: Callable[[Workpiece], Mount]) -> tuple[Mount, float]:
+    """Weld components by as little as makes them and their mount one body."""
+    for weld in WELDS_MM:
+        mount = fix(Workpiece("add", tuple(grown(components, tool, weld))))
+        if len(mount.solid.bodies) == 1:
+            break
+    return mount, weld
+
+
+@dataclass(frozen=True, eq=False)
+class _PrintedLink:
+    """What one bearer holds, fitted and cut; ``whole``: the check that it is in one piece."""
+
+    bearer: str
+    components: Sequence[Component]
+    mount: Mount
+    weld_mm: float
+    whole: Check
+    cuts: Sequence[Workpiece]
+    joints: Sequence[Dovetails]
 
 
 def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fit: Fit) -> PrintedTool:
@@ -128,90 +153,83 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
     Raises:
         UserError: the robot's flange can't be fitted.
     """
-    parts, checks, joints, hardware = list[Part](), list[Check](), list[Joint](), list[str]()
-    added, wholes, hinges = list[Component](), dict[str, Any](), make_hinges(tool, fit, printer)
-    for bearer, placed in solids(tool, loose=True).items():
-        components, name = [component for component, _ in placed], piece_name(bearer)
-        solid, mount, weld = _mounted(tool, robot, bearer, components, fit, hinges.steps.get(bearer, ()))
-        wholes[bearer] = whole = body(solid)
-        added += weighed(mount, grown(components, tool, 0), material)
-        adding = [shape for step in mount.steps if step.kind == "add" for shape in step.shapes]
-        fitted = [Component(f"mount {n}", bearer, pose, shape) for n, (shape, pose) in enumerate(adding)]
-        every = replace(tool, components=(*tool.components, *fitted))
-        piece = joined([*components, *fitted], every, weld, printer)
-        if len(whole.decompose()) > 1:
-            piece = Check(piece.name, False, f"it falls into {len(whole.decompose())} pieces")
-        axes = np.vstack([tool.placed()[c.name][1].rotation.as_matrix().T for c in components])
-        corners = to_mesh(union(adding)).vertices if adding else np.zeros((0, 3))
-        cuts, own = cut(solid, printer, fit, axes, corners)
-        bodies = [body(part) for part in cuts]
-        checks += [*mount.checks, *(_faithful(components, tool, mount, weld, whole, bodies))]
-        checks += [Check(f"joint {n}", joint.tails > 0, str(joint)) for n, joint in enumerate(own, len(joints) + 1)]
-        for one, found in zip(cuts, bodies, strict=True):
-            single = piece if len(cuts) == 1 else _single(found)
-            parts.append(
-                Part(name, one, checked(f"part_{len(parts) + 1}", to_mesh(found), printer, weld, single), weld)
-            )
-        joints += own
-        hardware += mount.hardware
-    checks += [*_apart(tool, wholes), *hinges.checks]
+    parts, checks, joints, hardware = list[PrintedPart](), list[Check](), list[Dovetails](), list[str]()
+    added, hinges = list[Component](), make_hinges(tool, fit, printer)
+    links = [_make_link(bearer, own, tool, robot, printer, fit, hinges.cuts) for bearer, own in _links(tool).items()]
+    for link in links:
+        added += weighed(link.mount, grown(link.components, tool, 0), material)
+        checks += [*link.mount.checks, *_faithful(link, tool)]
+        for number, joint in enumerate(link.joints, len(joints) + 1):
+            checks.append(Check(f"joint {number}", joint.tails > 0, str(joint)))
+        for number, solid in enumerate(link.cuts, len(parts) + 1):
+            whole = link.whole if len(link.cuts) == 1 else _single(solid)
+            of = piece_name(link.bearer), solid, link.weld_mm, whole, printer, material
+            parts.append(print_part(f"part_{number}", *of))
+        joints += link.joints
+        hardware += link.mount.hardware
+    checks += [*_apart(tool, links), *hinges.checks]
     hardware += hinges.hardware
     mounted = replace(tool, components=(*tool.components, *added))
     if parts:
-        checks.append(_weight(mounted, parts, material, printer))
+        printed, simulated = math.fsum(part.estimate.mass_g for part in parts), 1000 * mounted.mass
+        said = f"printed it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
+        checks.append(Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said))
     return PrintedTool(tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material, printer)
 
 
-def _weight(mounted: Tool, parts: Sequence[Part], material: Material, printer: Printer) -> Check:
-    printed = math.fsum(estimate(part.piece, material, printer)["mass_g"] for part in parts)
-    simulated = 1000 * mounted.mass
-    said = f"printed it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
-    return Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said)
-
-
-def _single(found: Any) -> Check:
-    count = len(found.decompose())
+def _single(solid: Workpiece) -> Check:
+    count = len(solid.bodies)
     return Check("one piece", count == 1, "one body" if count == 1 else f"it falls into {count} pieces")
 
 
-def _mounted(
-    tool: Tool, robot: Robot, bearer: str, components: Sequence[Component], fit: Fit, hinges: Sequence[Step]
-) -> tuple[Solid, Mount, float]:
-    """Weld components by as little as makes them and their mount one body; then cut ``hinges``."""
-    for weld in WELDS_MM:
-        shapes, mount = tuple(grown(components, tool, weld)), Mount()
+def _make_link(
+    bearer: str,
+    components: Sequence[Component],
+    tool: Tool,
+    robot: Robot,
+    printer: Printer,
+    fit: Fit,
+    hinges: Mapping[str, Sequence[Placed]],
+) -> _PrintedLink:
+    def fix(solid: Workpiece) -> Mount:
+        mount = Mount(solid)
         if bearer == RIGID_MOUNT:
-            mount = at_flange(robot, tool, components, shapes, fit)
+            mount = at_flange(robot, tool, components, solid, fit)
         elif bearer in GRIPPER_MOUNTS:
-            mount = on_finger(robot, tool, bearer, shapes, fit)
-        mount = replace(mount, steps=(*mount.steps, *hinges))
-        solid = (Step("add", shapes), *mount.steps)
-        if len(body(solid).decompose()) == 1:
-            break
-    return solid, mount, weld
+            mount = on_finger(robot, tool, bearer, solid, fit)
+        return replace(mount, solid=mount.solid.cut(*hinges.get(bearer, ())))
+
+    mount, weld = _welded(components, tool, fix)
+    names = [*(c.name for c in components), *(f"mount {n}" for n in range(len(mount.adding)))]
+    whole = joined(names, [*grown(components, tool, weld), *widened(mount.adding, weld)], weld, printer)
+    if len(mount.solid.bodies) > 1:
+        whole = _single(mount.solid)
+    axes = np.vstack([tool.placed()[c.name][1].rotation.as_matrix().T for c in components])
+    corners = to_mesh(union(mount.adding)).vertices if mount.adding else np.zeros((0, 3))
+    cuts, joints = cut(mount.solid, printer, fit, axes, corners)
+    return _PrintedLink(bearer, components, mount, weld, whole, cuts, joints)
 
 
-def _faithful(
-    components: Sequence[Component], tool: Tool, mount: Mount, weld: float, whole: Any, parts: Sequence[Any]
-) -> list[Check]:
+def _faithful(link: _PrintedLink, tool: Tool) -> list[Check]:
     """Compare the solid with the components that were simulated, apart from what fits it to the arm."""
-    more = [shape for step in mount.steps if step.kind == "add" for shape in step.shapes]
-    less = [shape for step in mount.steps if step.kind == "cut" for shape in step.shapes]
-    wide, narrow = (_added([_offset(c, tool, by) for c in components]) for by in (weld + EXACT_MM, -weld - EXACT_MM))
-    excess = max(0.0, (whole - wide - union(more)).volume() if more else (whole - wide).volume())
-    lack = max(0.0, (narrow - union(less) - whole).volume() if less else (narrow - whole).volume())
-    here = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {weld + EXACT_MM:g} mm off what was simulated"
-    found = [Check("as simulated", excess < _NOTHING_MM3 and lack < _NOTHING_MM3, here)]
-    if len(parts) > 1:
-        together = _added(parts)
+    off, whole, mount = link.weld_mm + EXACT_MM, link.mount.solid.body, link.mount
+    wide, narrow = (_batch([_offset(c, tool, by) for c in link.components]) for by in (off, -off))
+    excess = max(0.0, (whole - wide - union(mount.adding)).volume())
+    lack = max(0.0, (narrow - union(mount.taking) - whole).volume())
+    here = f"{excess:.1f} mm³ too much and {lack:.1f} too little, {off:g} mm off what was simulated"
+    checks = [Check("as simulated", excess < _NOTHING_MM3 and lack < _NOTHING_MM3, here)]
+    if len(link.cuts) > 1:
+        together = _batch([solid.body for solid in link.cuts])
         over, gaps = (together - whole).volume(), (whole - together).volume()
         rest = f"{over:.1f} mm³ too much; gaps of {gaps / whole.volume():.2%} of it"
-        found.append(Check("put together", over < _NOTHING_MM3 and gaps < 0.03 * whole.volume(), rest))
-    return found
+        checks.append(Check("put together", over < _NOTHING_MM3 and gaps < 0.03 * whole.volume(), rest))
+    return checks
 
 
-def _added(solids: Sequence[Any]) -> Any:
-    return sum(solids[1:], solids[0])
+def _batch(bodies: Sequence[Any]) -> Any:
+    import manifold3d
+
+    return manifold3d.Manifold.batch_boolean(bodies, manifold3d.OpType.Add)
 
 
 def _offset(component: Component, tool: Tool, by: float) -> Any:
@@ -224,16 +242,16 @@ def _offset(component: Component, tool: Tool, by: float) -> Any:
     return exact.minkowski_sum(cube) if by > 0 else exact.minkowski_difference(cube)
 
 
-def _apart(tool: Tool, wholes: dict[str, Any]) -> list[Check]:
+def _apart(tool: Tool, links: Sequence[_PrintedLink]) -> list[Check]:
     """Check that bodies that joints part do not share space at rest."""
-    found, mounts = [], {c.name: mount for c, (mount, _) in zip(tool.components, tool.placed().values(), strict=True)}
-    for a, b in itertools.combinations(wholes, 2):
-        if mounts.get(a, a) == mounts.get(b, b):
-            shared = (wholes[a] ^ wholes[b]).volume()
-            said = f"{piece_name(a)} and {piece_name(b)} share {shared / 1000:.2f} cm³ at rest"
+    placed, checks = tool.placed(), list[Check]()
+    for one, other in itertools.combinations(links, 2):
+        if placed[one.components[0].name][0] == placed[other.components[0].name][0]:
+            shared = (one.mount.solid.body ^ other.mount.solid.body).volume()
+            said = f"{piece_name(one.bearer)} and {piece_name(other.bearer)} share {shared / 1000:.2f} cm³ at rest"
             if shared >= _NOTHING_MM3:
-                found.append(Check("apart", False, said))
-    return found
+                checks.append(Check("apart", False, said))
+    return checks
 
 
 def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
@@ -246,15 +264,14 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
         return made
     for old in folder.glob("part_*_of_*.stl"):  # of an export before, which may have had more parts
         old.unlink()
-    for number, part in enumerate(made.parts):
-        data = part.piece.mesh.export(file_type="stl")
-        assert isinstance(data, bytes)
-        write_bytes(folder / made.file(number), data)
-    write_bytes(folder / "tool.3mf", to_3mf([part.piece for part in made.parts]))
+    files = {made.file(number): part for number, part in enumerate(made.parts)}
+    for name, part in files.items():
+        write_bytes(folder / name, to_stl(part))
+    write_bytes(folder / "tool.3mf", to_3mf(made.parts))
     (folder / "tool.step").unlink(missing_ok=True)
-    parts = [(made.file(number), part.solid) for number, part in enumerate(made.parts)]
-    missing = [Check("STEP", False, f"{name} can't be modelled") for name in write_step(parts, folder / "tool.step")]
-    made = replace(made, checks=(*missing, *made.checks), step=can_write_step() and len(missing) < len(parts))
+    missing = write_step({name: part.solid for name, part in files.items()}, folder / "tool.step")
+    checks = [Check("STEP", False, f"{name} can't be modelled") for name in missing]
+    made = replace(made, checks=(*checks, *made.checks), step=can_write_step() and len(missing) < len(files))
     write_lists(made, folder)
     return made
 

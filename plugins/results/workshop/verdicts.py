@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from core.design import Tool
 from core.designs.weight import flange_moment, mass_limit, moment_limit
 from core.values.materials import Material
 from core.values.robots import Robot
-from plugins.results.workshop.printing import Check, Piece
+from plugins.results.workshop.printing import Check, PrintedPart
 from plugins.results.workshop.strength import Strength
 
 SAFETY = 2.0  # the strength over the stress, at least
@@ -38,43 +37,32 @@ _MENDS = {  # by how the name of a check begins; the first counts
 }
 
 
-class Verdict(NamedTuple):
-    """One thing that was checked: what was found, and where it fails what to change; ``passed`` None: not known."""
-
-    name: str
-    passed: bool | None
-    found: str
-    mend: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.name}: {self.found}" + (f"; {self.mend}" if self.passed is False and self.mend else "")
-
-
-def carried(tool: Tool, robot: Robot, material: Material) -> list[Verdict]:
+def carried(tool: Tool, robot: Robot, material: Material) -> list[Check]:
     """Judge whether an arm carries a tool."""
     heaviest = max(tool.components, key=lambda component: component.mass)
     mend = f"{heaviest.name} weighs most, {1000 * heaviest.mass:.0f} g: make parts thinner, shorter or fewer"
     (most, why), moment, bears = mass_limit(robot, material), flange_moment(tool, robot), moment_limit(robot)
     return [
-        Verdict("mass", tool.mass <= most, f"{tool.mass:.3f} kg; {why}", mend),
-        Verdict("moment", moment <= bears, f"{moment:.2f} N m at the flange; the wrist bears {bears:g} N m", mend),
+        Check("mass", tool.mass <= most, f"{tool.mass:.3f} kg; {why}", mend),
+        Check("moment", moment <= bears, f"{moment:.2f} N m at the flange; the wrist bears {bears:g} N m", mend),
     ]
 
 
-def printable(made: Sequence[Piece], checks: Sequence[Check] = ()) -> list[Verdict]:
-    """Judge whether a printer makes the pieces of a tool; ``checks`` are those of the whole tool."""
-    found = [(check.name, check) for check in checks]
-    found += [(f"{check.name}, {piece.name}", check) for piece in made for check in piece.checks]
-    mends = [next((mend for begins, mend in _MENDS.items() if of.name.startswith(begins)), "") for _, of in found]
-    return [Verdict(name, of.passed, of.found, mend) for (name, of), mend in zip(found, mends, strict=True)]
+def printable(parts: Sequence[PrintedPart], checks: Sequence[Check] = ()) -> list[Check]:
+    """Name what was checked of parts by these, and add what to change; ``checks`` are those of the whole tool."""
+    named = [(check.name, check) for check in checks]
+    named += [(f"{check.name}, {part.name}", check) for part in parts for check in part.checks]
+    return [check._replace(name=name, mend=_mend(check.name)) for name, check in named]
 
 
-def strong(material: Material, strengths: Sequence[Strength], safety: float = SAFETY) -> list[Verdict]:
+def _mend(name: str) -> str:
+    return next((mend for begins, mend in _MENDS.items() if name.startswith(begins)), "")
+
+
+def strong(material: Material, strengths: Sequence[Strength], safety: float = SAFETY) -> list[Check]:
     """Judge the strength of each component; where all bear what they must, the weakest is named."""
     if material.strength_pa is None:
-        return [
-            Verdict("strength", None, f"material={material.name} has no strength: choose one, such as material=pla")
-        ]
+        return [Check("strength", None, f"material={material.name} has no strength: choose one, such as material=pla")]
     weak = sorted((row.safety, i, row) for i, row in enumerate(strengths) if row.safety is not None)
     failing = [of for of in weak if of[0] < safety]
     found = []
@@ -85,9 +73,9 @@ def strong(material: Material, strengths: Sequence[Strength], safety: float = SA
             f"{thicker:g} times as thick across its thin side, shorten what it carries, or move more slowly"
         )
         bears = f"{row.stress_pa / 1e6:.1f} MPa, safety factor {factor:.2f}; at least {safety:g} is asked for"
-        found.append(Verdict(f"strength, {row.component}", not failing, bears, mend))
+        found.append(Check(f"strength, {row.component}", not failing, bears, mend))
     softest = max(strengths, key=lambda row: row.bend_m, default=None)
     if softest is not None and softest.bend_m > SOFT_M:
         bends = f"{softest.load} bends it by {1000 * softest.bend_m:.0f} mm at {softest.component}"
-        found.append(Verdict("rigid", None, f"{bends}, and engines took it to be rigid: it may miss by as much"))
+        found.append(Check("rigid", None, f"{bends}, and engines took it to be rigid: it may miss by as much"))
     return found

@@ -7,7 +7,7 @@ from core.config.settings import Fit, Printer
 from core.geometry import Box, Cylinder, Mesh, Pose
 from plugins.results.workshop.cutting import cut
 from plugins.results.workshop.printing import lay
-from plugins.results.workshop.solid import Step, body, to_mesh
+from plugins.results.workshop.solid import Workpiece
 
 SMALL, FIT = Printer(plate_mm=[180.0, 180.0, 180.0]), Fit()
 NO_MOUNT = np.zeros((0, 3))
@@ -37,21 +37,20 @@ SOLIDS = {
 
 def parted(name):
     shapes = SOLIDS[name]
-    solid = (Step("add", shapes),)
+    solid = Workpiece("add", shapes)
     axes = np.vstack([pose.rotation.as_matrix().T for _, pose in shapes])
-    return body(solid), *cut(solid, SMALL, FIT, axes, NO_MOUNT)
+    return solid.body, *cut(solid, SMALL, FIT, axes, NO_MOUNT)
 
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_parts_fit_and_make_the_whole(name):
     whole, solids, joints = parted(name)
-    parts = [body(solid) for solid in solids]
+    parts = [solid.body for solid in solids]
     assert len(parts) > 1
-    for part in parts:
-        mesh = to_mesh(part)
-        assert mesh.is_volume
-        assert len(part.decompose()) == 1
-        assert lay(mesh, SMALL.plate_mm)[1]
+    for solid in solids:
+        assert solid.mesh.is_volume
+        assert len(solid.bodies) == 1
+        assert lay(solid.mesh, SMALL.plate_mm)[1]
     together = sum(parts[1:], parts[0])
     assert (together - whole).volume() < 0.01
     assert sum(part.volume() for part in parts) == pytest.approx(together.volume(), abs=0.01)  # none overlap
@@ -65,7 +64,7 @@ def test_parts_fit_and_make_the_whole(name):
 def test_dovetails_slide_in_and_do_not_come_apart(name):
     """One half moves square to its socket only: not along the cut's normal, and not across its tails."""
     _, solids, _ = parted(name)
-    near, far = (body(solid) for solid in solids[-2:])
+    near, far = (solid.body for solid in solids[-2:])
     shared = lambda way: (near.translate(tuple(way)) ^ far).volume()  # noqa: E731
     assert shared((0, 0, 0)) < 1e-6
     ways = [way for way in np.vstack([np.eye(3), -np.eye(3), *_axes(name)]) if shared(way) < 0.01]
@@ -81,26 +80,27 @@ def _axes(name):
 
 def _normal(solid):
     """The normal of the last cut: out of the half that is kept."""
-    last = next(step for step in reversed(solid) if step.kind == "cut")
-    return last.shapes[0][1].rotation.as_matrix()[:, 2]
+    while solid.kind != "cut":
+        solid = solid.before
+    return solid.shapes[0][1].rotation.as_matrix()[:, 2]
 
 
 def test_no_cut_goes_through_the_mount():
     shapes = SOLIDS["bar"]
-    solid = (Step("add", shapes),)
+    solid = Workpiece("add", shapes)
     held = np.array([[-40.0, 0, 0], [40.0, 0, 0]])
     solids, _ = cut(solid, SMALL, FIT, np.eye(3), held)
-    boxes = [body(part).bounding_box() for part in solids]
+    boxes = [part.body.bounding_box() for part in solids]
     assert any(low < -40 and high > 40 for low, high in ((box[0], box[3]) for box in boxes))
 
 
 def test_what_fits_is_not_cut():
-    solid = (Step("add", ((Box((0.1, 0.1, 0.1)), Pose()),)),)
+    solid = Workpiece("add", ((Box((0.1, 0.1, 0.1)), Pose()),))
     assert cut(solid, SMALL, FIT, np.eye(3), NO_MOUNT) == ([solid], [])
 
 
 def test_a_section_that_nothing_fits_is_glued_and_says_so():
     wire = Mesh.from_trimesh(Cylinder(0.002, 0.4).to_trimesh())
-    solids, joints = cut((Step("add", ((wire, Pose()),)),), SMALL, FIT, np.eye(3), NO_MOUNT)
+    solids, joints = cut(Workpiece("add", ((wire, Pose()),)), SMALL, FIT, np.eye(3), NO_MOUNT)
     assert len(solids) > 1
     assert {str(joint).split(",")[0] for joint in joints} == {"glue alone"}

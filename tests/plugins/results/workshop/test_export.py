@@ -58,16 +58,13 @@ def test_what_fails_is_said_with_what_to_change_and_is_an_error(made, monkeypatc
     assert [line.partition(":")[0] for line in failing] == ["weight"]
     assert "simulate it with material=" in failing[0]
     monkeypatch.setattr("plugins.results.workshop.command.export", lambda cfg: found)
-    monkeypatch.setattr(sys, "argv", ["export", f"designs={ANCHORED}/OneBook.json", "task=OneBook"])
     with pytest.raises(UserError, match=rf"^1 of {len(found.verdicts)} checks failed"):
-        main()
+        main([f"designs={ANCHORED}/OneBook.json", "task=OneBook"])
     assert f"✗ {failing[0]}" in capsys.readouterr().out.splitlines()
 
 
 def test_another_printer_by_name(tmp_path):
-    found = configured(
-        [f"designs={ANCHORED}/OneBook.json", "task=OneBook", "printer=a1_mini", "fit.joint_mm=0.2"], "export"
-    )
+    found = configured([f"designs={ANCHORED}/OneBook.json", "task=OneBook", "printer=a1_mini", "fit.joint_mm=0.2"])
     assert (found.printer.plate_mm, found.fit.joint_mm) == ([180, 180, 180], 0.2)
     with pytest.raises(UserError, match=r"plate_mm.y must be greater than 0"):
         exported(tmp_path, "printer.plate_mm=[100,-1,100]")

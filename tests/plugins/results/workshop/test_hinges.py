@@ -12,7 +12,7 @@ from core.geometry import Box, Pose
 from core.interfaces import Material
 from plugins.conformance.joints import sliding
 from plugins.results.workshop.hinges import make_hinges
-from plugins.results.workshop.solid import body, rod, union
+from plugins.results.workshop.solid import rod, union
 from plugins.results.workshop.tool import make_tool
 from tests.panda import PANDA
 
@@ -37,7 +37,7 @@ def along(length, wide):
 @pytest.mark.parametrize("tool", [pair(), pair(0.02, 0.05)])  # the one that is wider becomes a fork
 def test_a_pin_fits_and_the_links_turn(tool):
     made = make_tool(tool, PANDA, Material(), Printer(), Fit())
-    post, jaw = (body(part.solid) for part in made.parts)
+    post, jaw = (part.solid.body for part in made.parts)
     middle = post if tool.components[0].shape.size[0] < 0.04 else jaw
     assert (along(0.05, 2.98) ^ (post + jaw)).volume() < 0.1  # tight in the fork
     assert (along(0.02, 3.38) ^ middle).volume() < 0.1
@@ -64,7 +64,7 @@ def test_what_can_t_be_made_is_said(tool, said):
     (check,) = made.checks
     assert not check.passed
     assert said in check.found
-    assert (made.steps, made.hardware) == ({}, [])
+    assert (made.cuts, made.hardware) == ({}, [])
 
 
 def test_a_fork_of_which_nothing_would_be_left_is_none():

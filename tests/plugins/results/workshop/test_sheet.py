@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.config.settings import Printer
 from core.design import Tool
 from core.designs.stiffness import Load
 from core.geometry import Box
 from core.values.materials import Material
-from plugins.results.workshop.printing import Printer, pieces
 from plugins.results.workshop.sheet import figures
 from plugins.results.workshop.strength import strength
+from plugins.results.workshop.tool import PrintedTool, pieces
 from tests.panda import PANDA
 from tests.plugins.results.workshop.test_export import exported
 from tests.plugins.results.workshop.test_strength import NEWTONS, SOLID, bar
@@ -26,9 +27,12 @@ def said(thick, material=SOLID, printer=PRINTER, length=0.2):
     tool = material.made(Tool((bar("post", "tool_mount", 0.0, length, thick),)))
     load = Load("wall", "post", np.array([0.0, 0.0, -length]), np.array([NEWTONS, 0.0, 0.0]))
     return figures(
-        *(tool, PANDA, material, printer, pieces(tool, printer)),
-        strength(tool, PANDA, material, {"engine": [(0.0, [load])]}),
+        tool, PANDA, printed(tool, material, printer), strength(tool, PANDA, material, {"engine": [(0.0, [load])]})
     )
+
+
+def printed(tool, material, printer):
+    return PrintedTool(tuple(pieces(tool, printer, material)), (), (), (), tool, material, printer)
 
 
 def failing(of):
@@ -81,7 +85,7 @@ def test_what_leans_over_is_an_overhang():
     tool = Tool(
         (top, table, replace(table, name="lid", parent="tool_mount", pose=replace(top.pose, position=[0, 0, -0.01])))
     )
-    (piece,) = figures(tool, PANDA, SOLID, PRINTER, pieces(tool, PRINTER), [])["pieces"]
+    (piece,) = figures(tool, PANDA, printed(tool, SOLID, PRINTER), [])["pieces"]
     under = 0.1**2 - 0.02**2
     whole = 2 * 0.1**2 + 2 * under + 8 * 0.1 * 0.02 + 4 * 0.02 * 0.09
     assert piece["overhang_share"] == pytest.approx(under / whole, rel=0.05)

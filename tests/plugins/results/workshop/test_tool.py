@@ -14,8 +14,7 @@ from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Material
 from plugins.conformance.joints import tongs
 from plugins.conformance.shapes import bowl, prism
-from plugins.results.workshop.printing import manifold
-from plugins.results.workshop.solid import body, union
+from plugins.results.workshop.solid import manifold, union
 from plugins.results.workshop.step import NO_STEP
 from plugins.results.workshop.tool import make_tool, write_tool
 from tests.panda import PANDA
@@ -81,7 +80,7 @@ def test_the_3mf_has_every_part(written):
     back = trimesh.load_scene(folder / "tool.3mf")
     assert back.units == "millimeter"
     volumes = sorted(mesh.volume for mesh in back.geometry.values())
-    assert volumes == pytest.approx(sorted(part.piece.mesh.volume for part in made.parts), rel=1e-3)
+    assert volumes == pytest.approx(sorted(part.mesh.volume for part in made.parts), rel=1e-3)
 
 
 def test_step_is_read_back_with_the_same_volume(written):
@@ -103,7 +102,7 @@ def test_step_is_read_back_with_the_same_volume(written):
         BRepGProp.VolumeProperties_s(found.Current(), weighed)
         volumes.append(weighed.Mass())
         found.Next()
-    assert volumes == pytest.approx([body(part.solid).volume() for part in made.parts], rel=0.01)
+    assert volumes == pytest.approx([part.solid.body.volume() for part in made.parts], rel=0.01)
     assert "CYLINDRICAL_SURFACE" in (folder / "tool.step").read_text()  # bores are round
 
 
@@ -140,7 +139,7 @@ def test_a_slicer_slices_every_part(written, tmp_path):
 
 def test_what_joints_move_is_made_and_what_is_missing_is_said():
     made = make_tool(tongs(), PANDA, Material(), Printer(), Fit())
-    assert [part.of for part in made.parts] == ["tool", "left", "right"]
+    assert [part.link for part in made.parts] == ["tool", "left", "right"]
     assert any(fault.startswith("joint of left: an axle is not part of the solids, as on") for fault in made.faults)
     assert any("share" in fault and "at rest" in fault for fault in made.faults)
 
