@@ -1,4 +1,4 @@
-"""Lay solids on a printer's plate, check them and estimate how they print. Lengths are millimetres, as slicers expect."""
+"""Lay solids on a printer's plate, check them and estimate how they print. Lengths are millimetres, as for slicers."""
 
 from __future__ import annotations
 
