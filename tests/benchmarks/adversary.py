@@ -380,4 +380,4 @@ def honest(given: Settings) -> None:
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

@@ -112,4 +112,4 @@ def markdown(one: str, other: str, rows: Sequence[dict[str, Any]]) -> str:
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

@@ -118,4 +118,4 @@ def number(one: Mapping[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

@@ -137,4 +137,4 @@ def line(name: str, cost: Cost) -> str:
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

@@ -142,4 +142,4 @@ def anchored(candidate: Candidate, task: Task, seed: int) -> Candidate:
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

@@ -105,4 +105,4 @@ KINDS: dict[str, Callable[[str, Path], dict[str, Any]]] = {
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

@@ -125,4 +125,4 @@ def read(folder: Path) -> dict[tuple[str, str, str], float]:
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

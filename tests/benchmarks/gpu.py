@@ -170,4 +170,4 @@ def markdown(device: str, rows: Sequence[dict[str, Any]], agreements: Sequence[d
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

@@ -183,4 +183,4 @@ def seconds(repeats: int, *trials: tuple[Evaluate, Sequence[Candidate]]) -> list
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

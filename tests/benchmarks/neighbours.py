@@ -135,4 +135,4 @@ def markdown(found: dict[str, dict[str, list[float]]], sims: Sequence[str]) -> s
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

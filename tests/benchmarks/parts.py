@@ -104,4 +104,4 @@ _CENTER = np.array([0.465, 0.0, -0.01 - _HEIGHT / 2])  # of the blade's curve
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

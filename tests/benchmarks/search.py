@@ -130,4 +130,4 @@ def with_interval(tasks: list[list[float]]) -> str:
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

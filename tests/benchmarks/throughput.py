@@ -302,4 +302,4 @@ def _quiet() -> bool:
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

@@ -96,4 +96,4 @@ def markdown(steps: Sequence[float], rows: Sequence[dict[str, Any]]) -> str:
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())

@@ -112,4 +112,4 @@ def pair(of: Mapping[str, Any]) -> tuple[str, str]:
 
 
 if __name__ == "__main__":
-    command(main)
+    command(lambda _: main())
