@@ -24,7 +24,8 @@ class BringCube(Task):
     name = "BringCube"
     description = (
         "A red cube with a side of 0.07 m and a mass of 1 kg lies on the table 1 m in front of the robot, beyond what "
-        "its gripper can reach. Bring the cube 0.4 m closer, onto the blue mark on the table, and leave it there."
+        f"its gripper can reach. Bring the cube {START[0] - TARGET[0]:g} m closer, onto the blue mark on the "
+        "table, and leave it there."
     )
     goals = (Goal(bodies=("cube",), place=(0.0, 0.0, SIDE / 2), at="mark"),)
     variations = {

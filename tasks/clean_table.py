@@ -52,8 +52,8 @@ class CleanTable(Task):
     description = (
         "Eight small coloured cubes with a side of 0.03 m and a mass of 10 g each, the dust, lie scattered on the "
         "table, 0.5 to 0.9 m in front of the robot and up to 0.2 m to either side, at random. Sweep "
-        "them all away from the robot, into the green circle with a radius of 0.15 m around (1.1, 0), without pushing "
-        "any off the table or past the circle."
+        f"them all away from the robot, into the green circle with a radius of {RADIUS:g} m around (1.1, 0), without "
+        "pushing any off the table or past the circle."
     )
     goals = (Goal(bodies=DUST, place=(0.0, 0.0, None), tolerance=RADIUS, at="circle"),)
     variations = {

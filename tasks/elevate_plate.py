@@ -66,7 +66,7 @@ class ElevatePlate(Task):
     description = (
         "A white dinner plate, 0.26 m across with a raised rim, 0.5 kg, stands on the table, 0.75 m in front of the "
         "robot. Its foot has a radius of 0.055 m, so that all around the foot there is a gap of 0.018 m between the "
-        "plate's underside and the table. Lift the plate straight up by 0.4 m, level, and hold it there."
+        f"plate's underside and the table. Lift the plate straight up by {LIFT:g} m, level, and hold it there."
     )
     goals = (Goal(bodies=("plate",), place=(0.0, 0.0, LIFT), at="plate"),)
     variations = {

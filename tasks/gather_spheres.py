@@ -67,7 +67,7 @@ class GatherSpheres(Task):
         "Thirty small spheres (radius 0.02 m, 5 g each) lie on the table between three fixed see-through walls: at "
         "y = -0.15, at y = 0.15 and, away from the robot, at x = 0.85, each 0.2 m high and 0.01 m thick and slippery. "
         "Between them it is open toward the robot (at x = 0.55) and on top, and the table is the floor. Scoop up as "
-        "many of the spheres as possible, lift them above z = 0.3 m, and hold them there."
+        f"many of the spheres as possible, lift them above z = {WANTED_HEIGHT:g} m, and hold them there."
     )
     goals = (Goal(bodies=NAMES, place=(None, None, WANTED_HEIGHT + 0.05), tolerance=0.05),)
     variations = {

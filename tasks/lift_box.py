@@ -45,8 +45,9 @@ class LiftBox(Task):
     description = (
         "A cardboard box, 0.25 m wide and 0.20 m high and too wide for a gripper, stands on the table in front of the "
         "robot. It is open on top, and its four flaps, each 0.1 m long, slant outward and upward from the edges of the "
-        "walls (from z = 0.20 to z = 0.24). The box weighs 0.3 kg. Lift it straight up by 0.13 m without tilting it, "
-        "until its centre, now at z = 0.12 m, is at z = 0.25 m, and hold it there."
+        f"walls (from z = 0.20 to z = 0.24). The box weighs {MASS:g} kg. Lift it straight up by "
+        f"{WANTED_HEIGHT - CENTER[2]:g} m without tilting it, until its centre, now at z = {CENTER[2]:g} m, is at "
+        f"z = {WANTED_HEIGHT:g} m, and hold it there."
     )
     goals = (Goal(bodies=("box",), place=(0.0, 0.0, WANTED_HEIGHT - CENTER[2]), at="box"),)
     variations = {

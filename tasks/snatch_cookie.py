@@ -76,7 +76,7 @@ class SnatchCookie(Task):
         "A glass jar stands on the table 0.58 m in front of the robot, fixed. Its mouth, 0.176 m wide, is at z = 0.25; "
         "below the neck it is 0.2 m wide inside. Twelve cookies, flat round discs with a diameter of 0.08 m, 0.014 m "
         "thick and 20 g in weight, lie at its bottom in two columns of six, one nearer to the robot and one farther; "
-        "the columns reach up to z = 0.093. Take one cookie out of the jar and hold it higher than z = 0.3."
+        f"the columns reach up to z = 0.093. Take one cookie out of the jar and hold it higher than z = {OUT_Z:g}."
     )
     goals = (
         Goal(bodies=tuple(f"cookie_{i}" for i in range(1, COOKIES + 1)), place=(None, None, OUT_Z + 0.02), any=True),

@@ -56,7 +56,7 @@ class AroundCorner(Task):
         "alone, which points away from the robot. Its floor is a rubber mat of 2 mm, which goes on beyond the "
         "opening. A cube with sides of 36 to 46 mm lies on it, its middle 55 to 75 mm from the closed end and up to "
         "15 mm aside. A mark lies on the mat outside, 130 to 190 mm beyond the opening and up to 0.1 m aside. Bring "
-        "the cube out and leave its middle within 15 mm of the mark's."
+        f"the cube out and leave its middle within {1000 * TOLERANCE:g} mm of the mark's."
     )
     goals = (Goal(bodies=("cube",), at="mark", place=(0.0, 0.0, None), tolerance=TOLERANCE),)
     variations = {

@@ -16,7 +16,8 @@ HEAD, HEAD_HEIGHT = 0.15, 0.09
 DEPTH, BOTTOM = 0.04, 0.01  # of the socket's hole, and the thickness of its bottom
 CHAMFER, SLOPE = 0.004, 0.007  # of the hole's mouth: width and height
 OUTER = 0.1  # side of the socket
-DEEP = 0.035  # the plug is in
+SPARE = 0.005
+DEEP = DEPTH - SPARE  # the plug is in
 
 BLUE, GREY, DARK = (0.20, 0.38, 0.70, 1.0), (0.62, 0.64, 0.67, 1.0), (0.30, 0.32, 0.35, 1.0)
 GREEN = (0.30, 0.60, 0.38, 1.0)
@@ -65,9 +66,10 @@ class InsertPlug(Task):
         "and 50 mm high, then comes a neck, 14 mm square and 20 mm high, then a head, 150 mm square and 90 mm high. "
         "The plug weighs 0.4 to 0.8 kg. The stand's hole is 40 mm deep. A fixed socket has a square hole, 40 mm deep "
         "and 4 to 8 mm wider than the stem; its mouth, where the socket's frame is, has chamfers that are 4 mm wide. "
-        "Stem and hole have the axes of plug and socket. Put the stem at least 35 mm deep into the hole, upright."
+        "Stem and hole have the axes of plug and socket. Put the stem at least "
+        f"{1000 * DEEP:g} mm deep into the hole, upright."
     )
-    goals = (Goal(bodies=("plug",), at="socket", place=(0.0, 0.0, -DEPTH), tolerance=0.005, axis=(0.0, 0.0, 1.0)),)
+    goals = (Goal(bodies=("plug",), at="socket", place=(0.0, 0.0, -DEPTH), tolerance=SPARE, axis=(0.0, 0.0, 1.0)),)
     variations = {
         "near": {**around("stand", (0.62, -0.2), 0.03, 0.2), **around("socket", (0.62, 0.2), 0.03, 0.2)},
         "wide": {

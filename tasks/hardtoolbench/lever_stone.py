@@ -46,7 +46,8 @@ class LeverStone(Task):
         "table. Its near edge sticks out 50 mm over the slab, so that there is a gap of 50 mm below it. In front of "
         "it, parallel to the edge and 40 to 60 mm away, is the fulcrum: a fixed round bar of 0.2 m length whose top "
         "is at z = 0.03. The arm alone can't lift the edge, since that takes 155 N or more. Raise the near edge by "
-        "25 to 40 mm and hold it there at rest until the end, without letting the stone slide."
+        f"{1000 * RAISED[0]:g} to {1000 * RAISED[1]:g} mm and hold it there at rest until the end, without letting the "
+        "stone slide."
     )
     goals = (
         Goal(bodies=("stone",), axis=(0.0, 0.0, 1.0), points=(0.115, 0.0, 0.993), at="fulcrum", tolerance_deg=1.5),

@@ -17,6 +17,7 @@ BALL_RADIUS = 0.022
 LID_RADIUS, LID_THICKNESS = 0.108, 0.008
 BRIDGE, BRIDGE_HEIGHT = 0.08, 0.04  # the lid's handle, a bar on two posts
 BOWL_RADIUS, BOWL_HEIGHT = 0.045, 0.035
+ASIDE = (0.13, 0.25)  # of the lid's middle from the pot's, m: from the first on it counts, from the second on fully
 GENTLE = (0.4, 0.8)  # m/s; up to the first the lid was put down, from the second on dropped
 
 IRON, TIN, YELLOW, CLAY = (
@@ -72,15 +73,11 @@ class LidAndBall(Task):
         "flat lid on it, 0.216 m across. The lid, 0.25 to 0.5 kg, has a bridge as handle: a bar of 80 mm length and "
         "8 mm square along the lid's y axis, on two posts, with 32 mm of room below it. Inside the pot a ball of 52 "
         "mm diameter stands on a post 18 mm thick, whose top is 46 mm above the table. Take the lid off and put it "
-        "down flat on the table, clear of the pot; it must not fall faster than 0.4 m/s. Then take the ball out and "
-        "leave it in the clay bowl, 90 mm wide and 35 mm high."
+        f"down flat on the table, clear of the pot; it must not fall faster than {GENTLE[0]:g} m/s. Then take the ball "
+        "out and leave it in the clay bowl, 90 mm wide and 35 mm high."
     )
     goals = (
-        Goal(
-            bodies=("lid",),
-            at="pot",
-            away=0.25,
-        ),
+        Goal(bodies=("lid",), at="pot", away=ASIDE[1]),
         Goal(bodies=("ball",), at="bowl", place=(0.0, 0.0, None), tolerance=0.02, rest=True),
     )
     every = True
@@ -127,7 +124,7 @@ class LidAndBall(Task):
         flat = rotate(end.quaternion("lid"), np.array([0.0, 0.0, 1.0]))[..., 2] > 0.99
         down = np.abs(end.position("lid")[..., 2] - LID_THICKNESS / 2) < 0.003
         fell = (-trace.states.linear_velocity("lid")[..., 2]).max(axis=-1)
-        off = np.interp(aside, (0.13, 0.25), (0.0, 1.0)) * flat * down * np.interp(fell, GENTLE, (1.0, 0.0))
+        off = np.interp(aside, ASIDE, (0.0, 1.0)) * flat * down * np.interp(fell, GENTLE, (1.0, 0.0))
         left, way = (np.linalg.norm(state.position("ball") - state.position("bowl"), axis=-1) for state in (end, start))
         out = np.linalg.norm((end.position("ball") - end.position("pot"))[..., :2], axis=-1) > POT_RADIUS + WALL
         still = np.linalg.norm(end.linear_velocity("ball"), axis=-1) < 0.05

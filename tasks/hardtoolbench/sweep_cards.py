@@ -8,10 +8,7 @@ from core.scene import Body, Box, Camera, Color, Cylinder, Geom, Goal, Pose, Sce
 from core.values.layouts import around
 from tasks.assets import board, open_box, revolved
 
-PLACE, TOP = (
-    (0.39, 0.0),
-    0.055,
-)  # the middle of the board's near edge, on top; its x axis points away from the robot
+PLACE, TOP = (0.39, 0.0), 0.055  # the middle of the board's near edge, on top; its x axis points from the robot
 DEPTH, WIDTH, THICKNESS = 0.34, 0.46, 0.02
 TRAY = (0.12, 0.48, 0.03)  # outer length, width and height
 CARD = (0.04, 0.03, 0.003)
@@ -53,8 +50,9 @@ class SweepCards(Task):
         "middle of the edge toward the robot, x pointing away from the robot. It slopes by up to 3 degrees. On it lie "
         "thirteen thin cards, 0.04 m by 0.03 m and 3 mm thick, and in their middle stands a slender vase, 0.12 m high "
         "and 0.044 m in diameter. In front of the board, below its near edge, stands an open tray, 0.1 m by 0.46 m "
-        "inside. Sweep the cards over that edge into the tray, within 15 s after the motion begins: each counts the "
-        "same. Nothing is earned if the robot touches the vase, or presses on the board with more than 15 N."
+        f"inside. Sweep the cards over that edge into the tray, within {BY_S:g} s after the motion begins: each counts "
+        f"the same. Nothing is earned if the robot touches the vase, or presses on the board with more than "
+        f"{PRESS_N:g} N."
     )
     goals = (
         Goal(bodies=CARDS, place=(0.0, None, 0.02), tolerance=0.05, at="tray", by_s=BY_S, untouched=("vase",)),

@@ -14,6 +14,7 @@ STRIP, STRIP_HEIGHT = 0.01, 0.006  # its width, and its height above the board
 NEAR_EDGE = -0.14  # of the board, from the middle of the strip
 FAR_EDGE, WIDTH = 0.32, 0.34
 TOLERANCE = 0.015  # of the disc's middle, m
+TILT = 15.0  # of its axis, degrees
 
 WOOD, DARK = (0.76, 0.56, 0.36, 1.0), (0.34, 0.24, 0.16, 1.0)
 BLUE, RED, GREEN = (0.20, 0.38, 0.70, 1.0), (0.78, 0.22, 0.18, 1.0), (0.25, 0.62, 0.35, 1.0)
@@ -53,7 +54,8 @@ class TurnDisc(Task):
         "side toward the robot a stone disc of 0.16 m diameter, 14 to 20 mm thick and 0.3 to 0.6 kg heavy, lies on "
         "the board: its far rim is next to the strip, its near rim sticks out 26 to 33 mm over the board's edge. "
         "Beyond the strip is a green mark. Turn the disc upside down, so that its red side is on top, and leave it "
-        "at rest on the mark: its axis within 15 degrees of straight down, its middle within 1.5 cm of the mark's."
+        f"at rest on the mark: its axis within {TILT:g} degrees of straight down, its middle within "
+        f"{100 * TOLERANCE:g} cm of the mark's."
     )
     goals = (
         Goal(
@@ -63,7 +65,7 @@ class TurnDisc(Task):
             tolerance=TOLERANCE,
             axis=(0.0, 0.0, 1.0),
             points=(0.0, 0.0, -1.0),
-            tolerance_deg=15.0,
+            tolerance_deg=TILT,
             rest=True,
         ),
     )
@@ -96,7 +98,8 @@ class TurnDisc(Task):
     def reward(self, start: State, end: State) -> Array:
         """0.1 for a disc on its rim, 1 for one upside down; less away from the mark, or in motion."""
         axis = rotate(end.quaternion("disc"), np.array([0.0, 0.0, 1.0]))
-        turned = np.interp(np.degrees(np.arccos(np.clip(axis[..., 2], -1.0, 1.0))), (20, 90, 165), (0.0, 0.1, 1.0))
+        angle = np.degrees(np.arccos(np.clip(axis[..., 2], -1.0, 1.0)))
+        turned = np.interp(angle, (20, 90, 180 - TILT), (0.0, 0.1, 1.0))
         away = np.linalg.norm((end.position("disc") - end.position("mark"))[..., :2], axis=-1)
         speed = np.linalg.norm(end.linear_velocity("disc"), axis=-1)
         near = np.interp(away, (TOLERANCE, 0.05, 0.2), (1.0, 0.5, 0.1))

@@ -73,12 +73,12 @@ class TwoStations(Task):
     description = (
         "At the robot's left a square tube is fixed on a post, 24 mm wide and 30 mm high inside; its frame is in its "
         "mouth, its axis along x of the frame, away from the robot. A button is 60 to 90 mm deep in it; its frame is "
-        "in the middle of its face. Press it in by 25 mm: it stays. At the robot's right stands a cabinet. The handle "
-        "of its drawer is a roller that turns freely, 12 mm thick and 100 mm long along y, 24 mm in front of the "
-        "drawer; the drawer's frame is on top of the roller, in its middle, 50 mm above the table. The roller's axis "
-        "is 90 mm behind the front edge of the cabinet's walls, which are 110 mm apart, and of its canopy, 95 mm "
-        "above the table. Pull the drawer by 80 mm toward the robot, along -x of its frame. Each needs 3 to 8 N. One "
-        "tool must do both."
+        f"in the middle of its face. Press it in by {1000 * PRESSED:g} mm: it stays. At the robot's right stands a "
+        "cabinet. The handle of its drawer is a roller that turns freely, 12 mm thick and 100 mm long along y, 24 mm "
+        "in front of the drawer; the drawer's frame is on top of the roller, in its middle, 50 mm above the table. The "
+        "roller's axis is 90 mm behind the front edge of the cabinet's walls, which are 110 mm apart, and of its "
+        f"canopy, 95 mm above the table. Pull the drawer by {1000 * PULLED:g} mm toward the robot, along -x of its "
+        "frame. Each needs 3 to 8 N. One tool must do both."
     )
     goals = (
         Goal(joint="button", to=STOP, tolerance=STOP - PRESSED, name="pressed"),
