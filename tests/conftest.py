@@ -1,4 +1,4 @@
-"""Settings of Hypothesis, and what is skipped where PyBullet is missing.
+"""Settings of Hypothesis, what is left out by default, and what is skipped where PyBullet is missing.
 
 ``HYPOTHESIS_PROFILE`` chooses how many random cases are tried: ``patient`` (the default), ``ci`` (where ``CI`` is set)
 or ``nightly``. None has a deadline: what is slow on a busy machine is not wrong.
@@ -35,6 +35,14 @@ def lacks_pybullet(error: BaseException) -> bool:
         return str(error).startswith(refusal)
     message, asserted, _ = str(error).partition("\nassert ")  # what stands after `assert done.returncode == 0,`
     return bool(asserted) and any(line.strip().startswith(f"error: {refusal}") for line in message.splitlines())
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out what is marked ``thorough``, unless ``-m`` names it."""
+    if "thorough" not in config.option.markexpr:
+        rare = [item for item in items if item.get_closest_marker("thorough")]
+        items[:] = [item for item in items if not item.get_closest_marker("thorough")]
+        config.hook.pytest_deselected(items=rare)
 
 
 @pytest.hookimpl(wrapper=True)

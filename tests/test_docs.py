@@ -5,8 +5,6 @@ import json
 import os
 import re
 import shlex
-import subprocess
-import sys
 import tomllib
 from collections import Counter
 from pathlib import Path
@@ -28,9 +26,10 @@ from docs import build, prompt_page
 from docs.diagrams import DRAWINGS
 from plugins.conformance.suites import examine
 from plugins.new.packages import write as write_package
+from tests.commands import python_m, warm_python
 from tests.core.run_folders import write_run
 from tests.outside_arm import write_arm
-from tests.packages import PYTHON, install
+from tests.packages import install
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -69,20 +68,58 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
     assert len(others) == 2
 
 
+RUN = (  # really, of all that are composed; what they share is run once
+    "core.evaluate task=BringCube designs=tests/tasks/solutions/BringCube.json output=rewards.json",
+    "core.evaluate protocol=varied task=OneBook tool=boxes designs=tests/tasks/anchored/OneBook.json",
+    "core.plugins --check BringCube",
+    "core.prompt task=OneBook prompt=evolve prompt.feedback=full designs=tests/tasks/solutions/OneBook.json",
+    "core.run --help",
+    "core.run -m task=BringCube seed=0,1",
+    "core.run robot=urdf robot.path=my_lab/outside_arm/urdf/arm.urdf robot.flange=tool0 "
+    "robot.home=[0,0.35,1.5,0,1.29,0] task=BringCube sim=mujoco",
+    "vlmgineer render task=BringCube designs=tests/tasks/solutions/BringCube.json output=scene.png",
+    "core.run task=BringCube task.variation=wide action=anchored fitness=layouts",
+    "vlmgineer gallery multirun/first output=gallery",
+    "core.run task=MoveBall material=pla sim=mujoco fitness=buildable fitness.plate_mm=[400,400,400]",
+    "core.run task=OneBook sim=pybullet vlm=offline seed=3",
+)
+
+
+def test_the_commands_that_are_run_are_in_the_docs():
+    assert set(RUN) <= {line.removeprefix("python -m ") for line in commands()}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("line", commands())
+@pytest.mark.parametrize(
+    "line",
+    [
+        line if line.removeprefix("python -m ") in RUN else pytest.param(line, marks=pytest.mark.thorough)
+        for line in commands()
+    ],
+)
 def test_command(line: str, tmp_path: Path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
-    words = after_python(line)
+    words = after_python(line)[1:]
     if "robot.path=my_lab" in line:
         write_arm(tmp_path / "my_lab")
-    if words[1] == "core.run" and "--help" not in words:
+    if words[0] == "core.run" and "--help" not in words:
         words += SMALL
-    if words[1:3] in (["core", "report"], ["core", "gallery"]):
-        write_run(tmp_path / words[3] / "0")  # what the page's line before it leaves
-    done = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, timeout=240)
+    if words[:2] in (["core", "report"], ["core", "gallery"]):
+        write_run(tmp_path / words[2] / "0")  # what the page's line before it leaves
+    done = python_m(tmp_path, *words)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
+
+
+def compose(line: str) -> None:
+    """Compose what a command is given; of a sweep, the first job's."""
+    words = after_python(line)[1:]
+    program, words = words[0], [word for word in words[1:] if word != "-m" and not word.startswith("hydra")]
+    if program == "core":
+        program = f"core.{words.pop(0)}"
+    config = {"core.run": "config", "core.prompt": "prompt", "core.evaluate": "evaluate"}.get(program)
+    if config and "--help" not in words and not any(word.startswith("resume=") for word in words):
+        load(config, [word if "[" in word else word.split(",")[0] for word in words])
 
 
 def console(page: Path) -> list[tuple[str, str]]:
@@ -106,15 +143,11 @@ def test_what_is_not_run_says_why():
 
 
 @pytest.mark.slow
-def test_settings_of_what_is_not_run_are_there():
+def test_settings_of_every_command_are_there():
     lines = [line for page in PAGES for _, block in console(page) for line in typed(block)]
     assert len(lines) > 10
-    for line in lines:
-        words = after_python(line)[1:]
-        program, words = words[0], [word for word in words[1:] if word != "-m" and not word.startswith("hydra")]
-        if program in ("core.run", "core.prompt") and not any(word.startswith("resume=") for word in words):
-            one = [word if "[" in word else word.split(",")[0] for word in words]  # of a sweep the first
-            load({"core.run": "config", "core.prompt": "prompt"}[program], one)
+    for line in [*lines, *commands()]:
+        compose(line)
 
 
 def test_each_kind_of_block_is_looked_at():
@@ -205,7 +238,7 @@ def test_the_ranges_in_the_docs_are_those_of_the_tasks(page, plugin):
 def test_python_as_the_page_has_it(number, tmp_path):
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     code = blocks(ROOT / "docs/python.md", "python")[number]
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=240)
+    done = warm_python(["-c", code], tmp_path, os.environ)
     assert done.returncode == 0, done.stderr
     assert len(blocks(ROOT / "docs/python.md", "python")) == 2
     if number == 0:
@@ -237,11 +270,9 @@ def test_example_configs_are_found_through_the_hook(tmp_path, monkeypatch):
 def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
     """Written by `plugins.new`, changed as the page says, and installed as pip leaves it."""
     page = ROOT / "docs/strategy_tutorial.md"
-    environment = os.environ | {"PYTHONPATH": str(tmp_path / "tournament")}
 
     def run(*words: str) -> str:
-        command = [sys.executable, "-m", *words]
-        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=240)
+        done = python_m(tmp_path, *words, PYTHONPATH=str(tmp_path / "tournament"))
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -301,7 +332,7 @@ def test_the_scene_of_the_page_passes_its_checks(tmp_path):
     """As the page has it: the pieces in one file, and the last piece beside it."""
     build.page_module(tmp_path)
     code = blocks(SCENE_PAGE, "python")[4]
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=240)
+    done = warm_python(["-c", code], tmp_path, os.environ)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert len(lines) > 5
@@ -315,11 +346,9 @@ def test_the_scene_of_the_page_becomes_a_part(tmp_path):
     folder, module = write_package("task", "PullTray", tmp_path / "pull_tray")
     build.page_module(tmp_path)
     (tmp_path / "pull_tray.py").replace(module)
-    environment = PYTHON | {"PYTHONPATH": str(install(folder, tmp_path / "site"))}
+    site = install(folder, tmp_path / "site")
     for words in (["core.plugins", "--check", "PullTray"], ["core.run", "task=PullTray", *SMALL]):
-        done = subprocess.run(
-            [sys.executable, "-m", *words], cwd=tmp_path, env=environment, capture_output=True, text=True
-        )
+        done = python_m(tmp_path, *words, PYTHONPATH=str(site))
         assert done.returncode == 0, done.stdout + done.stderr
 
 

@@ -3,14 +3,13 @@
 import csv
 import json
 import re
-import subprocess
-import sys
 from itertools import product
 from pathlib import Path
 
 import pytest
 
-from tests.packages import PYTHON, install
+from tests import commands
+from tests.packages import install
 
 pytestmark = pytest.mark.slow
 
@@ -25,10 +24,7 @@ def site(tmp_path_factory):
 
 
 def python_m(site, folder, *words):
-    return subprocess.run(
-        [sys.executable, "-m", *words], cwd=folder, env=PYTHON | {"PYTHONPATH": str(site)}, capture_output=True,
-        text=True, timeout=600,
-    )  # fmt: skip
+    return commands.python_m(folder, *words, PYTHONPATH=str(site))
 
 
 def test_all_its_parts_together_right_after_its_installation(site, tmp_path):
