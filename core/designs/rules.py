@@ -21,7 +21,16 @@ from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins import describe_part
 from core.robot.frames import link_frames
 from core.robot.kinematics import arm_of
-from core.robot.solids import Obstacles, Solid, body_solids, contact, robot_solids, signed_distance, solid_geometry
+from core.robot.solids import (
+    Obstacles,
+    Solid,
+    body_solids,
+    closest,
+    robot_solids,
+    signed_distance,
+    solid_geometry,
+    solids_of,
+)
 from core.support.text import kind, shorten
 from core.values.materials import PAPER, Material
 
@@ -125,13 +134,12 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
     if not tool.gripper:
         solids[RIGID_MOUNT] = [Solid(RIGID_MOUNT, solid_geometry(robot.flange.disc), Pose())]
     for c in tool.components:
-        solids[c.name] = [Solid(c.name, solid_geometry(shape), Pose()) for shape in c.shape.convex_parts()]
+        solids[c.name] = solids_of(c.name, c.shape, Pose())
     placed, points = tool.placed(), {}
     for component in tool.components:
         on_mount = component.parent in tool.mounts
         own = [replace(solid, pose=component.pose) for solid in solids[component.name]]
-        pairs = itertools.product(own, solids[component.parent])
-        gap, point = min((contact(*pair) for pair in pairs), key=lambda found: found[0])
+        gap, point = closest(own, solids[component.parent])
         if gap > (MAX_MOUNT_GAP_M if on_mount else MAX_GAP_M):
             relation = "mount" if on_mount else "parent"
             raise DesignError(
@@ -230,25 +238,22 @@ class SpawnRules:
         placed, solids, mounts = tool.placed(), list[Solid](), list[str]()
         for component in tool.components:
             mount, pose = placed[component.name]
-            own = [solid_geometry(shape) for shape in component.shape.convex_parts()]
-            solids += [Solid(component.name, geometry, frames[mount] @ pose) for geometry in own]
-            mounts += [mount] * len(own)
+            own = solids_of(component.name, component.shape, frames[mount] @ pose)
+            solids, mounts = [*solids, *own], [*mounts, *[mount] * len(own)]
         _check_halves(solids, mounts)
         for solid, mount in zip(solids, mounts, strict=True):
             carriers = (mount,) if tool.gripper else self.robot.near_mount
-            for link in robot.near(solid, _TOUCH_M):
-                depth = 0.0 if link.name in carriers else -signed_distance(solid, link)
-                if depth > MAX_ARM_OVERLAP_M:
+            for link, gap in robot.gaps(solid, _TOUCH_M):
+                if link not in carriers and -gap > MAX_ARM_OVERLAP_M:
                     raise DesignError(
-                        f"component {solid.name!r} starts {depth * 1000:.1f} mm inside the arm ({link.name}); "
+                        f"component {solid.name!r} starts {-gap * 1000:.1f} mm inside the arm ({link}); "
                         "move it away from the arm, or bend the tool around it"
                     )
-            for body in self._scene.near(solid, _TOUCH_M):
-                depth = -signed_distance(solid, body)
-                if depth > -_TOUCH_M:
-                    contact = f"{depth * 1000:.1f} mm inside" if depth > _TOUCH_M else "touching"
+            for body, gap in self._scene.gaps(solid, _TOUCH_M):
+                if gap < _TOUCH_M:
+                    contact = f"{-gap * 1000:.1f} mm inside" if -gap > _TOUCH_M else "touching"
                     raise DesignError(
-                        f"component {solid.name!r} starts {contact} {body.name!r} of the scene; "
+                        f"component {solid.name!r} starts {contact} {body!r} of the scene; "
                         "shorten or turn the tool so that it starts clear of everything"
                     )
 

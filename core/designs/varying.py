@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from core.design import Component, Tool
 from core.geometry import Array, Compound, Pose, Shape
 from core.interfaces import Numbers, ToolRepresentation
-from core.robot.solids import Solid, contact, solid_geometry
+from core.robot.solids import closest, solids_of
 from core.values.plans import content_of
 from core.values.shapes import resized
 
@@ -114,8 +113,5 @@ def _scaled(point: Array, before: Shape | Compound, after: Shape | Compound) -> 
 
 def _touching(component: Component, parent: Component) -> Array:
     """The point (3,) in the parent's frame where the two are closest."""
-    ours, theirs = (
-        [Solid(c.name, solid_geometry(part), pose) for part in c.shape.convex_parts()]
-        for c, pose in ((component, component.pose), (parent, Pose()))
-    )
-    return min((contact(*pair) for pair in itertools.product(ours, theirs)), key=lambda found: found[0])[1]
+    theirs = solids_of(parent.name, parent.shape, Pose())
+    return closest(solids_of(component.name, component.shape, component.pose), theirs)[1]

@@ -5,6 +5,7 @@ A mesh counts as its convex hull, as in every engine.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,19 +17,31 @@ import numpy as np
 import trimesh
 
 from core.design import Tool
-from core.geometry import Array, Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Array, Box, Capsule, Compound, Cylinder, Mesh, Pose, Shape, Sphere
 from core.robot.description import assembled
 from core.scene import Body
 from core.values.robots import Robot
 
+WORLD = -1  # the frame of what never moves
+
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A Coal shape and its pose in some frame; ``name`` is that of its link or body."""
+    """A convex solid: Coal's geometry, and its pose in a frame.
+
+    Attributes:
+        name: of its link, component or body.
+        shape: None for a link's.
+        owner: the body that it is part of, or the robot.
+        frame: the number of the frame among those that move, or `WORLD`.
+    """
 
     name: str
     geometry: Any
     pose: Pose
+    shape: Shape | None = None
+    owner: str = ""
+    frame: int = WORLD
 
     @property
     def transform(self) -> Any:
@@ -36,10 +49,8 @@ class Solid:
 
     def bounds(self) -> tuple[Array, Array]:
         """Compute the centre (3,) and half lengths (3,) of the bounding box along the frame's axes."""
-        self.geometry.computeLocalAABB()
-        local = self.geometry.aabb_local
-        half = np.abs(self.pose.rotation.as_matrix()) @ ((local.max_ - local.min_) / 2)
-        return self.pose.apply((local.max_ + local.min_) / 2), half
+        middle, half = bounding_box(self.geometry)
+        return self.pose.apply(middle), np.abs(self.pose.rotation.as_matrix()) @ half
 
 
 def hull(mesh: trimesh.Trimesh | trimesh.PointCloud) -> Any:
@@ -70,9 +81,20 @@ def corners(geometry: Any) -> Array:
     """List the corners (V, 3) of a Coal shape; of what is round, those of its bounding box."""
     if isinstance(geometry, coal.ConvexBase):
         return np.asarray(geometry.points())
+    middle, half = bounding_box(geometry)
+    return np.array(np.meshgrid(*np.column_stack([middle - half, middle + half]))).reshape(3, -1).T
+
+
+def bounding_box(geometry: Any) -> tuple[Array, Array]:
+    """Measure the bounding box of a Coal shape along its own axes: its middle (3,), and half of its extents (3,)."""
     geometry.computeLocalAABB()
-    ends = np.column_stack([geometry.aabb_local.min_, geometry.aabb_local.max_])
-    return np.array(np.meshgrid(*ends)).reshape(3, -1).T
+    box = geometry.aabb_local
+    return (box.max_ + box.min_) / 2, (box.max_ - box.min_) / 2
+
+
+def solids_of(name: str, shape: Shape | Compound, pose: Pose) -> list[Solid]:
+    """Build the solids of a shape's convex parts."""
+    return [Solid(name, solid_geometry(part), pose) for part in shape.convex_parts()]
 
 
 def body_solids(body: Body) -> Iterator[Solid]:
@@ -82,9 +104,7 @@ def body_solids(body: Body) -> Iterator[Solid]:
 
 def signed_distance(a: Solid, b: Solid) -> float:
     """Measure the distance of two solids in one frame, metres; a negative one is the penetration depth."""
-    return float(
-        coal.distance(a.geometry, a.transform, b.geometry, b.transform, coal.DistanceRequest(), coal.DistanceResult())
-    )
+    return contact(a, b)[0]
 
 
 def contact(a: Solid, b: Solid) -> tuple[float, Array]:
@@ -94,20 +114,24 @@ def contact(a: Solid, b: Solid) -> tuple[float, Array]:
     return float(gap), (result.getNearestPoint1() + result.getNearestPoint2()) / 2
 
 
+def closest(ones: Iterable[Solid], others: Iterable[Solid]) -> tuple[float, Array]:
+    """Measure the least signed distance of two groups of solids, and find the point (3,) midway there."""
+    return min((contact(*pair) for pair in itertools.product(ones, others)), key=lambda found: found[0])
+
+
 class Obstacles:
     """Fixed solids in one frame; bounding boxes quickly select those that can be near."""
 
     def __init__(self, solids: Iterable[Solid]) -> None:
         self._solids = tuple(solids)
-        bounds = [solid.bounds() for solid in self._solids]
-        self._centers = np.array([center for center, _ in bounds]).reshape(-1, 3)
-        self._halves = np.array([half for _, half in bounds]).reshape(-1, 3)
+        bounds = np.array([solid.bounds() for solid in self._solids]).reshape(-1, 2, 3)
+        self._centers, self._halves = bounds[:, 0], bounds[:, 1]
 
-    def near(self, solid: Solid, margin: float) -> list[Solid]:
-        """List the solids that may be within ``margin`` metres of ``solid``; some may be farther away."""
+    def gaps(self, solid: Solid, margin: float) -> Iterator[tuple[str, float]]:
+        """Yield the name of and the signed distance to each solid that may be within ``margin`` metres, or farther."""
         center, half = solid.bounds()
         close = (np.abs(self._centers - center) <= self._halves + half + margin).all(axis=1)
-        return [self._solids[i] for i in np.flatnonzero(close)]
+        return ((self._solids[i].name, signed_distance(solid, self._solids[i])) for i in np.flatnonzero(close))
 
 
 def gap(a: Shape, pose_a: Pose, b: Shape, pose_b: Pose) -> float:

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from core.config.settings import PerturbationRange
 from core.geometry import Array, Pose
 from core.interfaces import Task
-from core.robot.solids import Obstacles, Solid, body_solids, signed_distance
+from core.robot.solids import Obstacles, Solid, body_solids
 from core.scene import Body, Scene, State, Trace
 from core.task import reward_of
 
@@ -111,9 +111,7 @@ def together(
         for j in range(i):
             others = Obstacles(solids[bodies[j].name])
             near[i, j] = frozenset((body.name, bodies[j].name)) in joined or any(
-                signed_distance(solid, other) < TOGETHER_M
-                for solid in solids[body.name]
-                for other in others.near(solid, TOGETHER_M)
+                gap < TOGETHER_M for solid in solids[body.name] for _, gap in others.gaps(solid, TOGETHER_M)
             )
     count, labels = connected_components(near, directed=False)
     return [[body for body, label in zip(bodies, labels, strict=True) if label == group] for group in range(count)]
@@ -142,8 +140,8 @@ def _gaps(solids: Sequence[Solid], others: Obstacles) -> dict[str, float]:
     """Measure the distance to each other body that is near, by name, metres."""
     gaps: dict[str, float] = {}
     for solid in solids:
-        for other in others.near(solid, CLEAR_M):
-            gaps[other.name] = min(signed_distance(solid, other), gaps.get(other.name, math.inf))
+        for other, gap in others.gaps(solid, CLEAR_M):
+            gaps[other] = min(gap, gaps.get(other, math.inf))
     return gaps
 
 

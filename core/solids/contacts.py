@@ -10,20 +10,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
-import coal
 import numpy as np
 import numpy.typing as npt
 
 from core.design import Tool
 from core.geometry import Array, Mesh
 from core.interfaces import Contact, Recording, Robot
+from core.robot.frames import link_frames
 from core.scene import Scene, State, Trace
 from core.solids.bodies import ROBOT
 from core.solids.gap_bounds import gap_bounds, may_meet, neighbours
 from core.solids.record_rate import coarse_samples, subset
-from core.solids.tracks import Indices, Track, Tracks, follow, lengths, mount_positions
+from core.solids.tracks import Indices, Pair, Track, Tracks, follow, lengths
 from core.values.traces import TRACE_HZ
 
 TOUCH_M, HULL_M = 0.0005, 0.001  # the largest gap of a contact; so much more for each hull: PyBullet's margin
@@ -33,8 +32,6 @@ MAX_QUERIES = 40  # exact distances for the clearance of a body
 
 Key = tuple[str, str, str]  # kind, one and other of a `Contact`
 Flags = npt.NDArray[np.bool_]
-
-_REQUEST = coal.DistanceRequest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,28 +93,28 @@ def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) 
     taken = subset(recording, coarse_samples(recording))
     tracks = follow(scene, robot, tool, taken)
     own = [track for track in tracks if track.owner == ROBOT]
-    bodies, links, mounts = tracks[len(own) :], len(own) - len(tool.parts), tool.mounts
+    links, mounts = len(own) - len(tool.parts), tool.mounts
     kinds = ["tool" if i >= links or track.name in mounts else "arm" for i, track in enumerate(own)]
     struck = _struck(taken)
     touching: dict[Key, Flags] = {}
     depths: dict[Key, float] = {}
-    met: list[tuple[int, Track, Track]] = []  # where parts of the tool first touched bodies that can move
+    met: list[tuple[int, Pair]] = []  # where parts of the tool first touched bodies that can move
     pairs = neighbours(tracks, TOUCH_M + 2 * HULL_M, scene.joined)
     for (i, j), near, hit in zip(pairs.tolist(), *_near(tracks, pairs, struck), strict=True):
         if not (near.any() or hit.any()):
             continue
-        one, other = tracks[i], tracks[j]
-        key = kinds[i] if i < len(own) else "body", one.name, other.name
-        touched, depth = _touched(one, other, near, hit)
+        pair = Pair(tracks[i], tracks[j])
+        key = kinds[i] if i < len(own) else "body", pair.one.name, pair.other.name
+        touched, depth = _touched(pair, near, hit)
         if touched.any():
             touching[key] = touching.get(key, False) | touched
             depths[key] = max(depth, depths.get(key, depth))
-            if key[0] == "tool" and not scene[other.owner].fixed:
-                met.append((int(touched.argmax()), one, other))
+            if key[0] == "tool" and not scene[pair.other.owner].fixed:
+                met.append((int(touched.argmax()), pair))
     settled = int(np.searchsorted(taken.times, 0.0, side="right"))
     resting = frozenset(key for key, touched in touching.items() if key[0] == "body" and touched[:settled].any())
     missed = {body.name for body in scene.bodies} - {other for kind, _, other in touching if kind != "body"}
-    clearances = _clearances(own, [track for track in bodies if track.owner in missed])
+    clearances = _clearances(own, [track for track in tracks if track.owner in missed])
     return Contacts(taken, touching, resting, depths, clearances, _first_touch(robot, tool, taken, met))
 
 
@@ -167,34 +164,23 @@ def touch(one: Track, other: Track) -> float:
     return TOUCH_M + HULL_M * sum(track.shape is None or isinstance(track.shape, Mesh) for track in (one, other))
 
 
-def _touched(one: Track, other: Track, near: Flags, struck: Flags) -> tuple[Flags, float]:
+def _touched(pair: Pair, near: Flags, struck: Flags) -> tuple[Flags, float]:
     """Report at which samples (T,) two solids touch, and how deep they are in each other at most, metres.
 
     They also touch at the end of an interval (T - 1,) in which one of them is ``struck``, if they may have met in it.
     """
-    at = np.flatnonzero(np.append(near | struck, False) | np.append(False, near | struck))
-    most = touch(one, other)
-    gaps = _gaps(one, other, at, most)
+    samples = np.flatnonzero(np.append(near | struck, False) | np.append(False, near | struck))
+    most, gaps = touch(pair.one, pair.other), gap_bounds(pair, samples)
+    for i in np.flatnonzero(gaps <= most).tolist():  # larger ones need not be exact
+        gaps[i] = pair.gap(int(samples[i]))
     touched = np.zeros(len(near) + 1, dtype=bool)
-    touched[at] = gaps <= most
+    touched[samples] = gaps <= most
     if (hit := np.flatnonzero(struck)).size:
-        travel = sum((np.diff(track.travel)[hit] for track in (one, other) if len(track.positions) > 1), np.zeros(1))
-        closed = gaps[np.searchsorted(at, hit)] + gaps[np.searchsorted(at, hit + 1)] - travel <= 2 * most
-        touched[hit[closed] + 1] = True
+        moving = (track for track in (pair.one, pair.other) if len(track.positions) > 1)
+        travel = sum((np.diff(track.travel)[hit] for track in moving), np.zeros(1))
+        before, after = (gaps[np.searchsorted(samples, hit + later)] for later in (0, 1))
+        touched[hit[before + after - travel <= 2 * most] + 1] = True
     return touched, -float(gaps.min())
-
-
-def _gaps(one: Track, other: Track, at: Indices, most: float) -> Array:
-    """The gaps (N,) of two solids at samples ``at``, metres, negative if they overlap; exact up to ``most``."""
-    gaps = gap_bounds(one, other, at)
-    distance = coal.ComputeDistance(other.geometry, one.geometry)
-    for i in np.flatnonzero(gaps <= most).tolist():
-        gaps[i] = _distance(distance, one, other, int(at[i]))
-    return gaps
-
-
-def _distance(distance: Any, one: Track, other: Track, sample: int) -> float:
-    return float(distance(other.at(sample, 0.0)[0], one.at(sample, 0.0)[0], _REQUEST, coal.DistanceResult()))
 
 
 def _struck(recording: Recording) -> dict[str, Flags]:
@@ -209,38 +195,33 @@ def _clearances(robot: Sequence[Track], bodies: Sequence[Track]) -> dict[str, fl
     """The smallest distance of the robot to each body, over all samples, metres."""
     if not robot or not bodies:
         return {}
-    middles, extents = _boxes(robot)
+    middles, extents = (np.array(each) for each in zip(*map(_box, robot), strict=True))
     found: dict[str, float] = {}
     for body in bodies:
-        body_middles, body_extents = _boxes([body])
-        apart = np.maximum(np.abs(middles - body_middles) - extents - body_extents, 0.0)
+        middle, extent = _box(body)
+        apart = np.maximum(np.abs(middles - middle) - extents - extent, 0.0)
         bounds = np.sqrt((apart * apart).sum(axis=2))  # (robot, T)
         best = found.get(body.owner, np.inf)
         for at in np.argsort(bounds, axis=None)[:MAX_QUERIES].tolist():
             number, sample = divmod(at, bounds.shape[1])
             if bounds[number, sample] >= best:
                 break
-            track = robot[number]
-            best = min(best, _distance(coal.ComputeDistance(body.geometry, track.geometry), track, body, sample))
+            best = min(best, Pair(robot[number], body).gap(sample))
         found[body.owner] = best
     return found
 
 
-def _first_touch(robot: Robot, tool: Tool, taken: Recording, met: Sequence[tuple[int, Track, Track]]) -> float | None:
+def _first_touch(robot: Robot, tool: Tool, taken: Recording, met: Sequence[tuple[int, Pair]]) -> float | None:
     """Measure the distance from the mount's origin to the first contact: the nearest point of the tool, metres."""
     if not met:
         return None
-    sample, one, other = min(met, key=lambda first: first[0])
-    result = coal.DistanceResult()
-    distance = coal.ComputeDistance(other.geometry, one.geometry)
-    distance(other.at(sample, 0.0)[0], one.at(sample, 0.0)[0], _REQUEST, result)
-    mount = one.name if one.name in tool.mounts else tool.placed()[one.name][0]
-    origin = mount_positions(robot, tool, subset(taken, np.array([sample])))[mount][0]
-    return float(lengths(result.getNearestPoint2() - origin))
+    sample, pair = min(met, key=lambda first: first[0])
+    name = pair.one.name
+    mount = name if name in tool.mounts else tool.placed()[name][0]
+    frames = link_frames(robot, tool.gripper, taken.arm[[sample]], taken.fingers[[sample]])
+    return float(lengths(pair.nearest(sample) - frames[mount][1][0]))
 
 
-def _boxes(tracks: Sequence[Track]) -> tuple[Array, Array]:
-    """Middles and half lengths of bounding boxes along the world's axes, each (N, T, 3)."""
-    middles = np.array([track.middles for track in tracks])
-    turned, boxes = np.abs([track.rotations for track in tracks]), np.array([track.box for track in tracks])
-    return middles, (turned @ boxes[:, None, :, None])[..., 0]
+def _box(track: Track) -> tuple[Array, Array]:
+    """Middles and half lengths (T, 3) of the bounding boxes along the world's axes."""
+    return track.middles, np.abs(track.rotations) @ track.box

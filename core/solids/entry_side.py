@@ -14,7 +14,7 @@ import numpy.typing as npt
 from core.geometry import Array
 from core.solids.bodies import ROBOT, Solids
 from core.solids.gap_bounds import spans
-from core.solids.tracks import Track
+from core.solids.tracks import Pair, Track
 
 DEEP_M = 0.01  # penetration allowed under pressure; at most half of what it takes to reach the other side
 THIN_M = 0.003  # but for thin solids, pressed into a thick one too, as much as they are thick, and at least this much
@@ -76,14 +76,15 @@ class Side:
         own, others = float(direction @ rotation @ self._own), float(direction @ others_rotation @ self._others)
         return max(own, others) > SAME
 
-    def overlap(self, one: Track, other: Track, k: int, share: float) -> float:
+    def overlap(self, pair: Pair, k: int, share: float) -> float:
         """How far the first would have to go back along that direction until the two are apart, at most, metres.
 
         It is the smaller one of two: the direction may have turned with either solid. ``k`` and ``share`` are an
         instant as in `Track.at`.
         """
-        (at, rotation), (others_at, others_rotation) = one.at(k, share), other.at(k, share)
-        apart = at.getTranslation() - others_at.getTranslation()
+        one, other = pair.one, pair.other
+        (here, rotation), (there, others_rotation) = one.at(k, share), other.at(k, share)
+        apart = here.getTranslation() - there.getTranslation()
         depths = []
         for direction in (rotation @ self._own, others_rotation @ self._others):
             far = _extent(one, -(direction @ rotation)) + _extent(other, direction @ others_rotation)

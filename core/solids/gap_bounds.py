@@ -8,19 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-import coal
 import numpy as np
 import numpy.typing as npt
 
 from core.geometry import Array, Box, Capsule, Cylinder, Shape, Sphere
-from core.solids.tracks import Indices, Track, Tracks, lengths
+from core.robot.solids import corners
+from core.solids.tracks import SMOOTH, Indices, Pair, Track, Tracks, lengths
 
 Flags = npt.NDArray[np.bool_]
 
 ROUNDING_M = 1e-9  # in comparisons of lengths
 _AT_ONCE = 60_000  # pairs times intervals
 _EYE = np.eye(3)
-SMOOTH = Box | Capsule | Cylinder | Sphere  # whose extents are formulas
 
 
 def neighbours(tracks: Tracks, margin: float = 0.0, joined: Collection[frozenset[str]] = ()) -> Indices:
@@ -85,38 +84,35 @@ def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Fla
     return kept
 
 
-def may_meet_closely(
-    one: Track, other: Track, near: Indices, least: float, along: tuple[Array, Array] | None = None
-) -> Indices:
+def may_meet_closely(pair: Pair, near: Indices, least: float, along: tuple[Array, Array] | None = None) -> Indices:
     """Return those samples of ``near`` from which on two solids may get as deep as ``least`` until the next.
 
     As `may_meet`, but by their shapes, not by boxes around them. ``along``: two axes (3,) to compare, one fixed in the
     first and one in the second; the default are those of their frames.
     """
+    one, other = pair.one, pair.other
     if along is not None:
         axes, others_axes = (axis[:, None] for axis in along)
     else:  # those of boxes have been compared
         axes, others_axes = (_EYE[:, : 0 if isinstance(track.shape, Box | Sphere) else 3] for track in (other, one))
         if not (axes.size or others_axes.size):
             return near
-    at, begin = with_next(near)
-    (rotations, positions), (others_rotations, others_positions) = _frames(one, at), _frames(other, at)
+    samples, begin = with_next(near)
+    (rotations, positions), (others_rotations, others_positions) = one.frames(samples), other.frames(samples)
     apart, turned = positions - others_positions, others_rotations.swapaxes(1, 2) @ rotations
-    end = begin + 1
-    turn, others_turn = one.turned[near], other.turned[near] if len(other.turned) > 1 else other.turned
-    moved = lengths(apart[end] - apart[begin])
+    turn, others_turn = one.turned[near], other.at_samples(other.turned, near)
+    moved = lengths(apart[begin + 1] - apart[begin])
     far = lengths(apart[begin]) + moved
-    least_gap = np.full(len(near), -np.inf)
+    gaps = np.full(len(near), -np.inf)
     if others_axes.size:
-        along_other = _along(other, one, others_axes, turned, _turned(apart, others_rotations))
-        gaps = np.minimum(along_other[begin], along_other[end]).max(axis=1)
-        least_gap = gaps - _curved(far, moved, turn, others_turn, one.reach)
+        seen = _along(other, one, others_axes, turned, _turned(apart, others_rotations))
+        seen = np.minimum(seen[begin], seen[begin + 1]).max(axis=1)
+        gaps = seen - _curved(far, moved, turn, others_turn, one.reach)
     if axes.size:
-        along_one = _along(one, other, axes, turned.swapaxes(1, 2), -_turned(apart, rotations))
-        gaps = np.minimum(along_one[begin], along_one[end]).max(axis=1)
-        least_gap = np.maximum(least_gap, gaps - _curved(far, moved, others_turn, turn, other.reach))
-    aside = one.aside[near] + (other.aside[near] if len(other.aside) > 1 else other.aside)
-    kept: Indices = near[least_gap - aside <= ROUNDING_M - least]
+        seen = _along(one, other, axes, turned.swapaxes(1, 2), -_turned(apart, rotations))
+        seen = np.minimum(seen[begin], seen[begin + 1]).max(axis=1)
+        gaps = np.maximum(gaps, seen - _curved(far, moved, others_turn, turn, other.reach))
+    kept: Indices = near[gaps - (one.aside[near] + other.at_samples(other.aside, near)) <= ROUNDING_M - least]
     return kept
 
 
@@ -174,26 +170,21 @@ def _curved(far: Array, moved: Array, turn: Array, others_turn: Array, reach: Ar
     return curved
 
 
-def gap_bounds(one: Track, other: Track, samples: Indices) -> Array:
+def gap_bounds(pair: Pair, samples: Indices) -> Array:
     """Lower bounds (N,) of the gaps between two solids, metres, negative if they overlap; for hulls there is none.
 
     They are exact where the gap is along an axis of either frame, or along the radius of a ball or a cylinder.
     """
-    if not isinstance(one.shape, SMOOTH) or not isinstance(other.shape, SMOOTH):
+    shape, others_shape = pair.one.shape, pair.other.shape
+    if not isinstance(shape, SMOOTH) or not isinstance(others_shape, SMOOTH):
         return np.full(len(samples), -np.inf)
-    (rotation, position), (others_rotation, others_position) = _frames(one, samples), _frames(other, samples)
-    back = others_rotation.swapaxes(1, 2)
-    turned, ahead = back @ rotation, _turned(position - others_position, others_rotation)
+    (rotation, position), (others_rotation, others_position) = pair.one.frames(samples), pair.other.frames(samples)
+    turned = others_rotation.swapaxes(1, 2) @ rotation
+    ahead = _turned(position - others_position, others_rotation)
     return np.maximum(
-        _seen(other.shape, one.shape, turned, ahead),
-        _seen(one.shape, other.shape, turned.swapaxes(1, 2), -_turned(ahead, turned)),
+        _seen(others_shape, shape, turned, ahead),
+        _seen(shape, others_shape, turned.swapaxes(1, 2), -_turned(ahead, turned)),
     )
-
-
-def _frames(track: Track, samples: Indices) -> tuple[Array, Array]:
-    if len(track.positions) == 1:
-        return track.rotations, track.positions
-    return track.rotations[samples], track.positions[samples]
 
 
 def _seen(shape: Shape, other: Shape, turned: Array, ahead: Array) -> Array:
@@ -228,10 +219,7 @@ def spans(track: Track, directions: Array) -> tuple[Array, Array]:
     if isinstance(track.shape, SMOOTH):
         far = reach(track.shape, directions)
         return -far, far
-    if isinstance(track.geometry, coal.Box):  # of a link: the gripper's fingers have some
-        far = reach(Box(tuple(2 * track.geometry.halfSide)), directions)
-        return -far, far
-    along = np.asarray(track.geometry.points()) @ directions.swapaxes(0, 1).reshape(3, -1)  # one product is fast
+    along = corners(track.geometry) @ directions.swapaxes(0, 1).reshape(3, -1)  # one product is fast
     count = directions.shape[::2]
     return along.min(axis=0).reshape(count), along.max(axis=0).reshape(count)
 

@@ -8,13 +8,11 @@ samples poses are interpolated, and an instant is skipped if the solids can't ha
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import coal
 import numpy as np
 import numpy.typing as npt
 
@@ -22,25 +20,20 @@ from core.design import Tool
 from core.geometry import Array
 from core.interfaces import Recording, Robot
 from core.scene import Scene
-from core.solids.bodies import ROBOT, all_solids, body_solids
-from core.solids.entry_side import Depths, Side
-from core.solids.gap_bounds import SMOOTH, gap_bounds, may_meet, may_meet_closely, neighbours, with_next
+from core.solids.bodies import ROBOT, all_solids, scene_solids
+from core.solids.entry_side import Depths
+from core.solids.gap_bounds import may_meet, neighbours
+from core.solids.passage import DEEP_S, find_passage, relative_ways
 from core.solids.record_rate import coarse_samples, detours, is_finite, joined, refined_samples, subset
-from core.solids.tracks import SAMPLE_HZ, Detour, Indices, Track, Tracks, angles, follow, lengths
-
-DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
+from core.solids.tracks import SAMPLE_HZ, Detour, Indices, Tracks, follow, lengths
 
 FLUNG_M_S = 5.0  # a body was flung if it is faster than this, and
 FLUNG_TIMES = 2.2  # so many times as fast as the robot ever was: an elastic blow gives twice the speed; and a tenth
 LOST_M = 5.0  # from the arm's base
 EXPLODED_M_S = 100.0
 
-_FROM_AFAR_M = 0.02  # from this distance on, the first query finds the two apart: the side they came from is known
 _STILL_M = 1e-4  # a pair is looked at again when one of them has moved so far
 _AT_ONCE = 12_000  # samples of solids: their arrays stay in the processor's cache
-_FEW = 24  # samples that are queried as fast as they are compared along an axis
-_COAL_M = 1e-6  # depths that differ by less are equal: the tolerance of Coal's iterations
-_REQUEST = coal.DistanceRequest()
 _GRAVITY = 9.81
 
 
@@ -80,7 +73,7 @@ def findings_of_each(
     """
     found: list[list[Finding] | Explosion] = [Explosion("a body's state is not finite")] * len(recordings)
     finite = [i for i, recording in enumerate(recordings) if is_finite(recording)]
-    moving = len(all_solids(robot, tool, body_solids(scene)).moving)
+    moving = len(all_solids(robot, tool, scene_solids(scene)).moving)
     parts = np.cumsum([moving * len(coarse_samples(recordings[i])) for i in finite]) // _AT_ONCE
     for part in np.unique(parts):
         some = [i for i, number in zip(finite, parts, strict=True) if number == part]
@@ -163,7 +156,7 @@ def _wanted(meetings: _Meetings) -> Array:
     pair, at = np.nonzero(meetings.near)
     one, other = meetings.pairs[pair].T
     away = aside[tracks.row(one, at)] + aside[tracks.row(other, at)]
-    ways = _ways(tracks, one, other, at) + 2 * away  # there and back
+    ways = relative_ways(tracks, one, other, at) + 2 * away  # there and back
     wanted = np.zeros(tracks.samples - 1)
     np.maximum.at(wanted, at, np.maximum(ways / meetings.depths.thick[pair], 1.0))
     for _ in range(math.ceil(DEEP_S * SAMPLE_HZ)):  # what comes to rest is near no more, but may stay too deep
@@ -176,135 +169,11 @@ def _passages(meetings: _Meetings, times: Array) -> list[Finding]:
     tracks, depths = meetings.tracks, np.array(meetings.depths).T.tolist()
     for i in np.flatnonzero(meetings.near.any(axis=1)).tolist():
         one, other = meetings.pairs[i].tolist()
-        passage = _passage(tracks, one, other, np.flatnonzero(meetings.near[i]), depths[i], times)
+        passage = find_passage(tracks, one, other, np.flatnonzero(meetings.near[i]), depths[i], times)
         if passage is not None:
             names = tracks[one].name, tracks[other].name
             found[names] = min(found.get(names, passage), passage)
     return [Finding(f"{one!r} {what.format(repr(other))}", True) for (one, other), (_, what) in found.items()]
-
-
-def _ways(tracks: Tracks, one: Indices | int, other: Indices | int, near: Indices) -> Array:
-    """How far any point of a solid moves in the frame of another from samples ``near`` to the next, metres, (N,)."""
-    rows, reach = tracks.rows, tracks.solids.reaches[one]
-    at, others_at = tracks.row(one, near), tracks.row(other, near)
-    if not np.any(tracks.moves[other]):
-        return rows.moved[at] + reach * rows.turned[at]
-    after, others_after = at + tracks.moves[one], others_at + tracks.moves[other]
-    apart, apart_after = (rows.positions[i] - rows.positions[j] for i, j in ((at, others_at), (after, others_after)))
-    back, back_after = (rows.rotations[j].swapaxes(1, 2) for j in (others_at, others_after))
-    shift = np.einsum("nij,nj->ni", back_after, apart_after) - np.einsum("nij,nj->ni", back, apart)
-    return lengths(shift) + reach * angles(back @ rows.rotations[at], back_after @ rows.rotations[after])
-
-
-def _travel(tracks: Tracks, number: int, others_number: int, near: Indices) -> Array:
-    """How far the first has moved in the frame of the second (see `Track.travel`): (T,).
-
-    Where they can't be ``near`` each other it is an upper bound.
-    """
-    one, other = tracks[number], tracks[others_number]
-    if len(other.positions) == 1:
-        return one.travel
-    steps = one.moved + one.reach * one.turned + other.moved
-    steps += (lengths(one.positions - other.positions) + one.moved + other.moved + one.reach) * other.turned
-    steps[near] = _ways(tracks, number, others_number, near)
-    return np.concatenate([[0.0], np.cumsum(steps[:-1])])
-
-
-def _passage(
-    tracks: Tracks, number: int, others_number: int, near: Indices, depths: Sequence[float], times: Array
-) -> tuple[float, str] | None:
-    """The time when one got into the other, seconds, and a description; None if it never did."""
-    one, other = tracks[number], tracks[others_number]
-    thick, deep, through, touching, far_in = depths
-    limit = min(deep, through)
-    least = min(limit, touching)
-    step = max(min(limit / 4, far_in), min(limit, thick) / 2)
-    distance = coal.ComputeDistance(other.geometry, one.geometry)
-    deep_ones = _deep(distance, tracks, number, others_number, near, least)
-    if not len(deep_ones):
-        return None
-    travel = _travel(tracks, number, others_number, near)
-    samples, gone, instants = deep_ones.tolist(), travel.tolist(), times.tolist()  # faster one by one
-    intervals = set(samples)
-    last = len(gone) - 1
-    # The direction out of ``other`` when they last only touched, if ever; before that nothing counts.
-    entry: Array | None = None
-    side: Side | None = None  # the same, and since then it may have turned gradually
-    reached = 0.0  # the largest depth since then
-    found: tuple[float, str] | None = None
-    since, stuck = 0.0, None  # when it got in, and since when it is too deep
-    k, share = samples[0], 0.0
-    while True:
-        depth, out, rotation, others_rotation = _query(distance, one, other, k, share)
-        now = instants[k] + (share * (instants[k + 1] - instants[k]) if share else 0.0)
-        if depth < touching or (side is not None and side.same(out, rotation, others_rotation)):
-            side = Side(out, rotation, others_rotation)
-        elif found is None and side is not None and side.overlap(one, other, k, share) > depth + far_in:
-            found = now, f"cut into {{}} at {now:.2f} s"  # it may come out on the other side
-        if depth < (limit if entry is None else least):
-            if entry is not None and reached >= through and out @ others_rotation @ entry < 0.5:
-                return since, f"passed through {{}} at {since:.2f} s"
-            entry, reached = out @ others_rotation, 0.0
-        if depth >= limit and entry is not None:
-            since = now if reached < limit else since
-            reached = max(reached, depth)
-        if depth < deep:
-            stuck = None
-        elif share == 0 and entry is not None:
-            stuck = now if stuck is None else stuck
-            if now - stuck >= DEEP_S:
-                return stuck, f"was {1000 * reached:.0f} mm deep inside {{}} at {stuck:.2f} s"
-        ahead = gone[k] + (share * (gone[k + 1] - gone[k]) if share else 0.0)
-        if depth >= least:
-            if k == last:
-                return found
-            ahead = min(ahead + step, gone[k + 1]) if k in intervals else gone[k + 1]
-            k, share = (k + 1, 0.0) if ahead >= gone[k + 1] else (k, share)
-            if ahead == gone[k]:
-                continue
-        else:
-            ahead += max(least - depth, step) if -depth < _FROM_AFAR_M else -depth
-            if ahead > gone[last]:
-                return found
-            at = bisect_left(samples, bisect_right(gone, ahead) - 1)
-            if at == len(samples):
-                return found
-            if samples[at] > k:
-                k, share = samples[at], 0.0
-                continue
-        share = (ahead - gone[k]) / (gone[k + 1] - gone[k])
-
-
-def _deep(distance: Any, tracks: Tracks, number: int, others_number: int, near: Indices, least: float) -> Indices:
-    """Those of the samples ``near`` from which on, until the next, two solids may get as deep as ``least``.
-
-    From one sample to the next, a gap can't shrink and grow again by more than the way between.
-    """
-    one, other = tracks[number], tracks[others_number]
-    least -= _COAL_M
-    if isinstance(one.shape, SMOOTH) and isinstance(other.shape, SMOOTH):
-        at, begin = with_next(near)
-        gaps = gap_bounds(one, other, at)
-        near = near[(gaps[begin] + gaps[begin + 1] - _ways(tracks, number, others_number, near)) / 2 <= -least]
-    while len(near) > _FEW:  # what slides or rests is apart along the way out at one sample, at many others too
-        _, out, rotation, others_rotation = _query(distance, one, other, int(near[0]), 0.0)
-        rest = may_meet_closely(one, other, near, least, (out @ rotation, out @ others_rotation))
-        if len(near) - len(rest) < _FEW:
-            break
-        near = rest
-    return may_meet_closely(one, other, near, least) if len(near) else near
-
-
-def _query(distance: Any, one: Track, other: Track, k: int, share: float) -> tuple[float, Array, Array, Array]:
-    """The penetration depth, metres, negative if the two are apart; the way out for ``one``, (3,); and both rotations.
-
-    ``distance`` is Coal's, from ``other`` to ``one``.
-    """
-    at, rotation = one.at(k, share)
-    others_at, others_rotation = other.at(k, share)
-    result = coal.DistanceResult()
-    depth = -float(distance(others_at, at, _REQUEST, result))
-    return depth, result.normal, rotation, others_rotation
 
 
 # --- flung ------------------------------------------------------------------------------------------------------
@@ -333,5 +202,9 @@ def _flung(recording: Recording, tracks: Tracks) -> list[Finding] | Explosion:
 
 
 def _top_speed(tracks: Tracks, times: Array) -> float:
-    """That of the robot, m/s."""
-    return max((track.top_speed(times) for track in tracks if track.owner == ROBOT), default=0.0)
+    """Bound the speed of any point of the robot, m/s, averaged over a tenth of a second."""
+    if len(times) < 2:
+        return 0.0
+    count = max(1, min(len(times) - 1, round(0.1 * SAMPLE_HZ)))
+    ways = [track.travel[count:] - track.travel[:-count] for track in tracks if track.owner == ROBOT]
+    return max((float((way / (times[count:] - times[:-count])).max()) for way in ways), default=0.0)

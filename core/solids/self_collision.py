@@ -13,17 +13,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from core.design import Tool
-from core.geometry import Array, Pose
+from core.geometry import Array
 from core.interfaces import JointTrajectory
 from core.robot.frames import RobotModel, joint_frames, joint_values, robot_model
-from core.robot.solids import corners, robot_solids, solid_geometry
+from core.robot.solids import Solid, bounding_box, corners
+from core.solids.bodies import link_solids, tool_solids
 from core.values.robots import Robot
 
 # Depth that counts, metres. Hulls are larger than the links: of the poses in which two hulls overlap by more than this,
@@ -74,28 +75,19 @@ class SelfCollision:
         return f"move or turn this waypoint or the one before it, so that the arm stays clear of itself{bend}"
 
 
-class _Part(NamedTuple):
-    """A solid in the frame of the joint that moves it, and a capsule around it: the ends of its axis (2, 3), a radius.
-
-    ``points`` (V, 3) are its corners, or those of a box around it.
-    """
-
-    name: str
-    joint: int
-    geometry: Any
-    rotation: Array
-    position: Array
-    ends: Array
-    radius: float
-    points: Array
-
-
 class _Pairs(NamedTuple):
-    """P pairs of N parts: their numbers (P, 2), the depth (P,) that counts, and how far a joint moves one in the
-    frame of the other at most (P, J), metres per radian or per metre.
+    """P pairs of N solids in the frames of the joints that move them, with a capsule around each.
+
+    Attributes:
+        solids: N of them; ``ends`` (N, 2, 3) are those of the capsules' axes, and ``radii`` (N,) their radii.
+        numbers: (P, 2) of the solids.
+        deep: (P,) the depth that counts, metres.
+        levers: (P, J) how far a joint moves one in the frame of the other at most, metres per radian or per metre.
     """
 
-    parts: tuple[_Part, ...]
+    solids: tuple[Solid, ...]
+    ends: Array
+    radii: Array
     numbers: npt.NDArray[np.intp]
     deep: Array
     levers: Array
@@ -138,7 +130,7 @@ def self_distances(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Arra
     It is negative for penetration. Hulls of links overlap a little where nothing is wrong: see ``DEEP_M``.
     """
     pairs, model = _pairs(robot, tool), robot_model(robot, tool.gripper)
-    gauges = [_Gauge(model, *(pairs.parts[number] for number in numbers)) for numbers in pairs.numbers]
+    gauges = [_Gauge(model, *(pairs.solids[number] for number in numbers)) for numbers in pairs.numbers]
     joints = joint_values(robot, tool.gripper, arm, fingers)
     return np.array([min((-gauge.depth(row) for gauge in gauges), default=np.inf) for row in joints])
 
@@ -147,57 +139,45 @@ def self_distances(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Arra
 
 
 @lru_cache(maxsize=8)
-def _link_parts(robot: Robot, gripper: bool) -> tuple[_Part, ...]:
-    links, solids = robot_model(robot, gripper).links, robot_solids(robot, gripper)
-    return tuple(_part(s.name, links[s.name][0], s.geometry, links[s.name][1] @ s.pose) for s in solids)
-
-
-def _part(name: str, joint: int, geometry: Any, pose: Pose) -> _Part:
-    """Measure a solid. Its capsule's axis is the longest one of its bounding box."""
-    geometry.computeLocalAABB()
-    low, high = geometry.aabb_local.min_, geometry.aabb_local.max_
-    middle, longest = (low + high) / 2, int((high - low).argmax())
-    points = corners(geometry)
-    across = points - middle
-    along, across[:, longest] = np.abs(across[:, longest]), 0.0
-    off = np.sqrt((across * across).sum(axis=1))
-    radius = float(off.max())
-    inner = max(0.0, float((along - np.sqrt(np.maximum(radius**2 - off**2, 0.0))).max()))  # caps cover the rest
-    rotation, tip = pose.rotation.as_matrix(), inner * np.eye(3)[longest]
-    ends, points = (part @ rotation.T + pose.position for part in (np.array([middle - tip, middle + tip]), points))
-    return _Part(name, joint, geometry, rotation, pose.position, ends, radius, points)
-
-
-@lru_cache(maxsize=8)
 def _pairs(robot: Robot, tool: Tool) -> _Pairs:
-    model, own = robot_model(robot, tool.gripper), _link_parts(robot, tool.gripper)
-    mounted = []
-    for name, shape, bearer, pose in tool.parts:
-        if bearer in model.links:  # where the others will be, only the engine knows
-            joint, at = model.links[bearer]
-            mounted.append(_part(name, joint, solid_geometry(shape), at @ pose))
-    count = len(mounted)
+    model, links = robot_model(robot, tool.gripper), link_solids(robot, tool.gripper)
+    # Where bearers will be, only the engine knows.
+    mounted = [solid for solid in tool_solids(robot, tool) if solid.frame < len(model.parents)]
+    count, solids = len(mounted), (*mounted, *links)
     limits = {(one + count, other + count): deep for (one, other), deep in _link_limits(robot, tool.gripper).items()}
-    for (one, part), (other, link) in product(enumerate(mounted), enumerate(own, start=count)):
-        if part.joint != link.joint and not _on_two_fingers(model, part, link):
+    for (one, part), (other, link) in product(enumerate(mounted), enumerate(links, start=count)):
+        if part.frame != link.frame and not _on_two_fingers(model, part, link):
             limits[one, other] = DEEP_M
-    parts, numbers = (*mounted, *own), np.array(list(limits), dtype=np.intp)
-    reach = [_levers(model, part, robot.opening_m) for part in mounted]
+    numbers = np.array(list(limits), dtype=np.intp)
+    reach = [_levers(model, solid, robot.opening_m) for solid in mounted]
     levers = np.array([*reach, *_link_levers(robot, tool.gripper)])
     fixed = levers == 0.0
     one, other = numbers.T
     moving = levers[one] * fixed[other] + levers[other] * fixed[one]
-    return _Pairs(parts, numbers, np.array(list(limits.values())), moving)
+    ends, radii = zip(*map(_capsule, solids), strict=True)
+    return _Pairs(solids, np.array(ends), np.array(radii), numbers, np.array(list(limits.values())), moving)
+
+
+def _capsule(solid: Solid) -> tuple[Array, float]:
+    """Fit a capsule around a solid, along the longest axis of its bounding box: its axis' ends (2, 3), its radius."""
+    middle, half = bounding_box(solid.geometry)
+    longest, across = int(half.argmax()), corners(solid.geometry) - middle
+    along, across[:, longest] = np.abs(across[:, longest]), 0.0
+    off = np.sqrt((across * across).sum(axis=1))
+    radius = float(off.max())
+    inner = max(0.0, float((along - np.sqrt(np.maximum(radius**2 - off**2, 0.0))).max()))  # caps cover the rest
+    tip = inner * np.eye(3)[longest]
+    return solid.pose.apply([middle - tip, middle + tip]), radius
 
 
 @lru_cache(maxsize=8)
 def _link_limits(robot: Robot, gripper: bool) -> dict[tuple[int, int], float]:
     """Pairs of links that may collide, by their numbers, and the depth from which on they do."""
     model, limits = robot_model(robot, gripper), {}
-    hand = {part.name for part in _link_parts(robot, gripper)} - {part.name for part in _link_parts(robot, False)}
+    hand = {solid.name for solid in link_solids(robot, gripper)} - {solid.name for solid in link_solids(robot, False)}
     home = joint_values(robot, gripper, np.array([robot.home]), np.full((1, 2), robot.opening_m))[0]
-    for (one, part), (other, link) in combinations(enumerate(_link_parts(robot, gripper)), 2):
-        between = model.supports[part.joint] ^ model.supports[link.joint]
+    for (one, part), (other, link) in combinations(enumerate(link_solids(robot, gripper)), 2):
+        between = model.supports[part.frame] ^ model.supports[link.frame]
         apart = sum(model.model.names[joint] in robot.arm_joints for joint in between)
         least = _APART_ON_FLANGE if hand & {part.name, link.name} else _APART
         limit = DEEP_M if apart >= _APART else DEEP_NEAR_M
@@ -206,26 +186,26 @@ def _link_limits(robot: Robot, gripper: bool) -> dict[tuple[int, int], float]:
     return limits
 
 
-def _on_two_fingers(robot: RobotModel, one: _Part, other: _Part) -> bool:
-    before, behind = robot.supports[one.joint], robot.supports[other.joint]
+def _on_two_fingers(robot: RobotModel, one: Solid, other: Solid) -> bool:
+    before, behind = robot.supports[one.frame], robot.supports[other.frame]
     return bool(before - behind and behind - before)
 
 
 @lru_cache(maxsize=8)
 def _link_levers(robot: Robot, gripper: bool) -> tuple[Array, ...]:
     model = robot_model(robot, gripper)
-    return tuple(_levers(model, part, robot.opening_m) for part in _link_parts(robot, gripper))
+    return tuple(_levers(model, solid, robot.opening_m) for solid in link_solids(robot, gripper))
 
 
-def _levers(robot: RobotModel, part: _Part, opening_m: float) -> Array:
-    """How far each joint (J,) moves any point of a part at most, metres per radian or per metre."""
-    levers = np.zeros(robot.model.njoints - 1)
-    joint, reach = part.joint, float(np.linalg.norm(part.points, axis=1).max())
+def _levers(robot: RobotModel, solid: Solid, opening_m: float) -> Array:
+    """How far each joint (J,) moves any point of a solid at most, metres per radian or per metre."""
+    levers, points = np.zeros(robot.model.njoints - 1), solid.pose.apply(corners(solid.geometry))
+    joint, reach = solid.frame, float(np.linalg.norm(points, axis=1).max())
     while joint:
         slides, apart = _joint(robot, joint, opening_m)
         lever = reach
-        if joint == part.joint:  # from the axis, not from the origin
-            lever = float(np.linalg.norm(np.cross(robot.axes[joint][0], part.points), axis=1).max())
+        if joint == solid.frame:  # from the axis, not from the origin
+            lever = float(np.linalg.norm(np.cross(robot.axes[joint][0], points), axis=1).max())
         levers[joint - 1] = 1.0 if slides else lever
         reach += apart
         joint = robot.parents[joint]
@@ -240,13 +220,13 @@ def _joint(robot: RobotModel, joint: int, opening_m: float) -> tuple[bool, float
 
 
 class _Gauge:
-    """Measures the penetration depth of two parts by the joints' values, in Pinocchio alone: fifteen times as fast."""
+    """Measures the penetration depth of two solids by the joints' values, in Pinocchio alone: fifteen times as fast."""
 
-    def __init__(self, robot: RobotModel, one: _Part, other: _Part) -> None:
+    def __init__(self, robot: RobotModel, one: Solid, other: Solid) -> None:
         self._robot, self._solids = robot, pin.GeometryModel()
-        for name, part in zip("ab", (one, other), strict=True):
-            at = pin.SE3(part.rotation, part.position)
-            self._solids.addGeometryObject(pin.GeometryObject(name, part.joint, at, part.geometry))
+        for name, solid in zip("ab", (one, other), strict=True):
+            place = pin.SE3(solid.pose.rotation.as_matrix(), solid.pose.position)
+            self._solids.addGeometryObject(pin.GeometryObject(name, solid.frame, place, solid.geometry))
         self._solids.addCollisionPair(pin.CollisionPair(0, 1))
         self._data = pin.GeometryData(self._solids)
 
@@ -267,14 +247,11 @@ def _near(
     rows = np.searchsorted(moved, np.arange(0.0, moved[-1] + _SAMPLE_M, _SAMPLE_M)[1:-1])
     rows = np.unique([0, *rows, len(moved) - 1])
     rotations, positions = joint_frames(robot, joints[rows])
-    of = [part.joint for part in pairs.parts]
-    ends = np.array([part.ends for part in pairs.parts])
-    ends = positions[of][:, None] + np.einsum("nsij,nej->nesi", rotations[of], ends)  # (N, 2, S + 1, 3)
-    radii = np.array([part.radius for part in pairs.parts])
-    one, other = pairs.numbers.T
+    frames, (one, other) = [solid.frame for solid in pairs.solids], pairs.numbers.T
+    ends = positions[frames][:, None] + np.einsum("nsij,nej->nesi", rotations[frames], pairs.ends)  # (N, 2, S + 1, 3)
     blocks = np.array_split(ends, -(-len(one) * len(rows) // _BLOCK), axis=2)
     gaps = np.hstack([_segment_distances(b[one, 0], b[one, 1], b[other, 0], b[other, 1]) for b in blocks])
-    gaps -= (radii[one] + radii[other])[:, None]
+    gaps -= (pairs.radii[one] + pairs.radii[other])[:, None]
     travel = pairs.levers @ np.diff(turned[rows], axis=0).T
     least = (gaps[:, :-1] + gaps[:, 1:] - travel) / 2
     return rows, least < -pairs.deep[:, None]
@@ -311,7 +288,7 @@ class _Search:
         self, robot: RobotModel, pairs: _Pairs, pair: int, joints: Array, turned: Array, budget: Iterator[int]
     ) -> None:
         self.joints, self.budget = joints, budget
-        self.one, self.other = (pairs.parts[number] for number in pairs.numbers[pair])
+        self.one, self.other = (pairs.solids[number] for number in pairs.numbers[pair])
         self.gauge = _Gauge(robot, self.one, self.other)
         self.deep = float(pairs.deep[pair])
         self.moved: Array = turned @ pairs.levers[pair]

@@ -5,11 +5,10 @@ Covered by `tests/core/solids/test_penetration.py`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
@@ -18,14 +17,17 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.geometry import Array, Shape
+from core.geometry import Array, Box, Capsule, Cylinder, Sphere
 from core.interfaces import Recording
 from core.robot.frames import bearer_frames, joint_frames, joint_values, place, robot_model, rotate, tool_values
+from core.robot.solids import WORLD
 from core.scene import Scene, State
-from core.solids.bodies import WORLD, Solids, all_solids, body_solids, own_solids
+from core.solids.bodies import ROBOT, Solids, all_solids, scene_solids
 from core.values.robots import Robot
 
 SAMPLE_HZ = 25.0
+SMOOTH = Box | Capsule | Cylinder | Sphere  # whose extents are formulas
+_REQUEST = coal.DistanceRequest()
 
 Indices = npt.NDArray[np.intp]
 
@@ -40,29 +42,18 @@ class Detour(NamedTuple):
     turned: Array
 
 
-@dataclass(eq=False)  # not frozen: that takes three times as long to make
-class Track:
-    """A convex solid, and the rotations (T, 3, 3) and positions (T, 3) of its frame at T samples.
-
-    A solid that never moves has T = 1. The frame of a ball does not turn.
+class Rows(NamedTuple):
+    """Solids at samples, one after the other: R rows in all. Those of a single solid are its T samples.
 
     Attributes:
-        owner: the body that the solid is part of, or the robot.
-        shape: None for a link's hull.
-        middles: (T, 3) the middle of the bounding box ``box``, which is along the solid's own axes.
-        low: (T, 3), with ``high`` the bounding box at a sample and on the way to the next.
-        reach: how far from the frame's origin rotation moves a point, metres.
-        half_width: half of the thickness, metres (`thickness`).
-        box: half of its extents along its own axes, (3,), metres.
-        aside: (T,) how far it gets from the straight way to the next sample, metres, at most.
-        moved: (T,) the length of the way to the next sample, metres; the last is 0.
-        turned: (T,) the angle to the next sample, radians; the last is 0.
+        rotations: (R, 3, 3), with ``positions`` (R, 3) the solid's frame. That of a ball does not turn.
+        middles: (R, 3) the middle of the bounding box along the solid's own axes.
+        low: (3, R), with ``high`` the bounding box at the sample and on the way to the next.
+        aside: (R,) how far it gets from the straight way to the next sample, metres, at most.
+        moved: (R,) the length of the way to the next sample, metres; the last is 0.
+        turned: (R,) the angle to the next sample, radians; the last is 0.
     """
 
-    name: str
-    owner: str
-    shape: Shape | None
-    geometry: Any
     rotations: Array
     positions: Array
     middles: Array
@@ -71,55 +62,89 @@ class Track:
     aside: Array
     moved: Array
     turned: Array
-    reach: float
-    half_width: float
-    box: Array
-    transforms: dict[int, tuple[Any, Array]] = field(default_factory=dict)  # results of `at`, by sample
+
+
+_AXES = (0, 0, 0, 1, 1, 0, 0, 0)  # along which the rows are in each of them
+
+
+class Track:
+    """A convex solid at T samples; one that never moves has T = 1.
+
+    Attributes:
+        rotations, positions, middles, aside, moved, turned: its `Rows`.
+        low: (T, 3), with ``high`` the bounding boxes.
+        reach: how far from the frame's origin rotation moves a point, metres.
+        half_width: half of the thickness, metres (`thickness`).
+        box: half of the bounding box's extents along its own axes, (3,), metres.
+    """
+
+    def __init__(self, solids: Solids, number: int, rows: Rows) -> None:
+        solid = solids.items[number]
+        self.name, self.owner, self.shape, self.geometry = solid.name, solid.owner, solid.shape, solid.geometry
+        self.rotations, self.positions, self.middles, low, high, self.aside, self.moved, self.turned = rows
+        self.low, self.high = low.T, high.T
+        self.reach, self.half_width = float(solids.reaches[number]), float(solids.widths[number])
+        self.box = solids.halves[number]
+        self._transforms: dict[int, tuple[Any, Array]] = {}  # results of `at`, by sample
 
     @cached_property
     def travel(self) -> Array:
         """An upper bound (T,) of how far any point has moved since the first sample, metres."""
         return np.concatenate([[0.0], np.cumsum((self.moved + self.reach * self.turned)[:-1])])
 
-    def top_speed(self, times: Array) -> float:
-        """An upper bound of the speed of any point, m/s, averaged over a tenth of a second."""
-        count = max(1, min(len(times) - 1, round(0.1 * SAMPLE_HZ)))
-        if len(times) < 2:
-            return 0.0
-        return float(((self.travel[count:] - self.travel[:-count]) / (times[count:] - times[:-count])).max())
+    def at_samples(self, values: Array, samples: Indices) -> Array:
+        """Choose ``samples`` of the rows' values (T, ...); there is one for all of a solid that never moves."""
+        return values[samples] if len(self.positions) > 1 else values
+
+    def frames(self, samples: Indices) -> tuple[Array, Array]:
+        """Return the rotations and positions of its frame at samples."""
+        return self.at_samples(self.rotations, samples), self.at_samples(self.positions, samples)
 
     def at(self, k: int, share: float) -> tuple[Any, Array]:
         """Coal's transform and the rotation (3, 3), a ``share`` (0..1) of the way from sample ``k`` to the next."""
         if len(self.positions) == 1:
             k, share = 0, 0.0
-        if share == 0 and k in self.transforms:
-            return self.transforms[k]
+        if share == 0 and k in self._transforms:
+            return self._transforms[k]
         rotation, position = self.rotations[k], self.positions[k]
         if share > 0:
             position = position + share * (self.positions[k + 1] - position)
             rotation = rotation.dot(pin.exp3(share * pin.log3(rotation.T.dot(self.rotations[k + 1]))))
             return coal.Transform3s(rotation, position), rotation
-        self.transforms[k] = coal.Transform3s(rotation, position), rotation
-        return self.transforms[k]
+        self._transforms[k] = coal.Transform3s(rotation, position), rotation
+        return self._transforms[k]
 
 
-class Rows(NamedTuple):
-    """What a `Track` says, of many one after the other: R rows in all."""
+class Pair:
+    """Two solids over time: how deep the first is in the second, and how far apart they are."""
 
-    rotations: Array  # (R, 3, 3)
-    positions: Array  # (R, 3)
-    middles: Array  # (R, 3)
-    low: Array  # (3, R)
-    high: Array  # (3, R)
-    aside: Array  # (R,)
-    moved: Array  # (R,)
-    turned: Array  # (R,)
+    def __init__(self, one: Track, other: Track) -> None:
+        self.one, self.other = one, other
+        self._measure = coal.ComputeDistance(other.geometry, one.geometry)
+
+    def query(self, k: int, share: float) -> tuple[float, Array, Array, Array]:
+        """Find at an instant (see `Track.at`) the penetration depth, the way out for the first, and both rotations.
+
+        The depth is in metres, and negative if the two are apart.
+        """
+        here, rotation = self.one.at(k, share)
+        there, others_rotation = self.other.at(k, share)
+        result = coal.DistanceResult()
+        depth = -float(self._measure(there, here, _REQUEST, result))
+        return depth, result.normal, rotation, others_rotation
+
+    def gap(self, k: int) -> float:
+        """Measure the gap at a sample, metres, negative if they overlap."""
+        return float(self._measure(self.other.at(k, 0.0)[0], self.one.at(k, 0.0)[0], _REQUEST, coal.DistanceResult()))
+
+    def nearest(self, k: int) -> Array:
+        """Find the point (3,) of the first that is nearest to the second at a sample."""
+        result = coal.DistanceResult()
+        self._measure(self.other.at(k, 0.0)[0], self.one.at(k, 0.0)[0], _REQUEST, result)
+        return np.array(result.getNearestPoint2())
 
 
-_AXES = (0, 0, 0, 1, 1, 0, 0, 0)  # along which the rows are in each of them
-
-
-class Tracks(Sequence[Track]):
+class Tracks:
     """The solids of a rollout at some ``samples``: the `Track` of each, and the ``rows`` of all.
 
     At sample k solid i is in row ``first[i] + moves[i] * k``. Those that move come first.
@@ -139,27 +164,18 @@ class Tracks(Sequence[Track]):
         self._made: dict[int, Track] = {}
 
     def __len__(self) -> int:
-        return len(self.solids.names)
+        return len(self.solids.items)
 
-    @overload
-    def __getitem__(self, number: int) -> Track: ...
-    @overload
-    def __getitem__(self, number: slice) -> list[Track]: ...
-    def __getitem__(self, number: int | slice) -> Track | list[Track]:
-        numbers = range(len(self))[number]
-        if isinstance(numbers, range):
-            return [self[i] for i in numbers]
-        if numbers not in self._made:
-            self._made[numbers] = self._track(numbers)
-        return self._made[numbers]
+    def __getitem__(self, number: int) -> Track:
+        if number not in self._made:
+            begin = int(self.first[number])
+            span = slice(begin, begin + (self.samples if self.moves[number] else 1))
+            rows = (values[:, span] if axis else values[span] for values, axis in zip(self.rows, _AXES, strict=True))
+            self._made[number] = Track(self.solids, number, Rows(*rows))
+        return self._made[number]
 
-    def _track(self, number: int) -> Track:
-        of, begin = self.solids, int(self.first[number])
-        at = slice(begin, begin + (self.samples if self.moves[number] else 1))
-        what: Any = of.names[number], of.owners[number], of.shapes[number], of.geometries[number]
-        rows: Any = (values[:, at].T if axis else values[at] for values, axis in zip(self.rows, _AXES, strict=True))
-        sizes: Any = float(of.reaches[number]), float(of.widths[number]), of.halves[number]
-        return Track(*what, *rows, *sizes)
+    def __iter__(self) -> Iterator[Track]:
+        return (self[number] for number in range(len(self)))
 
     def part(self, begin: int, end: int) -> Tracks:
         """The same solids from one sample to before another."""
@@ -203,12 +219,12 @@ def follow(
 
     A ``detour`` widens their bounding boxes. Of the solids that move, ``only`` those with these numbers are followed.
     """
-    solids, model = all_solids(robot, tool, body_solids(scene)), robot_model(robot, tool.gripper)
+    solids, model = all_solids(robot, tool, scene_solids(scene)), robot_model(robot, tool.gripper)
     own, bodies = _own_frames(robot, tool, recording), _body_frames(recording.states)
     rotations, positions = (np.concatenate(pair) for pair in zip(own, bodies, strict=True))
     moving = solids.moving
     if only is not None:
-        wanted = np.zeros(len(solids.names), dtype=bool)
+        wanted = np.zeros(len(solids.items), dtype=bool)
         wanted[only] = True
         moving = moving[wanted[moving]]
     aside = np.zeros((len(moving), len(recording.times)))
@@ -219,19 +235,14 @@ def follow(
     return Tracks(solids, moving, _rows(solids, moving, rotations, positions, aside), len(recording.times))
 
 
-def robot_tracks(robot: Robot, tool: Tool, recording: Recording) -> Tracks:
+def robot_tracks(robot: Robot, tool: Tool, recording: Recording) -> list[Track]:
     """Follow the links that move, and the tool's components."""
-    return _follow(own_solids(robot, tool), *_own_frames(robot, tool, recording))
+    return list(follow(Scene(()), robot, tool, recording))
 
 
-def body_tracks(scene: Scene, recording: Recording) -> Tracks:
+def body_tracks(scene: Scene, robot: Robot, recording: Recording) -> list[Track]:
     """Follow the collision shapes of all bodies."""
-    return _follow(body_solids(scene), *_body_frames(recording.states))
-
-
-def _follow(solids: Solids, rotations: Array, positions: Array) -> Tracks:
-    moving, count = solids.moving, rotations.shape[1]
-    return Tracks(solids, moving, _rows(solids, moving, rotations, positions, np.zeros((len(moving), count))), count)
+    return [track for track in follow(scene, robot, Tool(), recording) if track.owner != ROBOT]
 
 
 def _own_frames(robot: Robot, tool: Tool, recording: Recording) -> tuple[Array, Array]:
@@ -240,27 +251,13 @@ def _own_frames(robot: Robot, tool: Tool, recording: Recording) -> tuple[Array, 
     rotations, positions = joint_frames(model, joint_values(robot, tool.gripper, recording.arm, recording.fingers))
     if not tool.bearers:
         return rotations, positions
-    mounts = _mounts(robot, tool, rotations, positions)
-    found = bearer_frames(tool, tool_values(robot, tool, recording.fingers), mounts).values()
-    turned, moved = zip(*found, strict=True)
+    mounts = {}
+    for mount in tool.mounts:
+        joint, pose = model.links[mount]
+        mounts[mount] = place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
+    bearers = bearer_frames(tool, tool_values(robot, tool, recording.fingers), mounts).values()
+    turned, moved = zip(*bearers, strict=True)
     return np.concatenate([rotations, turned]), np.concatenate([positions, moved])
-
-
-def mount_positions(robot: Robot, tool: Tool, recording: Recording) -> dict[str, Array]:
-    """Follow the origin (T, 3) of each mount of a tool."""
-    joints = joint_values(robot, tool.gripper, recording.arm, recording.fingers)
-    frames = _mounts(robot, tool, *joint_frames(robot_model(robot, tool.gripper), joints))
-    return {mount: positions for mount, (_, positions) in frames.items()}
-
-
-def _mounts(robot: Robot, tool: Tool, rotations: Array, positions: Array) -> dict[str, tuple[Array, Array]]:
-    """Place the frames of a tool's mounts, given those of the joints: (T, 3, 3) and (T, 3) for each."""
-    links = robot_model(robot, tool.gripper).links
-    at = {mount: links[mount] for mount in tool.mounts}
-    return {
-        mount: place(rotations[joint], positions[joint], pose.rotation.as_matrix(), pose.position)
-        for mount, (joint, pose) in at.items()
-    }
 
 
 def _body_frames(states: State) -> tuple[Array, Array]:

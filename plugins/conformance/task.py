@@ -15,7 +15,7 @@ from core.design import Tool
 from core.designs.rules import SpawnRules
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.kinematics import arm_of
-from core.robot.solids import Obstacles, body_solids, signed_distance
+from core.robot.solids import Obstacles, body_solids
 from core.robot.trajectory import at_home
 from core.scene import Scene, State, Trace
 from core.solids.contacts import find_contacts, make_trace
@@ -95,10 +95,9 @@ def check_nothing_overlaps_at_spawn(task: Task) -> None:
             apart = [o for o in bodies[:number] if frozenset((o.name, body.name)) not in scene.joined]
             others = Obstacles(s for o in apart if not (o.fixed and body.fixed) for s in solids[o.name])
             for solid in solids[body.name]:
-                for other in others.near(solid, 0.0):
-                    depth = -signed_distance(solid, other)
-                    what = f"with seed {seed} {body.name!r} starts {1000 * depth:.1f} mm inside {other.name!r}"
-                    expect(depth < MAX_OVERLAP_M, f"{what}; an engine pushes them apart, so leave a clearance")
+                for other, gap in others.gaps(solid, 0.0):
+                    what = f"with seed {seed} {body.name!r} starts {-1000 * gap:.1f} mm inside {other!r}"
+                    expect(-gap < MAX_OVERLAP_M, f"{what}; an engine pushes them apart, so leave a clearance")
 
 
 def check_variations_draw_layouts(task: Task) -> str:

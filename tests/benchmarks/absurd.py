@@ -106,7 +106,7 @@ def random_start(task: Task, seed: int, random: np.random.Generator, *, flat: bo
     tip = task.home.inverse().apply(robot_tracks(PANDA, tool, _still(at_home(task)))[-1].positions[0])
     goal, scene = task.goals[int(random.integers(len(task.goals)))], task.scene(seed)
     body = scene[str(random.choice(goal.bodies or [body.name for body in scene.bodies]))]
-    start = body_tracks(Scene((body,)), _still(at_home(task), Scene((body,))))
+    start = body_tracks(Scene((body,)), PANDA, _still(at_home(task), Scene((body,))))
     low = min((track.low[0, 2] for track in start), default=body.pose.position[2])  # a fixed body has no track
     through = body.pose.position + random.normal(0, 0.02, 3)
     if flat or random.random() < 0.3:
@@ -230,7 +230,7 @@ def inside(scene: Scene, tool: Tool, recording: Recording) -> tuple[float, str]:
     worst = 0.0, ""
     own = [track for track in robot_tracks(PANDA, tool, recording) if isinstance(track.shape, Box)]
     for body in scene.bodies:
-        parts = [track for track in body_tracks(scene, recording) if track.owner == body.name]
+        parts = [track for track in body_tracks(scene, PANDA, recording) if track.owner == body.name]
         for one in own:
             near = [((one.low <= part.high) & (one.high >= part.low)).all(axis=1) for part in parts]
             margin = min(EATEN_M, 0.6 * min((part.half_width for part in parts), default=0.0))
@@ -304,7 +304,7 @@ def hanging(scene: Scene, tool: Tool | None, recording: Recording) -> tuple[floa
     not counted. A lifted body that nothing touches hangs by a metre.
     """
     assert tool is not None
-    states, tracks = recording.states, body_tracks(scene, recording)
+    states, tracks = recording.states, body_tracks(scene, PANDA, recording)
     solids = [*robot_tracks(PANDA, tool, recording), *tracks]
     worst = 0.0, ""
     for body in scene.free:
@@ -363,7 +363,7 @@ def tried(scene: Scene, evaluation: Evaluation, job: Rollout, recording: Recordi
     assert evaluation.candidate.tool is not None
     count = len(evaluation.candidate.tool.components)
     commanded = robot_tracks(PANDA, evaluation.candidate.tool, _still(job.trajectory, scene))[-count:]
-    return Tried(scene, evaluation, recording, commanded, body_tracks(scene, _still(job.trajectory, scene)))
+    return Tried(scene, evaluation, recording, commanded, body_tracks(scene, PANDA, _still(job.trajectory, scene)))
 
 
 def _still(trajectory: JointTrajectory, scene: Scene = _EMPTY) -> Recording:

@@ -58,7 +58,7 @@ def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> C
     """Measure distances along a recorded rollout, at `HZ`."""
     chosen = np.unique(np.searchsorted(recording.times, np.arange(0.0, recording.times[-1] + 1 / HZ, 1 / HZ)))
     chosen = chosen[chosen < len(recording.times)]
-    moving, bodies = robot_tracks(robot, tool, recording), body_tracks(scene, recording)
+    moving, bodies = robot_tracks(robot, tool, recording), body_tracks(scene, robot, recording)
     parts = {component.name for component in tool.components}
     own = [[track for track in moving if (track.name in parts) == of_tool] for of_tool in (False, True)]
     names = dict.fromkeys(track.owner for track in bodies)

@@ -44,8 +44,8 @@ def test_near_solids_are_selected_by_their_bounds():
     np.testing.assert_allclose(center, [0, 0, 1], atol=1e-9)
     np.testing.assert_allclose(half, [1.05 / np.sqrt(2), 0.05, 1.05 / np.sqrt(2)], atol=1e-9)
     solids = Obstacles([rod, solid(CUBE, 5, 0, 0)])
-    assert solids.near(solid(Sphere(0.1), 0, 0.2, 1), margin=0.06) == [rod]
-    assert solids.near(solid(Sphere(0.1), 0, 0.2, 1), margin=0.04) == []
+    assert [name for name, _ in solids.gaps(solid(Sphere(0.1), 0, 0.2, 1), margin=0.06)] == ["rod"]
+    assert list(solids.gaps(solid(Sphere(0.1), 0, 0.2, 1), margin=0.04)) == []
 
 
 def test_the_robots_solids_are_those_of_its_description():

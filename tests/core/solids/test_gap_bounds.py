@@ -8,20 +8,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from core.design import Tool
 from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.scene import Scene
 from core.solids.gap_bounds import gap_bounds, may_meet, may_meet_closely
-from core.solids.tracks import body_tracks
+from core.solids.tracks import Pair, follow
 from tests.core.solids.test_penetration import body, recording
+from tests.panda import PANDA
 
 HULL = Mesh.from_trimesh(trimesh.creation.icosphere(subdivisions=1, radius=0.05).apply_scale([2.0, 1.0, 0.5]))
 SHAPES = [Box((0.1, 0.02, 0.3)), Box((0.2, 0.2, 0.001)), Sphere(0.05), Cylinder(0.05, 0.1), Cylinder(0.1, 0.01)]
-PAIR = np.array([[0, 1]])
 
 
 def tracks(one, other, turns, paths):
+    """The tracks of all solids; the last two are the bodies'."""
     scene = Scene((body("one", one, paths["one"][0]), body("other", other, paths["other"][0])))
-    return body_tracks(scene, recording(scene, paths, quaternions=turns))
+    return follow(scene, PANDA, Tool(), recording(scene, paths, quaternions=turns))
+
+
+def may(both, least, count):
+    pair = np.array([[len(both) - 2, len(both) - 1]])
+    (found,) = may_meet(both, pair, np.array([least]), np.ones((1, count - 1), dtype=bool))
+    return found
 
 
 @given(one=st.sampled_from(SHAPES), other=st.sampled_from(SHAPES), seed=st.integers(0, 2**32 - 1))
@@ -30,8 +38,8 @@ def test_no_gap_is_smaller_than_its_bound(one, other, seed):
     count = 20
     turns = {name: Rotation.random(count, rng=random).as_quat(scalar_first=True) for name in ("one", "other")}
     paths = {"one": random.uniform(-0.2, 0.2, (count, 3)), "other": np.zeros((count, 3))}
-    a, b = tracks(one, other, turns, paths)
-    bounds = gap_bounds(a, b, np.arange(count))
+    *_, a, b = tracks(one, other, turns, paths)
+    bounds = gap_bounds(Pair(a, b), np.arange(count))
     distance = coal.ComputeDistance(a.geometry, b.geometry)
     for k, bound in enumerate(bounds):
         result = coal.DistanceResult()
@@ -47,20 +55,15 @@ def test_side_by_side_they_are_exact(one, other):
     """One above the other, apart and overlapping."""
     heights = np.array([0.5, 0.32])
     paths = {"one": np.array([[0, 0, z] for z in heights]), "other": np.zeros((2, 3))}
-    a, b = tracks(one, other, {}, paths)
-    half = [
-        shape.radius
-        if isinstance(shape, Sphere)
-        else np.array([*getattr(shape, "size", [shape.__dict__.get("length", 0)])])[-1] / 2
-        for shape in (one, other)
-    ]
-    assert gap_bounds(a, b, np.arange(2)) == pytest.approx(heights - sum(half))
+    *_, a, b = tracks(one, other, {}, paths)
+    half = [shape.bounds[1][2] / 2 for shape in (one, other)]
+    assert gap_bounds(Pair(a, b), np.arange(2)) == pytest.approx(heights - sum(half))
 
 
 def test_hulls_have_none():
     hull = Mesh.from_trimesh(Box((0.1, 0.1, 0.1)).to_trimesh())
-    a, b = tracks(hull, Sphere(0.1), {}, {"one": np.zeros((1, 3)), "other": np.ones((1, 3))})
-    assert gap_bounds(a, b, np.arange(1)).tolist() == [-np.inf]
+    *_, a, b = tracks(hull, Sphere(0.1), {}, {"one": np.zeros((1, 3)), "other": np.ones((1, 3))})
+    assert gap_bounds(Pair(a, b), np.arange(1)).tolist() == [-np.inf]
 
 
 @given(one=st.sampled_from([*SHAPES, HULL]), other=st.sampled_from([*SHAPES, HULL]), seed=st.integers(0, 2**32 - 1))
@@ -77,13 +80,13 @@ def test_solids_do_not_meet_where_they_may_not(one, other, seed):
         for step in steps:
             turning.append(step * turning[-1])
         turns[name] = Rotation.concatenate(turning[1:]).as_quat(scalar_first=True)
-    both = a, b = tracks(one, other, turns, paths)
-    (may,) = may_meet(both, PAIR, np.array([least]), np.ones((1, count - 1), dtype=bool))
-    closely = may_meet_closely(a, b, np.flatnonzero(may), least)
-    assert set(closely) <= set(np.flatnonzero(may))
-    may = np.isin(np.arange(count - 1), closely)
+    both = tracks(one, other, turns, paths)
+    *_, a, b = both
+    near = np.flatnonzero(may(both, least, count))
+    closely = may_meet_closely(Pair(a, b), near, least)
+    assert set(closely) <= set(near)
     distance = coal.ComputeDistance(a.geometry, b.geometry)
-    for k in np.flatnonzero(~may).tolist():
+    for k in set(range(count - 1)) - set(closely.tolist()):
         for share in np.linspace(0.0, 1.0, 10, endpoint=False).tolist():
             result = coal.DistanceResult()
             gap = distance(a.at(k, share)[0], b.at(k, share)[0], coal.DistanceRequest(), result)
@@ -100,8 +103,8 @@ def test_what_slides_along_a_surface_does_not_come_nearer():
             "other": np.zeros((8, 3)),
         },
     )
-    assert not may_meet(both, PAIR, np.array([0.001]), np.ones((1, 7), dtype=bool)).any()
-    assert may_meet(both, PAIR, np.array([0.0]), np.ones((1, 7), dtype=bool)).all()
+    assert not may(both, 0.001, 8).any()
+    assert may(both, 0.0, 8).all()
 
 
 @pytest.mark.parametrize("shape", [Sphere(0.05), Cylinder(0.05, 0.1), HULL])
@@ -116,11 +119,12 @@ def test_the_shape_tells_what_the_box_around_it_does_not(shape, above, met):
         path = height * out + np.linspace(0.0, 0.01, 4)[:, None] * ahead
         return tracks(shape, plate, turns, {"one": path, "other": np.zeros((4, 3))})
 
-    a, b = slide(1.0)
+    *_, a, b = slide(1.0)
     gap = coal.ComputeDistance(a.geometry, b.geometry)(
         a.at(0, 0.0)[0], b.at(0, 0.0)[0], coal.DistanceRequest(), coal.DistanceResult()
     )
-    both = a, b = slide(1.0 - gap + above)
-    (may,) = may_meet(both, PAIR, np.zeros(1), np.ones((1, 3), dtype=bool))
-    assert may.tolist() == [met or not isinstance(shape, Sphere)] * 3
-    assert may_meet_closely(a, b, np.flatnonzero(may), 0.0).tolist() == ([0, 1, 2] if met else [])
+    both = slide(1.0 - gap + above)
+    *_, a, b = both
+    near = may(both, 0.0, 4)
+    assert near.tolist() == [met or not isinstance(shape, Sphere)] * 3
+    assert may_meet_closely(Pair(a, b), np.flatnonzero(near), 0.0).tolist() == ([0, 1, 2] if met else [])

@@ -339,20 +339,17 @@ def test_by_default_penetration_earns_nothing_and_says_why():
     assert (forbidden.status, forbidden.reward) == ("ok", 0.0)
     assert RolloutSettings().penetration == "forbid"
     assert forbidden.warnings[0] == "it creaked"
-    assert "'ball' passed through 'wall'" in forbidden.warnings[1]
-    assert "'ball' passed through 'wall'" in forbidden.reason
+    for text in (forbidden.warnings[1], forbidden.reason):
+        assert "'ball' passed through 'wall'" in text
     assert "1.00" in forbidden.reason
 
 
-def test_or_it_is_only_a_warning_or_not_looked_for():
-    warned, ignored = earned("through", "warn"), earned("through", "ignore")
-    assert (warned.reward, warned.reason, len(warned.warnings)) == (1.0, "", 2)
-    assert (ignored.reward, ignored.reason, len(ignored.warnings)) == (1.0, "", 1)
-
-
-def test_an_honest_way_earns_its_reward():
-    honest = earned("over", "forbid")
-    assert (honest.reward, honest.reason, honest.warnings) == (1.0, "", ("it creaked",))
+@pytest.mark.parametrize(
+    ("way", "penetration", "warnings"), [("through", "warn", 2), ("through", "ignore", 1), ("over", "forbid", 1)]
+)
+def test_or_it_is_only_a_warning_or_not_looked_for_or_not_there(way, penetration, warnings):
+    found = earned(way, penetration)
+    assert (found.reward, found.reason, len(found.warnings)) == (1.0, "", warnings)
 
 
 def test_an_explosion_fails():
@@ -366,14 +363,10 @@ def test_a_wrong_choice_is_refused():
         RolloutSettings(penetration="allow")
 
 
-class Hurried(Task):
-    robot = PANDA
+class Hurried(Fenced):
     """A heavy ball that flies at a thin wall, faster than a coarse time step can resolve."""
 
     name = "Hurried"
-    description = "A ball before a wall."
-    goals = (Goal(("ball",), place=(0.8, None, None)),)
-    home = Pose(np.array([0.3, 0.0, 0.75]))
 
     def scene(self, seed):
         sheet = body("sheet", Box((0.5, 0.5, 0.004)), (0.6, 0.3, 0.3), mass=0.0)

@@ -14,7 +14,7 @@ from core.design import Candidate, Component, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.geometry import Box, Pose
-from core.interfaces import JointTrajectory, RolloutSettings, Task
+from core.interfaces import JointTrajectory, RolloutSettings
 from core.plugins import installed
 from core.robot.description import assemble
 from core.robot.solids import Solid, robot_solids, signed_distance, solid_geometry
@@ -22,7 +22,6 @@ from core.robot.trajectory import plan_motion
 from core.simulation.rollout import evaluate_batch
 from core.solids import self_collision
 from core.solids.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
-from tests.engines import every_simulator, simulator
 from tests.faults import Faulty, Slide
 from tests.panda import ARM, FINGER_OPEN, HOME_JOINTS, PANDA
 
@@ -173,31 +172,27 @@ def test_a_finger_may_not_drive_its_tool_into_the_hand():
     assert found.with_tool
 
 
-@pytest.mark.parametrize("file", sorted(SOLUTIONS.glob("*.json")), ids=lambda file: file.stem)
-def test_reference_solutions_stay_clear_of_themselves(file):
-    task = installed().create("task", file.stem)
-    for candidate in read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0)):
-        trajectory = plan_motion(candidate.plan.poses, task.home, ARM).trajectory
-        assert find_self_collision(PANDA, candidate.tool, trajectory) is None
-
-
-def test_few_distances_are_measured(monkeypatch):
-    """Nearly all pairs are left out by their capsules: what remains is little beside a rollout."""
-    calls = []
-    measure = self_collision._Gauge.depth
+@pytest.fixture
+def measured(monkeypatch):
+    """Note each distance that is measured."""
+    calls, measure = [], self_collision._Gauge.depth
     monkeypatch.setattr(self_collision._Gauge, "depth", lambda *given: calls.append(1) or measure(*given))
+    return calls
+
+
+def test_few_distances_are_measured(measured):
+    """Nearly all pairs are left out by their capsules: what remains is little beside a rollout."""
     file = SOLUTIONS / "CleanTable.json"
     task = installed().create("task", file.stem)
     (candidate,) = read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0))
     trajectory = plan_motion(candidate.plan.poses, task.home, ARM).trajectory
-    self_collision._pairs(PANDA, candidate.tool)
-    calls.clear()
+    assert find_self_collision(PANDA, candidate.tool, trajectory) is None
+    measured.clear()  # of what is kept for other plans
     find_self_collision(PANDA, candidate.tool, trajectory)
-    pairs = len(self_collision._pairs(PANDA, candidate.tool).deep)
-    assert len(calls) < pairs * len(trajectory.times) / 200
+    assert len(measured) < len(trajectory.times) / 2
 
 
-def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch):
+def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch, measured):
     """A hundred thin boxes turn about the flange's axis for two minutes, close below the wrist."""
     hub = Component("hub", "tool_mount", Pose(np.array([0.0, 0.0, -0.01])), Box((0.02, 0.02, 0.02)))
     rays = []
@@ -209,11 +204,8 @@ def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch):
     joints = np.tile(np.array(HOME_JOINTS), (len(times), 1))
     joints[:, 6] = 2.5 * np.sin(0.8 * times)
     trajectory = JointTrajectory(times, joints, np.full(len(times), FINGER_OPEN))
-    calls = []
-    measure = self_collision._Gauge.depth
-    monkeypatch.setattr(self_collision._Gauge, "depth", lambda *given: calls.append(1) or measure(*given))
     met = find_self_collision(PANDA, Tool((hub, *rays)), trajectory)
-    assert len(calls) < self_collision.MAX_DISTANCES + 1000
+    assert len(measured) < self_collision.MAX_DISTANCES + 1000
     assert met.unchecked
     assert "collisions can't be ruled out: the search was given up at" in met.describe(np.array([60.0, 119.0]))
     monkeypatch.setattr(self_collision, "MAX_DISTANCES", 10**9)
@@ -221,15 +213,6 @@ def test_work_is_bounded_when_many_components_graze_the_arm(monkeypatch):
 
 
 # --- what becomes of a plan -------------------------------------------------------------------------------------
-
-
-@every_simulator
-def test_a_plan_that_folds_the_arm_into_itself_is_not_tried(engine):
-    (evaluation,) = evaluate_batch(Slide(), simulator(engine), [Candidate(ROD, FOLDED)], 0, RolloutSettings())
-    assert (evaluation.status, evaluation.reward) == ("rejected", 0.0)
-    assert "'panda_link1'" in evaluation.reason
-    assert "'panda_link5'" in evaluation.reason
-    assert "on the way to waypoint 2; move or turn this waypoint" in evaluation.reason
 
 
 class Unused(Faulty):
@@ -242,16 +225,12 @@ def test_the_setting_decides():
         rules = RolloutSettings(settle_s=0, hold_s=0, penetration=penetration)
         return evaluate_batch(Slide(), sim, [Candidate(ROD, FOLDED)], 0, rules)[0]
 
-    assert evaluated("forbid", Unused()).status == "rejected"
+    rejected = evaluated("forbid", Unused())
+    assert (rejected.status, rejected.reward) == ("rejected", 0.0)
+    assert "'panda_link1'" in rejected.reason
+    assert "'panda_link5'" in rejected.reason
+    assert "on the way to waypoint 2; move or turn this waypoint" in rejected.reason
     warned = evaluated("warn", Faulty())
     assert warned.status == "ok"
     assert [warning for warning in warned.warnings if "inside the arm's 'panda_link" in warning]
     assert evaluated("ignore", Faulty()).warnings == ()
-
-
-def test_when_a_waypoint_is_reached():
-    motion = plan_motion(FOLDED, Task.home, ARM)
-    assert motion.arrivals.shape == (2,)
-    assert motion.arrivals[-1] == motion.trajectory.duration
-    reached = ARM.forward(motion.trajectory.sample(motion.arrivals[:1])[0][0])
-    np.testing.assert_allclose(reached.position, FOLDED[0, :3], atol=1e-3)

@@ -11,7 +11,7 @@ from core.config.compose import load, node
 from core.design import Candidate, Tool
 from core.interfaces import JointTrajectory, Rollout, RolloutSettings, Waypoints
 from core.plugins import installed
-from core.robot.solids import Obstacles, body_solids, signed_distance
+from core.robot.solids import Obstacles, body_solids
 from core.simulation.rollout import evaluate_batch
 from core.values.layouts import Draw
 from plugins.fitness.layouts.fitness import UNSEEN
@@ -65,8 +65,7 @@ def test_no_body_penetrates_another(name, variation, seed):
             continue
         others = Obstacles(body_solids(other))
         for solid in body_solids(one):
-            for near in others.near(solid, 0.01):
-                gap = signed_distance(solid, near)
+            for _, gap in others.gaps(solid, 0.01):
                 assert gap > -5e-5, f"{one.name} is {-1000 * gap:.2f} mm inside {other.name}"
 
 

@@ -1,0 +1,196 @@
+"""Follow two solids from instant to instant, to find out whether one passed through the other.
+
+Conservative advancement: an instant is skipped if they can't have got deeper than what counts by then. Covered by
+`tests/core/solids/test_penetration.py`.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+
+import numpy as np
+
+from core.geometry import Array
+from core.solids.entry_side import Side
+from core.solids.gap_bounds import gap_bounds, may_meet_closely, with_next
+from core.solids.tracks import SMOOTH, Indices, Pair, Tracks, angles, lengths
+
+DEEP_S = 0.06  # a hard blow may penetrate deeper, for this long
+
+_FROM_AFAR_M = 0.02  # from this distance on, the first query finds the two apart: the side they came from is known
+_FEW = 24  # samples that are queried as fast as they are compared along an axis
+_COAL_M = 1e-6  # depths that differ by less are equal: the tolerance of Coal's iterations
+
+Passage = tuple[float, str]  # the time when one got into the other, seconds, and a description
+Instant = tuple[int, float]  # a sample, and the share of the way to the next
+
+
+def find_passage(
+    tracks: Tracks, number: int, others_number: int, near: Indices, depths: Sequence[float], times: Array
+) -> Passage | None:
+    """Find out when a solid got into another in the intervals ``near`` and how; None if it never did.
+
+    ``depths`` are the two's `Depths`.
+    """
+    thick, deep, through, skin, cut = depths
+    limit, pair = min(deep, through), Pair(tracks[number], tracks[others_number])
+    least = min(limit, skin)
+    closer = near
+    if isinstance(pair.one.shape, SMOOTH) and isinstance(pair.other.shape, SMOOTH):
+        closer = _closer(pair, near, relative_ways(tracks, number, others_number, near), least - _COAL_M)
+    closer = _deep(pair, closer, least - _COAL_M)
+    if not len(closer):
+        return None
+    travel = _travel(tracks, number, others_number, near).tolist()  # lists are faster one by one
+    course = _Course(closer.tolist(), travel, least, max(min(limit / 4, cut), min(limit, thick) / 2))
+    encounter, instants = _Encounter(pair, depths), times.tolist()
+    instant: Instant | None = (course.near[0], 0.0)
+    while instant is not None:
+        k, share = instant
+        now = instants[k] + (share * (instants[k + 1] - instants[k]) if share else 0.0)
+        depth, passage = encounter.look(k, share, now)
+        if passage is not None:
+            return passage
+        instant = course.after(k, share, depth)
+    return encounter.cut
+
+
+class _Encounter:
+    """What is known of two solids that meet.
+
+    Attributes:
+        entry: the direction out of the second when they last only touched, in its frame; before that nothing counts.
+        side: the same, which since then may have turned gradually.
+        reached: the largest depth since then, metres.
+        cut: when and how the first cut into the second, from where it may come out on the other side.
+        since: when it got in, seconds.
+        stuck: since when it is too deep, seconds.
+    """
+
+    def __init__(self, pair: Pair, depths: Sequence[float]) -> None:
+        self.pair = pair
+        _, self.deep, self.through, self.skin, self.far_in = depths
+        self.limit = min(self.deep, self.through)
+        self.least = min(self.limit, self.skin)
+        self.entry: Array | None = None
+        self.side: Side | None = None
+        self.reached, self.since = 0.0, 0.0
+        self.cut: Passage | None = None
+        self.stuck: float | None = None
+
+    def look(self, k: int, share: float, now: float) -> tuple[float, Passage | None]:
+        """Look at an instant, which is ``now``, seconds; return the depth, and a passage if there is one."""
+        depth, out, rotation, others_rotation = self.pair.query(k, share)
+        if depth < self.skin or (self.side is not None and self.side.same(out, rotation, others_rotation)):
+            self.side = Side(out, rotation, others_rotation)
+        elif (
+            self.cut is None and self.side is not None and self.side.overlap(self.pair, k, share) > depth + self.far_in
+        ):
+            self.cut = now, f"cut into {{}} at {now:.2f} s"
+        if depth < (self.limit if self.entry is None else self.least):
+            if self._left(out @ others_rotation):
+                return depth, (self.since, f"passed through {{}} at {self.since:.2f} s")
+            self.entry, self.reached = out @ others_rotation, 0.0
+        if self.entry is not None and depth >= self.limit:
+            self.since = now if self.reached < self.limit else self.since
+            self.reached = max(self.reached, depth)
+        return depth, self._rests(depth, now, share)
+
+    def _left(self, out: Array) -> bool:
+        """Report whether the first, which only touches now, came out on another side than where it went in."""
+        return self.entry is not None and self.reached >= self.through and bool(out @ self.entry < 0.5)
+
+    def _rests(self, depth: float, now: float, share: float) -> Passage | None:
+        """Find out at a sample whether the first has been too deep for too long."""
+        if depth < self.deep:
+            self.stuck = None
+        elif share == 0 and self.entry is not None:
+            self.stuck = now if self.stuck is None else self.stuck
+            if now - self.stuck >= DEEP_S:
+                return self.stuck, f"was {1000 * self.reached:.0f} mm deep inside {{}} at {self.stuck:.2f} s"
+        return None
+
+
+class _Course:
+    """Which instants to look at.
+
+    Attributes:
+        near: the intervals in which the two may get as deep as ``least``, metres.
+        travel: how far the one has moved in the frame of the other at each sample, metres.
+        step: the way from one look to the next while they are as deep, metres.
+    """
+
+    def __init__(self, near: list[int], travel: list[float], least: float, step: float) -> None:
+        self.near, self.travel, self.least, self.step = near, travel, least, step
+        self._intervals = set(near)
+
+    def after(self, k: int, share: float, depth: float) -> Instant | None:
+        """Find the instant to look at after one at which the two were at a depth; None: there is none."""
+        travel, ahead = self.travel, self.travel[k]
+        if share:
+            ahead += share * (travel[k + 1] - travel[k])
+        if depth >= self.least:
+            if k + 1 == len(travel):
+                return None
+            ahead += self.step
+            if k not in self._intervals or ahead >= travel[k + 1]:
+                return k + 1, 0.0
+        else:
+            ahead += max(self.least - depth, self.step) if -depth < _FROM_AFAR_M else -depth
+            number = bisect_left(self.near, bisect_right(travel, ahead) - 1)
+            if ahead > travel[-1] or number == len(self.near):
+                return None
+            if self.near[number] > k:
+                return self.near[number], 0.0
+        return k, (ahead - travel[k]) / (travel[k + 1] - travel[k])
+
+
+def relative_ways(tracks: Tracks, one: Indices | int, other: Indices | int, near: Indices) -> Array:
+    """Bound how far any point of a solid moves in the frame of another from samples ``near`` to the next, metres."""
+    rows, reach = tracks.rows, tracks.solids.reaches[one]
+    here, there = tracks.row(one, near), tracks.row(other, near)
+    if not np.any(tracks.moves[other]):
+        return rows.moved[here] + reach * rows.turned[here]
+    here_after, there_after = here + tracks.moves[one], there + tracks.moves[other]
+    apart = rows.positions[here] - rows.positions[there]
+    apart_after = rows.positions[here_after] - rows.positions[there_after]
+    back, back_after = (rows.rotations[j].swapaxes(1, 2) for j in (there, there_after))
+    shift = np.einsum("nij,nj->ni", back_after, apart_after) - np.einsum("nij,nj->ni", back, apart)
+    return lengths(shift) + reach * angles(back @ rows.rotations[here], back_after @ rows.rotations[here_after])
+
+
+def _travel(tracks: Tracks, number: int, others_number: int, near: Indices) -> Array:
+    """How far the first has moved in the frame of the second (see `Track.travel`): (T,).
+
+    Where they can't be ``near`` each other it is an upper bound.
+    """
+    one, other = tracks[number], tracks[others_number]
+    if len(other.positions) == 1:
+        return one.travel
+    steps = one.moved + one.reach * one.turned + other.moved
+    steps += (lengths(one.positions - other.positions) + one.moved + other.moved + one.reach) * other.turned
+    steps[near] = relative_ways(tracks, number, others_number, near)
+    return np.concatenate([[0.0], np.cumsum(steps[:-1])])
+
+
+def _closer(pair: Pair, near: Indices, ways: Array, least: float) -> Indices:
+    """Return those samples of ``near`` from which on, until the next, the gap's bounds allow a depth of ``least``.
+
+    From one sample to the next, a gap can't shrink and grow again by more than the way between, ``ways``.
+    """
+    samples, begin = with_next(near)
+    gaps = gap_bounds(pair, samples)
+    closer: Indices = near[(gaps[begin] + gaps[begin + 1] - ways) / 2 <= -least]
+    return closer
+
+
+def _deep(pair: Pair, near: Indices, least: float) -> Indices:
+    """Return those samples of ``near`` from which on, until the next, two solids may get as deep as ``least``."""
+    while len(near) > _FEW:  # what slides or rests is apart along the way out at one sample, at many others too
+        _, out, rotation, others_rotation = pair.query(int(near[0]), 0.0)
+        rest = may_meet_closely(pair, near, least, (out @ rotation, out @ others_rotation))
+        if len(near) - len(rest) < _FEW:
+            break
+        near = rest
+    return may_meet_closely(pair, near, least) if len(near) else near
