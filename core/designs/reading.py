@@ -53,13 +53,12 @@ def read_designs(
     generation: int = 0,
     agent: int = 0,
     elites: tuple[str, ...] = (),
-    n_tool: int | None = None,
-    n_action: int | None = None,
+    most: tuple[int | None, int | None] = (None, None),
     actions: ActionRepresentation | None = None,
 ) -> list[Candidate]:
     """Read one candidate per action plan, in order, numbered by strategy and action from 0.
 
-    The first ``n_tool`` strategies are read, and the first ``n_action`` plans of each (None: all). A design that breaks
+    At most so many strategies and plans of each are read (None: all). A design that breaks
     a rule gives candidates with a `Candidate.problem`: all of its strategy if the tool breaks it, and a single one if
     the plans can't be counted. Candidates of a strategy share one tool. Of the ``parents`` that a strategy names, only
     the ids in ``elites`` are kept. Plans are read by ``actions``; None: by the one that the strategy names.
@@ -68,6 +67,7 @@ def read_designs(
         DesignError: the document has no strategies at all.
     """
     candidates: list[Candidate] = []
+    n_tool, n_action = most
     for number, strategy in enumerate(_strategies(document)[:n_tool]):
         base = Candidate(None, NO_PLAN, generation, agent, number, parents=_read_parents(strategy, elites))
         candidates += _read_strategy(strategy, base, representation, spawn, n_action, actions)

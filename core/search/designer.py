@@ -299,8 +299,7 @@ class ModelDesigner:
             generation=brief.generation,
             agent=brief.agent,
             elites=tuple(elite.candidate.id for elite in brief.elites),
-            n_tool=brief.n_tool,
-            n_action=brief.n_action,
+            most=(brief.n_tool, brief.n_action),
             actions=brief.actions,
         )
 

@@ -115,7 +115,7 @@ def designs(task: str, tools: int, plans: int, seed: int) -> list[Candidate]:
     (reply,) = part("vlm", cfg.vlm).create().complete([request])
     spawn = SpawnRules(installed().create("task", task), seed)
     representation = part("tool", cfg.tool).create()
-    read = read_designs(parse_reply(reply.text), representation, spawn, n_tool=n_tool, n_action=plans)
+    read = read_designs(parse_reply(reply.text), representation, spawn, most=(n_tool, plans))
     groups = itertools.groupby((c for c in read if c.problem is None), key=lambda c: c.strategy)
     whole = [group for group in (list(group) for _, group in groups) if len(group) == plans]
     if len(whole) < tools:

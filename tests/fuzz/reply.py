@@ -47,7 +47,7 @@ def one(data: bytes) -> None:
 
 def reading(text: str) -> list[Candidate]:
     try:
-        return read_designs(parse_reply(text), UrdfTools(), spawn_rules(), n_tool=10, n_action=10)
+        return read_designs(parse_reply(text), UrdfTools(), spawn_rules(), most=(10, 10))
     except DesignError:
         return []
 

@@ -182,14 +182,8 @@ def judge(request: Request, text: str) -> tuple[bool, bool, list[str]]:
     brief = request.brief
     document = parse_reply(text)
     spawn = SpawnRules(brief.task, brief.scene_seed)
-    candidates = read_designs(
-        document,
-        brief.representation,
-        spawn,
-        n_tool=brief.n_tool,
-        n_action=brief.n_action,
-        actions=brief.actions,
-    )
+    most = (brief.n_tool, brief.n_action)
+    candidates = read_designs(document, brief.representation, spawn, most=most, actions=brief.actions)
     strategies = document["strategies"] if isinstance(document, dict) else []
     complete = not any(isinstance(strategy, Unread) for strategy in strategies)
     problems = dict.fromkeys(f"strategy {c.strategy + 1}: {c.problem}" for c in candidates if c.problem is not None)

@@ -24,7 +24,7 @@ HARMLESS = {"texture", "stylesheet", "million plans"}  # what is hostile in them
 
 def reading(text):
     """Read a reply as `core.search.designer` does."""
-    return read_designs(parse_reply(text), URDF, spawn_rules(), n_tool=10, n_action=10)
+    return read_designs(parse_reply(text), URDF, spawn_rules(), most=(10, 10))
 
 
 def problems(names):

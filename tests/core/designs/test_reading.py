@@ -350,7 +350,7 @@ def test_no_more_designs_are_read_than_requested():
     document = {
         "strategies": [{**STRATEGY, "action_sets": [PLAN] * 5}, {**STRATEGY, "gripper": 1, "action_sets": [1] * 5}] * 3
     }
-    candidates = read_designs(document, rods, SPAWN, n_tool=2, n_action=3)
+    candidates = read_designs(document, rods, SPAWN, most=(2, 3))
     assert [c.key[2:] for c in candidates] == [(s, p) for s in range(2) for p in range(3)]
     assert rods.parsed == 1
 

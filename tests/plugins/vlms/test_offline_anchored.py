@@ -42,7 +42,7 @@ def brief(name, variation="none", actions=None, **more):
 
 
 def candidates(given, document):
-    return read_designs(document, URDF, SpawnRules(given.task, 0), actions=given.actions, n_action=given.n_action)
+    return read_designs(document, URDF, SpawnRules(given.task, 0), actions=given.actions, most=(None, given.n_action))
 
 
 TASKS = ("BringCube", "ElevatePlate", "HighObject", "LiftBox", "OneBook", "ScoreGoal", "SnatchCookie", "TurkeyLegs")
