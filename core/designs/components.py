@@ -6,14 +6,17 @@ chains of half lengths to a model.
 
 from __future__ import annotations
 
+import json
 import math
 import re
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 from core.design import Component, DesignError, Tool, ToolJoint
+from core.designs.mounting import describe_mount, first_box
 from core.designs.rules import (
     MAX_BEND_M_N,
     MAX_COMPONENT_KG,
@@ -27,9 +30,10 @@ from core.designs.rules import (
     MIN_TOOL_KG,
 )
 from core.designs.tool_joints import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
+from core.designs.varying import VariedTools
 from core.designs.weight import describe_weight, mass_limit
-from core.geometry import Compound, Pose, Shape
-from core.interfaces import Robot
+from core.geometry import Array, Compound, Pose, Shape
+from core.interfaces import Brief, Robot
 from core.robot.description import assembled
 from core.support.text import kind, shorten
 from core.values.materials import Material
@@ -44,7 +48,71 @@ _DEFAULT_KG = Component.mass
 _NO_TURN = [0, 0, 0]
 _JOINT_NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
 
+TEXT, NUMBER = {"type": "string"}, {"type": "number"}  # in JSON schemas
+TRIPLE = {"type": "array", "items": NUMBER, "minItems": 3, "maxItems": 3}
+
 ReadShape = Callable[[Mapping[str, Any], str], tuple[Shape | Compound, Pose]]
+
+
+class ComponentTools(VariedTools):
+    """A representation as one field, a list of components with their poses in the mount's frame.
+
+    Subclasses say how a component's shape is written. With ``joints`` components may move against their parents.
+
+    Attributes:
+        field: the name of the list.
+        keys: those of a component that say its shape.
+        shape_schemas: the JSON schemas of these keys, one for each way to write a shape.
+        rules: the instructions, with places for the mount, the rules for all of a component but its shape, and an
+            example.
+    """
+
+    field: str
+    keys: tuple[str, ...]
+    shape_schemas: tuple[dict[str, Any], ...]
+    rules: str
+
+    def __init__(self, joints: bool = False) -> None:
+        self.joints = joints
+
+    @abstractmethod
+    def example_shape(self, size: Array) -> dict[str, Any]:
+        """Write the shape of the example, which fills a box of this size (3,)."""
+
+    @abstractmethod
+    def readers(self) -> Iterable[ReadShape]:
+        """Return what reads the shapes of one tool, for each pass over its components; the last makes them."""
+
+    @abstractmethod
+    def write_shape(self, shape: Shape | Compound, where: str) -> dict[str, Any]:
+        """Write a shape as `readers` read it."""
+
+    def schema(self) -> dict[str, Any]:
+        items = [component_schema(shape, self.joints) for shape in self.shape_schemas]
+        return {self.field: {"type": "array", "items": items[0] if len(items) == 1 else {"anyOf": items}}}
+
+    def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
+        tool = Tool(gripper=gripper)
+        for read_shape in self.readers():
+            tool = read_components(data, self.field, self.keys, read_shape, self.robot, gripper, self.joints)
+        return tool
+
+    def dump(self, tool: Tool) -> dict[str, Any]:
+        return {self.field: write_components(tool, self.write_shape, self.joints)}
+
+    def abridge(self, tool: Tool) -> dict[str, Any]:
+        return {self.field: short_components(self.dump(tool)[self.field])}
+
+    def instructions(self, brief: Brief) -> str:
+        mount, name, size, at = first_box(brief)
+        example = {"name": name, "parent": mount, **self.example_shape(size), "position": rounded(at)}
+        example |= {"rpy": [0, 0, 0], "mass": 0.005, "color": "#3373cc"}
+        return self.rules.format(
+            mount=describe_mount(brief),
+            rules=component_rules(brief.task.robot, brief.gripper, self.material, self.joints),
+            example=json.dumps([example]),
+        )
+
 
 _RULES = f"""\
 - `name`: letters, digits, '_', '.', '-'; each component has its own.
@@ -90,20 +158,11 @@ def component_rules(robot: Robot, gripper: bool, material: Material, joints: boo
 
 def component_schema(shape: Mapping[str, Any], joints: bool = False) -> dict[str, Any]:
     """Return the JSON schema of a component whose shape has these properties; with ``joints`` it may have one."""
-    triple = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
-    text, number = {"type": "string"}, {"type": "number"}
-    properties = {
-        "name": text,
-        "parent": text,
-        **shape,
-        "position": triple,
-        "rpy": triple,
-        "mass": number,
-        "color": text,
-    }
+    properties = {"name": TEXT, "parent": TEXT, **shape}
+    properties |= {"position": TRIPLE, "rpy": TRIPLE, "mass": NUMBER, "color": TEXT}
     if joints:
-        kind = {"type": "string", "enum": ["hinge", "slider"]}
-        own = {"kind": kind, "axis": triple, "at": triple, **dict.fromkeys(_JOINT_NUMBERS, number)}
+        kind = TEXT | {"enum": ["hinge", "slider"]}
+        own = {"kind": kind, "axis": TRIPLE, "at": TRIPLE, **dict.fromkeys(_JOINT_NUMBERS, NUMBER)}
         properties["joint"] = {"anyOf": [{"type": "null"}, _object(own)]}
     return _object(properties)
 

@@ -2,83 +2,28 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from core.design import DesignError, Tool
+from core.design import DesignError
 from core.designs.components import (
     DIGITS,
+    NUMBER,
+    TRIPLE,
+    ComponentTools,
+    ReadShape,
     check_keys,
-    component_rules,
-    component_schema,
-    read_components,
     read_number,
     read_numbers,
     rounded,
-    short_components,
-    write_components,
 )
-from core.designs.mounting import describe_mount, first_box
 from core.designs.rules import MAX_COMPONENTS, MAX_SIDE_M, MIN_SIDE_M
-from core.designs.varying import VariedTools
-from core.geometry import Box, Capsule, Compound, Cylinder, Pose, Shape, Sphere
-from core.interfaces import Brief
+from core.geometry import Array, Box, Capsule, Compound, Cylinder, Pose, Shape, Sphere
 from core.support.text import shorten
 
 FIELD = "tool_components"
 _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "sphere": ("radius",)}
 _KEYS = ("shape", "size", "radius", "length")
-
-
-class BoxTools(VariedTools):
-    """A tool is one field, ``tool_components``: boxes and round shapes with their poses in the mount's frame.
-
-    With ``joints`` components may move against their parents.
-    """
-
-    shapes = tuple(_SIZES)
-
-    def __init__(self, joints: bool = False) -> None:
-        self.joints = joints
-
-    def schema(self) -> dict[str, Any]:
-        number = {"type": "number"}
-        size = {"type": "array", "items": number, "minItems": 3, "maxItems": 3}
-        shapes = [
-            {"shape": {"type": "string", "enum": ["box"]}, "size": size},
-            {"shape": {"type": "string", "enum": ["cylinder", "capsule"]}, "radius": number, "length": number},
-            {"shape": {"type": "string", "enum": ["sphere"]}, "radius": number},
-        ]
-        return {
-            FIELD: {"type": "array", "items": {"anyOf": [component_schema(shape, self.joints) for shape in shapes]}}
-        }
-
-    def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
-        return read_components(data, FIELD, _KEYS, _read_shape, self.robot, gripper, self.joints)
-
-    def dump(self, tool: Tool) -> dict[str, Any]:
-        return {FIELD: write_components(tool, _write_shape, self.joints)}
-
-    def abridge(self, tool: Tool) -> dict[str, Any]:
-        return {FIELD: short_components(self.dump(tool)[FIELD])}
-
-    def instructions(self, brief: Brief) -> str:
-        mount, name, size, at = first_box(brief)
-        example: dict[str, Any] = {
-            "name": name,
-            "parent": mount,
-            "shape": "box",
-            "size": rounded(size),
-            "position": rounded(at),
-        }
-        example |= {"rpy": [0, 0, 0], "mass": 0.005, "color": "#3373cc"}
-        return _RULES.format(
-            mount=describe_mount(brief),
-            rules=component_rules(brief.task.robot, brief.gripper, self.material, self.joints),
-            example=json.dumps([example]),
-        )
-
 
 _RULES = f"""\
 Write each tool as a list of components in `{FIELD}`, at most {MAX_COMPONENTS}.
@@ -118,13 +63,29 @@ def _positive(value: float, where: str) -> float:
     return value
 
 
-def _write_shape(shape: Shape | Compound, where: str) -> dict[str, Any]:
-    match shape:
-        case Box(size):
-            return {"shape": "box", "size": rounded(size)}
-        case Cylinder(radius, length) | Capsule(radius, length):
-            radius, length = rounded((radius, length))
-            return {"shape": type(shape).__name__.lower(), "radius": radius, "length": length}
-        case Sphere(radius):
-            return {"shape": "sphere", "radius": rounded([radius])[0]}
-    raise DesignError(f"{where} is a mesh, which tool=boxes can't write; use tool=solids")
+class BoxTools(ComponentTools):
+    """A tool is one field, ``tool_components``: boxes and round shapes."""
+
+    shapes, field, keys, rules = tuple(_SIZES), FIELD, _KEYS, _RULES
+    shape_schemas = (
+        {"shape": {"type": "string", "enum": ["box"]}, "size": TRIPLE},
+        {"shape": {"type": "string", "enum": ["cylinder", "capsule"]}, "radius": NUMBER, "length": NUMBER},
+        {"shape": {"type": "string", "enum": ["sphere"]}, "radius": NUMBER},
+    )
+
+    def example_shape(self, size: Array) -> dict[str, Any]:
+        return {"shape": "box", "size": rounded(size)}
+
+    def readers(self) -> Iterable[ReadShape]:
+        return [_read_shape]
+
+    def write_shape(self, shape: Shape | Compound, where: str) -> dict[str, Any]:
+        match shape:
+            case Box(size):
+                return {"shape": "box", "size": rounded(size)}
+            case Cylinder(radius, length) | Capsule(radius, length):
+                radius, length = rounded((radius, length))
+                return {"shape": type(shape).__name__.lower(), "radius": radius, "length": length}
+            case Sphere(radius):
+                return {"shape": "sphere", "radius": rounded([radius])[0]}
+        raise DesignError(f"{where} is a mesh, which tool=boxes can't write; use tool=solids")

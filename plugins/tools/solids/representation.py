@@ -3,72 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from core.design import DesignError, Tool
-from core.designs.components import (
-    component_rules,
-    component_schema,
-    read_components,
-    rounded,
-    short_components,
-    write_components,
-)
-from core.designs.mounting import describe_mount, first_box
+from core.design import DesignError
+from core.designs.components import TEXT, ComponentTools, ReadShape, rounded
 from core.designs.rules import MAX_COMPONENTS, MIN_SIDE_M
-from core.designs.varying import VariedTools
-from core.geometry import Box, Compound, Pose, Shape
-from core.interfaces import Brief
+from core.geometry import Array, Box, Compound, Pose, Shape
 from plugins.tools.solids.building import MAX_TRIANGLES, count_triangles
 from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
 from plugins.tools.solids.reading import MAX_NODES, MAX_POINTS, MAX_SIZE_M, SIZES, Node, TreeReader, dump_node
 
 FIELD = "tool_solids"
-
-
-class SolidTools(VariedTools):
-    """A tool is one field, ``tool_solids``: components, each with a tree of shapes as JSON text.
-
-    The tree is a text because no schema of a tree is accepted everywhere. A tree needs a schema that refers to itself:
-    OpenAI's strict mode takes one, Anthropic's refuses it, and Gemini unrolls it a few levels. Nested without
-    references, a tree of ten kinds of nodes and depth 4 has ten thousand. A text is accepted by all; values in its
-    place, as a model without a strict schema may write them, are read as well. With ``joints`` components may move
-    against their parents.
-    """
-
-    shapes = ("box", "cylinder", "capsule", "sphere")
-
-    def __init__(self, joints: bool = False) -> None:
-        self.joints = joints
-
-    def schema(self) -> dict[str, Any]:
-        solid = {"solid": {"type": "string", "description": "the tree of shapes, as JSON"}}
-        return {FIELD: {"type": "array", "items": component_schema(solid, self.joints)}}
-
-    def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
-        reader = _Reader()
-        read_components(data, FIELD, ("solid",), reader.read, self.robot, gripper, self.joints)
-        return read_components(data, FIELD, ("solid",), reader.make, self.robot, gripper, self.joints)
-
-    def dump(self, tool: Tool) -> dict[str, Any]:
-        return {FIELD: write_components(tool, _write_solid, self.joints)}
-
-    def abridge(self, tool: Tool) -> dict[str, Any]:
-        return {FIELD: short_components(self.dump(tool)[FIELD])}
-
-    def instructions(self, brief: Brief) -> str:
-        mount, name, size, at = first_box(brief)
-        hole = {"cylinder": [0.003, 0.1], "at": [0, 0, 0.005, 1.5708, 0, 0]}
-        solid = {"difference": [{"box": rounded(size)}, hole]}
-        example: dict[str, Any] = {"name": name, "parent": mount, "solid": json.dumps(solid), "position": rounded(at)}
-        example |= {"rpy": [0, 0, 0], "mass": 0.005, "color": "#3373cc"}
-        return _RULES.format(
-            mount=describe_mount(brief),
-            rules=component_rules(brief.task.robot, brief.gripper, self.material, self.joints),
-            example=json.dumps([example]),
-        )
-
 
 _RULES = f"""\
 Write each tool as a list of components in `{FIELD}`, at most {MAX_COMPONENTS}.
@@ -123,5 +69,26 @@ class _Reader:
         return shape, pose
 
 
-def _write_solid(shape: Shape | Compound, where: str) -> dict[str, Any]:
-    return {"solid": json.dumps(dump_node(node_of(shape)), separators=(",", ":"))}
+class SolidTools(ComponentTools):
+    """A tool is one field, ``tool_solids``: components, each with a tree of shapes as JSON text.
+
+    The tree is a text because no schema of a tree is accepted everywhere. A tree needs a schema that refers to itself:
+    OpenAI's strict mode takes one, Anthropic's refuses it, and Gemini unrolls it a few levels. Nested without
+    references, a tree of ten kinds of nodes and depth 4 has ten thousand. A text is accepted by all; values in its
+    place, as a model without a strict schema may write them, are read as well.
+    """
+
+    shapes = ("box", "cylinder", "capsule", "sphere")
+    field, keys, rules = FIELD, ("solid",), _RULES
+    shape_schemas = ({"solid": TEXT | {"description": "the tree of shapes, as JSON"}},)
+
+    def example_shape(self, size: Array) -> dict[str, Any]:
+        hole = {"cylinder": [0.003, 0.1], "at": [0, 0, 0.005, 1.5708, 0, 0]}
+        return {"solid": json.dumps({"difference": [{"box": rounded(size)}, hole]})}
+
+    def readers(self) -> Iterable[ReadShape]:
+        reader = _Reader()
+        return [reader.read, reader.make]
+
+    def write_shape(self, shape: Shape | Compound, where: str) -> dict[str, Any]:
+        return {"solid": json.dumps(dump_node(node_of(shape)), separators=(",", ":"))}
