@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from sqlite3 import Row
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -26,6 +26,8 @@ from core.errors import UsageError, UserError
 from core.interfaces import Reply, ToolRepresentation
 from core.store.database import FILE, reading
 from core.store.rows import RunFigures, load_plan, parsed, validated
+
+N = TypeVar("N", int, float)
 
 Key = tuple[int, int, int]  # generation, agent and strategy of a design
 
@@ -49,10 +51,10 @@ class RunCost(NamedTuple):
         return cls(len(asked), len(replies), sum(reply.error is not None for reply in replies), *sums)
 
 
-def known_sum(values: Iterable[Any]) -> Any:
+def known_sum(values: Iterable[N | None]) -> N | None:
     """Add up the values that are known; None: none is."""
     known = [value for value in values if value is not None]
-    return sum(known) if known else None
+    return cast(N, sum(known)) if known else None
 
 
 @dataclass(frozen=True)

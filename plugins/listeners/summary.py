@@ -138,47 +138,35 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
     yield f"vlmgineer report {folder}"
     yield f"vlmgineer gallery {folder}"
     words = [f"{kind}={run.parts[kind]}" for kind in ("task", "sim", "tool")]
-    parts = shlex.join([*words, *_task_words(run), *_robot_words(run), *_material_words(run)])
+    parts = shlex.join([*words, *_overrides(run)])
     design = _short(run.folder / "best" / "design.json").replace("\\", "\\\\").replace('"', '\\"')
     if not re.fullmatch(r"[\w./-]+", design):
         design = f'"{design}"'  # as Hydra wants it, beside what the shell wants
     yield f"python -m core.evaluate {parts} seed={run.seed} {shlex.quote(f'designs={design}')}"
 
 
-def _task_words(run: Run) -> Iterable[str]:
-    """Overrides that set what of the run's task is not the default."""
+def _overrides(run: Run) -> Iterable[str]:
+    """Overrides that choose the run's robot and material, and set what of these and of its task is not the default."""
     from core.support.text import hydra_word
 
-    chosen, usual = run.config.get("task") or {}, defaults("task", run.parts["task"])
-    settings = {key: value for key, value in chosen.items() if key not in ("name", *NOT_SETTINGS["task"])}
-    yield from (f"task.{key}={hydra_word(value)}" for key, value in settings.items() if usual.get(key) != value)
+    usual_names = {"task": run.parts["task"], "robot": installed().default_robot.name, "material": PAPER.name}
+    for kind, usual_name in usual_names.items():
+        chosen = dict(run.config.get(kind) or {})
+        name = chosen.pop("name", usual_name)
+        if name != usual_name:
+            yield f"{kind}={name}"
+        usual = _material(name) if kind == "material" else defaults(kind, name)
+        settings = {key: value for key, value in chosen.items() if kind == "robot" or key not in NOT_SETTINGS["task"]}
+        yield from (f"{kind}.{key}={hydra_word(value)}" for key, value in settings.items() if usual.get(key) != value)
 
 
-def _robot_words(run: Run) -> Iterable[str]:
-    """Overrides that choose the run's robot, as far as it is not the default one as it is."""
-    from core.support.text import hydra_word  # it imports the search, which `--help` has no need of
-
-    chosen = dict(run.config.get("robot") or {})
-    name = chosen.pop("name", run.task.robot.name)
-    if name != installed().default_robot.name:
-        yield f"robot={name}"
-    usual = defaults("robot", name)
-    yield from (f"robot.{key}={hydra_word(value)}" for key, value in chosen.items() if usual.get(key) != value)
-
-
-def _material_words(run: Run) -> Iterable[str]:
-    """Overrides that choose the run's material, as far as it is not the default one as it is."""
+def _material(name: str) -> Mapping[Any, Any]:
+    """The settings of a material; of one's own, from elsewhere, those that materials have by default."""
     from core.config.compose import load
-    from core.support.text import hydra_word
 
-    chosen, usual = {**run.config.get("material", {})}, asdict(PAPER)
-    if chosen.get("name", PAPER.name) != PAPER.name:
-        yield (word := f"material={chosen['name']}")
-        with suppress(UserError):  # a material of one's own, from elsewhere
-            usual = load("prompt", [word]).material
-    yield from (
-        f"material.{key}={hydra_word(value)}" for key, value in chosen.items() if key != "name" and usual[key] != value
-    )
+    with suppress(UserError):
+        return load("prompt", [f"material={name}"]).material  # type: ignore[no-any-return]
+    return asdict(PAPER)
 
 
 def _short(path: Path) -> str:

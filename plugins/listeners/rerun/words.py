@@ -9,7 +9,8 @@ from collections.abc import Iterable, Sequence
 from core.design import Candidate, Evaluation
 from core.events import Generation, Run
 from core.interfaces import Reply
-from core.support.text import clean
+from core.store.reader import known_sum
+from core.support.text import clean, table
 
 MAX_NAME = 200
 MAX_TEXT = 4000
@@ -84,31 +85,20 @@ def _quoted(*texts: str) -> list[str]:
 def run_text(run: Run, generations: Sequence[Generation], replies: Sequence[Iterable[Reply]]) -> str:
     """The run so far, in Markdown, without any text of the model; ``replies`` are by generation."""
     parts = ", ".join(f"{kind}={name}" for kind, name in run.parts.items())
-    lines = [
-        f"# {run.task.name}",
-        run.task.description,
-        "",
-        f"`{parts}, seed={run.seed}`",
-        "",
-        "| generation | best | mean | candidates | rejected | failed | tokens and cost |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    rows = []
     for generation, cost in zip(generations, map(spent, replies), strict=True):
         rewards = (generation.best_reward, generation.mean_reward)
         figures = ["" if reward is None else f"{reward:.3f}" for reward in rewards]
         counts = [len(generation.evaluations), generation.count("rejected"), generation.count("failed")]
-        lines.append(f"| {generation.index} | {' | '.join(map(str, [*figures, *counts, cost]))} |")
+        rows.append([str(generation.index), *figures, *map(str, counts), cost])
+    columns = ("generation", "best", "mean", "candidates", "rejected", "failed", "tokens and cost")
+    lines = [f"# {run.task.name}", run.task.description, "", f"`{parts}, seed={run.seed}`", "", table(columns, rows)]
     return "\n".join(lines) + "\n"
-
-
-def total(replies: Iterable[Reply], name: str) -> float | None:
-    """The sum of a figure over the replies that report it; None where none does."""
-    known = [value for reply in replies if (value := getattr(reply, name)) is not None]
-    return sum(known) if known else None
 
 
 def spent(replies: Iterable[Reply]) -> str:
     """Tokens and US dollars in words."""
     formats = {"prompt_tokens": "{} in", "completion_tokens": "{} out", "cost_usd": "${:.4f}"}
-    sums = ((total(replies, name), text) for name, text in formats.items())
+    known = list(replies)
+    sums = ((known_sum(getattr(reply, name) for reply in known), text) for name, text in formats.items())
     return ", ".join(text.format(value) for value, text in sums if value is not None)

@@ -25,12 +25,13 @@ from core.simulation.rollout import prepare
 from core.solids.contacts import find_contacts, make_trace, up_to_each
 from core.solids.held import as_held, solids
 from core.solids.record_rate import subset
+from core.store.reader import known_sum
 from core.task import reward_of
 from plugins.listeners.rerun.arm import links, tracks
 from plugins.listeners.rerun.layout import Contents, layout
 from plugins.listeners.rerun.lineage import Lineage
 from plugins.listeners.rerun.streams import Path, Streams
-from plugins.listeners.rerun.words import critiques_text, design_text, run_text, tools_text, total
+from plugins.listeners.rerun.words import critiques_text, design_text, run_text, tools_text
 
 _PAUSE_S = 0.5  # between two rollouts
 _GAP_M = 0.08  # between two tools side by side
@@ -189,7 +190,7 @@ class Writer:
             x += widths[rank - 1]
 
     def _total(self, name: str) -> float | None:
-        return total(itertools.chain(*self._replies), name)
+        return known_sum(getattr(reply, name) for reply in itertools.chain(*self._replies))
 
     def _arrange(self) -> None:
         """Send the layout, again where there is something new to see."""
