@@ -81,9 +81,9 @@ class CandidateInWorld(Candidate):
         return f"{self.id} {self.world}"
 
 
-def attempt(trials: Sequence[Candidate]) -> list[Evaluation]:
-    """Try each trial with its own evaluator; neighbours that share one go together."""
-    groups = itertools.groupby(trials, key=operator.attrgetter("evaluator"))
+def attempt(candidates: Sequence[Candidate]) -> list[Evaluation]:
+    """Try each candidate with its own evaluator; neighbours that share one go together."""
+    groups = itertools.groupby(candidates, key=operator.attrgetter("evaluator"))
     return [evaluation for evaluator, group in groups for evaluation in evaluator(list(group))]
 
 
@@ -105,8 +105,8 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
     sims = engines(OmegaConf.to_container(cfg.sims))  # type: ignore[arg-type]
     settings, ranges = node(cfg.rollout, RolloutSettings), node(cfg.perturbation, PerturbationRange)
     evaluators: dict[World, Evaluator] = {}
-    for (robot, of), (engine, sim) in itertools.product(tasks.items(), sims.items()):
-        evaluators[robot, engine, None] = nominal = Evaluator(of, sim, cfg.seed, settings)
+    for (robot, own), (engine, sim) in itertools.product(tasks.items(), sims.items()):
+        evaluators[robot, engine, None] = nominal = Evaluator(own, sim, cfg.seed, settings)
         evaluators |= {(robot, engine, change): perturbed(nominal, ranges, change) for change in cfg.seeds}
     tried: dict[tuple[str, World], Evaluation] = {}
     with part("executor", cfg.executor).create() as executor:
@@ -126,7 +126,7 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
         "seed": cfg.seed,
         "seeds": list(cfg.seeds),
         "perturbation": asdict(ranges),
-        "robots": {robot: {"name": of.name, **dict(of.settings), "base": of.base} for robot, of in robots.items()},
+        "robots": {robot: {"name": arm.name, **dict(arm.settings), "base": arm.base} for robot, arm in robots.items()},
         "engines": {engine: {"name": sim.name, **dict(sim.settings)} for engine, sim in sims.items()},
         "designs": [
             record(
@@ -145,13 +145,12 @@ def trials(
     candidates: Mapping[str, Sequence[Candidate]], evaluators: Mapping[World, Evaluator]
 ) -> Iterator[CandidateInWorld]:
     """Yield each robot's candidates with each of its evaluators; candidates that share a tool stay together."""
-    for robot, of in candidates.items():
-        for _, group in itertools.groupby(of, key=lambda candidate: id(candidate.tool)):
-            alike = list(group)
-            for world, evaluator in evaluators.items():
-                for candidate in alike if world[0] == robot else ():
-                    named = {field.name: getattr(candidate, field.name) for field in fields(Candidate)}
-                    yield CandidateInWorld(**named, world=world, evaluator=evaluator)
+    for robot, own in candidates.items():
+        worlds = [(world, evaluator) for world, evaluator in evaluators.items() if world[0] == robot]
+        for _, alike in itertools.groupby(own, key=lambda candidate: id(candidate.tool)):
+            for (world, evaluator), candidate in itertools.product(worlds, list(alike)):
+                named = {field.name: getattr(candidate, field.name) for field in fields(Candidate)}
+                yield CandidateInWorld(**named, world=world, evaluator=evaluator)
 
 
 def on_each(cfg: DictConfig, tasks: Mapping[str, TaskPart]) -> dict[str, list[Candidate]]:
@@ -164,21 +163,21 @@ def on_each(cfg: DictConfig, tasks: Mapping[str, TaskPart]) -> dict[str, list[Ca
     """
     representation = tool_part(cfg).create()
     aliases = task_part(cfg).create().robot.aliases
-    found: dict[str, list[Candidate]] = {}
+    read: dict[str, list[Candidate]] = {}
     problems: dict[str, str] = {}
-    for robot, task_of in tasks.items():
-        task = task_of.create()
+    for robot, own in tasks.items():
+        task = own.create()
         if not {*aliases} <= {*task.robot.aliases}:
             task.robot = replace(task.robot, aliases=(*task.robot.aliases, *aliases))
         try:
-            found[robot] = chosen_designs(cfg, representation, SpawnRules(task, cfg.seed))
+            read[robot] = chosen_designs(cfg, representation, SpawnRules(task, cfg.seed))
         except UserError as error:
             problems[robot] = str(error)
-    if not found:
+    if not read:
         raise UserError("; ".join(dict.fromkeys(problems.values())))
-    some = next(iter(found.values()))
+    some = next(iter(read.values()))
     return {
-        robot: found[robot] if robot in found else [replace(one, problem=problems[robot]) for one in some]
+        robot: read[robot] if robot in read else [replace(candidate, problem=problems[robot]) for candidate in some]
         for robot in tasks
     }
 
@@ -236,6 +235,5 @@ def show(result: Mapping[str, Any]) -> None:
     ]
     for design in result["designs"]:
         remarks = [design["reason"]] if design["reason"] else design["warnings"]
-        of = f"{design['design']}, {design['robot']}"
-        lines += [f"{of}: {clean(remark, 2000)}" for remark in remarks]
+        lines += [f"{design['design']}, {design['robot']}: {clean(remark, 2000)}" for remark in remarks]
     say(*lines)

@@ -257,8 +257,7 @@ def config_for(words: Sequence[str], name: str, schema: type, usage: str) -> Dic
         for key in ("seed", *below):
             if not {key, key.partition(".")[0]} & named:
                 OmegaConf.update(cfg, key, OmegaConf.select(OmegaConf.create(run), key))
-        kinds = {"task", "tool", *(["robot"] if run.get("robot") else [])}  # runs of earlier versions had no robot
-        for kind in kinds - {key.partition(".")[0] for key in named}:
+        for kind in {"task", "tool", "robot"} - {key.partition(".")[0] for key in named}:
             OmegaConf.update(cfg, kind, run[kind], merge=False, force_add=True)
     except (KeyError, OmegaConfBaseException) as error:
         raise UserError(f"{cfg.designs}: its configuration can't be used here: {first_line(error)}") from error

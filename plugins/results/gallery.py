@@ -62,16 +62,6 @@ class Exhibit:
     def ready(self) -> bool:
         return all(piece.ready for piece in self.pieces)
 
-    @property
-    def faults(self) -> list[str]:
-        """The checks that failed."""
-        return [
-            f"✗ {check.name}: {check.found}" + (f" ({piece.name})" if len(self.pieces) > 1 else "")
-            for piece in self.pieces
-            for check in piece.checks
-            if not check.passed
-        ]
-
 
 def gallery(
     folders: Sequence[Path], output: Path, top: int, printer: Printer, apart_mm: float = 10.0
@@ -127,9 +117,8 @@ def gallery(
 def _best(found: Sequence[Winner], top: int, apart: float) -> list[Winner]:
     """The best tools, each of another shape."""
     shapes: list[Shape] = []
-    best = ranked(
-        [winner for winner in found if winner.tool.components], lambda winner: (winner.reward, winner.distance_m)
-    )
+    made = [winner for winner in found if winner.tool.components]
+    best = ranked(made, lambda winner: (winner.reward, winner.distance_m))
     return [winner for winner in best if len(shapes) < top and another(winner, shapes, apart)]
 
 
@@ -188,8 +177,10 @@ def show(entries: Sequence[Exhibit]) -> None:
     ]
     print_table(("task", "place", "tool", "reward", "ready to print"), rows, numbers)
     for e in entries:
-        for fault in e.faults:
-            say(f"{e.winner.run.task} {e.place}: {fault}")
+        for piece in e.pieces:
+            which = f" ({piece.name})" if len(e.pieces) > 1 else ""
+            faults = [f"✗ {check.name}: {check.found}{which}" for check in piece.checks if not check.passed]
+            say(*(f"{e.winner.run.task} {e.place}: {fault}" for fault in faults))
 
 
 def main(words: list[str]) -> None:

@@ -13,12 +13,15 @@ from dataclasses import replace
 import numpy as np
 import rerun as rr
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
 from core.events import Generation, Run
 from core.geometry import Array, Pose
-from core.interfaces import Recording, Reply, Request
+from core.interfaces import Recording, Reply, Request, Robot
+from core.robot.frames import bearer_frames, link_frames, tool_values
 from core.robot.kinematics import arm_of
+from core.robot.meshes import link_visuals
 from core.robot.trajectory import Motion
 from core.scene import Color, State
 from core.simulation.rollout import prepare
@@ -27,7 +30,6 @@ from core.solids.held import as_held, solids
 from core.solids.record_rate import subset
 from core.store.reader import known_sum
 from core.task import reward_of
-from plugins.listeners.rerun.arm import links, tracks
 from plugins.listeners.rerun.layout import Contents, layout
 from plugins.listeners.rerun.lineage import Lineage
 from plugins.listeners.rerun.streams import Path, Streams
@@ -273,3 +275,28 @@ def _mesh(solid: trimesh.Trimesh, opacity: float = 1.0) -> rr.Mesh3D:
         vertex_colors=solid.visual.vertex_colors,
         albedo_factor=(1.0, 1.0, 1.0, opacity),
     )
+
+
+def links(robot: Robot, gripper: bool) -> dict[str, trimesh.Trimesh]:
+    """The visual mesh of each link of the bare arm, in the link's frame; with the gripper, or without."""
+    found = {}
+    for name, visuals in link_visuals(robot, gripper).items():
+        pieces = []
+        for shape, pose, color in visuals:
+            mesh = shape.to_trimesh()
+            pieces.append(trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=color).apply_transform(pose.matrix))
+        found[name] = trimesh.util.concatenate(pieces)
+    return found
+
+
+def tracks(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, Array]:
+    """The motion of each link in the world, at arm joints (T, J) and fingers with the tool's joints (T, F + K).
+
+    Each is (T, 7): x, y, z in metres, then a quaternion (x, y, z, w), as Rerun has them.
+    """
+    frames = link_frames(robot, tool.gripper, arm, fingers)
+    frames |= bearer_frames(tool, tool_values(robot, tool, fingers), frames)
+    return {
+        name: np.hstack([positions, Rotation.from_matrix(rotations).as_quat()])
+        for name, (rotations, positions) in frames.items()
+    }

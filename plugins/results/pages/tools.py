@@ -18,7 +18,6 @@ from core.designs.reading import MAX_DESCRIPTION, MAX_NAME
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import Material, Robot, ToolRepresentation
-from core.plugins import installed
 from core.solids.held import as_held
 from core.store.database import FILE
 from core.store.reader import Key, StoredDesign, StoredEvaluation
@@ -73,7 +72,7 @@ def _created(kind: str, settings: str) -> Any:
     if kind == "tool":
         return tool_part(config).create()
     if kind == "robot":
-        return robot_part(config.robot).create() if config.robot else installed().default_robot
+        return robot_part(config.robot).create()
     return part(kind, config[kind]).create()
 
 

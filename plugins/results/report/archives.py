@@ -165,12 +165,7 @@ def _edges(ax: Axes, which: str, measure: Measure | None, low: int, high: int) -
         ax.set_yticks([])
         return
     ticks = range(low, high + 1)
-    width = (measure.upper - measure.lower) / measure.bins
-    unit = UNITS[measure.name]
-    ax.set(
-        **{
-            f"{which}ticks": ticks,
-            f"{which}ticklabels": [f"{measure.lower + width * tick:.3g}" for tick in ticks],
-            f"{which}label": f"{measure.name}{f' ({unit})' if unit else ''}",
-        }
-    )
+    width, unit = (measure.upper - measure.lower) / measure.bins, UNITS[measure.name]
+    bounds = [f"{measure.lower + width * tick:.3g}" for tick in ticks]
+    name = f"{measure.name}{f' ({unit})' if unit else ''}"
+    ax.set(**{f"{which}ticks": ticks, f"{which}ticklabels": bounds, f"{which}label": name})

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TextIO
 
 from core.config.compose import load
 from core.errors import UsageError, UserError, choices
-from core.support.cli import folders_and_overrides, say, write_bytes
+from core.support.cli import folders_and_overrides, print_table, say, write_bytes
+from core.support.text import number
 from plugins.results.pages.figure import FORMATS, FigurePage
-from plugins.results.pages.formats import Table, to_csv, to_markdown
+from plugins.results.pages.formats import Table, printed, to_csv, to_markdown
 from plugins.results.pages.page import figure_address, in_viewer, render
 from plugins.results.pages.runs import find_runs, short
 from plugins.results.pages.tools import Tools, collect
 from plugins.results.report.archives import heat_map, picked_table, read_archives
 from plugins.results.report.figures import figure_pages
-from plugins.results.report.leaderboard import find_entries, read_entry
+from plugins.results.report.leaderboard import entry_tables, find_entries, read_entry
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import Resampling
+from plugins.results.report.statistics import Resampling, deviation, mean
 from plugins.results.report.tables import tables
-from plugins.results.report.terminal import show
 
 USAGE = (
     "usage: vlmgineer report FOLDER [FOLDER ...] [output=DIR] [formats=[png,svg]] [confidence=0.95] "
@@ -140,6 +142,27 @@ def page(
 
 def _several(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def show(results: Results, file: TextIO | None = None) -> None:
+    """Print best, average and standard deviation by task and method, and a line for each run that is not counted."""
+    file = sys.stdout if file is None else file
+    numbers = ("runs", "best", "average", "s.d.", "distance m")
+    rows = [
+        (
+            *(g.task, g.method, str(len(g.runs)), number(g.best.best.reward, 3), number(mean(g.rewards), 3)),
+            *(number(deviation(g.rewards), 3), number(g.best.best.distance_m, 2)),
+        )
+        for g in results.groups
+    ]
+    if rows:
+        print_table(("task", "method", *numbers), rows, numbers, file)
+    for table in entry_tables(results.entries, results.how)[:1]:
+        cells = [[printed(*pair) for pair in zip(row, table.columns, strict=True)] for row in table.rows]
+        digits = [column.name for column in table.columns if column.digits is not None]
+        print_table([column.name for column in table.columns], cells, digits, file)
+    for run in results.left_out:
+        say(f"not counted, {run.status}: {short(str(run.folder))}: {run.reason}", file=file)
 
 
 def main(words: list[str]) -> None:

@@ -6,12 +6,9 @@ import itertools
 import json
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
-from core.interfaces import PAPER, Perception, Waypoints
-from core.plugins import WORDS, installed
-from core.values.layouts import NONE
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 
 CHOICES = ("tool", "evolution", "vlm", "action", "robot", "material", "prompt", "sim", "budget")
@@ -62,7 +59,7 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     with the same choices differ in it, so that a setting that follows from a choice or from the task makes no method
     of its own. The seed, the executor and the listeners never do.
     """
-    settings = [flatten(_whole(config)) for _, config in configs]
+    settings = [flatten(config) for _, config in configs]
     named = {key for of in settings for key in of if key.endswith(".name") and key.count(".") == 1}
     first = [f"{choice}.name" for choice in CHOICES]
     choices = [*first, *sorted(named - set(first))]
@@ -77,21 +74,6 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
         return [" ".join(_say(key, of.get(key)) for key in choices[:3]) for of in settings]
     names = _shortest(list(dict.fromkeys(methods)), varying)
     return [names[method] for method in methods]
-
-
-def _whole(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Add what runs of earlier versions did not name."""
-    found = {"action": {"name": Waypoints.action}, **config, "robot": robot_of(config)}
-    found["material"] = {**asdict(PAPER), **config.get("material", {})}
-    found["rollout"] = {"perception": asdict(Perception()), **config.get("rollout", {})}
-    found["task"] = {"variation": NONE, **config["task"]} if "task" in config else {}
-    return found
-
-
-def robot_of(config: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The robot of a run's configuration; that of earlier versions named none, and the default was used."""
-    found: Mapping[str, Any] = config.get("robot") or {}
-    return found or {"name": installed().default_robot.name, **WORDS["robot"]}
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:

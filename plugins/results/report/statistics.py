@@ -48,7 +48,7 @@ def interquartile_mean(values: Sequence[float] | Array) -> float:
 
 def mean_of_tasks(tasks: Sequence[Sequence[float]]) -> float:
     """The mean over tasks of each task's mean over runs."""
-    return float(np.mean([np.mean(runs) for runs in tasks]))
+    return float(_averaged(*tasks))
 
 
 def interval(tasks: Sequence[Sequence[float]], statistic: Statistic, how: Resampling) -> tuple[float, float] | None:
@@ -82,7 +82,7 @@ def _pooled(*tasks: Array, axis: int = -1) -> Any:
     return scipy.stats.trim_mean(np.concatenate(tasks, axis=axis), 0.25, axis=axis)
 
 
-def _averaged(*tasks: Array, axis: int = -1) -> Any:
+def _averaged(*tasks: Sequence[float] | Array, axis: int = -1) -> Any:
     return np.mean([np.mean(runs, axis=axis) for runs in tasks], axis=0)
 
 

@@ -25,8 +25,8 @@ class SweepSummary(Callback):  # type: ignore[misc]
     def on_multirun_end(self, config: DictConfig, **_: Any) -> None:
         # Hydra makes this object at every start; the modules that read runs are imported only after a multirun.
         from plugins.results.pages.runs import find_runs
+        from plugins.results.report.command import show
         from plugins.results.report.results import Results
-        from plugins.results.report.terminal import show
 
         folder = Path(config.hydra.sweep.dir)
         try:

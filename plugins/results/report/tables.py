@@ -16,7 +16,7 @@ from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.tools import Tools, size
 from plugins.results.report.leaderboard import entry_tables
 from plugins.results.report.learning_curves import efforts
-from plugins.results.report.methods import label, robot_of
+from plugins.results.report.methods import label
 from plugins.results.report.models import critiques, models
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import (
@@ -77,7 +77,7 @@ def rewards(results: Results) -> Table:
 
 def arms(results: Results) -> Table:
     """Each task on each arm, where runs have several."""
-    robots = label([("", {"robot": robot_of(run.config)}) for run in results.runs])
+    robots = label([("", {"robot": run.config.get("robot", {})}) for run in results.runs])
     names = list(dict.fromkeys(robots))
     alike = label([(run.task, {**run.config, "robot": None}) for run in results.runs])
     found: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))

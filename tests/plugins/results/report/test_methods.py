@@ -1,6 +1,5 @@
 """Methods are named by the settings that distinguish them; runs are grouped by them."""
 
-from core.plugins import installed
 from plugins.results.pages.runs import find_runs
 from plugins.results.report.methods import group, label
 from tests.core.run_folders import write_run
@@ -48,12 +47,6 @@ def test_runs_on_several_robots_are_not_one_methods():
     assert labels(config(robot="one"), config(robot="two")) == ["robot=one", "robot=two"]
     moved = config(robot={"name": "one", "base": [0.1, 0, 0, 0]}), config(robot={"name": "one", "base": [0, 0, 0, 0]})
     assert labels(*moved) == ["robot.base=[0.1, 0, 0, 0]", "robot.base=[0, 0, 0, 0]"]
-
-
-def test_runs_of_versions_that_had_one_robot_are_the_default_robots():
-    default = {"name": installed().default_robot.name, "base": [0.0, 0.0, 0.0, 0.0]}
-    assert len(set(labels(config(), config(robot={}), config(robot=default)))) == 1
-    assert labels(config(), config(robot="other")) == [f"robot={default['name']}", "robot=other"]
 
 
 def test_seed_workers_listeners_and_films_make_no_method():
