@@ -16,15 +16,18 @@ from core.support.scratch import scratch, write_once
 from core.values.descriptions import (
     MOMENTS,
     ONE,
+    PICOMETRES,
     Description,
     Inertial,
     Limits,
     Origin,
+    Primitive,
     RobotJoint,
     RobotLink,
     RobotShape,
     Weight,
     rounded,
+    rounded_shape,
 )
 from core.values.robots import Robot
 
@@ -100,7 +103,7 @@ def _joint(name: str, parent: str, pose: Pose, moving: ToolJoint | None = None) 
     if moving is None:
         return joint
     lower, upper, damping, friction, stiffness, rest, x, y, z = (
-        rounded(value, 12)
+        rounded(value, PICOMETRES)
         for value in (
             *(moving.lower, moving.upper, moving.damping, moving.friction, moving.stiffness, moving.rest),
             *moving.axis,
@@ -132,26 +135,19 @@ def _shapes(
     return collisions, visuals
 
 
-def _written(shape: Shape, capsules: bool) -> Iterator[tuple[Pose | None, Box | Sphere | Cylinder | Capsule | Path]]:
+def _written(shape: Shape, capsules: bool) -> Iterator[tuple[Pose | None, Primitive | Path]]:
     """Yield URDF's shapes that make up one of ours, with their poses; a mesh is a file of `scratch`."""
     match shape:
-        case Box(size):
-            x, y, z = (rounded(side, 12) for side in size)
-            yield None, Box((x, y, z))
-        case Sphere(radius):
-            yield None, Sphere(rounded(radius, 12))
-        case Cylinder(radius, length):
-            yield None, Cylinder(rounded(radius, 12), rounded(length, 12))
-        case Capsule(radius, length) if capsules:
-            yield None, Capsule(rounded(radius, 12), rounded(length, 12))
-        case Capsule(radius, length):  # URDF has none
-            yield None, Cylinder(rounded(radius, 12), rounded(length, 12))
+        case Capsule(radius, length) if not capsules:  # URDF has none
+            yield None, rounded_shape(Cylinder(radius, length))
             for end in (-length / 2, length / 2):
-                yield Pose(np.array([0.0, 0.0, end])), Sphere(rounded(radius, 12))
+                yield Pose(np.array([0.0, 0.0, end])), rounded_shape(Sphere(radius))
         case Mesh():
             file = scratch() / f"{shape.content}.obj"
             write_once(file, lambda: str(shape.to_trimesh().export(file_type="obj", digits=12)))
             yield None, file
+        case _:
+            yield None, rounded_shape(shape)
 
 
 def merged(parts: Sequence[Weight]) -> Weight:

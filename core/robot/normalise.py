@@ -15,7 +15,7 @@ from core.errors import UserError
 from core.geometry import Color, Pose
 from core.robot.description import merged
 from core.robot.meshes import hull_file, visual_file
-from core.values.descriptions import Description, Inertial, Origin, RobotJoint, RobotLink, RobotShape, Weight
+from core.values.descriptions import DIGITS, Description, Inertial, Origin, RobotJoint, RobotLink, RobotShape, Weight
 
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
 _BASE = Inertial(1.0, moments=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01))  # of one without: it stays, but engines want a mass
@@ -45,7 +45,7 @@ def normalised(
     for head in heads:
         joint = description.joints[head]
         parent, pose = parts[joint.parent]
-        origin = Origin.of(pose @ joint.origin.pose, None)
+        origin = Origin.of(pose @ joint.origin.pose, DIGITS)
         moving = drives.get(joint.name)
         joints[head] = RobotJoint(joint.name, "fixed", parent, head, origin)
         if moving is not None:
@@ -54,14 +54,14 @@ def normalised(
     if flange not in links:
         head, pose = parts[flange]
         links[flange] = RobotLink(flange)
-        joints[flange] = RobotJoint(description.joints[flange].name, "fixed", head, flange, Origin.of(pose, None))
+        joints[flange] = RobotJoint(description.joints[flange].name, "fixed", head, flange, Origin.of(pose, DIGITS))
     return Description(description.name, links, joints)
 
 
 def _joined(head: str, parts: Sequence[tuple[RobotLink, Pose]], *, base: bool) -> RobotLink:
     """Make rigidly joined links, at poses in the frame of the first, one. A base needs no inertia of its own."""
     try:
-        inertial = Inertial.of(*_inertia(head, parts), decimals=None)
+        inertial = Inertial.of(*_inertia(head, parts), form=DIGITS)
     except UserError:
         if not base:
             raise
@@ -95,7 +95,7 @@ def _inertia(head: str, parts: Sequence[tuple[RobotLink, Pose]]) -> Weight:
 
 def _read_alike(shape: RobotShape, pose: Pose, drawn: bool) -> RobotShape:
     """Place a shape in the frame of another link, with a mesh that every engine reads alike."""
-    color, file, origin = shape.color or _GREY, shape.shape, Origin.of(pose @ shape.origin.pose, None)
+    color, file, origin = shape.color or _GREY, shape.shape, Origin.of(pose @ shape.origin.pose, DIGITS)
     if isinstance(file, Path):
         file = visual_file(file, color, shape.scale) if drawn else hull_file(file, shape.scale)
     return RobotShape(file, origin, color)

@@ -19,6 +19,7 @@ from core.geometry import Array, Box, Capsule, Color, Cylinder, Pose, Sphere
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 MOVING = ("revolute", "continuous", "prismatic")
 
+Primitive = Box | Sphere | Cylinder | Capsule
 Triple = tuple[float, float, float]
 Scale = Triple
 Weight = tuple[float, Array, Array]  # mass, its centre (3,), and the inertia tensor (3, 3) about it; one frame for all
@@ -26,9 +27,24 @@ ZERO: Triple = (0.0, 0.0, 0.0)
 ONE: Scale = (1.0, 1.0, 1.0)
 
 
-def rounded(value: float, decimals: int | None = None) -> float:
-    """Round a number to 15 digits, and to ``decimals``."""
-    return float(f"{value if decimals is None else round(float(value), decimals) + 0.0:.15g}")
+PICOMETRES, DIGITS = ".12f", ".15g"  # how numbers are rounded before they are written
+
+
+def rounded(value: float, form: str = DIGITS) -> float:
+    """Round a number to what a format shows of it."""
+    return float(format(value, form)) + 0.0
+
+
+def rounded_shape(shape: Primitive, form: str = PICOMETRES) -> Primitive:
+    """Round the lengths of a shape."""
+    match shape:
+        case Box(size):
+            x, y, z = (rounded(side, form) for side in size)
+            return Box((x, y, z))
+        case Sphere(radius):
+            return Sphere(rounded(radius, form))
+        case Cylinder(radius, length) | Capsule(radius, length):
+            return type(shape)(rounded(radius, form), rounded(length, form))
 
 
 @dataclass(frozen=True)
@@ -39,11 +55,9 @@ class Origin:
     rpy: Triple = ZERO
 
     @classmethod
-    def of(cls, pose: Pose, decimals: int | None = 12) -> Origin:
+    def of(cls, pose: Pose, form: str = PICOMETRES) -> Origin:
         """Make the frame of a pose, rounded."""
-        (x, y, z), (roll, pitch, yaw) = (
-            [rounded(value, decimals) for value in values] for values in (pose.position, pose.rpy)
-        )
+        x, y, z, roll, pitch, yaw = (rounded(value, form) for value in (*pose.position, *pose.rpy))
         return cls((x, y, z), (roll, pitch, yaw))
 
     @cached_property
@@ -64,10 +78,10 @@ class Inertial:
     rpy: Triple = ZERO
 
     @classmethod
-    def of(cls, mass: float, center: Array, tensor: Array, decimals: int | None = 12) -> Inertial:
-        """Take an inertia in the link's axes, rounded; ``decimals`` are those of the centre."""
-        (xx, xy, xz), (_, yy, yz), (_, _, zz) = [[rounded(value) for value in row] for row in tensor]
-        return cls(rounded(mass), Origin.of(Pose(center), decimals).xyz, (xx, xy, xz, yy, yz, zz))
+    def of(cls, mass: float, center: Array, tensor: Array, form: str = PICOMETRES) -> Inertial:
+        """Take an inertia in the link's axes, rounded; ``form`` is that of the centre."""
+        xx, xy, xz, _, yy, yz, *_, zz = (rounded(value) for value in np.ravel(tensor))
+        return cls(rounded(mass), Origin.of(Pose(center), form).xyz, (xx, xy, xz, yy, yz, zz))
 
     @property
     def tensor(self) -> Array:
@@ -87,7 +101,7 @@ class Inertial:
 class RobotShape:
     """A shape of a link, in the link's frame, or a mesh file with its scale; without a colour there is no material."""
 
-    shape: Box | Sphere | Cylinder | Capsule | Path
+    shape: Primitive | Path
     origin: Origin = Origin()
     color: Color | None = None
     scale: Scale = ONE

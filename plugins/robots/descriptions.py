@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
 
 from core.errors import UserError
-from core.geometry import Cylinder, Pose
 from core.robot.description import write
 from core.robot.meshes import hull_file
-from core.values.descriptions import Inertial, Origin, RobotLink, RobotShape, rounded
+from core.values.descriptions import Description, Inertial, RobotShape, rounded
 from core.values.urdf import read_description
 
 _PREFIX = "package://example-robot-data/"
@@ -52,68 +51,46 @@ def measured(name: str) -> dict[str, dict[str, float | None]]:
     return figures
 
 
-class Mending:
-    """A description that is mended, step by step.
+def mended(
+    file: str,
+    *,
+    drop: Collection[str] = (),
+    inertials: Mapping[str, Inertial] = MappingProxyType({}),
+    limits: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+    collisions: Mapping[str, str | RobotShape] = MappingProxyType({}),
+    undrawn: Collection[str] = (),
+) -> str:
+    """Mend a description, and write it.
+
+    Args:
+        file: see `description`.
+        drop: links that are removed, with the joints that bear them or that they bear.
+        inertials: of links, in place of theirs.
+        limits: of joints, by the names of URDF: lower, upper, velocity, effort. A continuous joint gets ends.
+        collisions: of links, in place of theirs: a shape, or a mesh, whose hull becomes a file that every engine reads.
+        undrawn: names of the files of meshes that are not drawn.
 
     Raises:
-        LookupError: a step names a link or a joint that is not there.
+        LookupError: a link is named that is not there.
     """
-
-    def __init__(self, file: str) -> None:
-        self._arm = read_description(description(file).encode(), robots_folder() / file)
-
-    def text(self) -> str:
-        """Write the description."""
-        return write(self._arm)
-
-    def drop(self, *links: str) -> Mending:
-        """Remove links, and the joints that bear them or that they bear."""
-        for name in links:
-            self._link(name)
-        kept = {name: link for name, link in self._arm.links.items() if name not in links}
-        joints = {child: j for child, j in self._arm.joints.items() if child in kept and j.parent in kept}
-        self._arm = replace(self._arm, links=kept, joints=joints)
-        return self
-
-    def weigh(self, inertials: Mapping[str, Inertial]) -> Mending:
-        """Replace the inertias of links."""
-        for name, inertial in inertials.items():
-            mass, center, tensor = inertial.placed()
-            self._change(name, inertial=Inertial.of(mass, center, tensor))
-        return self
-
-    def limit(self, joints: Mapping[str, Mapping[str, float]]) -> Mending:
-        """Set limits of joints, by the names of URDF: lower, upper, velocity, effort. A continuous joint gets ends."""
-        for name, limits in joints.items():
-            joint = self._arm.named[name]
-            kind = "revolute" if joint.kind == "continuous" else joint.kind
-            new = joint.limits._replace(**{key: rounded(value) for key, value in limits.items()})
-            self._arm = replace(
-                self._arm, joints=self._arm.joints | {joint.child: replace(joint, kind=kind, limits=new)}
-            )
-        return self
-
-    def hull(self, meshes: Mapping[str, str]) -> Mending:
-        """Replace the collision shapes of links with the convex hull of a mesh, in a file that every engine reads."""
-        for name, mesh in meshes.items():
-            self._change(name, collisions=(RobotShape(hull_file(robots_folder() / mesh)),))
-        return self
-
-    def bare(self, link: str, mesh: str) -> Mending:
-        """Remove what is drawn of a link with a mesh whose file has this name."""
-        shapes = self._link(link).visuals
-        return self._change(link, visuals=tuple(shape for shape in shapes if Path(str(shape.shape)).name != mesh))
-
-    def cover(self, link: str, shape: Cylinder, pose: Pose) -> Mending:
-        """Replace the collision shapes of a link with a cylinder, in its frame."""
-        return self._change(link, collisions=(RobotShape(shape, Origin.of(pose)),))
-
-    def _change(self, name: str, **changes: Any) -> Mending:
-        link = replace(self._link(name), **changes)
-        self._arm = replace(self._arm, links=self._arm.links | {name: link})
-        return self
-
-    def _link(self, name: str) -> RobotLink:
-        if name not in self._arm.links:
+    arm = read_description(description(file).encode(), robots_folder() / file)
+    for name in (*drop, *inertials, *collisions):
+        if name not in arm.links:
             raise LookupError(f"the description has no link {name!r}")
-        return self._arm.links[name]
+    links = {}
+    for name, link in arm.links.items():
+        visuals = tuple(shape for shape in link.visuals if Path(str(shape.shape)).name not in undrawn)
+        links[name] = replace(link, visuals=visuals)
+        if name in inertials:
+            links[name] = replace(links[name], inertial=Inertial.of(*inertials[name].placed()))
+        if shape := collisions.get(name):
+            shape = RobotShape(hull_file(robots_folder() / shape)) if isinstance(shape, str) else shape
+            links[name] = replace(links[name], collisions=(shape,))
+    joints = {}
+    for child, joint in arm.joints.items():
+        if new := limits.get(joint.name):
+            given = joint.limits._replace(**{key: rounded(value) for key, value in new.items()})
+            joint = replace(joint, kind="revolute" if joint.kind == "continuous" else joint.kind, limits=given)
+        if not {child, joint.parent} & {*drop}:
+            joints[child] = joint
+    return write(Description(arm.name, {name: links[name] for name in links if name not in drop}, joints))

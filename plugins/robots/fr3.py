@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from core.interfaces import Robot
 from core.values.descriptions import Inertial
-from plugins.robots.descriptions import Mending, measured
+from plugins.robots.descriptions import measured, mended
 from plugins.robots.panda import panda
 
 # lower, upper, velocity, effort
@@ -72,15 +72,13 @@ SOURCES = (
 
 def fr3() -> Robot:
     """The arm with seven joints and a payload of 3 kg that follows the Panda."""
-    old = panda()
-    mended = Mending("panda_description/urdf/panda.urdf")
     keys = ("lower", "upper", "velocity", "effort")
-    mended.limit({f"panda_joint{i}": dict(zip(keys, limits, strict=True)) for i, limits in enumerate(LIMITS, 1)})
+    limits = {f"panda_joint{i}": dict(zip(keys, limits, strict=True)) for i, limits in enumerate(LIMITS, 1)}
     return replace(
-        old,
+        panda(),
         name="fr3",
         title="Franka Research 3",
-        urdf=mended.weigh(INERTIALS).text(),
+        urdf=mended("panda_description/urdf/panda.urdf", inertials=INERTIALS, limits=limits),
         acceleration_limits=(10.0,) * 7,
         aliases=(),
         measured=measured("fr3"),

@@ -13,8 +13,8 @@ import numpy as np
 
 from core.geometry import Cylinder, Pose
 from core.interfaces import Robot
-from core.values.descriptions import Inertial
-from plugins.robots.descriptions import Mending, measured
+from core.values.descriptions import Inertial, Origin, RobotShape
+from plugins.robots.descriptions import measured, mended
 
 PREFIX = "j2s6s200_"
 HAND = f"{PREFIX}link_6"
@@ -37,16 +37,19 @@ SOURCES = (
 
 def kinova() -> Robot:
     """The arm with six slow joints, a reach of 0.9 m and a payload of 2.2 kg."""
-    mended = Mending("kinova_description/robots/kinova.urdf").drop("base", f"{PREFIX}end_effector", *FINGERS)
-    mended.limit({f"{PREFIX}joint_{i}": ENDLESS for i in (1, 4, 6)})
-    mended.hull({link: f"kinova_description/meshes/{mesh}.dae" for link, mesh in zip(LINKS, MESHES, strict=True)})
-    below = Pose(np.array([0.0, 0.0, -DISC.length / 2]))
-    mended.bare(HAND, "hand_2finger.dae").cover(HAND, DISC, below)
+    hulls = {link: f"kinova_description/meshes/{mesh}.dae" for link, mesh in zip(LINKS, MESHES, strict=True)}
     disc = Inertial(DISC_KG, (0.0, 0.0, -DISC.length / 2), (ACROSS, 0, 0, ACROSS, 0, DISC_KG * DISC.radius**2 / 2))
     return Robot(
         name="kinova",
         title="Kinova JACO 2",
-        urdf=mended.weigh({HAND: disc}).text(),
+        urdf=mended(
+            "kinova_description/robots/kinova.urdf",
+            drop=("base", f"{PREFIX}end_effector", *FINGERS),
+            inertials={HAND: disc},
+            limits={f"{PREFIX}joint_{i}": ENDLESS for i in (1, 4, 6)},
+            collisions=hulls | {HAND: RobotShape(DISC, Origin((0.0, 0.0, -DISC.length / 2)))},
+            undrawn=("hand_2finger.dae",),
+        ),
         arm_joints=tuple(f"{PREFIX}joint_{i}" for i in range(1, 7)),
         home=(-0.02, 2.66, 4.312, 0.0, 1.652, -0.02),
         acceleration_limits=(2.5, 2.5, 2.5, 3.3, 3.3, 3.3),

@@ -14,7 +14,7 @@ import numpy as np
 from core.geometry import Pose
 from core.interfaces import Robot
 from core.values.descriptions import Inertial
-from plugins.robots.descriptions import Mending, measured
+from plugins.robots.descriptions import measured, mended
 from plugins.robots.programs import program
 
 JOINTS = (
@@ -62,11 +62,16 @@ def _arm(
     payload_kg: float,
     sources: tuple[str, ...],
 ) -> Robot:
-    mended = Mending(f"ur_description/urdf/{name}_robot.urdf").drop("world", "base", "ee_link", "tool0")
+    urdf = mended(
+        f"ur_description/urdf/{name}_robot.urdf",
+        drop=("world", "base", "ee_link", "tool0"),
+        inertials=inertials,
+        limits=limits,
+    )
     return Robot(
         name=name,
         title=f"Universal Robots {name.upper()}",
-        urdf=mended.weigh(inertials).limit(limits).text(),
+        urdf=urdf,
         arm_joints=JOINTS,
         home=home,
         acceleration_limits=(5.0,) * 6,

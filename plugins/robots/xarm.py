@@ -10,7 +10,7 @@ import numpy as np
 
 from core.geometry import Pose
 from core.interfaces import Robot
-from plugins.robots.descriptions import Mending, measured
+from plugins.robots.descriptions import measured, mended
 
 LINKS = ("link_base", *(f"link{i}" for i in range(1, 8)))
 MESHES = {link: f"xarm_description/meshes/xarm7/visual/{link}.stl" for link in LINKS}
@@ -27,7 +27,7 @@ def xarm7() -> Robot:
     return Robot(
         name="xarm7",
         title="UFACTORY xArm 7",
-        urdf=Mending("xarm_description/urdf/xarm7.urdf").drop("world", "link_eef").hull(MESHES).text(),
+        urdf=mended("xarm_description/urdf/xarm7.urdf", drop=("world", "link_eef"), collisions=MESHES),
         arm_joints=tuple(f"joint{i}" for i in range(1, 8)),
         home=(0.0, 0.079, 0.0, 1.547, 0.0, 1.468, 0.0),
         acceleration_limits=(20.0,) * 7,

@@ -10,7 +10,7 @@ import numpy as np
 
 from core.geometry import Pose
 from core.interfaces import Robot
-from plugins.robots.descriptions import Mending, measured
+from plugins.robots.descriptions import measured, mended
 
 MESHES = {f"link{i}": f"z1_description/meshes/collision/z1_Link{i}.STL" for i in ("01", "05")}
 
@@ -25,11 +25,11 @@ SOURCES = (
 
 def z1() -> Robot:
     """The arm with six joints, a reach of 0.74 m and a payload of 3 kg."""
-    mended = Mending("z1_description/urdf/z1.urdf").drop("world", "gripperStator", "gripperMover").hull(MESHES)
+    hand = ("gripperStator", "gripperMover")
     return Robot(
         name="z1",
         title="Unitree Z1",
-        urdf=mended.text(),
+        urdf=mended("z1_description/urdf/z1.urdf", drop=("world", *hand), collisions=MESHES),
         arm_joints=tuple(f"joint{i}" for i in range(1, 7)),
         home=(0.0, 2.0082, -1.2909, 0.8535, 0.0, 0.0),
         acceleration_limits=(4.0,) * 6,

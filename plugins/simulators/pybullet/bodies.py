@@ -5,18 +5,27 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
-from lxml import etree
 
-from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
+from core.geometry import Mesh, Pose, Shape
+from core.robot.description import write
 from core.scene import Body, Inertia
 from core.support.scratch import write_once
+from core.values.descriptions import (
+    Description,
+    Inertial,
+    Origin,
+    Primitive,
+    RobotLink,
+    RobotShape,
+    rounded,
+    rounded_shape,
+)
 from plugins.simulators.pybullet.engine import pybullet as p
 
-NO_INERTIA = Inertia(0.0, Pose(), np.zeros(3))  # of what is fixed
+DIGITS = ".12g"  # of numbers in files
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +47,10 @@ class PreparedBody:
     def of(cls, body: Body, folder: Path) -> PreparedBody:
         """Prepare a body; its files are written to ``folder``."""
         inertia = None if body.fixed else body.inertia()
+        link = RobotLink("body", inertial(inertia), collisions_of(body, folder))
         return cls(
             body.name,
-            text_file(folder, body_urdf(body, inertia, folder), "urdf"),
+            text_file(folder, write(Description("body", {"body": link})), "urdf"),
             body.fixed,
             body.pose.position.tolist(),
             list(body.pose.rotation.as_quat()),
@@ -75,63 +85,25 @@ def offset_of(inertia: Inertia | None) -> Pose | None:
     return None if inertia is None or inertia.frame == Pose() else inertia.frame.inverse()
 
 
-def text(values: Any) -> str:
-    """Write numbers as URDF has them."""
-    return " ".join(f"{value:.12g}" for value in values)
-
-
-def add_origin(parent: Any, pose: Pose) -> None:
-    """Add the element that places ``parent``."""
-    etree.SubElement(parent, "origin", xyz=text(pose.position), rpy=text(pose.rpy))
-
-
-def body_urdf(body: Body, inertia: Inertia | None, folder: Path) -> str:
-    """Write the collision parts and the inertia (None: fixed, no mass) as URDF; mesh files go to ``folder``."""
-    robot = etree.Element("robot", name="body")
-    link = etree.SubElement(robot, "link", name="body")
-    link.append(inertial(inertia or NO_INERTIA))
-    add_shapes(link, body, folder)
-    return to_text(robot)
-
-
-def to_text(robot: Any) -> str:
-    """Write a URDF's root element as text."""
-    etree.indent(robot)  # PyBullet can't read long lines
-    return etree.tostring(robot, encoding="unicode")
-
-
-def add_shapes(link: Any, body: Body, folder: Path, frame: Pose | None = None) -> None:
-    """Add a body's collision parts to a link whose frame in the body's is the inverse of ``frame``."""
+def collisions_of(body: Body, folder: Path, frame: Pose | None = None) -> tuple[RobotShape, ...]:
+    """Make the collision parts of a link whose frame in the body's is the inverse of ``frame``."""
+    shapes = []
     for part in body.collisions:
-        element = etree.SubElement(link, "collision")
-        add_origin(element, part.pose if frame is None else frame @ part.pose)
-        geometry = etree.SubElement(element, "geometry")
-        geometry.append(_geometry(part.shape, folder))
+        shape: Primitive | Path
+        if isinstance(part.shape, Mesh):  # its file goes to ``folder``
+            shape = text_file(folder, str(part.shape.to_trimesh().export(file_type="obj")), "obj")
+        else:
+            shape = rounded_shape(part.shape, DIGITS)
+        shapes.append(RobotShape(shape, Origin.of(part.pose if frame is None else frame @ part.pose, DIGITS)))
+    return tuple(shapes)
 
 
-def inertial(inertia: Inertia) -> Any:
-    """Make a link's inertia as a URDF element."""
-    element = etree.Element("inertial")
-    add_origin(element, inertia.frame)
-    etree.SubElement(element, "mass", value=f"{inertia.mass:.12g}")
-    ixx, iyy, izz = (f"{moment:.12g}" for moment in inertia.moments)
-    etree.SubElement(element, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
-    return element
-
-
-def _geometry(shape: Shape, folder: Path) -> Any:
-    match shape:
-        case Box(size=size):
-            return etree.Element("box", size=text(size))
-        case Sphere(radius=radius):
-            return etree.Element("sphere", radius=f"{radius:.12g}")
-        case Cylinder(radius=radius, length=length):
-            return etree.Element("cylinder", radius=f"{radius:.12g}", length=f"{length:.12g}")
-        case Capsule(radius=radius, length=length):
-            return etree.Element("capsule", radius=f"{radius:.12g}", length=f"{length:.12g}")
-        case Mesh():
-            file = text_file(folder, str(shape.to_trimesh().export(file_type="obj")), "obj")
-            return etree.Element("mesh", filename=str(file))
+def inertial(inertia: Inertia | None) -> Inertial:
+    """Make a link's inertia; None: fixed, without mass."""
+    if inertia is None:
+        return Inertial()
+    origin, (xx, yy, zz) = Origin.of(inertia.frame, DIGITS), (rounded(moment, DIGITS) for moment in inertia.moments)
+    return Inertial(rounded(inertia.mass, DIGITS), origin.xyz, (xx, 0.0, 0.0, yy, 0.0, zz), origin.rpy)
 
 
 def facets_file(shape: Shape, folder: Path) -> Path:

@@ -6,25 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from lxml import etree
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
+from core.robot.description import write
 from core.scene import Body, Inertia, Joint, Scene
-from plugins.simulators.pybullet.bodies import (
-    NO_INERTIA,
-    add_origin,
-    add_shapes,
-    dynamics_of,
-    inertial,
-    offset_of,
-    text,
-    text_file,
-    to_text,
-)
+from core.values.descriptions import Description, Limits, Origin, RobotJoint, RobotLink, rounded
+from plugins.simulators.pybullet.bodies import DIGITS, collisions_of, dynamics_of, inertial, offset_of, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.stiffness import Dampers, Lightness
 
@@ -61,18 +51,19 @@ class PreparedTree:
             bodies.append(root)
             frames[root.name], links[root.name] = root.pose, _ROOT
         inertias = {body.name: body.inertia() for body in bodies}
-        robot = etree.Element("robot", name="tree")
-        if root is None:
-            etree.SubElement(robot, "link", name=_ROOT).append(inertial(NO_INERTIA))
+        made = {_ROOT: RobotLink(_ROOT)} if root is None else {}
         for body in bodies:
-            _add_link(
-                robot, links[body.name], body, frames[body.name].inverse() @ body.pose, inertias[body.name], folder
-            )
+            name, inertia = links[body.name], inertias[body.name]
+            place = frames[body.name].inverse() @ body.pose  # of the body in the link
+            own = inertial(Inertia(inertia.mass, place @ inertia.frame, inertia.moments))
+            made[name] = RobotLink(name, own, collisions_of(body, folder, place))
+        hung = dict[str, RobotJoint]()
         for joint in joints:
             above = joint.parent if joint.parent in frames else None
-            at = (frame if above is None else frames[above]).inverse() @ frames[joint.body]
-            _add_joint(robot, joint, links[joint.body], _ROOT if above is None else links[above], at)
-        file = text_file(folder, to_text(robot), "urdf")
+            pose = (frame if above is None else frames[above]).inverse() @ frames[joint.body]
+            name = links[joint.body]
+            hung[name] = _joint(joint, name, _ROOT if above is None else links[above], pose)
+        file = text_file(folder, write(Description("tree", made, hung)), "urdf")
         dynamics = {body.name: dynamics_of(body) for body in bodies}
         offsets = {name: offset_of(inertia) for name, inertia in inertias.items()}
         lightness = Lightness.of({body.name: body for body in bodies}, joints, inertias)
@@ -134,22 +125,13 @@ def _frame(body: Body, joint: Joint) -> Pose:
     return Pose(body.pose.apply(joint.origin), body.pose.quaternion)
 
 
-def _add_link(robot: Any, name: str, body: Body, frame: Pose, inertia: Inertia, folder: Path) -> None:
-    """Add a body, whose frame in the link's is ``frame``."""
-    link = etree.SubElement(robot, "link", name=name)
-    link.append(inertial(Inertia(inertia.mass, frame @ inertia.frame, inertia.moments)))
-    add_shapes(link, body, folder, frame)
-
-
-def _add_joint(robot: Any, joint: Joint, link: str, above: str, at: Pose) -> None:
+def _joint(joint: Joint, link: str, parent: str, pose: Pose) -> RobotJoint:
+    """Make the joint that bears ``link`` at a pose in its parent."""
     kind = "continuous" if joint.kind == "hinge" and not joint.limited else _KINDS[joint.kind]
-    element = etree.SubElement(robot, "joint", name=f"{link}_joint", type=kind)
-    etree.SubElement(element, "parent", link=above)
-    etree.SubElement(element, "child", link=link)
-    add_origin(element, at)
-    etree.SubElement(element, "axis", xyz=text(joint.axis))
     lower, upper = (joint.lower - joint.start, joint.upper - joint.start) if joint.limited else (1.0, -1.0)  # none
-    etree.SubElement(element, "limit", lower=text([lower]), upper=text([upper]), effort="0", velocity="1000")
+    low, high, x, y, z = (rounded(value, DIGITS) for value in (lower, upper, *joint.axis))
+    limits, origin = Limits(low, high, 0.0, 1000.0), Origin.of(pose, DIGITS)
+    return RobotJoint(f"{link}_joint", kind, parent, link, origin, (x, y, z), limits)
 
 
 class Mechanism:

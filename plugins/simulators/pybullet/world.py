@@ -20,9 +20,9 @@ from core.interfaces import JointTrajectory
 from core.robot.description import assembled, joint_name, write
 from core.scene import Inertia, Scene, State
 from core.simulation.playback import Thing
-from core.values.descriptions import Inertial, RobotLink
+from core.values.descriptions import RobotLink
 from core.values.robots import Robot
-from plugins.simulators.pybullet.bodies import PreparedBody, text, text_file
+from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.forces import Forces
 from plugins.simulators.pybullet.trees import Mechanism, Place, prepare_trees
@@ -304,10 +304,7 @@ def robot_file(folder: Path, robot: Robot, tool: Tool, *, visuals: bool) -> Path
     """Write the arm with its tool to a file: PyBullet reads only files."""
     arm, held = assembled(robot, tool, fused=True), dict[str, RobotLink]()
     for name, inertia in driven_links(robot).items():
-        numbers = (inertia.mass, *inertia.frame.position, *inertia.frame.rpy)
-        mass, x, y, z, roll, pitch, yaw = map(float, text(numbers).split())
-        inertial = Inertial(mass, (x, y, z), _PLACEHOLDER, (roll, pitch, yaw))
-        held[name] = replace(arm.links[name], inertial=inertial)
+        held[name] = replace(arm.links[name], inertial=replace(inertial(inertia), moments=_PLACEHOLDER))
     return text_file(folder, write(replace(arm, links=arm.links | held), visuals=visuals), "urdf")
 
 

@@ -46,7 +46,7 @@ class AxisJoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Segment:
+class ArticulationLink:
     """Rigidly joined links: the parent's number and the joint to it (the base has neither), inertia, and shapes."""
 
     name: str
@@ -58,13 +58,13 @@ class Segment:
 
 
 @lru_cache(maxsize=16)
-def robot_links(robot: Robot, tool: Tool) -> tuple[Segment, ...]:
+def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
     """List the links of the arm with a tool, parents first. Rigidly joined links become one."""
     arm = assembled(robot, tool, fused=True)
     parts = arm.rigid_parts(child for child, joint in arm.joints.items() if joint.kind != "fixed")
     heads = {head for head, _ in parts.values()}
     order = sorted((name for name in arm.links if name in heads), key=lambda name: len(arm.above(name)))
-    segments = []
+    made = []
     for name in order:
         links = [(arm.links[part], pose) for part, (head, pose) in parts.items() if head == name]
         collisions = tuple(_placed(shape, pose, link.name) for link, pose in links for shape in link.collisions)
@@ -74,11 +74,11 @@ def robot_links(robot: Robot, tool: Tool) -> tuple[Segment, ...]:
         if name in arm.joints:
             head, pose = parts[arm.joints[name].parent]
             parent, joint = order.index(head), _along_x(arm.joints[name], pose)
-        segments.append(Segment(name, parent, joint, inertia, collisions, visuals))
-    return tuple(segments)
+        made.append(ArticulationLink(name, parent, joint, inertia, collisions, visuals))
+    return tuple(made)
 
 
-def place(links: Sequence[Segment], joints: Mapping[str, float]) -> list[Pose]:
+def place(links: Sequence[ArticulationLink], joints: Mapping[str, float]) -> list[Pose]:
     """Compute the poses of links in the base for joint values by name; the others are at 0."""
     poses: list[Pose] = []
     for link in links:

@@ -12,7 +12,7 @@ from core.design import GRIPPER_MOUNTS, Tool, ToolJoint
 from core.geometry import Array
 from core.interfaces import JointTrajectory
 from core.robot.description import joint_name
-from core.values.robots import Robot as Arm
+from core.values.robots import Robot
 from plugins.simulators.sapien.bodies import weigh
 from plugins.simulators.sapien.description import AxisJoint, PlacedShape, robot_links
 from plugins.simulators.sapien.engine import physx, sapien
@@ -34,24 +34,24 @@ _GRIP = 4
 _STICKS = 1e3  # N m s/rad or N s/m, of dry friction up to its limit
 
 
-def surface_of(arm: Arm, part: str, tool: Tool) -> Surface:
+def surface_of(arm: Robot, part: str, tool: Tool) -> Surface:
     if arm.gripper is not None and part in GRIPPER_MOUNTS:
         return Surface(arm.gripper.friction)
     return Surface(tool.friction if part in tool.borne_on else arm.friction)
 
 
-def surfaces_of(arm: Arm, tool: Tool) -> set[Surface]:
+def surfaces_of(arm: Robot, tool: Tool) -> set[Surface]:
     return {surface_of(arm, shape.part, tool) for link in robot_links(arm, tool) for shape in link.collisions}
 
 
-class Robot:
+class ArticulatedArm:
     """The arm with ``tool``, its joints at the trajectory's first targets."""
 
     def __init__(
         self,
         scene: Any,
         surfaces: Surfaces,
-        arm: Arm,
+        arm: Robot,
         tool: Tool,
         trajectory: JointTrajectory,
         folder: Path,
@@ -154,7 +154,7 @@ class Robot:
         return values[..., : self._arm], np.concatenate([fingers, loose], axis=-1)
 
 
-def _attach(component: Any, part: PlacedShape, arm: Arm, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
+def _attach(component: Any, part: PlacedShape, arm: Robot, tool: Tool, surfaces: Surfaces, folder: Path) -> None:
     def make(material: Any) -> Any:
         shape = part.shape
         collider = hull(shape, material) if isinstance(shape, Path) else collision(shape, material, folder)
@@ -165,7 +165,7 @@ def _attach(component: Any, part: PlacedShape, arm: Arm, tool: Tool, surfaces: S
         component.attach(shape)
 
 
-def _apart(part: str, arm: Arm, tool: Tool) -> int:
+def _apart(part: str, arm: Robot, tool: Tool) -> int:
     """Compute a part's bits: parts that share one don't touch each other.
 
     The arm's links overlap by construction, and a tool overlaps the link that bears it.
@@ -203,7 +203,7 @@ def _place(joint: Any, about: AxisJoint) -> None:
     joint.limit = [list(about.joint.range)]
 
 
-def _drive(joint: Any, about: AxisJoint, arm: Arm, tracking_rate: float) -> None:
+def _drive(joint: Any, about: AxisJoint, arm: Robot, tracking_rate: float) -> None:
     _place(joint, about)
     joint.friction = 0.0
     force = about.joint.limits.effort or 0.0

@@ -17,7 +17,7 @@ from plugins.simulators.sapien.bodies import GRAVITY, Bodies, Weighed
 from plugins.simulators.sapien.engine import physx, sapien
 from plugins.simulators.sapien.forces import Forces
 from plugins.simulators.sapien.joints import Joints
-from plugins.simulators.sapien.robot import Robot, surfaces_of
+from plugins.simulators.sapien.robot import ArticulatedArm, surfaces_of
 from plugins.simulators.sapien.surfaces import Surfaces
 
 # Contacts begin at this distance, metres: bodies are slowed down before they penetrate.
@@ -74,7 +74,7 @@ class World:
         surfaces = Surfaces(surfaces_of(robot, tool) | weighed.moving, weighed.fixed)
         self._bodies = Bodies(self._scene, surfaces, weighed, folder, time_step)
         self._joints = Joints(weighed.scene, weighed.inertias, self._bodies.components, time_step, tracking_rate)
-        self._robot = Robot(self._scene, surfaces, robot, tool, trajectory, folder, tracking_rate, time_step)
+        self._robot = ArticulatedArm(self._scene, surfaces, robot, tool, trajectory, folder, tracking_rate, time_step)
         self.forces = Forces(self._system, weighed.scene, robot, tool) if forces else None
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:

@@ -11,15 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.errors import UserError
-from core.geometry import Array, Mesh, Pose
+from core.geometry import Mesh, Pose
 from core.robot.description import merged
 from core.scene import Body, Geom, Joint, Scene
+from core.values.descriptions import Weight
 
 MAX_SHAPES = 2000
 MAX_DRAWN = 2_000_000  # triangles
 _OFF = 0.1
-
-Weight = tuple[float, Array, Array]  # mass, its centre (3,), and the inertia tensor (3, 3) about it; one frame for all
 
 
 @dataclass(frozen=True)

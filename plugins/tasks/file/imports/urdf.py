@@ -56,12 +56,12 @@ def read_urdf(
     left = Counter(str(element.tag) for element in read_xml(data, file) if element.tag not in _READ)
     notes = [f"left out: {count} <{tag[:40]}>" for tag, count in left.items()]
     try:
-        return _Reading(description, file, folder, prefix, friction, notes).read(pose or Pose(), fixed)
+        return _UrdfBodies(description, file, folder, prefix, friction, notes).read(pose or Pose(), fixed)
     except (UserError, ValueError) as error:
         raise UserError(f"{file}: {error}") from error
 
 
-class _Reading:
+class _UrdfBodies:
     def __init__(
         self, description: Description, file: Path, folder: Path, prefix: str, friction: float, notes: list[str]
     ) -> None:
