@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.stiffness import bending, corners
@@ -19,7 +18,7 @@ from core.errors import UserError
 from core.geometry import Array, Pose
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins import describe_part
-from core.robot.frames import link_frames
+from core.robot.frames import link_poses
 from core.robot.kinematics import arm_of
 from core.robot.solids import (
     Obstacles,
@@ -260,11 +259,7 @@ class SpawnRules:
     def _robot(self, gripper: bool) -> tuple[Obstacles, dict[str, Pose]]:
         """The robot's solids, and the world poses of its links."""
         if gripper not in self._robots:
-            opened = np.full((1, len(self.robot.finger_joints)), self.robot.opening_m)
-            placed = link_frames(self.robot, gripper, self._joints[None], opened)
-            frames = {
-                name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in placed.items()
-            }
+            frames = link_poses(self.robot, gripper, self._joints)
             solids = (Solid(s.name, s.geometry, frames[s.name] @ s.pose) for s in robot_solids(self.robot, gripper))
             self._robots[gripper] = Obstacles(solids), frames
         return self._robots[gripper]

@@ -10,12 +10,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Tool
 from core.geometry import Array, Pose
 from core.robot.description import assembled
-from core.robot.frames import link_frames, open_mounts, robot_model
+from core.robot.frames import link_poses, open_mounts, robot_model
 from core.robot.kinematics import arm_of
 from core.robot.solids import corners, robot_solids
 from core.support.text import short_numbers, table
@@ -69,9 +68,7 @@ def extents_at_home(robot: Robot, gripper: bool, home: Pose) -> dict[str, Extent
     Raises:
         UserError: the arm can't reach ``home``.
     """
-    fingers = np.full((1, len(robot.finger_joints)), robot.opening_m)
-    frames = link_frames(robot, gripper, arm_of(robot).home_for(home)[None], fingers)
-    poses = {name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in frames.items()}
+    poses = link_poses(robot, gripper, arm_of(robot).home_for(home))
     mount, bare = poses[RIGID_MOUNT].inverse(), robot_model(robot, False).links
     found = _extents(
         (

@@ -122,6 +122,16 @@ def link_frames(robot: Robot, gripper: bool, arm: Array, fingers: Array) -> dict
     }
 
 
+def link_poses(robot: Robot, gripper: bool, joints: Array) -> dict[str, Pose]:
+    """Place each link in the world, with the arm at joints (J,) and the fingers open."""
+    opened = np.full((1, len(robot.finger_joints)), robot.opening_m)
+    frames = link_frames(robot, gripper, np.asarray(joints)[None], opened)
+    return {
+        name: Pose.from_rotation(position[0], Rotation.from_matrix(rotation[0]))
+        for name, (rotation, position) in frames.items()
+    }
+
+
 def bearer_frames(
     tool: Tool, values: Array, mounts: Mapping[str, tuple[Array, Array]]
 ) -> dict[str, tuple[Array, Array]]:
@@ -149,11 +159,10 @@ def tool_values(robot: Robot, tool: Tool, fingers: Array) -> Array:
 @lru_cache(maxsize=8)
 def open_mounts(robot: Robot, gripper: bool) -> dict[str, Pose]:
     """Place each mount in the frame of the tool mount, with the fingers open."""
-    opened = np.full((1, len(robot.finger_joints)), robot.opening_m)
-    frames = link_frames(robot, gripper, np.array([robot.home]), opened)
-    here = {name: frames[name] for name in (RIGID_MOUNT, *GRIPPER_MOUNTS) if name in frames}
-    poses = {name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in here.items()}
-    return {name: poses[RIGID_MOUNT].inverse() @ pose for name, pose in poses.items()}
+    poses = link_poses(robot, gripper, np.array(robot.home))
+    return {
+        name: poses[RIGID_MOUNT].inverse() @ poses[name] for name in (RIGID_MOUNT, *GRIPPER_MOUNTS) if name in poses
+    }
 
 
 def place(rotations: Array, positions: Array, rotation: Array, position: Array) -> tuple[Array, Array]:

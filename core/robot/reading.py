@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from core.errors import UsageError, UserError, choices
 from core.geometry import Array, Pose
 from core.robot.description import RESERVED, write
-from core.robot.frames import link_frames
+from core.robot.frames import link_poses
 from core.robot.kinematics import Arm
 from core.robot.normalise import normalised
 from core.robot.solids import robot_solids
@@ -341,13 +341,12 @@ def _straightened(robot: Robot) -> Robot:
 
 def _check_looks_down(robot: Robot, mount: Pose) -> None:
     """Refuse a home at which the arm's last link lies below its flange."""
-    frames = link_frames(robot, False, np.array([robot.home]), np.zeros((1, 2)))
-    heights = []
-    for solid in robot_solids(robot, False):
-        if solid.name in robot.near_mount:
-            rotations, positions = frames[solid.name]
-            center = positions[0] + rotations[0] @ solid.bounds()[0]
-            heights.append(float(mount.inverse().apply(center)[2]))
+    poses = link_poses(robot, False, np.array(robot.home))
+    heights = [
+        float((mount.inverse() @ poses[solid.name]).apply(solid.bounds()[0])[2])
+        for solid in robot_solids(robot, False)
+        if solid.name in robot.near_mount
+    ]
     if heights and max(heights) < -_UNDER_M:
         below = f"{-max(heights):.3f} m below flange {robot.mount_link!r}"
         raise UserError(f"at home the arm's last link is {below}, which looks up; choose a home where it looks down")

@@ -20,7 +20,7 @@ from core.geometry import Array, Box, Pose
 from core.interfaces import JointTrajectory, Outcome, Robot, Rollout, Simulator
 from core.plugins import Part, installed
 from core.robot.description import assembled
-from core.robot.frames import link_frames, robot_model
+from core.robot.frames import link_poses, robot_model
 from core.robot.kinematics import Arm, arm_of
 from core.robot.solids import Solid, robot_solids, signed_distance
 from core.robot.trajectory import plan_motion
@@ -105,12 +105,10 @@ def check_shapes_are_clear_of_each_other_at_home(robot: Robot) -> None:
     """Convex hulls of links that three joints or more separate don't overlap at home; limits keep the others apart."""
     gripper = robot.gripper is not None
     model, arm = robot_model(robot, gripper), arm_of(robot)
-    frames = link_frames(robot, gripper, arm.home[None], np.full((1, 2), robot.opening_m))
-    placed = []
+    poses, placed = link_poses(robot, gripper, arm.home), []
     for solid in robot_solids(robot, gripper):
-        (rotation,), (position,) = frames[solid.name]
-        at = Pose.from_matrix(np.vstack([np.column_stack([rotation, position]), [0, 0, 0, 1]]))
-        placed.append((model.supports[model.links[solid.name][0]], Solid(solid.name, solid.geometry, at @ solid.pose)))
+        here = Solid(solid.name, solid.geometry, poses[solid.name] @ solid.pose)
+        placed.append((model.supports[model.links[solid.name][0]], here))
     for (before, one), (behind, other) in combinations(placed, 2):
         if len(before ^ behind) >= 3:
             deep = -signed_distance(one, other)

@@ -18,7 +18,7 @@ from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
 from core.geometry import Array, Cylinder, Mesh, Pose
 from core.robot.extents import fingers_of
-from core.robot.frames import link_frames
+from core.robot.frames import link_poses
 from core.robot.solids import corners, robot_solids
 from core.values.materials import Material
 from core.values.robots import Robot
@@ -120,8 +120,7 @@ def _free(name: str, tool: Tool) -> str:
 
 def _arm(robot: Robot) -> tuple[Placed, ...]:
     """The arm's last links above the flange's face, and the flange itself."""
-    frames = link_frames(robot, False, np.array([robot.home]), np.zeros((1, 0)))
-    poses = {name: Pose.from_rotation(at[0], Rotation.from_matrix(turn[0])) for name, (turn, at) in frames.items()}
+    poses = link_poses(robot, False, np.array(robot.home))
     mount = poses[RIGID_MOUNT].inverse()
     found = [_upright((0, 0), 0, 0.01, robot.flange.disc.radius + 0.0005)]
     for solid in robot_solids(robot, False):

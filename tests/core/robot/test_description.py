@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +9,8 @@ from lxml import etree
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
-from core.robot.description import assemble, tool_urdf
+from core.robot.description import assemble, assembled, tool_urdf, write
+from core.values.urdf import read_description
 from plugins.conformance.shapes import bowl, prism
 from plugins.robots.descriptions import robots_folder
 from tests.panda import ARM_JOINTS, FINGER_JOINTS, HOME_JOINTS, PANDA
@@ -72,15 +74,15 @@ def frame_pose(model, name):
     return Pose.from_matrix(data.oMf[model.getFrameId(name)].homogeneous)
 
 
-def links(urdf):
-    return {link.get("name"): link for link in etree.fromstring(urdf).findall("link")}
+def links(tool, **how):
+    return assembled(PANDA, tool, **how).links
 
 
 # --- the arm ----------------------------------------------------------------------------------------------------
 
 
 def test_the_arm_weighs_what_was_identified():
-    masses = {name: float(link.find("inertial/mass").get("value")) for name, link in links(assemble(PANDA)).items()}
+    masses = {name: link.inertial.mass for name, link in PANDA.description.links.items()}
     assert 15 < sum(masses.values()) < 19
     arm = {masses[f"panda_link{i}"] for i in range(8)}
     assert len(arm) == 8  # placeholders repeat
@@ -103,7 +105,7 @@ def test_joint_limits_are_the_data_sheets():
 
 
 def test_the_rigid_mount_takes_the_hands_place():
-    assert not {"panda_hand", *GRIPPER_MOUNTS} & set(links(assemble(PANDA, RIGID)))
+    assert not {"panda_hand", *GRIPPER_MOUNTS} & set(links(RIGID))
     rigid, hand = model_of(Tool()), model_of(None)
     for name in (RIGID_MOUNT, "panda_link7"):
         np.testing.assert_allclose(frame_pose(rigid, name).matrix, frame_pose(hand, name).matrix, atol=1e-6)
@@ -113,8 +115,8 @@ def test_the_rigid_mount_takes_the_hands_place():
 
 
 def test_the_bare_hand_is_what_there_is_without_a_tool():
-    assert assemble(PANDA, None) == assemble(PANDA, Tool(gripper=True))
-    assert {"panda_hand", *GRIPPER_MOUNTS} <= set(links(assemble(PANDA, None)))
+    assert assembled(PANDA, None) == assembled(PANDA, Tool(gripper=True))
+    assert {"panda_hand", *GRIPPER_MOUNTS} <= set(links(None))
 
 
 @every_tool
@@ -131,7 +133,7 @@ def test_components_stand_where_the_tool_places_them(tool):
 
 
 def test_the_inertia_of_every_shape_is_that_of_its_triangles():
-    link = etree.fromstring(assemble(PANDA, ROUND, fused=True)).find(f"link[@name='{RIGID_MOUNT}']/inertial")
+    mass, middle, moments = links(ROUND, fused=True)[RIGID_MOUNT].inertial.placed()
     meshes = []
     for component in ROUND.components:
         mesh = component.shape.to_trimesh().apply_transform(ROUND.placed()[component.name][1].matrix)
@@ -142,21 +144,19 @@ def test_the_inertia_of_every_shape_is_that_of_its_triangles():
     for mesh in meshes:
         arm = mesh.center_mass - center
         tensor += mesh.moment_inertia + mesh.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    assert float(link.find("mass").get("value")) == pytest.approx(ROUND.mass)
-    np.testing.assert_allclose([float(x) for x in link.find("origin").get("xyz").split()], center, atol=1e-6)
-    names = [["ixx", "ixy", "ixz"], ["ixy", "iyy", "iyz"], ["ixz", "iyz", "izz"]]
-    found = [[float(link.find("inertia").get(name)) for name in row] for row in names]
-    np.testing.assert_allclose(found, tensor, rtol=0.01, atol=2e-5)
+    assert mass == pytest.approx(ROUND.mass)
+    np.testing.assert_allclose(middle, center, atol=1e-6)
+    np.testing.assert_allclose(moments, tensor, rtol=0.01, atol=2e-5)
 
 
 def test_convex_parts_collide_and_the_surface_is_drawn():
-    link = links(assemble(PANDA, ROUND, fused=True))[RIGID_MOUNT]
-    kinds = {tag: [shape.find("geometry")[0].tag for shape in link.findall(tag)] for tag in ("visual", "collision")}
-    capsule = ["cylinder", "sphere", "sphere"]
-    assert kinds["visual"] == ["box", "sphere", "cylinder", *capsule, "mesh", "mesh"]
-    assert kinds["collision"] == ["box", "sphere", "cylinder", *capsule, "mesh", *["mesh"] * 48]
-    last = link.findall("visual")[-1].find("geometry/mesh").get("filename")
-    assert trimesh.load_mesh(last).volume == pytest.approx(ROUND.components[-1].shape.volume)
+    link = links(ROUND, fused=True)[RIGID_MOUNT]
+    drawn, solid = ([type(part.shape) for part in shapes] for shapes in (link.visuals, link.collisions))
+    primitives, mesh = [Box, Sphere, Cylinder, Cylinder, Sphere, Sphere], type(link.visuals[-1].shape)
+    assert drawn == [*primitives, mesh, mesh]
+    assert solid == [*primitives, mesh, *[mesh] * 48]
+    volume = trimesh.load_mesh(link.visuals[-1].shape).volume
+    assert volume == pytest.approx(ROUND.components[-1].shape.volume)
 
 
 def whole_inertia(model):
@@ -180,13 +180,10 @@ def test_fused_or_not_the_robot_weighs_the_same(tool):
 
 def test_a_finger_with_any_inertia_keeps_it_when_fused():
     """One from somebody's own URDF may be turned, and have products of inertia."""
-    root = etree.fromstring(PANDA.urdf.encode())
-    own = root.find(f"link[@name='{PANDA.gripper.links[0]}']/inertial")
-    own.find("origin").set("rpy", "0.3 -0.2 0.5")
-    own.find("inertia").attrib.update(
-        {"ixx": "3e-6", "iyy": "4e-6", "izz": "5e-6", "ixy": "4e-7", "ixz": "-5e-7", "iyz": "6e-7"}
-    )
-    skewed = replace(PANDA, urdf=etree.tostring(root, encoding="unicode"))
+    arm, name = PANDA.description, PANDA.gripper.links[0]
+    own = replace(arm.links[name].inertial, moments=(3e-6, 4e-7, -5e-7, 4e-6, 6e-7, 5e-6), rpy=(0.3, -0.2, 0.5))
+    finger = replace(arm.links[name], inertial=own)
+    skewed = replace(PANDA, urdf=write(replace(arm, links=arm.links | {name: finger})))
     apart, fused = (
         pin.buildModelFromXML(assemble(skewed, GRIPPER, visuals=False, fused=fused)) for fused in (False, True)
     )
@@ -196,28 +193,22 @@ def test_a_finger_with_any_inertia_keeps_it_when_fused():
 
 @pytest.mark.parametrize("tool", [RIGID, GRIPPER])
 def test_fusing_makes_shapes_of_the_mount(tool):
-    bare, apart, fused = (
-        links(assemble(PANDA, Tool(gripper=tool.gripper))),
-        links(assemble(PANDA, tool)),
-        links(assemble(PANDA, tool, fused=True)),
-    )
+    bare, apart, fused = links(Tool(gripper=tool.gripper)), links(tool), links(tool, fused=True)
     assert set(fused) == set(bare)
     assert set(apart) - set(bare) == {component.name for component in tool.components}
-    for tag in ("visual", "collision"):
-        before, one, other = (sum(len(link.findall(tag)) for link in robot.values()) for robot in (bare, apart, fused))
+    for kind in ("visuals", "collisions"):
+        before, one, other = (sum(len(getattr(k, kind)) for k in arm.values()) for arm in (bare, apart, fused))
         assert one == other == before + len(tool.components)
 
 
 def test_fused_shapes_stand_where_the_components_do():
     placed = GRIPPER.placed()
     for mount in GRIPPER_MOUNTS:
-        boxes = links(assemble(PANDA, GRIPPER, fused=True))[mount].findall("collision")[-2 if mount == RIGHT else -1 :]
+        boxes = links(GRIPPER, fused=True)[mount].collisions[-2 if mount == RIGHT else -1 :]
         own = [c for c in GRIPPER.components if placed[c.name][0] == mount]
-        for element, component in zip(boxes, own, strict=True):
-            origin = {key: [float(x) for x in value.split()] for key, value in element.find("origin").items()}
-            found = Pose.xyz_rpy(origin["xyz"], origin["rpy"])
-            np.testing.assert_allclose(found.matrix, placed[component.name][1].matrix, atol=1e-7)
-            assert [float(x) for x in element.find("geometry/box").get("size").split()] == list(component.shape.size)
+        for part, component in zip(boxes, own, strict=True):
+            np.testing.assert_allclose(part.origin.pose.matrix, placed[component.name][1].matrix, atol=1e-7)
+            assert part.shape == component.shape
 
 
 # --- the text ---------------------------------------------------------------------------------------------------
@@ -226,12 +217,12 @@ def test_fused_shapes_stand_where_the_components_do():
 @every_tool
 @pytest.mark.parametrize("fused", [False, True])
 def test_every_urdf_is_one_tree(tool, fused):
-    robot = etree.fromstring(assemble(PANDA, tool, fused=fused))
-    names = [link.get("name") for link in robot.findall("link")]
-    children = [joint.find("child").get("link") for joint in robot.findall("joint")]
-    assert len(names) == len(set(names))
-    assert sorted(children) == sorted(set(names) - {"panda_link0"})
-    assert {joint.find("parent").get("link") for joint in robot.findall("joint")} <= set(names)
+    arm = assembled(PANDA, tool, fused=fused)
+    assert (set(arm.joints), arm.root) == (set(arm.links) - {"panda_link0"}, "panda_link0")
+    again = read_description(write(arm).encode(), Path("again.urdf"))
+    assert (set(again.links), again.joints) == (set(arm.links), arm.joints)
+    for name, link in arm.links.items():
+        assert (again.links[name].inertial, again.links[name].visuals) == (link.inertial, link.visuals)
     movable = 9 if tool is None or tool.gripper else 7
     assert pin.buildModelFromXML(assemble(PANDA, tool, fused=fused)).nq == movable
 
@@ -253,10 +244,10 @@ def test_mesh_paths_are_the_callers_to_choose():
 
 
 def test_visuals_can_be_left_out():
-    assert not list(etree.fromstring(assemble(PANDA, RIGID, visuals=False)).iter("visual"))
-    assert len(list(etree.fromstring(assemble(PANDA, RIGID)).iter("visual"))) > 8
-    one, other = (etree.fromstring(assemble(PANDA, RIGID, visuals=v)) for v in (True, False))
-    assert len(list(one.iter("collision"))) == len(list(other.iter("collision"))) > 8
+    whole, bare = (assemble(PANDA, RIGID, visuals=visuals) for visuals in (True, False))
+    assert whole.count("<visual>") > 8
+    assert "<visual>" not in bare
+    assert whole.count("<collision>") == bare.count("<collision>") > 8
 
 
 def test_a_tools_block_has_a_link_and_a_joint_per_component():
