@@ -19,6 +19,7 @@ from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Fitness, RolloutSettings, observation
+from core.plugins import EXECUTOR, FITNESS, SIMULATOR
 from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator
 from core.support.cli import arguments, command, print_table, say, write_bytes
@@ -36,17 +37,17 @@ def evaluate(cfg: DictConfig) -> list[Evaluation]:
     """
     check_seed(cfg.seed)
     document = load_designs(Path(cfg.designs))
-    part("sim", cfg.sim).create()  # a wrong setting is reported here, once, rather than by each worker
+    part(SIMULATOR, cfg.sim).create()  # a wrong setting is reported here, once, rather than by each worker
     spawn = SpawnRules(task_part(cfg).create(), cfg.seed)
-    evaluator = Evaluator(task_part(cfg), part("sim", cfg.sim), cfg.seed, node(cfg.rollout, RolloutSettings))
-    fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
+    evaluator = Evaluator(task_part(cfg), part(SIMULATOR, cfg.sim), cfg.seed, node(cfg.rollout, RolloutSettings))
+    fitness = part(FITNESS, cfg.fitness).create(evaluator=evaluator)
     evaluations = try_all(cfg, read_designs(document, tool_part(cfg).create(), spawn), fitness)
     return sorted(evaluations, key=lambda e: e.candidate.key)
 
 
 def try_all(cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness) -> list[Evaluation]:
     """Try candidates with the configured executor, judged by ``fitness``."""
-    with part("executor", cfg.executor).create() as executor:
+    with part(EXECUTOR, cfg.executor).create() as executor:
         return list(evaluate_all(candidates, fitness, executor))
 
 

@@ -33,7 +33,7 @@ from core.interfaces import (
     Task,
     ToolRepresentation,
 )
-from core.plugins import event_hub, installed
+from core.plugins import ACTION, FITNESS, SIMULATOR, event_hub, installed
 from core.search.agent_groups import Team
 from core.search.designer import DEFAULT_KINDS, make_designer
 from core.simulation.rollout import Evaluator
@@ -67,18 +67,18 @@ def compose(cfg: DictConfig) -> Request:
     if cfg.agent < 0:
         raise UsageError(f"agent must be 0 or greater, got {cfg.agent}")
     cfg.rollout.observe |= cfg.prompt.feedback != "paper" or cfg.prompt.critic > 0
-    task: Task = task_part(cfg).create()
-    representation: ToolRepresentation = tool_part(cfg).create()
+    task = task_part(cfg).create()
+    representation = tool_part(cfg).create()
     settings = node(cfg.rollout, RolloutSettings)
-    evaluator = Evaluator(task_part(cfg), part("sim", cfg.sim), cfg.seed, settings)
-    fitness: Fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
+    evaluator = Evaluator(task_part(cfg), part(SIMULATOR, cfg.sim), cfg.seed, settings)
+    fitness = part(FITNESS, cfg.fitness).create(evaluator=evaluator)
     tie, judged = cfg.evolution.get("tie", TIE), fitness.instructions()
     designer = make_designer(
         task,
-        part("sim", cfg.sim).create(),
+        part(SIMULATOR, cfg.sim).create(),
         NoModel(installed().factory("vlm", cfg.vlm.name)),
         representation,
-        part("action", cfg.action).create(),
+        part(ACTION, cfg.action).create(),
         PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged),
         Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)}),
         seed=cfg.seed,

@@ -18,6 +18,7 @@ from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.interfaces import Image, Task
+from core.plugins import SIMULATOR
 from core.simulation.pictures import png
 from core.support.cli import arguments, say, write_bytes
 
@@ -51,7 +52,7 @@ def render(cfg: DictConfig) -> tuple[Image, str]:
         if not 1 <= pixels <= MAX_PIXELS:
             raise UsageError(f"{name} must be between 1 and {MAX_PIXELS}, got {pixels}")
     task = task_part(cfg).create()
-    simulator = part("sim", cfg.sim).create()
+    simulator = part(SIMULATOR, cfg.sim).create()
     tool = None if cfg.designs is None else _tool(cfg, task)
     picture: Image = simulator.render(task, seed=cfg.seed, tool=tool, width=cfg.width, height=cfg.height)
     return picture, simulator.drawn_by

@@ -24,7 +24,7 @@ from core.design import Candidate, Evaluation
 from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import RolloutSettings
-from core.plugins import TaskPart
+from core.plugins import EXECUTOR, TaskPart
 from core.search.evolution import evaluate_all
 from core.simulation.robustness import arms, check_draws, engines, perturbed, worst
 from core.simulation.rollout import Evaluator
@@ -109,7 +109,7 @@ def transfer(cfg: DictConfig) -> dict[str, Any]:
         evaluators[robot, engine, None] = nominal = Evaluator(own, sim, cfg.seed, settings)
         evaluators |= {(robot, engine, change): perturbed(nominal, ranges, change) for change in cfg.seeds}
     tried: dict[tuple[str, World], Evaluation] = {}
-    with part("executor", cfg.executor).create() as executor:
+    with part(EXECUTOR, cfg.executor).create() as executor:
         for evaluation in track(
             evaluate_all(trials(candidates, evaluators), attempt, executor),
             "trials",

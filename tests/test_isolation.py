@@ -6,7 +6,7 @@ import pytest
 from core.plugins import Offer, installed
 from core.plugins.blame import PluginError
 from core.search.evolution import evaluate_all
-from core.simulation.rollout import Evaluator, Part
+from core.simulation.rollout import Evaluator, PluginPart
 from tests import faults, toys
 from tests.conftest import POPULATION
 from tests.faults import FAULTS, Faulty, Slide, candidate, tried
@@ -64,7 +64,7 @@ def evaluator(monkeypatch, task=Slide, sim=Faulty):
         monkeypatch.setitem(installed().offers, (kind, "theirs"), offer)
     monkeypatch.setattr("core.simulation.rollout._task", lambda part: part.create())
     monkeypatch.setattr("core.simulation.rollout._simulator", lambda part: part.create())
-    return Evaluator(Part("task", "theirs"), Part("sim", "theirs"))
+    return Evaluator(PluginPart("task", "theirs"), PluginPart("sim", "theirs"))
 
 
 def test_a_simulator_that_raises_is_named(monkeypatch):

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields
-from typing import Any, Literal, TypeVar, cast, overload
+from typing import Any, TypeVar, cast, overload
 
 from hydra import compose, initialize_config_module
 from hydra.core.config_store import ConfigStore
@@ -20,18 +20,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandat
 from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
-from core.interfaces import (
-    VLM,
-    ActionRepresentation,
-    EvolutionStrategy,
-    Executor,
-    Fitness,
-    Robot,
-    Simulator,
-    Task,
-    ToolRepresentation,
-)
-from core.plugins import KINDS, NOT_SETTINGS, Part, RobotPart, TaskPart, ToolPart
+from core.plugins import KINDS, ROBOT, TASK, TOOL, Kind, PluginPart, RobotPart, TaskPart, ToolPart
 from core.support.cli import say
 from core.values.materials import Material
 
@@ -82,7 +71,7 @@ def _checked_addition(word: str, known: set[str], elsewhere: bool) -> str:
     if top == "hydra" or rest[:1] in ("@", "/") or (not rest and top not in known and (elsewhere or top in _groups())):
         return word
     plain, steps = word[found.end() :], rest.split(".")[1:]
-    checked = top in known and top in KINDS and not (len(steps) > 1 and steps[0] in NOT_SETTINGS.get(top, ()))
+    checked = top in known and top in KINDS and not (len(steps) > 1 and steps[0] in KINDS[top].own_keys)
     return f"++{plain}" if checked and steps else plain
 
 
@@ -198,26 +187,10 @@ def node(config: DictConfig, of: type[T]) -> T:
 
 
 @overload
-def part(kind: Literal["task"], config: DictConfig) -> Part[Task]: ...
+def part(kind: Kind[T], config: DictConfig) -> PluginPart[T]: ...
 @overload
-def part(kind: Literal["robot"], config: DictConfig) -> Part[Robot]: ...
-@overload
-def part(kind: Literal["sim"], config: DictConfig) -> Part[Simulator]: ...
-@overload
-def part(kind: Literal["vlm"], config: DictConfig) -> Part[VLM]: ...
-@overload
-def part(kind: Literal["tool"], config: DictConfig) -> Part[ToolRepresentation]: ...
-@overload
-def part(kind: Literal["action"], config: DictConfig) -> Part[ActionRepresentation]: ...
-@overload
-def part(kind: Literal["evolution"], config: DictConfig) -> Part[EvolutionStrategy]: ...
-@overload
-def part(kind: Literal["fitness"], config: DictConfig) -> Part[Fitness]: ...
-@overload
-def part(kind: Literal["executor"], config: DictConfig) -> Part[Executor]: ...
-@overload
-def part(kind: str, config: DictConfig) -> Part: ...
-def part(kind: str, config: DictConfig) -> Part:
+def part(kind: str, config: DictConfig) -> PluginPart: ...
+def part(kind: Kind[Any] | str, config: DictConfig) -> PluginPart:
     """Return the part that a config node names, with its settings.
 
     Raises:
@@ -229,9 +202,10 @@ def part(kind: str, config: DictConfig) -> Part:
         raise UserError(f"{kind}: its configuration can't be used here: {first_line(error)}") from error
     if not isinstance(settings, dict) or not isinstance(settings.get("name"), str):
         raise UserError(f"{kind}: the configuration names no part; give it a 'name'")
-    others = ("name", *NOT_SETTINGS.get(kind, ()))
+    group = KINDS[str(kind)]
+    others = ("name", *group.own_keys)
     given = [(str(k), v) for k, v in settings.items() if k not in others and not OmegaConf.is_missing(config, k)]
-    return Part(kind, settings["name"], tuple((key, _hashable(value)) for key, value in given))
+    return PluginPart(group.name, settings["name"], tuple((key, _hashable(value)) for key, value in given))
 
 
 class _Mapping(dict[Any, Any]):
@@ -260,12 +234,12 @@ def robot_part(config: DictConfig) -> RobotPart:
     Raises:
         UserError: see `part`.
     """
-    found = part("robot", config)
+    found = part(ROBOT, config)
     return RobotPart(found.kind, found.name, found.settings, _hashable(list(config.get("base") or (0.0,) * 4)))
 
 
 def listed(
-    kind: str, word: str, entries: Sequence[str | Mapping[str, Any]], chosen: Part | None = None
+    kind: str, word: str, entries: Sequence[str | Mapping[str, Any]], chosen: PluginPart | None = None
 ) -> dict[str, DictConfig]:
     """Read a setting that lists parts of a kind: the configuration of each, by the name under which it is shown.
 
@@ -303,7 +277,7 @@ def task_part(config: DictConfig) -> TaskPart:
     Raises:
         UserError: see `part`.
     """
-    found, robot = part("task", config.task), config.get("robot")
+    found, robot = part(TASK, config.task), config.get("robot")
     return TaskPart(found.kind, found.name, found.settings, robot_part(robot) if robot else None)
 
 
@@ -313,7 +287,7 @@ def tool_part(config: DictConfig) -> ToolPart:
     Raises:
         UserError: see `part`; or the material can't be used.
     """
-    found = part("tool", config.tool)
+    found = part(TOOL, config.tool)
     try:
         merged = OmegaConf.merge(OmegaConf.structured(Material), config.get("material") or {})
         material = node(cast(DictConfig, merged), Material)

@@ -16,7 +16,7 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from core.errors import UserError
-from core.plugins import KINDS, PROVIDED, WORDS, installed
+from core.plugins import KINDS, installed
 
 OVERRIDDEN: set[str] = set()
 """The keys of parts that the overrides set, such as ``task.goal``."""
@@ -113,8 +113,8 @@ def defaults(kind: str, name: str) -> dict[str, Any]:
         return {}
     named = (p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
     settings = {p.name: MISSING if p.default is p.empty else p.default for p in named}
-    settings = {k: v for k, v in settings.items() if _is_plain(v) and k not in PROVIDED.get(kind, ())}
-    return settings | WORDS.get(kind, {})
+    settings = {k: v for k, v in settings.items() if _is_plain(v) and k not in KINDS[kind].provided}
+    return {**settings, **KINDS[kind].defaults}
 
 
 def _is_plain(value: object) -> bool:

@@ -24,7 +24,7 @@ from core.interfaces import (
     Task,
     Waypoints,
 )
-from core.plugins import describe_part, installed
+from core.plugins import ACTION, describe_part, installed
 from core.scene import Scene
 from core.support.text import kind, shorten
 
@@ -53,7 +53,7 @@ def named_actions(strategy: dict[Any, Any]) -> ActionRepresentation:
 
 @lru_cache(maxsize=16)
 def _actions(name: str) -> ActionRepresentation:
-    return installed().create("action", name)
+    return installed().create(ACTION, name)
 
 
 @contextmanager

@@ -5,10 +5,26 @@ Covered by `tests/core/plugins/test_registry.py`.
 
 from core.plugins.blame import PluginError, culprit, describe_failure
 from core.plugins.discovery import Discovery, Failure, Offer
-from core.plugins.kinds import ATTRIBUTES, INTERFACES, KINDS, NOT_SETTINGS, PROVIDED, WORDS, event_hub
-from core.plugins.registry import Part, Plugins, RobotPart, TaskPart, ToolPart, describe_part, installed
+from core.plugins.kinds import (
+    ACTION,
+    COMMAND,
+    EVOLUTION,
+    EXECUTOR,
+    FITNESS,
+    KINDS,
+    LISTENER,
+    MODEL,
+    ROBOT,
+    SIMULATOR,
+    TASK,
+    TOOL,
+    Kind,
+    event_hub,
+)
+from core.plugins.registry import PluginPart, Plugins, RobotPart, TaskPart, ToolPart, describe_part, installed
 from core.plugins.settings import check_settings
 
-__all__ = ["ATTRIBUTES", "INTERFACES", "KINDS", "NOT_SETTINGS", "PROVIDED", "WORDS", "event_hub"]
-__all__ += ["Discovery", "Failure", "Offer", "Part", "Plugins", "RobotPart", "TaskPart", "ToolPart"]
+__all__ = ["ACTION", "COMMAND", "EVOLUTION", "EXECUTOR", "FITNESS", "KINDS", "LISTENER", "MODEL", "ROBOT", "SIMULATOR"]
+__all__ += ["TASK", "TOOL", "Kind", "event_hub"]
+__all__ += ["Discovery", "Failure", "Offer", "PluginPart", "Plugins", "RobotPart", "TaskPart", "ToolPart"]
 __all__ += ["PluginError", "check_settings", "culprit", "describe_failure", "describe_part", "installed"]

@@ -25,7 +25,7 @@ SWITCH = "VLMGINEER_PLUGINS"
 OWN = "core"
 """The entry point of core's own commands, which is never switched off."""
 
-HOOKS = (*KINDS.values(), *(name for name in vars(Configs) if not name.startswith("_")))
+HOOKS = (*(kind.hook for kind in KINDS.values()), *(name for name in vars(Configs) if not name.startswith("_")))
 PACKAGES = ("core", "plugins", "tasks", "conf", "prompts")
 
 
@@ -40,7 +40,7 @@ class Offer:
     factory: Factory | Command
 
     def __str__(self) -> str:
-        return f"{self.kind} {self.name!r} of {self.distribution} (hook {KINDS[self.kind]!r})"
+        return f"{self.kind} {self.name!r} of {self.distribution} (hook {KINDS[self.kind].hook!r})"
 
 
 @dataclass(frozen=True)
@@ -89,13 +89,13 @@ class Discovery:
             reason = f"{where} implements no hook; possible: {', '.join(HOOKS)}"
             self.failures.append(Failure(name, distribution, reason))
             return
-        for kind, hook in KINDS.items():
+        for kind in KINDS.values():
             try:
-                offered = [factories for factories in getattr(manager.hook, hook)() if factories is not None]
+                offered = [factories for factories in getattr(manager.hook, kind.hook)() if factories is not None]
                 for part, factory in (item for factories in offered for item in dict(factories).items()):
-                    self._offer(Offer(kind, part, name, distribution, factory))
+                    self._offer(Offer(kind.name, part, name, distribution, factory))
             except Exception as error:  # a third-party hook may raise anything
-                reason = f"hook {hook!r} failed: {type(error).__name__}: {error}"
+                reason = f"hook {kind.hook!r} failed: {type(error).__name__}: {error}"
                 self.failures.append(Failure(name, distribution, reason))
         try:
             for path in manager.hook.config_path():

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, Literal, TypeVar
 
 import pluggy
 
@@ -20,66 +22,77 @@ from core.interfaces import (
     ToolRepresentation,
 )
 
-KINDS = {
-    "task": "tasks",
-    "robot": "robots",
-    "sim": "simulators",
-    "vlm": "vlms",
-    "tool": "tool_representations",
-    "action": "action_representations",
-    "evolution": "evolution_strategies",
-    "fitness": "fitness_functions",
-    "executor": "executors",
-    "listener": "listeners",
-    "command": "commands",
-}
-"""The config group of each kind of part, and the hook that offers it."""
-
-INTERFACES: dict[str, type] = {
-    "task": Task,
-    "robot": Robot,
-    "sim": Simulator,
-    "vlm": VLM,
-    "tool": ToolRepresentation,
-    "action": ActionRepresentation,
-    "evolution": EvolutionStrategy,
-    "fitness": Fitness,
-    "executor": Executor,
-    "command": Command,
-}
-"""The interface of each kind; a listener has none, it implements some of `core.hooks.Events`."""
-
-ATTRIBUTES = {"task": ("name", "description", "goals"), "vlm": ("model",)}
-"""The attributes that parts of a kind have beside methods."""
-
-PROVIDED = {"evolution": ("designer", "budget"), "fitness": ("evaluator",)}
-"""The arguments of a kind's factories that the program provides; the others are settings."""
-
-NOT_SETTINGS = {"task": ("tool_kinds", "paper"), "robot": ("base",), "evolution": ("refine", "near_duplicates")}
-"""The keys of a kind's configuration that are not settings of the part: the program itself reads them."""
-
-WORDS: dict[str, dict[str, Any]] = {
-    "robot": {"base": [0.0, 0.0, 0.0, 0.0]},
-    "evolution": {"refine": 0, "near_duplicates": False},
-}
-"""Those of them that every part of the kind has, with their defaults."""
+T = TypeVar("T")
 
 
-def check_part(part: object, kind: str, offer: str) -> None:
-    """Refuse a part that lacks something of its kind; ``offer`` names it in the message.
+@dataclass(frozen=True, eq=False)
+class Kind(Generic[T]):
+    """A kind of part.
 
-    Raises:
-        UserError: the message says what is wrong or missing.
+    Attributes:
+        name: its config group, as in ``sim=NAME``.
+        hook: the hook that offers its parts, of `core.hooks.Parts`.
+        interface: the class of its parts; None: a part implements some of `core.hooks.Events`.
+        attributes: what its parts have beside methods.
+        provided: the arguments of its factories that the program provides; the others are settings.
+        own_keys: the keys of its configuration that are no settings of the part: the program itself reads them.
+        defaults: of those own keys that every part of the kind has.
+        checked: what its conformance checks take: the part, a function that makes one, or the `PluginPart`.
     """
-    interface = INTERFACES.get(kind)
-    if interface is None:
-        _check_listener(part, offer)
-        return
-    if not isinstance(part, interface):
-        raise UserError(f"{offer} makes a {type(part).__name__}, which is no core.interfaces.{interface.__name__}")
-    missing = [name for name in ATTRIBUTES.get(kind, ()) if not hasattr(part, name)]
-    if missing:
-        raise UserError(f"{offer}: {type(part).__qualname__} has no {' and no '.join(missing)}")
+
+    name: str
+    hook: str
+    interface: type[T] | None
+    attributes: tuple[str, ...] = ()
+    provided: tuple[str, ...] = ()
+    own_keys: tuple[str, ...] = ()
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    checked: Literal["made", "factory", "named"] = "made"
+
+    def __str__(self) -> str:
+        return self.name
+
+    def check(self, part: object, offer: str) -> None:
+        """Refuse a part that lacks something of its kind; ``offer`` names it in the message.
+
+        Raises:
+            UserError: the message says what is wrong or missing.
+        """
+        if self.interface is None:
+            _check_listener(part, offer)
+        elif not isinstance(part, self.interface):
+            expected = f"{self.interface.__module__}.{self.interface.__name__}"
+            raise UserError(f"{offer} makes a {type(part).__name__}, which is no {expected}")
+        missing = [name for name in self.attributes if not hasattr(part, name)]
+        if missing:
+            raise UserError(f"{offer}: {type(part).__qualname__} has no {' and no '.join(missing)}")
+
+
+TASK = Kind("task", "tasks", Task, attributes=("name", "description", "goals"), own_keys=("tool_kinds", "paper"))
+ROBOT = Kind("robot", "robots", Robot, own_keys=("base",), defaults={"base": [0.0, 0.0, 0.0, 0.0]})
+SIMULATOR = Kind("sim", "simulators", Simulator)
+MODEL = Kind("vlm", "vlms", VLM, attributes=("model",))
+TOOL = Kind("tool", "tool_representations", ToolRepresentation)
+ACTION = Kind("action", "action_representations", ActionRepresentation)
+EVOLUTION = Kind(
+    "evolution",
+    "evolution_strategies",
+    EvolutionStrategy,
+    provided=("designer", "budget"),
+    own_keys=("refine", "near_duplicates"),
+    defaults={"refine": 0, "near_duplicates": False},
+    checked="factory",
+)
+FITNESS = Kind("fitness", "fitness_functions", Fitness, provided=("evaluator",), checked="factory")
+EXECUTOR = Kind("executor", "executors", Executor, checked="factory")
+LISTENER: Kind[object] = Kind("listener", "listeners", None, checked="factory")
+COMMAND = Kind("command", "commands", Command, checked="named")
+
+KINDS: dict[str, Kind[Any]] = {
+    kind.name: kind
+    for kind in (TASK, ROBOT, SIMULATOR, MODEL, TOOL, ACTION, EVOLUTION, FITNESS, EXECUTOR, LISTENER, COMMAND)
+}
+"""All kinds by their config group."""
 
 
 def _check_listener(part: object, offer: str) -> None:

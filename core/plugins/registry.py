@@ -12,31 +12,22 @@ import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, Generic, Literal, overload
+from typing import Any, Generic, overload
 
 from typing_extensions import TypeVar
 
 from core.errors import UsageError, UserError, choices
 from core.geometry import Pose
 from core.hooks import PROJECT, Command
-from core.interfaces import (
-    VLM,
-    ActionRepresentation,
-    EvolutionStrategy,
-    Executor,
-    Fitness,
-    Robot,
-    Simulator,
-    Task,
-    ToolRepresentation,
-)
+from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
-from core.plugins.kinds import check_part
+from core.plugins.kinds import COMMAND, KINDS, ROBOT, Kind
 from core.plugins.settings import check_settings
 from core.values.materials import PAPER, Material
 from core.values.robots import set_default_robot
 
 Settings = Mapping[str, Any] | None
+T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True, default=Any)
 
 
@@ -45,7 +36,7 @@ class Plugins(Discovery):
 
     def names(self, kind: str) -> list[str]:
         """Return the names of the parts of a kind, sorted."""
-        return sorted(name for of, name in self.offers if of == kind)
+        return sorted(name for group, name in self.offers if group == kind)
 
     def ready(self, kind: str) -> list[str]:
         """Return the names of the parts of a kind that can be made without settings, sorted."""
@@ -80,37 +71,15 @@ class Plugins(Discovery):
         Raises:
             UserError: there is no command of that name, it can't be imported, or what it raises itself.
         """
-        command = self.create("command", name)
+        command = self.create(COMMAND, name)
         main: Callable[[list[str]], int | None] = _imported(self.offers["command", name], command.main)
         return main(arguments)
 
     @overload
-    def create(self, kind: Literal["task"], name: str, settings: Settings = ..., **given: Any) -> Task: ...
-    @overload
-    def create(self, kind: Literal["robot"], name: str, settings: Settings = ..., **given: Any) -> Robot: ...
-    @overload
-    def create(self, kind: Literal["sim"], name: str, settings: Settings = ..., **given: Any) -> Simulator: ...
-    @overload
-    def create(self, kind: Literal["vlm"], name: str, settings: Settings = ..., **given: Any) -> VLM: ...
-    @overload
-    def create(
-        self, kind: Literal["tool"], name: str, settings: Settings = ..., **given: Any
-    ) -> ToolRepresentation: ...
-    @overload
-    def create(
-        self, kind: Literal["action"], name: str, settings: Settings = ..., **given: Any
-    ) -> ActionRepresentation: ...
-    @overload
-    def create(
-        self, kind: Literal["evolution"], name: str, settings: Settings = ..., **given: Any
-    ) -> EvolutionStrategy: ...
-    @overload
-    def create(self, kind: Literal["fitness"], name: str, settings: Settings = ..., **given: Any) -> Fitness: ...
-    @overload
-    def create(self, kind: Literal["executor"], name: str, settings: Settings = ..., **given: Any) -> Executor: ...
+    def create(self, kind: Kind[T], name: str, settings: Settings = ..., **given: Any) -> T: ...
     @overload
     def create(self, kind: str, name: str, settings: Settings = ..., **given: Any) -> Any: ...
-    def create(self, kind: str, name: str, settings: Settings = None, **given: Any) -> Any:
+    def create(self, kind: Kind[Any] | str, name: str, settings: Settings = None, **given: Any) -> Any:
         """Make a part: check ``settings`` against its factory's signature, and call that with them and ``given``.
 
         A tool representation gets the default robot, until another is set.
@@ -119,8 +88,9 @@ class Plugins(Discovery):
             UserError: no such part; a setting that is unknown, missing or of the wrong type; or the factory makes
                 no part of that kind. The message names the distribution.
         """
-        factory, offer = self.factory(kind, name), self.offers[kind, name]
-        checked = check_settings(factory, settings or {}, f"{kind}={name}", given)
+        group = str(kind)
+        factory, offer = self.factory(group, name), self.offers[group, name]
+        checked = check_settings(factory, settings or {}, f"{group}={name}", given)
         left = sorted(getattr(factory, "__abstractmethods__", ()))
         if left:
             raise UserError(f"{offer} can't be made: {factory.__qualname__} lacks {', '.join(left)}")
@@ -130,7 +100,7 @@ class Plugins(Discovery):
             raise
         except Exception as error:  # a third-party factory may raise anything
             raise UserError(f"{offer} can't be made: {type(error).__name__}: {error}") from error
-        check_part(part, offer.kind, str(offer))
+        KINDS[group].check(part, str(offer))
         with contextlib.suppress(TypeError):  # a part that can't be a key is described by its class
             _made[part] = offer
         if isinstance(part, ToolRepresentation):
@@ -148,7 +118,7 @@ class Plugins(Discovery):
         if not offers:
             raise UserError("no robot is installed; python -m core.plugins lists what is, and what failed to load")
         first = next((offer for offer in offers if offer.distribution == PROJECT), offers[0])
-        return self.create("robot", first.name)
+        return self.create(ROBOT, first.name)
 
 
 def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any]:
@@ -198,8 +168,8 @@ set_default_robot(lambda: installed().default_robot)
 
 
 @dataclass(frozen=True)
-class Part(Generic[T_co]):
-    """A part by name and settings, from which a worker process makes its own; ``Part[Task]`` makes a `Task`."""
+class PluginPart(Generic[T_co]):
+    """A part by name and settings, from which a worker process makes its own; ``PluginPart[Task]`` makes a `Task`."""
 
     kind: str
     name: str
@@ -211,7 +181,7 @@ class Part(Generic[T_co]):
 
 
 @dataclass(frozen=True)
-class RobotPart(Part[Robot]):
+class RobotPart(PluginPart[Robot]):
     """A robot by name and settings, and where its base stands: x, y, z in metres, and yaw in radians."""
 
     base: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
@@ -239,7 +209,7 @@ def _robot(part: RobotPart) -> Robot:
 
 
 @dataclass(frozen=True)
-class TaskPart(Part[Task]):
+class TaskPart(PluginPart[Task]):
     """A task by name and settings, and the robot that performs it; None: the default robot."""
 
     robot: RobotPart | None = None
@@ -252,7 +222,7 @@ class TaskPart(Part[Task]):
 
 
 @dataclass(frozen=True)
-class ToolPart(Part[ToolRepresentation]):
+class ToolPart(PluginPart[ToolRepresentation]):
     """A tool representation by name and settings, and the material of its tools."""
 
     material: Material = PAPER

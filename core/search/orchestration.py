@@ -27,8 +27,8 @@ from core.designs.composer import PromptComposer
 from core.designs.planning import resolve
 from core.errors import UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
-from core.interfaces import Budget, EvolutionStrategy, Executor, RolloutSettings, Simulator
-from core.plugins import event_hub, installed
+from core.interfaces import Budget, RolloutSettings, Simulator
+from core.plugins import ACTION, EVOLUTION, EXECUTOR, FITNESS, MODEL, SIMULATOR, event_hub, installed
 from core.plugins.blame import describe_failure
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
@@ -61,10 +61,10 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
     check_budget(budget)
     check_seed(cfg.seed)
-    chosen, sim_part = task_part(cfg), part("sim", cfg.sim)
+    chosen, sim_part = task_part(cfg), part(SIMULATOR, cfg.sim)
     task, simulator = chosen.create(), sim_part.create()
     arm_of(task.robot).home_for(task.home)  # an arm that can't start is reported once, before it is drawn
-    vlm = part("vlm", cfg.vlm).create()
+    vlm = part(MODEL, cfg.vlm).create()
     representation = tool_part(cfg).create()
     given = representation.given(task)
     if given is not None:
@@ -74,9 +74,9 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     if cfg.prompt.feedback != "paper" or cfg.prompt.critic or observed:
         settings = replace(settings, observe=True)
     evaluator = Evaluator(chosen, sim_part, cfg.seed, settings)
-    fitness = part("fitness", cfg.fitness).create(evaluator=evaluator)
+    fitness = part(FITNESS, cfg.fitness).create(evaluator=evaluator)
 
-    executor: Executor = part("executor", cfg.executor).create()
+    executor = part(EXECUTOR, cfg.executor).create()
     tie, judged = cfg.evolution.get("tie", TIE), fitness.instructions()
     prompts = PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged)
     events = event_hub()
@@ -85,7 +85,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         simulator,
         CachedVLM(vlm, store.past.replies) if store is not None else vlm,
         representation,
-        part("action", cfg.action).create(),
+        part(ACTION, cfg.action).create(),
         prompts,
         budget,
         seed=cfg.seed,
@@ -93,7 +93,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         tool_kinds=config["task"].get("tool_kinds") or DEFAULT_KINDS,
         events=events,
     )
-    strategy: EvolutionStrategy = part("evolution", cfg.evolution).create(designer=designer, budget=budget)
+    strategy = part(EVOLUTION, cfg.evolution).create(designer=designer, budget=budget)
     if strategy.learns:
         events.register(designer, "designer")
     if (refine := config["evolution"].get("refine", 0)) != 0:

@@ -13,7 +13,7 @@ from core.design import Tool
 from core.errors import NoPicture, UserError
 from core.geometry import Array
 from core.interfaces import Image, Robot, Simulator, Task, View
-from core.plugins import installed
+from core.plugins import SIMULATOR, installed
 from core.robot.description import joint_name
 from core.robot.kinematics import arm_of
 from core.scene import Camera, State
@@ -91,7 +91,7 @@ class DrawingSimulator(Simulator):
             own = self.renderer()
         except NoPicture as missing:
             try:
-                other: Simulator = installed().create("sim", self.stand_in)
+                other = installed().create(SIMULATOR, self.stand_in)
             except UserError as reason:
                 raise NoPicture(f"{missing}, and {self.stand_in}'s can't stand in for it: {reason}") from missing
             self.drawn_by = f"{self.stand_in}'s renderer: {missing}"

@@ -15,7 +15,7 @@ from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Simulator, Task, observation
-from core.plugins import Part, RobotPart, TaskPart
+from core.plugins import SIMULATOR, PluginPart, RobotPart, TaskPart
 from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import Evaluator
 from core.values.observations import TOUCHES
@@ -60,7 +60,7 @@ class CheckedEvaluator(Evaluator):
 
 
 @lru_cache(maxsize=256)
-def _spawn_rules(task: Part[Task], seed: int) -> SpawnRules:
+def _spawn_rules(task: PluginPart[Task], seed: int) -> SpawnRules:
     return SpawnRules(task.create(), seed)
 
 
@@ -72,7 +72,9 @@ def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) 
     return CheckedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings, evaluator.clearance)
 
 
-def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None) -> dict[str, Part[Simulator]]:
+def engines(
+    sims: Sequence[str | Mapping[str, Any]], chosen: PluginPart | None = None
+) -> dict[str, PluginPart[Simulator]]:
     """Make the engines, by the names under which they are shown.
 
     An entry is a name as in ``sim=NAME``, or a mapping of a ``name`` and settings that differ from the
@@ -82,7 +84,7 @@ def engines(sims: Sequence[str | Mapping[str, Any]], chosen: Part | None = None)
         UserError: an engine does not exist or can't be used here; there are no entries, or one is repeated.
     """
     nodes = listed("sim", "engine", sims, chosen)
-    found: dict[str, Part[Simulator]] = {shown: part("sim", node) for shown, node in nodes.items()}
+    found: dict[str, PluginPart[Simulator]] = {shown: part(SIMULATOR, node) for shown, node in nodes.items()}
     for engine in found.values():
         engine.create()  # so that a fault is reported once, not by each worker
     return found

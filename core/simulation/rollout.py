@@ -14,7 +14,7 @@ from core.designs.planning import resolve
 from core.errors import UserError
 from core.geometry import Array
 from core.interfaces import Outcome, Recording, Robot, Rollout, RolloutSettings, Simulator, Task
-from core.plugins import Part, describe_part, installed
+from core.plugins import PluginPart, describe_part, installed
 from core.plugins.blame import PluginError, describe_failure
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
@@ -43,8 +43,8 @@ class Evaluator:
         PluginError: the code of the task or the simulator raised something; names the plugin.
     """
 
-    task: Part[Task]
-    sim: Part[Simulator]
+    task: PluginPart[Task]
+    sim: PluginPart[Simulator]
     seed: int = 0
     settings: RolloutSettings = field(default_factory=RolloutSettings)
     clearance: float | None = None
@@ -88,19 +88,19 @@ class Evaluator:
 
 
 @lru_cache(maxsize=256)
-def _task(part: Part[Task]) -> Task:
+def _task(part: PluginPart[Task]) -> Task:
     """Make a task once per process."""
     return part.create()
 
 
 @lru_cache(maxsize=4)
-def _simulator(part: Part[Simulator]) -> Simulator:
+def _simulator(part: PluginPart[Simulator]) -> Simulator:
     """Make a simulator once per process."""
     return part.create()
 
 
 @lru_cache(maxsize=256)
-def _idle(task: Part[Task], sim: Part[Simulator], seed: int, settle_s: float, hold_s: float) -> Idle | None:
+def _idle(task: PluginPart[Task], sim: PluginPart[Simulator], seed: int, settle_s: float, hold_s: float) -> Idle | None:
     """Find out once per process what a layout is while the robot rests."""
     return find_idle(_task(task), _simulator(sim), seed, RolloutSettings(settle_s=settle_s, hold_s=hold_s))
 

@@ -15,7 +15,7 @@ from core.errors import UserError
 from core.geometry import Box, Pose
 from core.hooks import PROJECT
 from core.interfaces import Brief, Message, Request, Simulator, Task, Text, ToolRepresentation
-from core.plugins import Part, installed
+from core.plugins import PluginPart, installed
 
 
 class LeftOut(Exception):
@@ -108,7 +108,7 @@ def some_simulator() -> tuple[str, Simulator]:
     offers = [offer for offer in installed().offers.values() if offer.kind == "sim"]
     for offer in sorted(offers, key=lambda offer: (offer.distribution != PROJECT, offer.name)):
         try:
-            return offer.name, Part("sim", offer.name).create()
+            return offer.name, PluginPart("sim", offer.name).create()
         except UserError:  # for example an engine whose library is not installed
             continue
     raise UserError("no simulator can be made; a check needs one. `python -m core.plugins` lists what is installed")

@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import load, part
 from core.errors import UsageError, UserError
-from core.plugins import KINDS, Part
+from core.plugins import KINDS, PluginPart
 from core.support.cli import arguments, say
 from core.values.materials import Material
 from plugins.conformance.suites import SUITES, examine, subject
@@ -60,7 +60,7 @@ def main(words: list[str]) -> None:
         raise UserError(f"{failed} of {count} checks failed")
 
 
-def _named(config: DictConfig) -> Iterator[Part]:
+def _named(config: DictConfig) -> Iterator[PluginPart]:
     """Yield the parts that the configuration names."""
     for kind in SUITES:
         if config.get(kind) is None:

@@ -11,11 +11,11 @@ import sys
 
 from core.errors import UsageError, UserError
 from core.hooks import Command
-from core.plugins import Part, installed
+from core.plugins import PluginPart, installed
 from plugins.conformance.checking import expect
 
 
-def _call(part: Part[Command], word: str) -> tuple[object, str]:
+def _call(part: PluginPart[Command], word: str) -> tuple[object, str]:
     """Call the command with one word; return its exit status and what it prints."""
     status: object
     given, output = sys.argv, io.StringIO()
@@ -30,7 +30,7 @@ def _call(part: Part[Command], word: str) -> tuple[object, str]:
     return status or 0, output.getvalue()
 
 
-def check_its_help_is_one_line(part: Part[Command]) -> None:
+def check_its_help_is_one_line(part: PluginPart[Command]) -> None:
     text = part.create().help
     expect(
         isinstance(text, str) and text.strip(), f"help is {text!r}; a line that says what the command does is needed"
@@ -38,13 +38,13 @@ def check_its_help_is_one_line(part: Part[Command]) -> None:
     expect(len(text.splitlines()) == 1, "help has more than one line")
 
 
-def check_help_prints_its_usage(part: Part[Command]) -> None:
+def check_help_prints_its_usage(part: PluginPart[Command]) -> None:
     status, printed = _call(part, "--help")
     expect(status == 0, f"with --help its exit status is {status} instead of 0")
     expect(printed.startswith("usage: "), f"with --help it prints {printed[:60]!r} instead of a line 'usage: ...'")
 
 
-def check_an_unknown_word_is_one_line(part: Part[Command]) -> None:
+def check_an_unknown_word_is_one_line(part: PluginPart[Command]) -> None:
     """It ends with status 2, as a `UsageError` does."""
     try:
         status, _ = _call(part, "no_such_key=1")

@@ -15,7 +15,7 @@ import numpy as np
 from core.design import Candidate, Evaluation
 from core.designs.planning import NO_PLAN
 from core.interfaces import A, B, Executor, Fitness, RolloutSettings, Waypoints
-from core.plugins import Part, installed
+from core.plugins import PluginPart, installed
 from core.simulation.rollout import Evaluator
 from plugins.conformance.checking import as_json, expect, some_simulator, some_task
 from plugins.conformance.worlds import stick
@@ -38,7 +38,7 @@ class Breaking(Evaluator):
 
 def evaluator() -> Evaluator:
     """An evaluator in the first task and the first engine that are installed."""
-    return Breaking(Part("task", installed().ready("task")[0]), Part("sim", some_simulator()[0]), 0, QUICK)
+    return Breaking(PluginPart("task", installed().ready("task")[0]), PluginPart("sim", some_simulator()[0]), 0, QUICK)
 
 
 def candidates(lengths: Sequence[float] = (0.1, 0.1, 0.1), *, steps: int = 1) -> list[Candidate]:

@@ -18,7 +18,7 @@ from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
 from core.geometry import Array, Box, Pose
 from core.interfaces import JointTrajectory, Outcome, Robot, Rollout, Simulator
-from core.plugins import Part, installed
+from core.plugins import PluginPart, installed
 from core.robot.description import assembled
 from core.robot.frames import link_poses, robot_model
 from core.robot.kinematics import Arm, arm_of
@@ -220,7 +220,7 @@ def _engines() -> tuple[tuple[str, Simulator], ...]:
     engines = []
     for name in installed().names("sim"):
         try:
-            simulator = Part("sim", name).create()
+            simulator = PluginPart("sim", name).create()
         except UserError:  # its library is not installed
             continue
         if simulator.batch == 1:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from types import ModuleType
 from typing import Any
 
-from core.plugins import Part
+from core.plugins import KINDS, PluginPart
 from plugins.conformance import (
     action,
     bodies,
@@ -59,7 +60,7 @@ SUITES = {
 
     @pytest.mark.parametrize("check", SUITES["sim"], ids=lambda check: check.__name__)
     def test_conforms(check):
-        check(subject(Part("sim", "mine")))
+        check(subject(PluginPart("sim", "mine")))
 """
 
 
@@ -73,19 +74,21 @@ class Verdict:
     remark: str | None = None
 
 
-def subject(part: Part) -> Any:
+def subject(part: PluginPart) -> Any:
     """The argument of the checks of the part's kind: the part itself, or a function that makes one.
 
     Raises:
         UserError: the part can't be made.
     """
-    if part.kind == "evolution":
-        return lambda designer, budget: part.create(designer=designer, budget=budget)
-    if part.kind == "command":
+    kind = KINDS[part.kind]
+    if kind.checked == "named":
         return part
-    if part.kind == "fitness":
-        return lambda evaluator: part.create(evaluator=evaluator)
-    return part.create if part.kind in ("executor", "listener") else part.create()
+    return partial(_make, part) if kind.checked == "factory" else part.create()
+
+
+def _make(part: PluginPart, *given: object) -> Any:
+    """Make a part, with what the program provides for its kind."""
+    return part.create(**dict(zip(KINDS[part.kind].provided, given, strict=True)))
 
 
 def examine(kind: str, checked: Any) -> Iterator[Verdict]:

@@ -20,8 +20,8 @@ from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules, check_tool
 from core.errors import UserError, choices
 from core.geometry import Array, Pose
-from core.interfaces import Image, Recording, Simulator, Task, ToolRepresentation, World
-from core.plugins import installed
+from core.interfaces import Image, Recording, Task, ToolRepresentation, World
+from core.plugins import SIMULATOR, TASK, installed
 from core.robot.kinematics import arm_of
 from core.scene import State, Trace
 from core.simulation.playback import begin_motion
@@ -105,12 +105,12 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
             raise choices("control_mode", str(control_mode), get_args(ControlMode))
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
-        self.task: Task = installed().create("task", task, task_settings)
+        self.task = installed().create(TASK, task, task_settings)
         if robot is not None:
             self.task.robot = robot_part(OmegaConf.create({"name": robot, **(robot_settings or {})})).create()
         if gripper and self.task.robot.gripper is None:
             raise UserError(f"{self.task.robot.title} has no gripper; leave out gripper=True")
-        self.simulator: Simulator = installed().create("sim", sim, sim_settings)
+        self.simulator = installed().create(SIMULATOR, sim, sim_settings)
         made_of = {**load("evaluate", [f"material={material}"]).material, **(material_settings or {})}
         representation = tool_part(OmegaConf.create({"tool": {"name": tool}, "material": made_of})).create()
         self.tool = Tool(gripper=gripper)

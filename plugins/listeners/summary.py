@@ -17,7 +17,7 @@ from core.config.sources import defaults
 from core.design import best_tools
 from core.errors import UserError
 from core.hooks import hookimpl
-from core.plugins import NOT_SETTINGS, installed
+from core.plugins import TASK, installed
 from core.support.cli import print_table, say
 from core.support.text import clean, number
 from core.values.materials import PAPER
@@ -156,7 +156,7 @@ def _overrides(run: Run) -> Iterable[str]:
         if name != usual_name:
             yield f"{kind}={name}"
         usual = _material(name) if kind == "material" else defaults(kind, name)
-        settings = {key: value for key, value in chosen.items() if kind == "robot" or key not in NOT_SETTINGS["task"]}
+        settings = {key: value for key, value in chosen.items() if kind == "robot" or key not in TASK.own_keys}
         yield from (f"{kind}.{key}={hydra_word(value)}" for key, value in settings.items() if usual.get(key) != value)
 
 

@@ -63,7 +63,7 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
     project = folder / "pyproject.toml"
     cls = template.cls.format(name[0].upper() + re.sub(r"_+(\w)", lambda found: found[1].upper(), name[1:]))
     values = {"name": name, "kind": template.group, "what": template.what, "cls": cls, "module": template.module}
-    values |= {"hook": KINDS[template.group], "package": snake}
+    values |= {"hook": KINDS[template.group].hook, "package": snake}
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         parent = find_package(folder)
         values["package"] = f"{parent.name}.{snake}"

@@ -35,7 +35,7 @@ from core.plugins import installed
 from core.search.evolution import evaluate_all
 from core.simulation.pictures import png
 from core.simulation.robustness import engines
-from core.simulation.rollout import Evaluator, Part, evaluate_batch, prepare
+from core.simulation.rollout import Evaluator, PluginPart, evaluate_batch, prepare
 from core.solids.penetration import Explosion, findings
 from core.support.cli import command
 from tests.benchmarks import measuring
@@ -74,7 +74,7 @@ class Pair:
 
     task: str
     objective: str
-    sim: Part[Simulator]
+    sim: PluginPart[Simulator]
     seed: int
     rollouts: int
     folder: Path
@@ -177,7 +177,7 @@ class _Search:
             read = read_designs(load_designs(file), installed().create("tool", "urdf"), self.spawn)
             read = [candidate for candidate in read if candidate.problem is None]
             self.rollouts += len(read)
-            evaluator = Evaluator(Part("task", self.pair.task), self.pair.sim, self.pair.seed)
+            evaluator = Evaluator(PluginPart("task", self.pair.task), self.pair.sim, self.pair.seed)
             for evaluation in best_first(evaluator(read))[: 2 if name == "a design" else 1]:
                 start = Start(evaluation.candidate.tool, evaluation.candidate.plan.poses)  # type: ignore[arg-type]
                 yield name, start, self.shrunk(start), each
@@ -285,7 +285,7 @@ def judge(given: Settings) -> None:
         for number, candidate in enumerate(read[:2]):
             rewards, warnings = [], Counter[str]()
             for sim in sims.values():
-                (evaluation,) = Evaluator(Part("task", name), sim, int(seed))([candidate])
+                (evaluation,) = Evaluator(PluginPart("task", name), sim, int(seed))([candidate])
                 rewards.append(evaluation.reward)
                 warnings.update([evaluation.reason or ", ".join(evaluation.warnings)])
             simulator = next(iter(sims.values())).create()
@@ -356,7 +356,7 @@ def honest(given: Settings) -> None:
                     solution = load_designs(measuring.SOLUTIONS / f"{name}.json")
                     solved = read_designs(solution, installed().create("tool", "urdf"), spawn, agent=-1)
                     settings = RolloutSettings(penetration="warn")
-                    evaluator = Evaluator(Part("task", name), sim, given.seed, settings)
+                    evaluator = Evaluator(PluginPart("task", name), sim, given.seed, settings)
                     played = list(evaluate_all([*solved, *designs.candidates], evaluator, executor))
                     record = [
                         {

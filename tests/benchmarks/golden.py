@@ -19,7 +19,7 @@ from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.evaluate import record as entry
 from core.interfaces import Executor
-from core.plugins import Part, installed
+from core.plugins import PluginPart, installed
 from core.search.evolution import evaluate_all
 from core.simulation.robustness import engines
 from core.simulation.rollout import Evaluator
@@ -73,14 +73,14 @@ def record(given: Settings) -> None:
                 solve(name, sim, executor, folder / "solutions" / f"{name}.{shown}.json")
 
 
-def solve(task: str, sim: Part, executor: Executor, file: Path) -> None:
+def solve(task: str, sim: PluginPart, executor: Executor, file: Path) -> None:
     """Try the task's reference solution, if it has one and the file is not there yet."""
     solution = measuring.SOLUTIONS / f"{task}.json"
     if file.exists() or not solution.exists():
         return
     spawn = SpawnRules(installed().create("task", task), 0)
     candidates = read_designs(load_designs(solution), installed().create("tool", "urdf"), spawn)
-    evaluations = evaluate_all(candidates, Evaluator(Part("task", task), sim), executor)
+    evaluations = evaluate_all(candidates, Evaluator(PluginPart("task", task), sim), executor)
     file.parent.mkdir(parents=True, exist_ok=True)
     measuring.save(file, [entry(evaluation) for evaluation in sorted(evaluations, key=lambda e: e.candidate.key)])
 

@@ -24,7 +24,7 @@ from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Evaluate, Perception, RolloutSettings, Task, ToolRepresentation
-from core.plugins import Part, installed
+from core.plugins import PluginPart, installed
 from core.simulation.robustness import CheckedEvaluator
 from core.simulation.rollout import Evaluator
 from core.support.cli import command
@@ -101,7 +101,7 @@ def solutions(given: Settings) -> str:
         for name in given.tasks:
             file = folder / f"{name}.json"
             if not file.exists():
-                task = Part("task", name, (("variation", "wide"),))
+                task = PluginPart("task", name, (("variation", "wide"),))
                 exact = given.position == given.yaw == 0  # what a literal plan sees makes no difference
                 ways = [*(("anchored", sim) for sim in given.sims), *[("literal", given.sims[-1])] * exact]
                 jobs = [(*way, number) for way in ways for number in range(given.layouts)]
@@ -120,13 +120,13 @@ def solutions(given: Settings) -> str:
 class Trial:
     """A picklable function of jobs: way, engine, number of the layout."""
 
-    task: Part[Task]
+    task: PluginPart[Task]
     designs: dict[str, Candidate]
     settings: RolloutSettings
 
     def __call__(self, jobs: Sequence[tuple[str, str, int]]) -> float:
         ((way, sim, number),) = jobs
-        evaluate = CheckedEvaluator(self.task, Part("sim", sim), UNSEEN + number, self.settings)
+        evaluate = CheckedEvaluator(self.task, PluginPart("sim", sim), UNSEEN + number, self.settings)
         return evaluate([self.designs[way]])[0].reward
 
 
@@ -157,8 +157,8 @@ def cost(given: Settings) -> str:
         plans, layouts = [], []
         for name in given.tasks:
             both = designs(name, RolloutSettings())
-            usual = Evaluator(Part("task", name), Part("sim", sim))
-            wide = replace(usual, task=Part("task", name, (("variation", "wide"),)))
+            usual = Evaluator(PluginPart("task", name), PluginPart("sim", sim))
+            wide = replace(usual, task=PluginPart("task", name, (("variation", "wide"),)))
             chunk = [replace(both["literal"], action=number) for number in range(5)]
             anchored, literal = seconds(given.repeats, *((usual, [design]) for design in both.values()))
             five, one = seconds(given.repeats, (Layouts(wide, layouts=5), chunk), (wide, chunk))

@@ -33,7 +33,7 @@ from core.interfaces import Executor, RolloutSettings
 from core.plugins import installed
 from core.search.evolution import evaluate_all
 from core.search.orchestration import run
-from core.simulation.rollout import Evaluator, Part
+from core.simulation.rollout import Evaluator, PluginPart
 from core.store.reader import stored_evaluations
 
 T = TypeVar("T")
@@ -196,7 +196,7 @@ class Timed:
         return evaluations
 
 
-def rewards(of: Designs, sim: Part, shown: str, executor: Executor, folder: Path) -> dict[str, Any]:
+def rewards(of: Designs, sim: PluginPart, shown: str, executor: Executor, folder: Path) -> dict[str, Any]:
     """Return a record of each design in an engine: ``rewards``, ``cpu_s``, ``reasons`` of those that broke (their
     reward is 0), and the engine's settings.
 
@@ -212,7 +212,7 @@ def rewards(of: Designs, sim: Part, shown: str, executor: Executor, folder: Path
             if len(record["rewards"]) != len(plans):
                 raise UserError(f"{file} has rewards of {len(record['rewards'])} designs; choose another folder=...")
             return record
-    evaluator = Timed(Evaluator(Part("task", of.task), sim, of.seed, RolloutSettings()))
+    evaluator = Timed(Evaluator(PluginPart("task", of.task), sim, of.seed, RolloutSettings()))
     evaluations = list(
         track(
             evaluate_all(of.candidates, evaluator, executor),
@@ -234,14 +234,16 @@ def rewards(of: Designs, sim: Part, shown: str, executor: Executor, folder: Path
     return record
 
 
-def measured(task: str, sim: Part, folder: Path) -> bool:
+def measured(task: str, sim: PluginPart, folder: Path) -> bool:
     """Report whether the folder has the rewards of this engine."""
     file = folder / "rewards" / f"{task}.json"
     engine = {"name": sim.name, **dict(sim.settings)}
     return file.exists() and any(record["engine"] == engine for record in json.loads(file.read_text()))
 
 
-def estimate(names: Sequence[str], sims: Mapping[str, Part], by: Part, count: int, workers: int, folder: Path) -> None:
+def estimate(
+    names: Sequence[str], sims: Mapping[str, PluginPart], by: PluginPart, count: int, workers: int, folder: Path
+) -> None:
     """Print how long the missing rollouts will take, estimated from each task's reference solution. The time to invent
     designs is not included.
     """
@@ -258,7 +260,7 @@ def estimate(names: Sequence[str], sims: Mapping[str, Part], by: Part, count: in
         solution = read_designs(load_designs(file), plugins.create("tool", "urdf"), spawn)[:1]
         seconds = []
         for _, sim, n in missing:
-            (evaluation,) = Timed(Evaluator(Part("task", name), sim))(solution)
+            (evaluation,) = Timed(Evaluator(PluginPart("task", name), sim))(solution)
             seconds.append(evaluation.details["cpu_s"] * n / workers)
         total += sum(seconds)
         parts = ", ".join(f"{shown} {s:.0f} s" for (shown, _, _), s in zip(missing, seconds, strict=True))

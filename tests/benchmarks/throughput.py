@@ -35,7 +35,7 @@ from core.interfaces import Executor, RolloutSettings
 from core.plugins import event_hub, installed
 from core.prompt import compose
 from core.search.evolution import Trials
-from core.simulation.rollout import Evaluator, Part
+from core.simulation.rollout import Evaluator, PluginPart
 from core.store.recorder import RunStore
 from core.support.cli import arguments, command
 from tests.benchmarks import clocked, measuring
@@ -84,7 +84,7 @@ def main() -> None:
     cfg = load("evaluate", [*words, "designs=none", f"executor={given.executor}", f"executor.workers={workers}"])
     sim = part("sim", cfg.sim)
     clocked.step_of(sim.name)
-    evaluator = Evaluator(Part("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
+    evaluator = Evaluator(PluginPart("task", task), sim, given.seed, node(cfg.rollout, RolloutSettings))
     candidates = designs(task, given.tools, given.plans, given.seed)
 
     with part("executor", cfg.executor).create() as executor:

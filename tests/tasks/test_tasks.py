@@ -26,7 +26,7 @@ from core.plugins import installed
 from core.robot.solids import Obstacles, body_solids
 from core.scene import State
 from core.simulation.robustness import CheckedEvaluator
-from core.simulation.rollout import Part, evaluate_batch
+from core.simulation.rollout import PluginPart, evaluate_batch
 from core.values.layouts import Draw
 from plugins.fitness.layouts.fitness import UNSEEN
 from tests.benchmarks import layouts
@@ -332,8 +332,8 @@ def test_the_reference_solution_solves_it(name, engine):
 def test_the_anchored_solution_fits_layouts_that_it_was_not_made_for(name, engine):
     """A few of those that docs/layouts.md has figures of: `python -m tests.benchmarks.layouts solutions`."""
     anchored = layouts.designs(name, RolloutSettings())["anchored"]
-    task, seeds = Part("task", name, (("variation", "wide"),)), range(UNSEEN, UNSEEN + 4)
-    trials = [CheckedEvaluator(task, Part("sim", engine), seed) for seed in seeds]
+    task, seeds = PluginPart("task", name, (("variation", "wide"),)), range(UNSEEN, UNSEEN + 4)
+    trials = [CheckedEvaluator(task, PluginPart("sim", engine), seed) for seed in seeds]
     assert np.mean([evaluate([anchored])[0].reward for evaluate in trials]) >= 0.7
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from core.design import Evaluation
 from core.errors import UsageError, choices
 from core.interfaces import Simulator, Task
-from core.plugins import Part
+from core.plugins import PluginPart
 from core.simulation.racing import SeveralTrials, Stops, Tried, foreseeing
 from core.simulation.robustness import CheckedEvaluator, engines, mean
 from core.simulation.rollout import Evaluator
@@ -90,7 +90,9 @@ class Layouts(SeveralTrials):
         how, self._counts = COMBINE[combine]
         super().__init__(evaluators, how, Stops(stop_below, stop_behind))
 
-    def _in_layouts(self, seeds: Sequence[int], sims: Mapping[str, Part[Simulator]]) -> dict[str, list[Evaluator]]:
+    def _in_layouts(
+        self, seeds: Sequence[int], sims: Mapping[str, PluginPart[Simulator]]
+    ) -> dict[str, list[Evaluator]]:
         base = self._evaluator
         return {
             name: [CheckedEvaluator(base.task, sim, seed, base.settings) for seed in seeds]

@@ -14,6 +14,7 @@ from core.designs.planning import resolve
 from core.designs.weight import mass_limit, moment_limit
 from core.errors import UsageError, check_positive
 from core.interfaces import Evaluate, Fitness, Material
+from core.plugins import FITNESS
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.simulation.rollout import Evaluator
@@ -68,7 +69,7 @@ class Buildable(Fitness):
         if not 0 <= margin_m <= 0.2:
             raise UsageError(f"fitness.margin_m must be between 0 and 0.2 m, got {margin_m}")
         self._printer = Printer(list(plate_mm), min_wall_mm)
-        self._inner: Fitness = part("fitness", node).create(evaluator=evaluator)
+        self._inner = part(FITNESS, node).create(evaluator=evaluator)
         self._evaluator, self._material = evaluator, material
         self._safety, self._margin = safety, margin_m
 

@@ -18,7 +18,7 @@ from core.errors import LimitReached, UsageError, check_positive, choices
 from core.events import Generation, Result, Run
 from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Request, Spending
-from core.plugins import event_hub
+from core.plugins import MODEL, event_hub
 from core.search.listeners import add_listener
 from core.support.text import clean
 from core.support.threads import run_in_thread
@@ -68,7 +68,7 @@ class Ensemble(VLM):
             if limit is not None:
                 check_positive("vlm.", **{name: limit})
         limits = Spending(max_cost_usd, max_tokens_total)
-        made = [part("vlm", node).create() for node in listed("vlm", "model", members).values()]
+        made = [part(MODEL, node).create() for node in listed("vlm", "model", members).values()]
         names = [member if isinstance(member, str) else str(member["name"]) for member in members]
         if any(isinstance(vlm, Ensemble) for vlm in made):
             raise UsageError("vlm.members: an ensemble can't be a member of one; name its members here")

@@ -11,7 +11,7 @@ from core.config.compose import load, part, prepared
 from core.errors import UsageError
 from core.hooks import hookimpl
 from core.interfaces import Task
-from core.plugins import KINDS, PROVIDED, installed
+from core.plugins import KINDS, installed
 from tests.core.plugins.offering import Engine, Offering
 from tests.panda import PANDA
 
@@ -23,7 +23,7 @@ ROBOTS = {"panda": lambda: PANDA}
 @pytest.mark.parametrize(("kind", "name"), BUILT_IN)
 def test_the_configs_are_the_factories_own_defaults(kind, name):
     parameters = inspect.signature(installed().factory(kind, name)).parameters
-    defaults = {key: p.default for key, p in parameters.items() if key not in PROVIDED.get(kind, ())}
+    defaults = {key: p.default for key, p in parameters.items() if key not in KINDS[kind].provided}
     if kind == "robot":  # the defaults are its config: it needs no file
         signature = {key: MISSING if value is inspect.Parameter.empty else value for key, value in defaults.items()}
         composed = OmegaConf.to_container(load("config", [f"robot={name}"]).robot)

@@ -1,6 +1,5 @@
 from core.hooks import hookimpl
 from core.interfaces import Simulator
-from core.plugins import KINDS
 
 
 class Engine(Simulator):
@@ -20,9 +19,8 @@ class Offering:
     """A third-party plugin: hooks by name, each with what it returns or raises."""
 
     def __init__(self, **parts):
-        for hook in KINDS.values():
-            if hook in parts:
-                setattr(self, hook, hookimpl(self._hook(parts[hook])))
+        for hook in parts:
+            setattr(self, hook, hookimpl(self._hook(parts[hook])))
 
     @staticmethod
     def _hook(offered):

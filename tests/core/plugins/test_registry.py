@@ -1,11 +1,8 @@
-import typing
-
 import pytest
 
-from core.config.compose import part
 from core.errors import UsageError, UserError
 from core.interfaces import Simulator
-from core.plugins import INTERFACES, Part, Plugins, describe_part, installed
+from core.plugins import describe_part, installed
 from tests.core.plugins.offering import Engine, Offering
 
 
@@ -95,10 +92,3 @@ def test_a_name_that_no_plugin_offers():
         installed().create("task", "OneBok")
     with pytest.raises(UserError, match=r"no sim 'unreal'; possible: .*pybullet"):
         installed().factory("sim", "unreal")
-
-
-@pytest.mark.parametrize(("function", "made"), [(Plugins.create, lambda of: of), (part, lambda of: Part[of])])
-def test_a_part_has_the_type_of_its_kind(function, made):
-    hints = [typing.get_type_hints(overloaded) for overloaded in typing.get_overloads(function)]
-    typed = {typing.get_args(hint["kind"])[0]: hint["return"] for hint in hints if hint["kind"] is not str}
-    assert typed == {kind: made(interface) for kind, interface in INTERFACES.items() if kind != "command"}

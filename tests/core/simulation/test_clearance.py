@@ -11,10 +11,10 @@ from core.interfaces import Outcome, Rollout, RolloutSettings, Waypoints
 from core.plugins import installed
 from core.robot.trajectory import at_home
 from core.simulation.clearance import find_idle
-from core.simulation.rollout import Evaluator, Part
+from core.simulation.rollout import Evaluator, PluginPart
 
 QUICK = RolloutSettings(settle_s=0.1, hold_s=0.1)
-USUAL = Evaluator(Part("task", "BringCube"), Part("sim", "mujoco"), 0, QUICK)
+USUAL = Evaluator(PluginPart("task", "BringCube"), PluginPart("sim", "mujoco"), 0, QUICK)
 FORESEEING = replace(USUAL, clearance=0.05)
 STICK = Tool((Component("stick", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2)), 0.005),))
 

@@ -11,10 +11,10 @@ from core.design import SAVED, STOPPED, Candidate, Evaluation, Tool, best_first
 from core.errors import UsageError
 from core.interfaces import Executor
 from core.simulation.racing import Stops, foreseeing, lead, race, try_in_turn
-from core.simulation.rollout import Evaluator, Part
+from core.simulation.rollout import Evaluator, PluginPart
 from plugins.fitness.layouts.fitness import COMBINE
 
-EVALUATOR = Evaluator(Part("task", "BringCube"), Part("sim", "mujoco"))
+EVALUATOR = Evaluator(PluginPart("task", "BringCube"), PluginPart("sim", "mujoco"))
 
 
 def candidates(count):

@@ -13,11 +13,11 @@ from core.designs.rules import SpawnRules
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.simulation.robustness import engines, perturbed, worst
-from core.simulation.rollout import Evaluator, Part
+from core.simulation.rollout import Evaluator, PluginPart
 
 COARSE = {"name": "pybullet", "time_step": 0.004}
-TASK = Part("task", "BringCube")
-EVALUATOR = Evaluator(TASK, Part("sim", "pybullet"), 0, RolloutSettings())
+TASK = PluginPart("task", "BringCube")
+EVALUATOR = Evaluator(TASK, PluginPart("sim", "pybullet"), 0, RolloutSettings())
 
 
 # --- the choices and their settings -----------------------------------------------------------------------------
@@ -37,7 +37,7 @@ def test_engines_may_be_named_within_a_job_of_hydras():
 
 
 def test_the_engine_of_a_run_keeps_its_settings():
-    chosen = Part("sim", "pybullet", (("solver_iterations", 20),))
+    chosen = PluginPart("sim", "pybullet", (("solver_iterations", 20),))
     assert engines(["pybullet"], chosen) == {"pybullet": chosen}
     both = engines([COARSE], chosen)["pybullet time_step=0.004"]
     assert dict(both.settings) == {"solver_iterations": 20, "time_step": 0.004}

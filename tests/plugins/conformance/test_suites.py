@@ -13,7 +13,7 @@ from core.errors import UsageError, UserError
 from core.geometry import Pose
 from core.hooks import Command, hookimpl
 from core.interfaces import VLM, EvolutionStrategy, Executor, Fitness, GivenTools, Reply, Task, ToolRepresentation
-from core.plugins import KINDS, Offer, Part, installed
+from core.plugins import KINDS, Offer, PluginPart, installed
 from core.scene import Body, Box, Goal, Scene, Sphere, floor, goals_reward, table
 from plugins.conformance import command as conformance
 from plugins.conformance.suites import SUITES, examine, subject
@@ -35,7 +35,7 @@ def test_every_kind_of_part_has_a_suite():
 
 @pytest.mark.parametrize(("kind", "name"), PARTS)
 def test_built_in_parts_conform(kind, name):
-    checked = subject(Part(kind, name))
+    checked = subject(PluginPart(kind, name))
     for check in SUITES[kind]:
         check(checked)
 
@@ -46,7 +46,7 @@ def test_a_task_whose_reward_reads_a_trace_conforms():
 
 
 def test_the_local_executor_conforms():
-    checked = subject(Part("executor", "local", (("workers", 1),)))
+    checked = subject(PluginPart("executor", "local", (("workers", 1),)))
     for check in SUITES["executor"]:
         check(checked)
 
@@ -264,7 +264,7 @@ def offered(monkeypatch):
 
     def offer(kind, part):
         monkeypatch.setitem(installed().offers, (kind, "wrong"), Offer(kind, "wrong", "tests", "tests", part))
-        return Part(kind, "wrong")
+        return PluginPart(kind, "wrong")
 
     return offer
 

@@ -14,7 +14,7 @@ import pytest
 from core.errors import UsageError, UserError
 from core.plugins import installed
 from core.search.evolution import evaluate_all
-from core.simulation.rollout import Evaluator, Part
+from core.simulation.rollout import Evaluator, PluginPart
 from tests.benchmarks.throughput import designs
 
 pytestmark = pytest.mark.slow
@@ -185,7 +185,7 @@ class Doomed:
 
 def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
     candidates = designs("BringCube", 8, 1, 0)
-    evaluator = Evaluator(Part("task", "BringCube"), Part("sim", "pybullet", (("time_step", 0.004),)))
+    evaluator = Evaluator(PluginPart("task", "BringCube"), PluginPart("sim", "pybullet", (("time_step", 0.004),)))
     with installed().create("executor", "local", {"workers": 1}) as pool:
         here = {e.candidate.id: (e.reward, e.distance_m, e.moved_m) for e in evaluate_all(candidates, evaluator, pool)}
     there, doomed, mark = {}, cluster.add_node(num_cpus=1), tmp_path / "begun"

@@ -21,7 +21,7 @@ from core.interfaces import RolloutSettings, Waypoints
 from core.plugins import ToolPart
 from core.prompt import compose
 from core.search.orchestration import run
-from core.simulation.rollout import Evaluator, Part
+from core.simulation.rollout import Evaluator, PluginPart
 from core.store.database import reading
 from core.values.materials import Material
 
@@ -41,7 +41,7 @@ class Counting(Evaluator):
 
 
 def moving_ball():
-    return Counting(Part("task", "MoveBall"), Part("sim", "mujoco"), 0, RolloutSettings())
+    return Counting(PluginPart("task", "MoveBall"), PluginPart("sim", "mujoco"), 0, RolloutSettings())
 
 
 def fitness(evaluator, **settings):

@@ -21,12 +21,12 @@ from core.interfaces import Perception, RolloutSettings, Waypoints
 from core.plugins import installed
 from core.search.evolution import evaluate_all
 from core.search.orchestration import resume, run
-from core.simulation.rollout import Evaluator, Part
+from core.simulation.rollout import Evaluator, PluginPart
 from plugins.fitness.layouts.fitness import UNSEEN, worst_quarter
 from plugins.results.pages.runs import read_run
 
 QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)
-WIDE = Evaluator(Part("task", "BringCube", (("variation", "wide"),)), Part("sim", "mujoco"), 3, QUICK)
+WIDE = Evaluator(PluginPart("task", "BringCube", (("variation", "wide"),)), PluginPart("sim", "mujoco"), 3, QUICK)
 STICK = Tool((Component("stick", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box((0.02, 0.02, 0.2)), 0.005),))
 STAY = Candidate(STICK, Waypoints(np.array([[0.5, 0.0, 0.5, 0.0, 0.0, 0.0]])))
 
@@ -63,12 +63,12 @@ def test_no_search_may_begin_among_the_unseen_layouts():
 
 
 def test_layouts_that_are_all_the_same_are_refused():
-    usual = replace(WIDE, task=Part("task", "BringCube"))
+    usual = replace(WIDE, task=PluginPart("task", "BringCube"))
     with pytest.raises(
         UserError, match=r"all layouts of BringCube are the same; add task.variation=near or task.varia"
     ):
         fitness(usual)
-    fitness(replace(WIDE, task=Part("task", "CleanTable")))  # its dust lies at random in any variation
+    fitness(replace(WIDE, task=PluginPart("task", "CleanTable")))  # its dust lies at random in any variation
 
 
 def test_it_combines_the_rewards_of_the_layouts_from_the_runs_seed_on():
@@ -91,7 +91,7 @@ def test_the_worst_quarter(rewards):
 
 def test_a_tool_that_overlaps_one_layout_at_spawn_fails_there_alone():
     near = Tool((Component("bar", "tool_mount", Pose(np.array([0.25, 0.0, -0.48])), Box((0.5, 0.02, 0.02)), 0.005),))
-    boxes = Evaluator(Part("task", "LiftBox", (("variation", "wide"),)), WIDE.sim, 0, QUICK)
+    boxes = Evaluator(PluginPart("task", "LiftBox", (("variation", "wide"),)), WIDE.sim, 0, QUICK)
     (found,) = fitness(boxes, layouts=3)([replace(STAY, tool=near)])
     assert found.status == "rejected"
     assert "in layout 0, " in found.reason
@@ -107,7 +107,7 @@ def test_unseen_layouts_are_none_of_the_search_and_the_same_for_every_run():
 
 
 def test_unseen_layouts_may_be_in_engines_of_their_own():
-    set_up = replace(WIDE, sim=Part("sim", "mujoco", (("time_step", 0.001),)))
+    set_up = replace(WIDE, sim=PluginPart("sim", "mujoco", (("time_step", 0.001),)))
     made = fitness(set_up, unseen=1, unseen_sims=["mujoco", "sapien"])
     assert {engine: of[0].sim.name for engine, of in made.unseen().items()} == {"mujoco": "mujoco", "sapien": "sapien"}
     assert dict(made.unseen()["mujoco"][0].sim.settings)["time_step"] > 0.001
@@ -148,7 +148,7 @@ def test_a_run_says_what_its_best_earns_in_unseen_layouts(tmp_path, capsys):
 
 def _unseen(words):
     cfg = load("config", words)
-    evaluator = Evaluator(Part("task", "BringCube", (("variation", "near"),)), part("sim", cfg.sim))
+    evaluator = Evaluator(PluginPart("task", "BringCube", (("variation", "near"),)), part("sim", cfg.sim))
     return part("fitness", cfg.fitness).create(evaluator=evaluator).unseen()["mujoco"]
 
 
@@ -156,7 +156,7 @@ def _unseen(words):
 @pytest.mark.parametrize("named", [{"name": "layouts", "layouts": 3}, {"name": "robust", "sims": ["mujoco"]}])
 def test_a_race_ends_the_same_way_with_one_worker_and_with_two(named):
     near = Evaluator(
-        Part("task", "BringCube", (("variation", "near"),)), part("sim", load("config", ["sim=mujoco"]).sim)
+        PluginPart("task", "BringCube", (("variation", "near"),)), part("sim", load("config", ["sim=mujoco"]).sim)
     )
     boxes = installed().create("tool", "boxes", {})
     document = json.loads(Path("tests/tasks/anchored/BringCube.json").read_text())
