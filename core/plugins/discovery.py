@@ -18,6 +18,7 @@ import pluggy
 from core.errors import UserError, choices
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.plugins.kinds import KINDS
+from core.plugins.moved import describe_import_error
 
 SWITCH = "VLMGINEER_PLUGINS"
 """The environment variable that names the plugins to load, by entry point or distribution, separated by commas."""
@@ -67,7 +68,7 @@ class Discovery:
             try:
                 module = entry.load()
             except Exception as error:  # a third-party import may raise anything
-                reason = f"import failed: {type(error).__name__}: {error}"
+                reason = f"import failed: {describe_import_error(error)}"
                 self.failures.append(Failure(entry.name, distribution, reason))
                 continue
             self.register(module, entry.name, distribution)

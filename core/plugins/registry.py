@@ -22,6 +22,7 @@ from core.hooks import PROJECT, Command
 from core.interfaces import Robot, Task, ToolRepresentation
 from core.plugins.discovery import SWITCH, Discovery, Offer, check_own_packages
 from core.plugins.kinds import COMMAND, KINDS, ROBOT, Kind
+from core.plugins.moved import describe_import_error
 from core.plugins.settings import check_settings
 from core.values.materials import PAPER, Material
 from core.values.robots import set_default_robot
@@ -133,7 +134,7 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
     try:
         return typing.cast(Callable[..., Any], getattr(importlib.import_module(module), attribute))
     except Exception as error:  # a third-party import may raise anything
-        reason = f"can't be imported: {type(error).__name__}: {error}"
+        reason = f"can't be imported: {describe_import_error(error)}"
         raise UserError(f"{offer.kind} {offer.name!r} of {offer.distribution} {reason}") from error
 
 

@@ -14,4 +14,4 @@ def urdf(**settings: typing.Any) -> Robot:
 
 # A configuration may set what is in the signature.
 urdf.__signature__ = inspect.signature(ArmSettings)  # type: ignore[attr-defined]
-urdf.__annotations__ = typing.get_type_hints(ArmSettings)
+urdf.__annotations__ = {**typing.get_type_hints(ArmSettings), "return": Robot}
