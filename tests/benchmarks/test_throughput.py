@@ -48,7 +48,9 @@ def test_the_reference_tries_what_the_population_tries(tmp_path):
     words = [sys.executable, "-m", "tests.benchmarks.clocked", json.dumps(arguments)]
     root = Path(__file__).parents[2]
     done = subprocess.run(words, cwd=root, capture_output=True, text=True, check=True)
-    evaluator = throughput.Evaluator(throughput.Part("task", "BringCube"), throughput.Part("sim", "pybullet"))
+    evaluator = throughput.Evaluator(
+        throughput.PluginPart("task", "BringCube"), throughput.PluginPart("sim", "pybullet")
+    )
     (evaluation,) = evaluator([candidate])
     assert float(done.stdout.splitlines()[-1]) == pytest.approx(evaluation.reward, abs=0.05)
 
