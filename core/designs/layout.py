@@ -129,15 +129,17 @@ def _bounds(parts: Sequence[Geom], pose: Pose) -> tuple[Array, Array]:
     """The lowest and the highest corner of the box around shapes, along the axes of the frame that has ``pose``."""
     lows, highs = [], []
     for part in parts:
-        at = pose @ part.pose
+        frame = pose @ part.pose
         if isinstance(part.shape, Sphere):  # its own box would turn with it
-            points = at.position + part.shape.radius * np.array([[-1.0], [1.0]])
+            points = frame.position + part.shape.radius * np.array([[-1.0], [1.0]])
         elif isinstance(part.shape, Cylinder):
-            axis = at.rotation.as_matrix()[:, 2]
+            axis = frame.rotation.as_matrix()[:, 2]
             half = part.shape.length / 2 * np.abs(axis) + part.shape.radius * np.sqrt(np.maximum(1 - axis**2, 0.0))
-            points = np.array([at.position - half, at.position + half])
+            points = np.array([frame.position - half, frame.position + half])
         else:
-            points = at.apply(part.shape.vertices if isinstance(part.shape, Mesh) else part.shape.to_trimesh().vertices)
+            points = frame.apply(
+                part.shape.vertices if isinstance(part.shape, Mesh) else part.shape.to_trimesh().vertices
+            )
         lows.append(points.min(axis=0))
         highs.append(points.max(axis=0))
     return np.min(lows, axis=0), np.max(highs, axis=0)

@@ -228,7 +228,7 @@ def parse_reply(text: str) -> object:
         if start < 0:
             break
         try:
-            found, end = _DECODER.raw_decode(text, start)
+            document, end = _DECODER.raw_decode(text, start)
         except json.JSONDecodeError as error:
             # An object that begins before the error would be an inner one.
             end = max(error.pos, start + 1)
@@ -238,9 +238,9 @@ def parse_reply(text: str) -> object:
         except (ValueError, RecursionError) as error:  # an integer of thousands of digits; deep nesting
             raise DesignError(f"the reply's JSON at position {start} can't be read: {_reason(error)}") from error
         else:
-            if "strategies" in found:
-                return found
-            first = found if first is None else first
+            if "strategies" in document:
+                return document
+            first = document if first is None else first
         start = text.find("{", end)
     if failure is not None:
         saved = _save_sound(text)
@@ -259,30 +259,30 @@ def _save_sound(text: str) -> dict[str, Any] | None:
         return None
     strategies: list[Any] = []
     malformed = reread = 0
-    at, end = opening.end(), len(text)
+    position, end = opening.end(), len(text)
     blanked = False
-    while (at := _SEPARATORS.match(text, at).end()) < end and text[at] != "]":  # type: ignore[union-attr]
+    while (position := _SEPARATORS.match(text, position).end()) < end and text[position] != "]":  # type: ignore[union-attr]
         try:
-            strategy, at = _DECODER.raw_decode(text, at)
+            strategy, position = _DECODER.raw_decode(text, position)
         except (ValueError, RecursionError) as error:
-            reread += _read_until(error, end) - at
+            reread += _read_until(error, end) - position
             if not blanked:
-                text, blanked = text[:at] + _NOT_JSON.sub(_blank, text[at:]), True
+                text, blanked = text[:position] + _NOT_JSON.sub(_blank, text[position:]), True
                 continue
             malformed += 1
-            strategies.append(_unread(text, at))
-            following = _STRATEGY.search(text, at + 1)
+            strategies.append(_unread(text, position))
+            following = _STRATEGY.search(text, position + 1)
             if following is None or malformed == MAX_MALFORMED or reread > MAX_REREAD:
                 break
-            at = following.start()
+            position = following.start()
         else:
             strategies.append(strategy)
             if len(strategies) >= MAX_SAVED:
                 break
     if len(strategies) == malformed:
         return None
-    if at >= end and not malformed:
-        strategies.append(_unread(text, at))
+    if position >= end and not malformed:
+        strategies.append(_unread(text, position))
     return {"strategies": strategies}
 
 
@@ -293,14 +293,14 @@ def _read_until(error: Exception, end: int) -> int:
     return end
 
 
-def _unread(text: str, at: int) -> Unread:
-    line = text.count("\n", 0, at) + 1
+def _unread(text: str, position: int) -> Unread:
+    line = text.count("\n", 0, position) + 1
     return Unread(f"the strategy is cut off or malformed (it begins at line {line} of the reply)")
 
 
-def _blank(found: re.Match[str]) -> str:
+def _blank(match: re.Match[str]) -> str:
     """A string as it is; anything else as blanks and line breaks, so that positions stay the same."""
-    return found[0] if found[0].startswith('"') else re.sub(r"[^\n]", " ", found[0])
+    return match[0] if match[0].startswith('"') else re.sub(r"[^\n]", " ", match[0])
 
 
 def _reason(error: Exception) -> str:

@@ -56,13 +56,13 @@ def vary_tool(tool: Tool, values: Array) -> Tool:
         shape = component.shape
         if growth.any() and not isinstance(shape, Compound):
             shape = resized(shape, shape.bounds[1] * np.exp(growth))
-        at = there = np.zeros(3)
+        touch = goal = np.zeros(3)
         if component.parent in changed:
-            at = _touching(component, old[component.parent])
-            there = _slid(at, slide, old[component.parent], changed[component.parent])
-        own = _scaled(component.pose.inverse().apply(at), component.shape, shape)
+            touch = _touching(component, old[component.parent])
+            goal = _slid(touch, slide, old[component.parent], changed[component.parent])
+        own = _scaled(component.pose.inverse().apply(touch), component.shape, shape)
         rotation = component.pose.rotation * Rotation.from_rotvec(turn)
-        pose = Pose.from_rotation(there - rotation.apply(own), rotation)
+        pose = Pose.from_rotation(goal - rotation.apply(own), rotation)
         mass = component.mass * shape.volume / component.shape.volume
         changed[component.name] = replace(component, pose=pose, shape=shape, mass=mass)
     return replace(tool, components=tuple(changed.values()))
@@ -79,9 +79,9 @@ def tool_change(tool: Tool, other: Tool) -> Array | None:
     for component, after in zip(tool.components, other.components, strict=True):
         slide = np.zeros(3)
         if component.parent in old:
-            at = _touching(component, old[component.parent])
-            there = after.pose.apply(_scaled(component.pose.inverse().apply(at), component.shape, after.shape))
-            slide = there - _slid(at, slide, old[component.parent], new[after.parent])
+            touch = _touching(component, old[component.parent])
+            goal = after.pose.apply(_scaled(component.pose.inverse().apply(touch), component.shape, after.shape))
+            slide = goal - _slid(touch, slide, old[component.parent], new[after.parent])
         growth = np.log(after.shape.bounds[1] / component.shape.bounds[1])
         values += [growth, slide, (component.pose.rotation.inv() * after.pose.rotation).as_rotvec()]
     return np.concatenate(values)
@@ -96,11 +96,11 @@ def _structure(tool: Tool) -> object:
     ]
 
 
-def _slid(at: Array, slide: Array, before: Component, after: Component) -> Array:
+def _slid(point: Array, slide: Array, before: Component, after: Component) -> Array:
     """The point (3,) of a changed parent that was ``at`` on the old one, and slid."""
     (middle, sides), (new_middle, new_sides) = before.shape.bounds, after.shape.bounds
     half = new_sides / 2
-    share = np.clip((at - middle) / sides * 2, -1.0, 1.0)
+    share = np.clip((point - middle) / sides * 2, -1.0, 1.0)
     moved: Array = new_middle + np.clip(share * half + slide, -half, half)
     return moved
 

@@ -42,8 +42,8 @@ class _Root:
 
     def gone(self) -> bool:
         """Say if this process has no such folder: it was deleted, or this process was forked."""
-        found = file_mark(self.folder)
-        same = found and self.mark and found.identity == self.mark.identity
+        mark = file_mark(self.folder)
+        same = mark and self.mark and mark.identity == self.mark.identity
         return not same or self.process != os.getpid()
 
     def remove(self) -> None:

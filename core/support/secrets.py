@@ -55,8 +55,8 @@ def scrub(text: str) -> str:
     if not forms:
         return text
     plain = _WRITTEN.sub(_character, text)
-    found = [re.escape(form) for form in forms if form in plain]
-    if not found:
+    written = [re.escape(form) for form in forms if form in plain]
+    if not written:
         return text
     seen = np.ones(len(text) + 1, dtype=bool)  # where a character of the plain text stands, or begins if it is escaped
     bound = seen.copy()  # where it may end
@@ -65,7 +65,7 @@ def scrub(text: str) -> str:
         bound[match.start() + 1 : match.end()] = False
     places, bounds = np.flatnonzero(seen), np.flatnonzero(bound)
     pieces, last = [], 0
-    for match in re.finditer("|".join(found), plain):
+    for match in re.finditer("|".join(written), plain):
         pieces += [text[last : places[match.start()]], "***"]
         last = bounds[np.searchsorted(bounds, places[match.end() - 1], side="right")]
     return "".join([*pieces, text[last:]])
@@ -156,11 +156,11 @@ def _character(match: re.Match[str]) -> str:
     """The character that is written in an escaped form; empty: one that can't be seen."""
     utf16, byte, percent, hexadecimal, decimal, named, escaped = match.groups()
     if number := utf16 or byte or percent or hexadecimal:
-        found = chr(int(number, 16))
+        character = chr(int(number, 16))
     elif decimal:
-        found = chr(int(decimal))
+        character = chr(int(decimal))
     elif named:
-        found = html.unescape(match.group())
+        character = html.unescape(match.group())
     else:
-        found = _ESCAPED.get(escaped, escaped) if escaped else ""
-    return re.sub(_UNSEEN, "", found)
+        character = _ESCAPED.get(escaped, escaped) if escaped else ""
+    return re.sub(_UNSEEN, "", character)

@@ -247,12 +247,12 @@ class _Crew:
                 self._replace(actor, function)
                 machine, why = isinstance(error, self._elsewhere), _first_line(error)
             else:
-                found = pickle.loads(result)  # noqa: S301
-                if not isinstance(found, Fault):
+                answer = pickle.loads(result)  # noqa: S301
+                if not isinstance(answer, Fault):
                     self._free.put(actor)
-                    return found  # type: ignore[no-any-return]
+                    return answer  # type: ignore[no-any-return]
                 self._replace(actor, function)
-                machine, why = True, str(found)
+                machine, why = True, str(answer)
         return (Fault if machine else RuntimeError)(f"the worker was lost {1 + self._retries} times: {why}")
 
     def _take(self, function: Callable[..., Any]) -> Any:

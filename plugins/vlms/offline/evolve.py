@@ -45,13 +45,14 @@ class Elite:
 
 def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) -> list[Elite]:
     """The elites with a gripper tool, or those with a rigid one; their plans as they are in this layout."""
-    found = []
-    for e in evaluations:
-        if e.candidate.tool is not None and e.candidate.tool.gripper == gripper:
-            rows, anchors = e.candidate.plan.resolve(seen).poses, e.candidate.plan.anchors
+    elites = []
+    for evaluation in evaluations:
+        candidate = evaluation.candidate
+        if candidate.tool is not None and candidate.tool.gripper == gripper:
+            rows, anchors = candidate.plan.resolve(seen).poses, candidate.plan.anchors
             anchors = anchors if len(anchors) == len(rows) else (Anchor(),) * len(rows)
-            found.append(Elite(e.candidate.id, e.candidate.tool, rows, anchors, e.reward, e.moved_m))
-    return found
+            elites.append(Elite(candidate.id, candidate.tool, rows, anchors, evaluation.reward, evaluation.moved_m))
+    return elites
 
 
 def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str, str, Tool, list[Use], list[str]]:

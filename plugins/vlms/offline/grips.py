@@ -46,15 +46,15 @@ def sample_clamp(errand: Errand, rng: np.random.Generator) -> Head:
     return Head("clamp", "clamp", pieces, np.array([0.0, (gap + thick) / 2, size[2]]), size[0] / 2, gap)
 
 
-def build_clamp(head: Head, at: Pose, thickness: float) -> Tool:
+def build_clamp(head: Head, pose: Pose, thickness: float) -> Tool:
     """A mirrored pair of finger extensions, with the head at the pose ``at`` in the frame of the tool mount."""
     assembly = Assembly(True, thickness)
     for piece, is_left in zip(head.pieces, (True, False), strict=True):
-        pad = at @ piece.pose
+        pad = pose @ piece.pose
         hold = pad.position + np.array([0.0, 0.0, piece.size[2] / 2 - 0.003])
         last = assembly.shaft("gantry", hold, left=is_left)
         assembly.add(piece.name, last, pad, piece.size, (0.90, 0.49, 0.13, 1.0))
-    reach = float(np.linalg.norm(at.position))
+    reach = float(np.linalg.norm(pose.position))
     text = f"two pads {head.width:.3f} m apart, {reach:.2f} m from the hand, that close on the body"
     return assembly.tool("long_fingers", text)
 
@@ -115,8 +115,8 @@ def handles(thing: Thing, space: Workspace) -> Handles | None:
     """The handles that are easiest to reach from the arm's side; None if there are none."""
     away = space.direction(thing.position)
     turns = sorted(np.arange(4) * np.pi / 2, key=lambda turn: -np.cos(turn - away))
-    found = (_handles(thing, float(heading)) for heading in turns[:2])
-    return next((one for one in found if one is not None), None)
+    options = (_handles(thing, float(heading)) for heading in turns[:2])
+    return next((option for option in options if option is not None), None)
 
 
 def _handles(thing: Thing, heading: float) -> Handles | None:

@@ -75,13 +75,13 @@ def _shut_in(errand: Errand) -> bool:
     return errand.covered and errand.length > 0.03 and errand.blocked(errand.shift * [1.0, 1.0, 0.0])
 
 
-def _tines(at: Under, width: float, thick: float, depth: float, wall: float, nose: float) -> tuple[Piece, ...]:
+def _tines(spot: Under, width: float, thick: float, depth: float, wall: float, nose: float) -> tuple[Piece, ...]:
     """Two tines ahead of a wall, or one wide one; their upper faces are at z = 0, noses at the tips stand above it."""
-    sides = (1.0, -1.0) if at.apart > width / 2 else (0.0,)
-    across = 2 * at.apart + width
+    sides = (1.0, -1.0) if spot.apart > width / 2 else (0.0,)
+    across = 2 * spot.apart + width
     pieces = [box("wall", -0.004, 0.0, wall / 2 - thick, (0.008, across, wall))]
     for number, side in enumerate(sides):
-        y = side * at.apart
+        y = side * spot.apart
         pieces.append(box(f"tine_{number + 1}", (depth - 0.008) / 2, y, -thick / 2, (depth + 0.008, width, thick)))
         if nose > 0.0:
             pieces.append(
@@ -90,15 +90,15 @@ def _tines(at: Under, width: float, thick: float, depth: float, wall: float, nos
     return tuple(pieces)
 
 
-def _behind(errand: Errand, at: Under, height: float) -> float:
+def _behind(errand: Errand, spot: Under, height: float) -> float:
     """Compute how far obstacles reach back from the bodies' rear, where a wall of this height would be."""
-    ahead, side = (axis[:2] for axis in axes_of(at.heading))
+    ahead, side = (axis[:2] for axis in axes_of(spot.heading))
     others = errand.others
     signs = np.array([[x, y] for x in (-1, 1) for y in (-1, 1)])
-    corners = others.centers[:, None, :2] + signs * others.reaches[:, None, :2] - at.rear[:2]
+    corners = others.centers[:, None, :2] + signs * others.reaches[:, None, :2] - spot.rear[:2]
     along, across = corners @ ahead, np.abs(corners.mean(axis=1) @ side) - np.ptp(corners @ side, axis=1) / 2
-    near = (across < at.apart + 0.02) & (others.lower[:, 2] < at.rear[2] + height)
-    near &= (others.upper[:, 2] > at.rear[2] - 0.01) & (along.min(axis=1) < 0.0)
+    near = (across < spot.apart + 0.02) & (others.lower[:, 2] < spot.rear[2] + height)
+    near &= (others.upper[:, 2] > spot.rear[2] - 0.01) & (along.min(axis=1) < 0.0)
     return float(np.clip(-along[near].min(initial=0.0), 0.0, 0.25))
 
 
@@ -113,21 +113,21 @@ def carrier(errand: Errand, route: Sequence[Array], rng: np.random.Generator) ->
     """Tines that lift a body off what goes through it, carry it over, and lower it at the goal."""
     tine = 0.009
     back = way_out(errand, errand.shift + 0.004 * UP)
-    at = None if back is None else _choose_under(errand, _QUARTERS, tine, rng)
-    if back is None or at is None:
+    spot = None if back is None else _choose_under(errand, _QUARTERS, tine, rng)
+    if back is None or spot is None:
         return None
-    ahead, thick = axes_of(at.heading)[0], min(0.008, at.room / 2)
-    nose = min(0.008, at.room - thick - 0.003)
+    ahead, thick = axes_of(spot.heading)[0], min(0.008, spot.room / 2)
+    nose = min(0.008, spot.room - thick - 0.003)
     nose = nose if nose > 0.002 else 0.0
     reach = float(np.ptp(errand.points @ ahead))
-    gap = _behind(errand, at, 0.05) + rng.uniform(0.01, 0.02)
-    depth = gap + min(at.depth, reach) + (0.012 if nose else 0.0)
-    pieces = _tines(at, tine, thick, depth, 0.03, nose)
+    gap = _behind(errand, spot, 0.05) + rng.uniform(0.01, 0.02)
+    depth = gap + min(spot.depth, reach) + (0.012 if nose else 0.0)
+    pieces = _tines(spot, tine, thick, depth, 0.03, nose)
 
     def stroke(path: Path, rng: np.random.Generator) -> str:
-        inside = at.rear - gap * ahead - (nose + 0.001) * UP
+        inside = spot.rear - gap * ahead - (nose + 0.001) * UP
         before = inside - (depth + 0.02) * ahead
-        path.enter(errand, at.heading, before, inside)
+        path.enter(errand, spot.heading, before, inside)
         path.hold()
         lifted = inside + (nose + 0.001) * UP
         goal = lifted + errand.shift
@@ -137,12 +137,12 @@ def carrier(errand: Errand, route: Sequence[Array], rng: np.random.Generator) ->
         places += [*down, goal - (nose + rng.uniform(0.004, 0.012)) * UP]
         for place in places:
             length = float(np.linalg.norm(place - path.poses[-1].position))
-            path.stroke(place, at.heading, 0.15 if length > 0.02 else 1.0)
-        path.go(at.heading, places[-1] - (depth + 0.02) * ahead, touch=True)
+            path.stroke(place, spot.heading, 0.15 if length > 0.02 else 1.0)
+        path.go(spot.heading, places[-1] - (depth + 0.02) * ahead, touch=True)
         return "gets tines under the body, lifts it off, carries it over, lowers it and leaves"
 
     return Head(
-        "tines", "guided", pieces, np.array([0.0, 0.0, 0.03 - thick]), depth, 2 * at.apart + tine, stroke=stroke
+        "tines", "guided", pieces, np.array([0.0, 0.0, 0.03 - thick]), depth, 2 * spot.apart + tine, stroke=stroke
     )
 
 
@@ -154,30 +154,30 @@ def tipper(errand: Errand, turn: tuple[Array, float], rng: np.random.Generator) 
         x, y, _ = np.cross(axis, UP)
         headings = [float(np.arctan2(y, x))]
     tine = 0.016
-    if (at := _choose_under(errand, headings, tine, rng)) is None:
+    if (spot := _choose_under(errand, headings, tine, rng)) is None:
         return None
-    ahead, thick = axes_of(at.heading)[0], min(0.008, 0.6 * at.room)
-    grip = min(at.depth * rng.uniform(0.5, 0.9), 0.04)
+    ahead, thick = axes_of(spot.heading)[0], min(0.008, 0.6 * spot.room)
+    grip = min(spot.depth * rng.uniform(0.5, 0.9), 0.04)
     gap = rng.uniform(0.006, 0.015)
-    _, front = errand.span(at.heading)
-    pivot = at.rear + (front - at.rear @ ahead) * ahead
+    _, front = errand.span(spot.heading)
+    pivot = spot.rear + (front - spot.rear @ ahead) * ahead
     pivot[2] = errand.lower[2]
-    radius = float((pivot - at.rear) @ ahead) - grip
+    radius = float((pivot - spot.rear) @ ahead) - grip
     most = angle + rng.uniform(0.0, 0.15) if angle < 2.0 else rng.uniform(1.7, 2.3)
 
     def stroke(path: Path, rng: np.random.Generator) -> str:
-        tip = at.rear + grip * ahead - 0.001 * UP
+        tip = spot.rear + grip * ahead - 0.001 * UP
         offset = (grip + gap) * ahead  # from the face to the tip
-        path.enter(errand, at.heading, tip - offset - (grip + gap + 0.02) * ahead, tip - offset)
+        path.enter(errand, spot.heading, tip - offset - (grip + gap + 0.02) * ahead, tip - offset)
         path.hold()
         rise = float(tip[2] - pivot[2])
         for turned in np.linspace(0.0, most, int(np.ceil(most / _STEP_RAD)) + 1)[1:]:
             arm = Rotation.from_rotvec(np.cross(UP, ahead) * turned).apply(-radius * ahead + rise * UP)
-            path.go(at.heading, pivot + arm - offset, touch=True)
-        path.go(at.heading, path.poses[-1].position - 0.06 * ahead + 0.02 * UP, touch=True)
+            path.go(spot.heading, pivot + arm - offset, touch=True)
+        path.go(spot.heading, path.poses[-1].position - 0.06 * ahead + 0.02 * UP, touch=True)
         return f"raises one side by a lip, and turns the body about its other edge by {np.degrees(most):.0f} degrees"
 
-    pieces = _tines(at, tine, thick, grip + gap, 0.03, 0.0)
+    pieces = _tines(spot, tine, thick, grip + gap, 0.03, 0.0)
     return Head("lip", "guided", pieces, np.array([0.0, 0.0, 0.03 - thick]), grip + gap, tine, stroke=stroke)
 
 

@@ -130,10 +130,10 @@ class Workshop:
         largest = max(errands, key=lambda errand: len(errand.things))
         head = self._head(largest)
         path, text = self._path(errands, head)
-        at = FORK_POSE if head.use == "pour" else self._mount(path, head, largest)
-        tool = self._build(head, at, path, largest)
-        use, fault = self._planned(tool, at, path, text, errands)
-        return (tool, head, at, use), fault + (0.0 if self.accepts(tool) else _BREAKS_RULES)
+        pose = FORK_POSE if head.use == "pour" else self._mount(path, head, largest)
+        tool = self._build(head, pose, path, largest)
+        use, fault = self._planned(tool, pose, path, text, errands)
+        return (tool, head, pose, use), fault + (0.0 if self.accepts(tool) else _BREAKS_RULES)
 
     def _head(self, errand: Errand) -> Head:
         if not self.brief.gripper and suits(errand):
@@ -151,27 +151,27 @@ class Workshop:
         clamps = self.brief.gripper and self.rng.random() < (0.9 if lifts else 0.5)
         return sample_clamp(errand, self.rng) if clamps else sample_head(errand, self.rng, self.stout)
 
-    def _build(self, head: Head, at: Pose, path: Path, errand: Errand) -> Tool:
+    def _build(self, head: Head, pose: Pose, path: Path, errand: Errand) -> Tool:
         if head.use == "pour":
             return build_fork(head)
         thickness = self.stout * float(self.rng.uniform(0.012, 0.024))
         style = STYLES[int(self.rng.choice(len(STYLES), p=[0.6, 0.2, 0.2, 0.0]))]
         if head.use == "clamp":
-            return build_clamp(head, at, min(thickness, 0.012) if errand.deep else thickness)
+            return build_clamp(head, pose, min(thickness, 0.012) if errand.deep else thickness)
         if head.use == "pinch":
-            return build(head, at, "gantry", min(thickness, 0.012), self.brief.gripper)
+            return build(head, pose, "gantry", min(thickness, 0.012), self.brief.gripper)
         if not self._is_high(path):
-            return build(head, at, style, thickness, self.brief.gripper)
+            return build(head, pose, style, thickness, self.brief.gripper)
         tall = errand.tall  # the jib passes over the bodies
-        top = float(at.position[2] + max(tall + thickness, head.hold[2]) + self.rng.uniform(0.01, 0.06))
+        top = float(pose.position[2] + max(tall + thickness, head.hold[2]) + self.rng.uniform(0.01, 0.06))
         bend = float(self.rng.uniform(0.25, 0.6))
-        return build(head, at, "riser", thickness, self.brief.gripper, bend=bend, top=top)
+        return build(head, pose, "riser", thickness, self.brief.gripper, bend=bend, top=top)
 
     def _use_once(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> tuple[Use, float]:
         errands = self._errands()
-        head, at = find_head(errands[0])
+        head, pose = find_head(errands[0])
         path, text = self._path(errands, head)
-        return self._planned(tool, at, path, text, errands)
+        return self._planned(tool, pose, path, text, errands)
 
     def _errands(self) -> list[Errand]:
         return self.analysis.errands(self.rng, alone=self._several and self.rng.random() < _ALONE)
@@ -181,26 +181,26 @@ class Workshop:
         path.anchors = anchors_of(path, errands, self._anchoring)
         return path, text
 
-    def _planned(self, tool: Tool, at: Pose, path: Path, text: str, errands: Sequence[Errand]) -> tuple[Use, float]:
+    def _planned(self, tool: Tool, pose: Pose, path: Path, text: str, errands: Sequence[Errand]) -> tuple[Use, float]:
         """The plan that moves the head at the pose ``at`` along the path, and its fault. For a high path it may first
         rise at a distance.
         """
-        plan, touching, home = path.plan(at, tool.gripper), list(path.touching), self.analysis.home.position
+        plan, touching, home = path.plan(pose, tool.gripper), list(path.touching), self.analysis.home.position
         anchors = path.anchors
         fault = self._fault(tool, plan, anchors, touching, errands)
         if fault <= float(self._several) or not self._is_high(path):  # none in this layout
             return Use(plan, text, anchors), fault
         tried = [(fault, plan)]
         space = self.analysis.space
-        way = space.from_axis(plan[0])
+        outward = space.from_axis(plan[0])
         anchors = [Anchor()] * 2 + anchors
         for radius in (float(np.hypot(*space.from_axis(home))), round(space.inner + 0.1, 2), space.inner):
             rows = np.repeat(plan[:1], 2, axis=0)
-            rows[:, :2] = space.base[:2] + way * (radius / max(float(np.hypot(*way)), 1e-6))
+            rows[:, :2] = space.base[:2] + outward * (radius / max(float(np.hypot(*outward)), 1e-6))
             rows[0, 2] = home[2]
             longer = np.vstack([rows, plan])
             tried.append((self._fault(tool, longer, anchors, [False, False, *touching], errands), longer))
-        fault, plan = min(tried, key=lambda one: one[0])
+        fault, plan = min(tried, key=lambda option: option[0])
         return Use(plan, text, anchors[len(anchors) - len(plan) :]), fault
 
     def _is_high(self, path: Path) -> bool:

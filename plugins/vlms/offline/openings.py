@@ -116,14 +116,14 @@ def pushed(errand: Errand, way: Array, pole: Array | None = None) -> list[Contac
     hit, blocked, outside = rays.near.min(axis=-1), rays.other_near.min(axis=-1, initial=np.inf), rays.outside()
     for half in _HALF_M:
         free = minimum_filter(blocked, rays.window(half + 0.002)) > hit + 0.01
-        found = []
+        contacts = []
         for u, v in np.argwhere(np.isfinite(hit) & free).tolist():
             point, length = rays.point(u, v, hit[u, v]), float(np.clip(hit[u, v] - outside[u, v], 0.0, 0.4))
             across = np.linalg.norm(np.cross(way, point - errand.center))
             away = across if pole is None else -np.cross(pole[1], point - pole[0]) @ way
-            found.append((float(away), Contact(point, half, length, np.zeros(3))))
-        if found:
-            return [contact for _, contact in sorted(found, key=lambda one: one[0])[: max(1, len(found) // 6)]]
+            contacts.append((float(away), Contact(point, half, length, np.zeros(3))))
+        if contacts:
+            return [contact for _, contact in sorted(contacts, key=lambda one: one[0])[: max(1, len(contacts) // 6)]]
     return []
 
 
@@ -138,7 +138,7 @@ def pulled(errand: Errand, way: Array) -> list[Contact]:
     cells = np.argwhere(own)
     cells = cells[:: max(1, len(cells) // _EDGES)]
     for half in _HALF_M:
-        found = list[tuple[float, Contact]]()
+        contacts = list[tuple[float, Contact]]()
         for u, v in cells.tolist():
             depth = float(rear[u, v]) + 0.002
             most = depth + sum(_TOE_M)
@@ -158,9 +158,9 @@ def pulled(errand: Errand, way: Array) -> list[Contact]:
                     point = rays.point(x - du, y - dv, depth)
                     length = float(np.clip(depth - outside[u, v], 0.0, 0.4))
                     slips = float(np.linalg.norm(np.cross(way, point + aside / 2 - errand.center)))
-                    found.append((toe - slips, Contact(point, half, length, aside, step * off)))
-        if found:
-            return [contact for _, contact in sorted(found, key=lambda one: -one[0])[: max(1, len(found) // 3)]]
+                    contacts.append((toe - slips, Contact(point, half, length, aside, step * off)))
+        if contacts:
+            return [contact for _, contact in sorted(contacts, key=lambda one: -one[0])[: max(1, len(contacts) // 3)]]
     return []
 
 
@@ -228,7 +228,7 @@ def way_out(errand: Errand, start: Array) -> list[Array] | None:
 
     if free(0.2 * UP, start):
         return [0.2 * UP]
-    found = []
+    routes = []
     for lift in (0.0, 0.01, 0.015, 0.02, 0.03):
         if not free(lift * UP, start):
             break
@@ -238,6 +238,6 @@ def way_out(errand: Errand, start: Array) -> list[Array] | None:
                 if not free(way, there):
                     break
                 if free(0.2 * UP, there + way):
-                    found.append((length + 2 * lift, [lift * UP, way] if lift else [way]))
+                    routes.append((length + 2 * lift, [lift * UP, way] if lift else [way]))
                     break
-    return min(found, key=lambda one: one[0])[1] if found else None
+    return min(routes, key=lambda one: one[0])[1] if routes else None

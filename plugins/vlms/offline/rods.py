@@ -26,9 +26,9 @@ def _rod(contact: Contact, length: float, toe: Array | None) -> list[Piece]:
     way = toe / np.linalg.norm(toe)
     ends = -way * (contact.off + contact.half), toe
     middle, extent = (ends[0] + ends[1]) / 2, np.abs(ends[1] - ends[0])
-    at, size = -way * contact.off, np.where(extent > 1e-6, extent, thick)
+    offset, size = -way * contact.off, np.where(extent > 1e-6, extent, thick)
     return [
-        box("rod", length / 2 - 0.006, at[1], at[2], (length, thick, thick)),
+        box("rod", length / 2 - 0.006, offset[1], offset[2], (length, thick, thick)),
         box("toe", -0.003, middle[1], middle[2], (0.006, float(size[1]), float(size[2]))),
     ]
 
@@ -111,8 +111,8 @@ def _hooked(
             _nudge(path, end, (toe / 2, np.abs(toe) / 2 + contact.half), moved, then, rng)
         return "gets behind the body through the opening, and pulls it along the way that it is free to go"
 
-    at = -toe / np.linalg.norm(toe) * contact.off
-    hold = np.array([length - 0.012, at[1], at[2] + contact.half - 0.002])
+    offset = -toe / np.linalg.norm(toe) * contact.off
+    hold = np.array([length - 0.012, offset[1], offset[2] + contact.half - 0.002])
     return Head("hook", "guided", tuple(_rod(contact, length, toe)), hold, 0.0, 2 * contact.half, stroke=stroke)
 
 
@@ -128,16 +128,16 @@ def _nudge(
     along = points @ way
     center = (points.min(axis=0) + points.max(axis=0)) / 2
     drop = float(np.abs(turn.T @ UP) @ halves)
-    at = center + way * (float(along.min() - center @ way) - reach - 0.008)
-    at[2] = float(points[:, 2].min()) + drop + 0.004
-    at = at - turn @ middle
+    behind = center + way * (float(along.min() - center @ way) - reach - 0.008)
+    behind[2] = float(points[:, 2].min()) + drop + 0.004
+    behind = behind - turn @ middle
     high = float(points[:, 2].max()) + 2 * drop + 0.03
     back = head.rotation.apply([-0.02, 0.0, 0.0])  # away from the body
     start = head.position + back
-    over = [np.array([*place[:2], high]) for place in (start, at)]
-    end = at + way * (length + 0.008) * rng.normal(1.0, 0.03)
-    pushes = np.linspace(at, end, max(2, int(length / 0.08)) + 1)[1:]
-    path.go(head, start, *over, at, *pushes, end - 0.03 * way, touch=True)
+    over = [np.array([*place[:2], high]) for place in (start, behind)]
+    end = behind + way * (length + 0.008) * rng.normal(1.0, 0.03)
+    pushes = np.linspace(behind, end, max(2, int(length / 0.08)) + 1)[1:]
+    path.go(head, start, *over, behind, *pushes, end - 0.03 * way, touch=True)
 
 
 def drawer(errand: Errand, route: Sequence[Array], rng: np.random.Generator) -> Head | None:

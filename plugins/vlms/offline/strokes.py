@@ -111,21 +111,21 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     turn = float(rng.choice([0.0, np.pi / 2, -np.pi / 2], p=[0.8, 0.1, 0.1]))
     yaw = turn + rng.normal(0.0, 0.1) * (rng.random() < 0.5)
     low = errand.lower[2] + rng.uniform(0.002, max(0.002, 0.4 * errand.tall))
-    at = np.array([*errand.center[:2], low])
-    path.go(yaw, at + _over(errand, low, rng), at)
-    path.go(yaw, at, grip=1.0, touch=True)
+    grasp = np.array([*errand.center[:2], low])
+    path.go(yaw, grasp + _over(errand, low, rng), grasp)
+    path.go(yaw, grasp, grip=1.0, touch=True)
     path.hold()
     rises = errand.shift[2] > 0.03
     drags = not rises and not errand.blocked(errand.shift) and rng.random() < 0.6
-    over_ground = at + _about(1.0, rng) * errand.shift * np.array([1.0, 1.0, 0.0])
+    over_ground = grasp + _about(1.0, rng) * errand.shift * np.array([1.0, 1.0, 0.0])
     lift = 0.0 if drags else max(errand.shift[2], errand.clear_z - errand.lower[2] if errand.length > 0.03 else 0.0)
     lift += 0.0 if drags else rng.uniform(0.0, 0.03)
     if rises and (aside := errand.detour()).any():  # from under an obstacle
-        path.stroke(at + 0.02 * UP, yaw, 0.2, grip=1.0)
-        path.stroke(at + aside + 0.04 * UP, yaw, 0.1, grip=1.0)
-        at, over_ground = at + aside, over_ground + aside
+        path.stroke(grasp + 0.02 * UP, yaw, 0.2, grip=1.0)
+        path.stroke(grasp + aside + 0.04 * UP, yaw, 0.1, grip=1.0)
+        grasp, over_ground = grasp + aside, over_ground + aside
     if not drags:
-        path.stroke(at + lift * UP, yaw, 0.3, grip=1.0)
+        path.stroke(grasp + lift * UP, yaw, 0.3, grip=1.0)
     path.stroke(over_ground + lift * UP, yaw, rng.uniform(0.1, 0.4), grip=1.0)
     if not rises:
         down = over_ground + min(lift, errand.shift[2] + 0.003) * UP

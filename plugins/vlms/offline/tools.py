@@ -76,12 +76,12 @@ class Assembly:
         size = (length + self.thickness, self.thickness, self.thickness)
         return self.add(name, parent, Pose.xyz_rpy((start + end) / 2, rpy), size)
 
-    def head(self, head: Head, parent: str, at: Pose) -> None:
+    def head(self, head: Head, parent: str, pose: Pose) -> None:
         """Add the head's pieces, with the head at the pose ``at``."""
         names: list[str] = []
         for piece, color in zip(head.pieces, [_HEADS[0], *_HEADS[1:] * len(head.pieces)], strict=False):
             piece_parent = names[piece.parent] if names else parent
-            names.append(self.add(piece.name, piece_parent, at @ piece.pose, piece.size, color))
+            names.append(self.add(piece.name, piece_parent, pose @ piece.pose, piece.size, color))
 
     def shaft(self, style: Style, hold: Array, *, left: bool, bend: float = 0.5, top: float = 0.0) -> str:
         """Add bars from the mount (with a gripper, from the left or the right finger) to the point ``hold``, (3,).
@@ -144,14 +144,14 @@ def tool_boxes(tool: Tool) -> Boxes:
 
 
 def build(
-    head: Head, at: Pose, style: Style, thickness: float, gripper: bool, *, bend: float = 0.5, top: float = 0.0
+    head: Head, pose: Pose, style: Style, thickness: float, gripper: bool, *, bend: float = 0.5, top: float = 0.0
 ) -> Tool:
     """The tool with its head at ``at`` in the tool mount's frame; for ``bend`` and ``top`` see `Assembly.shaft`."""
     assembly = Assembly(gripper, thickness)
     flush = np.array([0.008 - thickness / 2, 0.0, 0.0])  # aligns the shaft's front with the head's face
-    last = assembly.shaft(style, at.apply(head.hold + flush), left=True, bend=bend, top=top)
-    assembly.head(head, last, at)
-    reach = float(np.linalg.norm(at.position))
+    last = assembly.shaft(style, pose.apply(head.hold + flush), left=True, bend=bend, top=top)
+    assembly.head(head, last, pose)
+    reach = float(np.linalg.norm(pose.position))
     carrier = "the left finger" if gripper else "the flange"
     text = f"{head.kind} {head.width:.3f} m wide, {reach:.2f} m from {carrier}, carried by {_CARRIED_BY[style]}"
     return assembly.tool(f"{style}_{head.kind}", text)
