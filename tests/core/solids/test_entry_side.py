@@ -113,12 +113,8 @@ def test_a_cube_that_falls_onto_a_thin_wall_and_slides_off():
     wall = body("wall", Box((0.015, 0.5, 0.2)), (0.5, 0.0, 0.1), mass=0.0)
     scene = Scene((wall, body("cube", Box((SIDE, SIDE, SIDE)), (0.52, 0.0, 0.5))))
     low = SIDE / 2 + 0.2
-    path = np.vstack(
-        [
-            straight((0.52, 0, 0.5), (0.52, 0, low - 0.006), 26),
-            straight((0.5275, 0, low - 0.006), (0.5325, 0, low - 0.05), 20),
-        ]
-    )
+    fall = straight((0.52, 0, 0.5), (0.52, 0, low - 0.006), 26)
+    path = np.vstack([fall, straight((0.5275, 0, low - 0.006), (0.5325, 0, low - 0.05), 20)])
     assert findings(scene, PANDA, ROD, recording(scene, {"cube": path}, hz=HZ)) == []
 
 
@@ -128,10 +124,8 @@ def test_a_sheet_that_cuts_into_a_finger_is_found():
     arms = np.tile(ARM.home, (count, 1))
     cut = body("cut", Box((0.05, 0.05, 0.001)), (0.0, 0.0, 2.0), mass=0.1)
     still = recording(Scene((cut,)), {"cut": np.tile([0.0, 0.0, 2.0], (count, 1))}, hz=HZ, arms=arms)
-    fingers = [
-        t for t in robot_tracks(PANDA, tool, still) if t.name == "left_finger" and isinstance(t.geometry, coal.Box)
-    ]
-    assert fingers
+    boxes = (track for track in robot_tracks(PANDA, tool, still) if isinstance(track.geometry, coal.Box))
+    fingers = [track for track in boxes if track.name == "left_finger"]
     lowest = min(fingers, key=lambda track: track.low[0, 2])
     middle = (lowest.low[0] + lowest.high[0]) / 2
     path = np.linspace(middle - [0.06, 0.0, 0.0], middle - [0.01, 0.0, 0.0], count)

@@ -1,6 +1,5 @@
 """Bounds of the gaps between solids, against Coal."""
 
-import coal
 import numpy as np
 import pytest
 import trimesh
@@ -13,7 +12,7 @@ from core.geometry import Box, Cylinder, Mesh, Sphere
 from core.scene import Scene
 from core.solids.gap_bounds import gap_bounds, may_meet, may_meet_closely
 from core.solids.tracks import Pair, follow
-from tests.core.solids.test_penetration import body, recording
+from tests.core.solids.test_penetration import body, recording, straight
 from tests.panda import PANDA
 
 HULL = Mesh.from_trimesh(trimesh.creation.icosphere(subdivisions=1, radius=0.05).apply_scale([2.0, 1.0, 0.5]))
@@ -39,11 +38,9 @@ def test_no_gap_is_smaller_than_its_bound(one, other, seed):
     turns = {name: Rotation.random(count, rng=random).as_quat(scalar_first=True) for name in ("one", "other")}
     paths = {"one": random.uniform(-0.2, 0.2, (count, 3)), "other": np.zeros((count, 3))}
     *_, a, b = tracks(one, other, turns, paths)
-    bounds = gap_bounds(Pair(a, b), np.arange(count))
-    distance = coal.ComputeDistance(a.geometry, b.geometry)
-    for k, bound in enumerate(bounds):
-        result = coal.DistanceResult()
-        gap = distance(a.at(k, 0.0)[0], b.at(k, 0.0)[0], coal.DistanceRequest(), result)
+    pair = Pair(a, b)
+    for k, bound in enumerate(gap_bounds(pair, np.arange(count))):
+        gap = pair.gap(k)
         # How deep round ones are, Coal does not know: it has said 97 mm of a ball in a disc of 10 mm.
         deepest = gap if isinstance(one, Box) and isinstance(other, Box) else 0.0
         assert bound <= (gap if gap > 0 else deepest) + 1e-6
@@ -85,24 +82,14 @@ def test_solids_do_not_meet_where_they_may_not(one, other, seed):
     near = np.flatnonzero(may(both, least, count))
     closely = may_meet_closely(Pair(a, b), near, least)
     assert set(closely) <= set(near)
-    distance = coal.ComputeDistance(a.geometry, b.geometry)
     for k in set(range(count - 1)) - set(closely.tolist()):
         for share in np.linspace(0.0, 1.0, 10, endpoint=False).tolist():
-            result = coal.DistanceResult()
-            gap = distance(a.at(k, share)[0], b.at(k, share)[0], coal.DistanceRequest(), result)
-            assert gap >= -least - 1e-6
+            assert Pair(a, b).query(k, share)[0] <= least + 1e-6
 
 
 def test_what_slides_along_a_surface_does_not_come_nearer():
-    both = tracks(
-        Box((0.1, 0.1, 0.02)),
-        Box((1.0, 1.0, 0.02)),
-        {},
-        {
-            "one": np.column_stack([np.linspace(-0.3, 0.3, 8), np.zeros(8), np.full(8, 0.02)]),
-            "other": np.zeros((8, 3)),
-        },
-    )
+    paths = {"one": straight((-0.3, 0.0, 0.02), (0.3, 0.0, 0.02), 8), "other": np.zeros((8, 3))}
+    both = tracks(Box((0.1, 0.1, 0.02)), Box((1.0, 1.0, 0.02)), {}, paths)
     assert not may(both, 0.001, 8).any()
     assert may(both, 0.0, 8).all()
 
@@ -120,10 +107,7 @@ def test_the_shape_tells_what_the_box_around_it_does_not(shape, above, met):
         return tracks(shape, plate, turns, {"one": path, "other": np.zeros((4, 3))})
 
     *_, a, b = slide(1.0)
-    gap = coal.ComputeDistance(a.geometry, b.geometry)(
-        a.at(0, 0.0)[0], b.at(0, 0.0)[0], coal.DistanceRequest(), coal.DistanceResult()
-    )
-    both = slide(1.0 - gap + above)
+    both = slide(1.0 - Pair(a, b).gap(0) + above)
     *_, a, b = both
     near = may(both, 0.0, 4)
     assert near.tolist() == [met or not isinstance(shape, Sphere)] * 3

@@ -2,7 +2,6 @@
 
 import itertools
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -11,11 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.design import Candidate, Component, Tool
-from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
 from core.geometry import Box, Pose
-from core.interfaces import JointTrajectory, RolloutSettings
-from core.plugins import installed
+from core.interfaces import JointTrajectory, RolloutSettings, Task
 from core.robot.description import assemble
 from core.robot.solids import Solid, robot_solids, signed_distance, solid_geometry
 from core.robot.trajectory import plan_motion
@@ -25,7 +21,6 @@ from core.solids.self_collision import DEEP_M, DEEP_NEAR_M, find_self_collision
 from tests.faults import Faulty, Slide
 from tests.panda import ARM, FINGER_OPEN, HOME_JOINTS, PANDA
 
-SOLUTIONS = Path(__file__).parents[2] / "tasks" / "solutions"
 ROD = Tool((Component("rod", "tool_mount", Pose.xyz_rpy((0, 0, -0.06)), Box((0.02, 0.02, 0.12)), 0.1),))
 # The elbow folds, and the forearm goes into the shoulder.
 FOLDED = np.array([[0.4, 0, 0.4, 0, 0, 0], [0.22, 0.12, 0.22, 0, 0, 3.1]])
@@ -182,13 +177,11 @@ def measured(monkeypatch):
 
 def test_few_distances_are_measured(measured):
     """Nearly all pairs are left out by their capsules: what remains is little beside a rollout."""
-    file = SOLUTIONS / "CleanTable.json"
-    task = installed().create("task", file.stem)
-    (candidate,) = read_designs(load_designs(file), installed().create("tool", "urdf"), SpawnRules(task, 0))
-    trajectory = plan_motion(candidate.plan.poses, task.home, ARM).trajectory
-    assert find_self_collision(PANDA, candidate.tool, trajectory) is None
+    plan = np.array([[0.4, 0, 0.4, 0, 0, 0], [0.6, 0.2, 0.3, 0, 0, 1.0], [0.4, -0.2, 0.3, 0, 0, 0]])
+    trajectory = plan_motion(plan, Task.home, ARM).trajectory
+    assert find_self_collision(PANDA, ROD, trajectory) is None
     measured.clear()  # of what is kept for other plans
-    find_self_collision(PANDA, candidate.tool, trajectory)
+    find_self_collision(PANDA, ROD, trajectory)
     assert len(measured) < len(trajectory.times) / 2
 
 
