@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -164,15 +165,8 @@ def _filmed(
         raise ValueError(f"candidate {candidate.id} can't be filmed: {outcome.error}")
 
     def draw(index: int) -> Image:
-        return simulator.render(
-            task,
-            seed=seed,
-            tool=candidate.tool,
-            arm=recording.arm[index],
-            fingers=recording.fingers[index],
-            state=recording.states[index],
-            width=size[0],
-            height=size[1],
-        )
+        arm, fingers, state = recording.arm[index], recording.fingers[index], recording.states[index]
+        show = partial(simulator.render, task, seed=seed, tool=candidate.tool, width=size[0], height=size[1])
+        return show(arm=arm, fingers=fingers, state=state)
 
     return recording, draw

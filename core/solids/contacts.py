@@ -57,12 +57,12 @@ class Contacts:
     @cached_property
     def all(self) -> tuple[Contact, ...]:
         """The contacts, the earliest first, without those of bodies that touched before the motion began."""
-        found, forces = [], self.taken.forces or None
+        contacts, forces = [], self.taken.forces or None
         for key in self.touching.keys() - self.resting:
             first, last = self.taken.times[np.flatnonzero(self.touching[key])[[0, -1]]].tolist()
             force = None if forces is None else float(self._force(key).max())
-            found.append(Contact(*key, first, last, self.depths[key], force))  # type: ignore[arg-type]
-        return tuple(sorted(found, key=lambda contact: (contact.first_s, contact.one, contact.other)))
+            contacts.append(Contact(*key, first, last, self.depths[key], force))  # type: ignore[arg-type]
+        return tuple(sorted(contacts, key=lambda contact: (contact.first_s, contact.one, contact.other)))
 
     def _force(self, key: Key) -> Array:
         """The normal force of a contact while it lasts, N, (T,); a component has that of the tool."""
@@ -73,19 +73,17 @@ class Contacts:
 
     def with_robot(self, body: str) -> Flags:
         """Report at which samples (T,) the arm or the tool touches a body."""
-        found = np.zeros(len(self.taken.times), dtype=bool)
-        for (kind, _, other), flags in self.touching.items():
-            if kind != "body" and other == body:
-                found |= flags
-        return found
+        flags = [each for (kind, _, other), each in self.touching.items() if kind != "body" and other == body]
+        touched: Flags = np.any([np.zeros(len(self.taken.times), dtype=bool), *flags], axis=0)
+        return touched
 
     def held(self, body: str) -> Flags:
         """Report at which samples (T,) the robot touches a body, or another body that touches it."""
-        found = self.with_robot(body)
+        held = self.with_robot(body)
         for (kind, one, other), flags in self.touching.items():
             if kind == "body" and body in (one, other):
-                found |= flags & self.with_robot(other if one == body else one)
-        return found
+                held |= flags & self.with_robot(other if one == body else one)
+        return held
 
 
 def find_contacts(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> Contacts:
@@ -132,18 +130,18 @@ def up_to_each(contacts: Contacts) -> list[Contacts]:
 
 def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     """Make the trace of rollouts in a scene, one world for each."""
-    last = max(float(found.taken.times[-1]) for found in worlds)
+    last = max(float(world.taken.times[-1]) for world in worlds)
     instants = np.arange(math.ceil(last * TRACE_HZ - 1e-6) + 1) / TRACE_HZ
-    times = [found.taken.times for found in worlds]
-    samples = [np.searchsorted((of[1:] + of[:-1]) / 2, instants) for of in times]  # the nearest
-    films = [subset(found.taken, at).states for found, at in zip(worlds, samples, strict=True)]
+    times = [world.taken.times for world in worlds]
+    samples = [np.searchsorted((each[1:] + each[:-1]) / 2, instants) for each in times]  # the nearest
+    films = [subset(world.taken, chosen).states for world, chosen in zip(worlds, samples, strict=True)]
     touching: dict[Key, Flags] = {}
     forces: dict[tuple[str, str], Array] = {}
-    for number, (found, at) in enumerate(zip(worlds, samples, strict=True)):
-        for key, flags in found.touching.items():
-            touching.setdefault(key, np.zeros((len(worlds), len(instants)), dtype=bool))[number] = flags[at]
-        for pair, values in found.taken.forces.items():
-            forces.setdefault(pair, np.zeros((len(worlds), len(instants))))[number] = values[at]
+    for number, (world, chosen) in enumerate(zip(worlds, samples, strict=True)):
+        for key, flags in world.touching.items():
+            touching.setdefault(key, np.zeros((len(worlds), len(instants)), dtype=bool))[number] = flags[chosen]
+        for pair, values in world.taken.forces.items():
+            forces.setdefault(pair, np.zeros((len(worlds), len(instants))))[number] = values[chosen]
     measured = forces or not touching  # an engine that measures none has none where things touch
     return Trace(instants, scene.complete(State.stack(films)), touching, forces if measured else None)
 
@@ -196,19 +194,19 @@ def _clearances(robot: Sequence[Track], bodies: Sequence[Track]) -> dict[str, fl
     if not robot or not bodies:
         return {}
     middles, extents = (np.array(each) for each in zip(*map(_box, robot), strict=True))
-    found: dict[str, float] = {}
+    clearances: dict[str, float] = {}
     for body in bodies:
         middle, extent = _box(body)
         apart = np.maximum(np.abs(middles - middle) - extents - extent, 0.0)
         bounds = np.sqrt((apart * apart).sum(axis=2))  # (robot, T)
-        best = found.get(body.owner, np.inf)
-        for at in np.argsort(bounds, axis=None)[:MAX_QUERIES].tolist():
-            number, sample = divmod(at, bounds.shape[1])
+        best = clearances.get(body.owner, np.inf)
+        for index in np.argsort(bounds, axis=None)[:MAX_QUERIES].tolist():
+            number, sample = divmod(index, bounds.shape[1])
             if bounds[number, sample] >= best:
                 break
             best = min(best, Pair(robot[number], body).gap(sample))
-        found[body.owner] = best
-    return found
+        clearances[body.owner] = best
+    return clearances
 
 
 def _first_touch(robot: Robot, tool: Tool, taken: Recording, met: Sequence[tuple[int, Pair]]) -> float | None:

@@ -59,13 +59,13 @@ def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Fla
     solids, rows, intervals = tracks.solids, tracks.rows, within.shape[1]
 
     # Solids are no deeper in each other than their boxes along any axis.
-    met, at = np.divmod(np.flatnonzero(within), intervals)
-    a, b, deep = tracks.row(pairs[met, 0], at), tracks.row(pairs[met, 1], at), least[met] - ROUNDING_M
+    met, interval = np.divmod(np.flatnonzero(within), intervals)
+    a, b, deep = tracks.row(pairs[met, 0], interval), tracks.row(pairs[met, 1], interval), least[met] - ROUNDING_M
     for low, high in zip(rows.low[::-1], rows.high[::-1], strict=True):  # along z first, since most moves sideways
         near = np.flatnonzero((high[a] - low[b] >= deep) & (high[b] - low[a] >= deep))
-        met, at, a, b, deep = met[near], at[near], a[near], b[near], deep[near]
+        met, interval, a, b, deep = met[near], interval[near], a[near], b[near], deep[near]
 
-    ends, begin = with_next(met * (intervals + 1) + at)  # each once
+    ends, begin = with_next(met * (intervals + 1) + interval)  # each once
     end, (pair, instant) = begin + 1, np.divmod(ends, intervals + 1)
     i, j = pairs[pair].T
     k, m = tracks.row(i, instant), tracks.row(j, instant)
@@ -80,7 +80,7 @@ def may_meet(tracks: Tracks, pairs: Indices, least: Array, within: Flags) -> Fla
         np.minimum(mine[:, begin], mine[:, end]).max(axis=0) - _curved(far, moved, others_turn, turn, others_reaches),
     )
     kept = np.zeros_like(within)
-    kept[met, at] = gaps - rows.aside[a] - rows.aside[b] <= ROUNDING_M - least[met]
+    kept[met, interval] = gaps - rows.aside[a] - rows.aside[b] <= ROUNDING_M - least[met]
     return kept
 
 
@@ -120,9 +120,9 @@ def with_next(near: Indices) -> tuple[Indices, Indices]:
     """Return the rising samples ``near`` and their next ones, rising, and where in there each of ``near`` is."""
     begin = np.arange(len(near))
     begin[1:] += np.cumsum(np.diff(near) > 1)  # the sample before is not near: two more, else one
-    at = np.empty(begin[-1] + 2 if len(near) else 0, dtype=np.intp)
-    at[begin], at[begin + 1] = near, near + 1
-    return at, begin
+    samples = np.empty(begin[-1] + 2 if len(near) else 0, dtype=np.intp)
+    samples[begin], samples[begin + 1] = near, near + 1
+    return samples, begin
 
 
 def _along(track: Track, other: Track, axes: Array, turned: Array, ahead: Array) -> Array:

@@ -21,11 +21,11 @@ def solids(tool: Tool, *, loose: bool = False) -> dict[str, list[tuple[Component
     If ``loose``, by what bears them: a mount or, for those that a joint moves, the component with the joint.
     """
     placed = tool.borne if loose else tool.placed()
-    found: dict[str, list[tuple[Component, trimesh.Trimesh]]] = {}
+    by_mount: dict[str, list[tuple[Component, trimesh.Trimesh]]] = {}
     for component in tool.components:
         mount, pose = placed[component.name]
-        found.setdefault(mount, []).append((component, component.shape.to_trimesh().apply_transform(pose.matrix)))
-    return found
+        by_mount.setdefault(mount, []).append((component, component.shape.to_trimesh().apply_transform(pose.matrix)))
+    return by_mount
 
 
 def as_held(tool: Tool, robot: Robot) -> list[tuple[Component, trimesh.Trimesh]]:

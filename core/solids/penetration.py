@@ -58,10 +58,10 @@ def findings(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> li
     Raises:
         Explosion: a body's state is not finite, or it is faster than `EXPLODED_M_S` without a fall to explain it.
     """
-    (found,) = findings_of_each(scene, robot, tool, [recording])
-    if isinstance(found, Explosion):
-        raise found
-    return found
+    (result,) = findings_of_each(scene, robot, tool, [recording])
+    if isinstance(result, Explosion):
+        raise result
+    return result
 
 
 def findings_of_each(
@@ -71,25 +71,25 @@ def findings_of_each(
 
     Short ones are looked at together: what numpy does with their samples takes less time than its calls.
     """
-    found: list[list[Finding] | Explosion] = [Explosion("a body's state is not finite")] * len(recordings)
+    results: list[list[Finding] | Explosion] = [Explosion("a body's state is not finite")] * len(recordings)
     finite = [i for i, recording in enumerate(recordings) if is_finite(recording)]
     moving = len(all_solids(robot, tool, scene_solids(scene)).moving)
     parts = np.cumsum([moving * len(coarse_samples(recordings[i])) for i in finite]) // _AT_ONCE
     for part in np.unique(parts):
         some = [i for i, number in zip(finite, parts, strict=True) if number == part]
-        for i, each in zip(some, _found(scene, robot, tool, [recordings[i] for i in some]), strict=True):
-            found[i] = each
-    return found
+        for i, each in zip(some, _find_together(scene, robot, tool, [recordings[i] for i in some]), strict=True):
+            results[i] = each
+    return results
 
 
-def _found(
+def _find_together(
     scene: Scene, robot: Robot, tool: Tool, recordings: Sequence[Recording]
 ) -> Iterator[list[Finding] | Explosion]:
     """Look at recordings as if they were one. Between two of them there is an interval that is never looked at."""
     recording, begins = joined(recordings), np.cumsum([0, *(len(each.times) for each in recordings)])
     each_ones = [coarse_samples(each) for each in recordings]
-    samples = np.concatenate([at + begin for at, begin in zip(each_ones, begins[:-1], strict=True)])
-    aside = zip(*(detours(each, at) for each, at in zip(recordings, each_ones, strict=True)), strict=True)
+    samples = np.concatenate([chosen + begin for chosen, begin in zip(each_ones, begins[:-1], strict=True)])
+    aside = zip(*(detours(each, chosen) for each, chosen in zip(recordings, each_ones, strict=True)), strict=True)
     coarse = subset(recording, samples)
     tracks = follow(scene, robot, tool, coarse, Detour(*map(np.hstack, aside)))
     parts = np.searchsorted(samples, begins)
@@ -153,27 +153,27 @@ def _wanted(meetings: _Meetings) -> Array:
     It is 0 where none are near each other, nor were shortly before.
     """
     tracks, aside = meetings.tracks, meetings.tracks.rows.aside
-    pair, at = np.nonzero(meetings.near)
+    pair, interval = np.nonzero(meetings.near)
     one, other = meetings.pairs[pair].T
-    away = aside[tracks.row(one, at)] + aside[tracks.row(other, at)]
-    ways = relative_ways(tracks, one, other, at) + 2 * away  # there and back
+    away = aside[tracks.row(one, interval)] + aside[tracks.row(other, interval)]
+    ways = relative_ways(tracks, one, other, interval) + 2 * away  # there and back
     wanted = np.zeros(tracks.samples - 1)
-    np.maximum.at(wanted, at, np.maximum(ways / meetings.depths.thick[pair], 1.0))
+    np.maximum.at(wanted, interval, np.maximum(ways / meetings.depths.thick[pair], 1.0))
     for _ in range(math.ceil(DEEP_S * SAMPLE_HZ)):  # what comes to rest is near no more, but may stay too deep
         wanted[1:] = np.maximum(wanted[1:], wanted[:-1] > 0)
     return wanted
 
 
 def _passages(meetings: _Meetings, times: Array) -> list[Finding]:
-    found: dict[tuple[str, str], tuple[float, str]] = {}
+    passages: dict[tuple[str, str], tuple[float, str]] = {}
     tracks, depths = meetings.tracks, np.array(meetings.depths).T.tolist()
     for i in np.flatnonzero(meetings.near.any(axis=1)).tolist():
         one, other = meetings.pairs[i].tolist()
         passage = find_passage(tracks, one, other, np.flatnonzero(meetings.near[i]), depths[i], times)
         if passage is not None:
             names = tracks[one].name, tracks[other].name
-            found[names] = min(found.get(names, passage), passage)
-    return [Finding(f"{one!r} {what.format(repr(other))}", True) for (one, other), (_, what) in found.items()]
+            passages[names] = min(passages.get(names, passage), passage)
+    return [Finding(f"{one!r} {what.format(repr(other))}", True) for (one, other), (_, what) in passages.items()]
 
 
 # --- flung ------------------------------------------------------------------------------------------------------
@@ -184,7 +184,7 @@ def _flung(recording: Recording, tracks: Tracks) -> list[Finding] | Explosion:
 
     It is an explosion if one is faster than `EXPLODED_M_S`.
     """
-    states, found = recording.states, []
+    states, flung = recording.states, []
     fallen = np.maximum(states.positions[:1, :, 2] - states.positions[:, :, 2], 0.0)
     squares = (states.linear_velocities**2).sum(axis=2) - 2 * _GRAVITY * fallen
     fastest = np.sqrt(np.maximum(squares, 0.0).max(axis=0))
@@ -193,12 +193,12 @@ def _flung(recording: Recording, tracks: Tracks) -> list[Finding] | Explosion:
         if speed > EXPLODED_M_S:
             return Explosion(f"{name!r} reached {speed:.0f} m/s")
         if speed > FLUNG_M_S and speed > FLUNG_TIMES * (robot_speed := _top_speed(tracks, recording.times)):
-            found.append(
+            flung.append(
                 Finding(f"{name!r} was flung: it reached {speed:.1f} m/s, the robot {robot_speed:.1f} m/s", False)
             )
         elif far > LOST_M:
-            found.append(Finding(f"{name!r} was flung: it got {far:.1f} m away", False))
-    return found
+            flung.append(Finding(f"{name!r} was flung: it got {far:.1f} m away", False))
+    return flung
 
 
 def _top_speed(tracks: Tracks, times: Array) -> float:

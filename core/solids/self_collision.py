@@ -105,23 +105,23 @@ def find_self_collision(robot: Robot, tool: Tool, trajectory: JointTrajectory) -
     joints = joint_values(robot, tool.gripper, trajectory.arm, np.column_stack([trajectory.fingers] * 2))
     turned = np.vstack([np.zeros(joints.shape[1]), np.cumsum(np.abs(np.diff(joints, axis=0)), axis=0)])
     rows, near = _near(model, pairs, joints, turned)
-    first, found = np.inf, None
+    first, collided = np.inf, None
     budget, unchecked = iter(range(MAX_DISTANCES)), False
     for pair in np.flatnonzero(near.any(axis=1)):
         search = _Search(model, pairs, int(pair), joints, turned, budget)
         try:
             row = search.first(rows[:-1][near[pair]], rows[1:][near[pair]], first)
         except _GivenUp as given_up:
-            if found is None:
-                first, found, unchecked = given_up.row, search, True
+            if collided is None:
+                first, collided, unchecked = given_up.row, search, True
             break
         if row is not None:
-            first, found = row, search
-    if found is None:
+            first, collided = row, search
+    if collided is None:
         return None
-    depth, row = (found.depth(first), first) if unchecked else found.deepest(first)
-    time = float(np.interp(row, np.arange(len(joints)), trajectory.times))
-    return SelfCollision(time, found.one.name, found.other.name, depth, found.one.name not in model.links, unchecked)
+    depth, row = (collided.depth(first), first) if unchecked else collided.deepest(first)
+    time, one = float(np.interp(row, np.arange(len(joints)), trajectory.times)), collided.one.name
+    return SelfCollision(time, one, collided.other.name, depth, one not in model.links, unchecked)
 
 
 def self_distances(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> Array:

@@ -185,8 +185,8 @@ class Tracks:
 
     def row(self, numbers: Indices | int, samples: Indices) -> Indices:
         """The rows of solids at samples."""
-        found: Indices = self.first[numbers] + self.moves[numbers] * samples
-        return found
+        rows: Indices = self.first[numbers] + self.moves[numbers] * samples
+        return rows
 
     def by_sample(self, values: Array) -> Array:
         """Those of the rows' values (..., R) that are of the solids that move: (..., M, T)."""
@@ -229,9 +229,9 @@ def follow(
         moving = moving[wanted[moving]]
     aside = np.zeros((len(moving), len(recording.times)))
     if detour is not None:
-        at = np.maximum(solids.frames[moving] + 1 - len(own[0]), 0)
-        far = solids.far[moving] + np.where(at == 0, model.reach, 0.0)  # links turn about the joints before them, too
-        aside += detour.moved[at] + far[:, None] * detour.turned[at]
+        number = np.maximum(solids.frames[moving] + 1 - len(own[0]), 0)
+        turning = np.where(number == 0, model.reach, 0.0)  # links turn about the joints before them, too
+        aside += detour.moved[number] + (solids.far[moving] + turning)[:, None] * detour.turned[number]
     return Tracks(solids, moving, _rows(solids, moving, rotations, positions, aside), len(recording.times))
 
 
@@ -279,8 +279,10 @@ def _rows(solids: Solids, numbers: Indices, rotations: Array, positions: Array, 
 
     They get up to ``aside`` (N, T) from the straight way, by which their bounding boxes are wider.
     """
-    of, halves = solids.frames[numbers], solids.halves[numbers]
-    rotations, positions = place(rotations[of], positions[of], solids.rotations[numbers], solids.positions[numbers])
+    frames, halves = solids.frames[numbers], solids.halves[numbers]
+    rotations, positions = place(
+        rotations[frames], positions[frames], solids.rotations[numbers], solids.positions[numbers]
+    )
     rotations[solids.radii[numbers] < np.inf] = np.eye(3)
     middles, extents = positions + rotate(rotations, solids.middles[numbers]), rotate(np.abs(rotations), halves)
     # By axis, since numpy reduces along contiguous instants fifty times as fast.
