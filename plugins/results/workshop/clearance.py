@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import coal
 import numpy as np
 import pinocchio as pin
 
@@ -17,7 +17,7 @@ from core.robot.description import assemble
 from core.robot.kinematics import arm_of
 from core.scene import Scene
 from core.solids.self_collision import self_distances
-from core.solids.tracks import Indices, Track, body_tracks, robot_tracks
+from core.solids.tracks import Indices, Pair, Track, body_tracks, robot_tracks
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
 
@@ -74,19 +74,15 @@ def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> C
 def _nearest(some: Sequence[Track], others: Sequence[Track], samples: Indices) -> Array:
     """Measure the distances (S,) between two groups of solids at samples (S,)."""
     least = np.full(len(samples), NEAR_M)
-    for one in some:
-        for other in others:
-            (low, high), (below, above) = ((of.low.min(axis=0), of.high.max(axis=0)) for of in (one, other))
-            if ((low - NEAR_M > above) | (below - NEAR_M > high)).any():
-                continue
-            for i, k in enumerate(samples.tolist()):
-                a, b = (min(k, len(track.positions) - 1) for track in (one, other))
-                if ((one.low[a] - least[i] > other.high[b]) | (other.low[b] - least[i] > one.high[a])).any():
-                    continue
-                result = coal.DistanceResult()
-                request = coal.DistanceRequest()
-                coal.distance(one.geometry, one.at(a, 0.0)[0], other.geometry, other.at(b, 0.0)[0], request, result)
-                least[i] = min(least[i], result.min_distance)
+    for one, other in itertools.product(some, others):
+        (low, high), (below, above) = ((track.low.min(axis=0), track.high.max(axis=0)) for track in (one, other))
+        if ((low - NEAR_M > above) | (below - NEAR_M > high)).any():
+            continue
+        pair = Pair(other, one)
+        for i, k in enumerate(samples.tolist()):
+            a, b = (min(k, len(track.positions) - 1) for track in (one, other))
+            if not ((one.low[a] - least[i] > other.high[b]) | (other.low[b] - least[i] > one.high[a])).any():
+                least[i] = min(least[i], pair.gap(k))
     return least
 
 

@@ -6,7 +6,7 @@ Nothing here commands a robot. Covered by `tests/plugins/results/workshop/test_e
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,6 +37,7 @@ from plugins.results.workshop.readback import check_files
 from plugins.results.workshop.replay import PlayedMotion, play
 from plugins.results.workshop.ros import PACKAGE, write_package
 from plugins.results.workshop.sheet import write_sheet
+from plugins.results.workshop.texts import filled
 from plugins.results.workshop.tool import PrintedTool, make_tool, write_lists, write_tool
 
 if TYPE_CHECKING:
@@ -194,42 +195,11 @@ def plot(made: Export, effort: Any) -> Figure:
     return figure
 
 
-def checklist(made: Export, moves: dict[str, Sampled]) -> str:
+def checklist(made: Export, moves: Mapping[str, Sampled]) -> str:
     """Write what to do at the arm, in order, with the figures of this motion."""
-    load, robot = made.payload, made.task.robot
-    earned = ", ".join(f"{replay.reward:.3f} in {engine}" for engine, replay in made.replays.items())
-    nearest = [
-        f"- {what} to {to}: {1000 * at:.0f} mm at {when:.2f} s" for what, to, at, when in made.clearance.rows()[:LINES]
-    ]
-    contact = (
-        "it touches nothing" if made.contact_s is None else f"it first touches something at {made.contact_s:.2f} s"
-    )
-    before, start = "trajectory_before_contact" in moves, np.round(moves["approach"].positions[0], 3).tolist()
-    steps = [
-        f"Put the tool together by `tool/assembly.md`, fix it to the {robot.title}, and check that nothing is loose.",
-        f"Set the payload in the controller: {load['mass_kg']:g} kg, centre {load['center_m']} m in the frame of "
-        f"`{load['frame']}`, and the inertia of `figures.json`.",
-        "Set up the scene as in `ros2/`, and measure where it stands: the motion is exact to millimetres.",
-        "Clear the arm's surroundings. Keep the emergency stop in hand until the last step is done.",
-        f"Move to the start: `motion/approach.csv`, from joints {start}.",
-        *(["Run `motion/trajectory_before_contact.csv`, slowly, up to the last rest before contact. Look."] * before),
-        f"Run `motion/trajectory_slow.csv`, at {SLOW:g} of the speed. What is thrown or struck behaves otherwise then.",
-        "Only then run `motion/trajectory.csv`.",
-    ]
-    return "\n".join(
-        [
-            f"# {made.task.name}: {made.candidate.tool.name or 'a tool'}" if made.candidate.tool else "# A motion",
-            "",
-            f"In simulation it earns {earned}. It takes {made.motion.times[-1]:.2f} s; {contact}.",
-            "",
-            *(f"- [ ] {step}" for step in steps),
-            "",
-            "Nearest, metres from surface to surface:" if nearest else "",
-            "",
-            *nearest,
-            "",
-        ]
-    )
+    start = np.round(moves["approach"].positions[0], 3).tolist()
+    nearest = made.clearance.rows()[:LINES]
+    return filled("checklist.md.j2", made=made, moves=moves, start=start, nearest=nearest, slow=SLOW)
 
 
 def configured(words: Sequence[str]) -> DictConfig:

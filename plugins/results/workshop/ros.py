@@ -22,45 +22,10 @@ from core.store.artifacts import copied
 from core.support.cli import write_bytes
 from core.values.robots import Robot
 from plugins.results.workshop.motion import Sampled
+from plugins.results.workshop.texts import text_of
 
-PACKAGE = "vlmgineer_tool"
+PACKAGE = "vlmgineer_tool"  # as in the templates, too
 _EVERY_S = 0.01  # between two points: a controller joins them by splines of fifth degree
-
-_MANIFEST = f"""<?xml version="1.0"?>
-<package format="3">
-  <name>{PACKAGE}</name>
-  <version>0.1.0</version>
-  <description>A tool, the motion that wields it, and the scene around it</description>
-  <maintainer email="nobody@example.org">the lab that exported it</maintainer>
-  <license>Unlicensed</license>
-  <buildtool_depend>ament_cmake</buildtool_depend>
-  <exec_depend>moveit_msgs</exec_depend>
-  <exec_depend>trajectory_msgs</exec_depend>
-  <exec_depend>ros2topic</exec_depend>
-  <exec_depend>xacro</exec_depend>
-  <export><build_type>ament_cmake</build_type></export>
-</package>
-"""
-_CMAKE = f"""cmake_minimum_required(VERSION 3.8)
-project({PACKAGE})
-find_package(ament_cmake REQUIRED)
-install(DIRECTORY config launch urdf DESTINATION share/${{PROJECT_NAME}})
-ament_package()
-"""
-_LAUNCH = f'''"""Add the scene around the tool to MoveIt's planning scene. It moves nothing."""
-
-from pathlib import Path
-
-from ament_index_python.packages import get_package_share_directory
-from launch import LaunchDescription
-from launch.actions import ExecuteProcess
-
-
-def generate_launch_description():
-    scene = Path(get_package_share_directory("{PACKAGE}"), "config", "scene.yaml").read_text()
-    topic = ["ros2", "topic", "pub", "--once", "/planning_scene", "moveit_msgs/msg/PlanningScene", scene]
-    return LaunchDescription([ExecuteProcess(cmd=topic, output="screen")])
-'''
 
 
 def write_package(robot: Robot, tool: Tool, motion: Sampled, scene: Scene, folder: Path) -> None:
@@ -70,9 +35,9 @@ def write_package(robot: Robot, tool: Tool, motion: Sampled, scene: Scene, folde
         UserError: a file can't be written.
     """
     for name, text in {
-        "package.xml": _MANIFEST,
-        "CMakeLists.txt": _CMAKE,
-        "launch/scene.launch.py": _LAUNCH,
+        "package.xml": text_of("package.xml"),
+        "CMakeLists.txt": text_of("CMakeLists.txt"),
+        "launch/scene.launch.py": text_of("scene.launch.py.txt"),
         "config/trajectory.yaml": _yaml(trajectory_message(robot, motion)),
         "config/scene.yaml": _yaml(scene_message(robot, scene)),
         "urdf/tool.urdf.xacro": tool_macro(tool, folder / "urdf"),

@@ -36,6 +36,7 @@ from plugins.results.workshop.printing import (
 )
 from plugins.results.workshop.solid import Placed, Workpiece, to_mesh, union
 from plugins.results.workshop.step import NO_STEP, can_write_step, write_step
+from plugins.results.workshop.texts import filled
 from plugins.results.workshop.verdicts import printable
 
 EXACT_MM = 0.1  # by which the solid may differ from what was simulated
@@ -277,34 +278,10 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
 
 
 def write_lists(made: PrintedTool, folder: Path) -> None:
-    """Write ``print.json`` and ``assembly.md``.
+    """Write ``print.json`` and ``assembly.md``: the parts, what joins them, what is bought, what speaks against it.
 
     Raises:
         UserError: a file can't be written.
     """
-    figures = made.figures()
-    write_bytes(folder / "print.json", (json.dumps(figures, indent=2) + "\n").encode())
-    write_bytes(folder / "assembly.md", assembly(made, figures).encode())
-
-
-def assembly(made: PrintedTool, figures: dict[str, Any]) -> str:
-    """List the parts, what joins them, what is bought, and what speaks against it."""
-    rows = [
-        f"| `{part['file']}` | {part['of']} | {' x '.join(f'{side:.0f}' for side in part['size_mm'])} mm | "
-        f"{part['mass_g']:.0f} g | {part['hours']:.1f} h |"
-        for part in figures["parts"]
-    ]
-    lines = [
-        "# Assembly",
-        "",
-        "| file | of | size as it lies | mass | time, estimated |",
-        "|---|---|---|---|---|",
-        *rows,
-    ]
-    lines += [
-        "",
-        "Parts of one piece follow each other: slide tails into their sockets to the floor, with glue.",
-    ] * bool(made.joints)
-    lines += ["", *(f"- {item}" for item in made.hardware)] if made.hardware else []
-    lines += ["", "What speaks against it:", "", *(f"- {fault}" for fault in made.faults)] if made.faults else []
-    return "\n".join(lines) + "\n"
+    write_bytes(folder / "print.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
+    write_bytes(folder / "assembly.md", filled("assembly.md.j2", made=made).encode())
