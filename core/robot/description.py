@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -60,19 +59,15 @@ def assembled(robot: Robot, tool: Tool | None = None, *, fused: bool = False) ->
         bearer, mount = gripper.link, gripper.mount
     elif gripper is not None:
         arm = arm.without(gripper.link)
-    links = [*arm.links.values(), RobotLink(RIGID_MOUNT)]
-    joints = [*arm.joints.values(), _joint(RIGID_MOUNT, bearer, mount)]
+    parts = tool_parts(tool)
     if fused:
-        links += [RobotLink(bearer.name) for bearer in tool.bearers]
-        joints += [_joint(name, parent, pose, joint) for name, parent, pose, joint in tool.bearers]
-        links = [_fused(link, tool) for link in links]
-    else:
-        for link, joint in tool_parts(tool):
-            links.append(link)
-            joints.append(joint)
+        parts = ((RobotLink(name), _joint(name, parent, pose, joint)) for name, parent, pose, joint in tool.bearers)
+    added = [(RobotLink(RIGID_MOUNT), _joint(RIGID_MOUNT, bearer, mount)), *parts]
     if robot.base != Pose():
-        links.append(RobotLink(BASE))
-        joints.append(RobotJoint(joint_name(BASE), "fixed", BASE, arm.root, Origin.of(robot.base)))
+        added.append((RobotLink(BASE), RobotJoint(joint_name(BASE), "fixed", BASE, arm.root, Origin.of(robot.base))))
+    links = [*arm.links.values(), *(link for link, _ in added)]
+    links = [_fused(link, tool) for link in links] if fused else links
+    joints = [*arm.joints.values(), *(joint for _, joint in added)]
     return Description(arm.name, {link.name: link for link in links}, {joint.child: joint for joint in joints})
 
 
@@ -99,25 +94,14 @@ def joint_name(link: str) -> str:
 
 def _joint(name: str, parent: str, pose: Pose, moving: ToolJoint | None = None) -> RobotJoint:
     """Make the joint that bears a link of a tool, or a frame."""
-    joint = RobotJoint(joint_name(name), "fixed", parent, name, Origin.of(pose))
+    origin = Origin.of(pose)
     if moving is None:
-        return joint
-    lower, upper, damping, friction, stiffness, rest, x, y, z = (
-        rounded(value, PICOMETRES)
-        for value in (
-            *(moving.lower, moving.upper, moving.damping, moving.friction, moving.stiffness, moving.rest),
-            *moving.axis,
-        )
-    )
-    return replace(
-        joint,
-        kind={"hinge": "revolute", "slider": "prismatic"}[moving.kind],
-        axis=(x, y, z),
-        limits=Limits(lower, upper, 0.0, 1000.0),
-        damping=damping,
-        friction=friction,
-        spring=(stiffness, rest) if moving.stiffness else None,
-    )
+        return RobotJoint(joint_name(name), "fixed", parent, name, origin)
+    numbers = (moving.lower, moving.upper, moving.damping, moving.friction, moving.stiffness, moving.rest, *moving.axis)
+    lower, upper, damping, friction, stiffness, rest, *axis = (rounded(number, PICOMETRES) for number in numbers)
+    kind, (x, y, z) = {"hinge": "revolute", "slider": "prismatic"}[moving.kind], axis
+    limits, spring = Limits(lower, upper, 0.0, 1000.0), (stiffness, rest) if moving.stiffness else None
+    return RobotJoint(joint_name(name), kind, parent, name, origin, (x, y, z), limits, None, damping, friction, spring)
 
 
 def _shapes(
@@ -126,9 +110,9 @@ def _shapes(
     """Make the collision and the visual shapes of a component at a pose in its link."""
     collisions, visuals = (
         tuple(
-            RobotShape(shape, Origin.of(pose @ at if at else pose), color)
+            RobotShape(shape, Origin.of(pose @ inside if inside else pose), color)
             for whole in shapes
-            for at, shape in _written(whole, capsules)
+            for inside, shape in _written(whole, capsules)
         )
         for shapes, color in ((component.shape.convex_parts(), None), ((component.shape.drawn,), component.color))
     )

@@ -165,12 +165,12 @@ def _link(element: Element, name: str, colors: Mapping[str, Color], file: Path |
     inertial = element.find("inertial")
     if inertial is None:
         return RobotLink(name, Inertial(), collisions, visuals)
-    at = f"{where}: inertial"
-    origin, mass = _origin(inertial, at), _number(_child(inertial, "mass", at), "value", at)
+    where = f"{where}: inertial"
+    origin, mass = _origin(inertial, where), _number(_child(inertial, "mass", where), "value", where)
     if mass < 0:
-        raise UserError(f"{at}: mass is {mass:g} kg; it can't be negative")
+        raise UserError(f"{where}: mass is {mass:g} kg; it can't be negative")
     given = inertial.find("inertia")
-    xx, xy, xz, yy, yz, zz = (0.0,) * 6 if given is None else (_number(given, n, at, 0.0) for n in MOMENTS)
+    xx, xy, xz, yy, yz, zz = (0.0,) * 6 if given is None else (_number(given, n, where, 0.0) for n in MOMENTS)
     return RobotLink(name, Inertial(mass, origin.xyz, (xx, xy, xz, yy, yz, zz), origin.rpy), collisions, visuals)
 
 
@@ -180,38 +180,40 @@ def _shapes(
     elements = link.findall(tag)
     if len(elements) > MAX_PARTS:
         raise UserError(f"{where} has {len(elements)} <{tag}> elements; at most {MAX_PARTS} are read")
+    where = f"{where}: {tag}"
     for element in elements:
-        at = f"{where}: {tag}"
-        geometry = _child(element, "geometry", at)
+        geometry = _child(element, "geometry", where)
         if len(geometry) != 1:
-            raise UserError(f"{at}: <geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}")
+            raise UserError(
+                f"{where}: <geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}"
+            )
         material, color = element.find("material"), None
         if material is not None:
             named = colors.get(material.get("name", ""))
             color = named if material.find("color") is None else _color(material)
-        shape, scale = _geometry(geometry[0], at, file)
-        yield RobotShape(shape, _origin(element, at), color, scale)
+        shape, scale = _geometry(geometry[0], where, file)
+        yield RobotShape(shape, _origin(element, where), color, scale)
 
 
-def _geometry(element: Element, at: str, file: Path | None) -> tuple[Box | Sphere | Cylinder | Path, Scale]:
+def _geometry(element: Element, where: str, file: Path | None) -> tuple[Box | Sphere | Cylinder | Path, Scale]:
     def size(name: str) -> float:
-        return _positive(_number(element, name, f"{at}: {element.tag}"), name, at)
+        return _positive(_number(element, name, f"{where}: {element.tag}"), name, where)
 
     match element.tag:
         case "box":
-            x, y, z = (_positive(side, "size", at) for side in _numbers(element, "size", 3, f"{at}: box"))
+            x, y, z = (_positive(side, "size", where) for side in _numbers(element, "size", 3, f"{where}: box"))
             return Box((x, y, z)), ONE
         case "sphere":
             return Sphere(size("radius")), ONE
         case "cylinder":
             return Cylinder(size("radius"), size("length")), ONE
         case "mesh":
-            x, y, z = _numbers(element, "scale", 3, f"{at}: mesh", ONE)
+            x, y, z = _numbers(element, "scale", 3, f"{where}: mesh", ONE)
             if 0.0 in (x, y, z):
-                raise UserError(f"{at}: mesh scale is {x:g} {y:g} {z:g}; no factor can be 0")
+                raise UserError(f"{where}: mesh scale is {x:g} {y:g} {z:g}; no factor can be 0")
             name = element.get("filename") or ""
-            return Path(name) if file is None else find_mesh(name, file, at), (x, y, z)
-    raise UserError(f"{at}: <{shorten(element.tag)[1:-1]}> is no shape of a URDF: use box, sphere, cylinder or mesh")
+            return Path(name) if file is None else find_mesh(name, file, where), (x, y, z)
+    raise UserError(f"{where}: <{shorten(element.tag)[1:-1]}> is no shape of a URDF: use box, sphere, cylinder or mesh")
 
 
 def find_mesh(name: str, file: Path, where: str) -> Path:

@@ -76,12 +76,9 @@ class ArticulatedArm:
             else:
                 _drive(component.joint, link.joint, arm, tracking_rate)
         if tool.gripper:
-            fingers = [
-                i
-                for i, link in enumerate(links)
-                if link.joint is not None and link.joint.joint.name in arm.finger_joints
-            ]
-            chain = [components[i].parent for i in fingers[:1]] + [components[i] for i in fingers]
+            bears = zip(links, components, strict=True)
+            fingers = [part for link, part in bears if link.joint and link.joint.joint.name in arm.finger_joints]
+            chain = [fingers[0].parent, *fingers]
             difference = [0.0, 1.0, -1.0]  # of the two joints, that is
             components[0].articulation.create_fixed_tendon(chain, difference, difference, **_COUPLING)
             components[0].articulation.solver_position_iterations *= _GRIP

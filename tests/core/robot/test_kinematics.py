@@ -10,7 +10,6 @@ from core.robot import kinematics
 from core.robot.kinematics import arm_of
 from tests.panda import ARM, HOME_JOINTS
 
-ARM = ARM
 seeds = st.integers(0, 2**32 - 1)
 
 

@@ -35,7 +35,7 @@ pytest.importorskip("sapien", exc_type=ImportError)
 
 from plugins.simulators.sapien.bodies import Weighed
 from plugins.simulators.sapien.description import place, robot_links
-from plugins.simulators.sapien.world import World
+from plugins.simulators.sapien.world import Settings, World
 from tests.packages import without
 from tests.panda import ARM, PANDA
 
@@ -52,19 +52,13 @@ def test_orders_given_one_by_one_or_all_at_once_do_the_same(tmp_path, tool):
         def __init__(self, world):
             self.time_step, self.step, self.joints, self.state = world.time_step, world.step, world.joints, world.state
 
-    plan = [[0.6, 0.2, 0.3, 0, 0.3, 0, 1.0], [0.6, 0, 0.05, 0, 0, 0.5, 0.3]]
+    plan, scene = (
+        [[0.6, 0.2, 0.3, 0, 0.3, 0, 1.0], [0.6, 0, 0.05, 0, 0, 0.5, 0.3]],
+        Bodies(table(), cube(at=(0.6, 0, 0.05))),
+    )
     job = Rollout(tool, plan_motion(np.array(plan), HOME, ARM).trajectory, settle_s=0.1, hold_s=0.2, record_hz=25.0)
     worlds = [
-        World(
-            tmp_path,
-            Weighed(Bodies(table(), cube(at=(0.6, 0, 0.05))).scene(0)),
-            PANDA,
-            tool,
-            job.trajectory,
-            time_step=0.005,
-            solver_iterations=10,
-            tracking_rate=50.0,
-        )
+        World(tmp_path, Weighed(scene.scene(0)), PANDA, tool, job.trajectory, Settings(0.005, 10, 50.0))
         for _ in range(2)
     ]
     one, other = play(worlds[0], job), play(Stepped(worlds[1]), job)

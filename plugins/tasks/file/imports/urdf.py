@@ -74,13 +74,13 @@ class _UrdfBodies:
         parts = tree.rigid_parts(moving)
         places, bodies, joints = dict[str, Pose](), dict[str, Body](), list[Joint]()
         for head in sorted({root, *moving}, key=lambda link: len(tree.above(link))):
-            links = [(tree.links[name], at) for name, (first, at) in parts.items() if first == head]
+            links = [(tree.links[name], place) for name, (first, place) in parts.items() if first == head]
             joint = None if head == root else moving[head]
             if joint is None:
                 places[head] = pose
             else:
-                first, at = parts[joint.parent]
-                places[head] = places[first] @ at @ joint.origin.pose @ _moved(joint)
+                first, place = parts[joint.parent]
+                places[head] = places[first] @ place @ joint.origin.pose @ _moved(joint)
                 if joint.kind != "floating":
                     joints.append(self._joint(joint, first if first in bodies else None))
             if body := self._body(head, places[head], links, fixed=fixed and joint is None):
@@ -123,28 +123,28 @@ class _UrdfBodies:
         return replace(made, lower=lower, upper=upper, start=_start(joint))
 
     def _body(self, head: str, pose: Pose, links: Sequence[tuple[RobotLink, Pose]], *, fixed: bool) -> Body | None:
-        visuals = [geom for link, at in links for shape in link.visuals for geom in self._drawn(shape, at)]
-        collisions = [geom for link, at in links for shape in link.collisions for geom in self._solid(shape, at)]
+        visuals = [geom for link, place in links for shape in link.visuals for geom in self._drawn(shape, place)]
+        collisions = [geom for link, place in links for shape in link.collisions for geom in self._solid(shape, place)]
         name = self._prefix + head
         if fixed:
             return still_body(name, pose, visuals, collisions, self._friction) if visuals or collisions else None
-        weights = [link.inertial.placed(at) for link, at in links]
+        weights = [link.inertial.placed(place) for link, place in links]
         return heavy_body(name, pose, weights, visuals, collisions, self._friction, self._notes)
 
-    def _drawn(self, shape: RobotShape, at: Pose) -> list[Geom]:
+    def _drawn(self, shape: RobotShape, place: Pose) -> list[Geom]:
         if not isinstance(shape.shape, Path):
-            return [Geom(shape.shape, at @ shape.origin.pose, shape.color or _GREY)]
+            return [Geom(shape.shape, place @ shape.origin.pose, shape.color or _GREY)]
         if shape.shape.suffix.lower() not in KINDS:
             self._notes.append(f"left out: what is drawn of {shape.shape.name}; {', '.join(KINDS)} are read")
             return []
         solid = load_solid(shape.shape, self._folder, shape.scale, max_parts=0)
-        return [Geom(mesh, at @ shape.origin.pose, own or shape.color or _GREY) for mesh, own in solid.drawn]
+        return [Geom(mesh, place @ shape.origin.pose, own or shape.color or _GREY) for mesh, own in solid.drawn]
 
-    def _solid(self, shape: RobotShape, at: Pose) -> list[Geom]:
+    def _solid(self, shape: RobotShape, place: Pose) -> list[Geom]:
         if not isinstance(shape.shape, Path):
-            return [Geom(shape.shape, at @ shape.origin.pose, shape.color or _GREY)]
+            return [Geom(shape.shape, place @ shape.origin.pose, shape.color or _GREY)]
         parts = load_solid(shape.shape, self._folder, shape.scale).parts
-        return [Geom(part, at @ shape.origin.pose, shape.color or _GREY) for part in parts]
+        return [Geom(part, place @ shape.origin.pose, shape.color or _GREY) for part in parts]
 
 
 def _start(joint: RobotJoint) -> float:
