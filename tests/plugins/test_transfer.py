@@ -1,8 +1,6 @@
 """``vlmgineer transfer``; engines are PyBullet, set differently."""
 
 import json
-import shutil
-import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
@@ -166,14 +164,8 @@ def test_no_arm_that_can_do_it_is_an_error(arms):
 @pytest.mark.slow
 def test_an_arm_that_stands_elsewhere(tmp_path):
     words = ["sims=[pybullet]", "seeds=[1]", "output=out.json"]
-    done = python_m(
-        tmp_path,
-        "core",
-        "transfer",
-        f"designs={SOLUTION}",
-        *words,
-        "robots=[panda,{name: panda, base: [0.05, 0, 0, 0]}]",
-    )
+    robots = "robots=[panda,{name: panda, base: [0.05, 0, 0, 0]}]"
+    done = python_m(tmp_path, "core", "transfer", f"designs={SOLUTION}", *words, robots)
     assert done.returncode == 0, done.stderr
     here, there = json.loads((tmp_path / "out.json").read_text())["designs"]
     assert (here["robot"], there["robot"]) == ("panda", "panda base=[0.05, 0, 0, 0]")
@@ -259,19 +251,3 @@ def test_mistakes(words, said):
 def test_top_must_be_a_number_of_designs(ran):
     with pytest.raises(UserError, match="top must be at least 1, got 0"):
         transfer(settings([f"designs={ran[0]}", "sims=[pybullet]", "top=0"]))
-
-
-@pytest.mark.slow
-def test_stores_that_cannot_be_read(ran, tmp_path):
-    (tmp_path / "run.sqlite").write_text("no database at all, only text")
-    with pytest.raises(UserError, match=r"run.sqlite can't be read: file is not a database"):
-        stored_config(tmp_path)
-    shutil.copy(ran[0] / "run.sqlite", tmp_path)
-    with sqlite3.connect(tmp_path / "run.sqlite") as database:
-        database.execute("UPDATE run SET schema_version = 0")
-    with pytest.raises(UserError, match="written by another version"):
-        stored_config(tmp_path)
-    with sqlite3.connect(tmp_path / "run.sqlite") as database:
-        database.execute("DELETE FROM run")
-    with pytest.raises(UserError, match="its store is empty"):
-        stored_config(tmp_path)

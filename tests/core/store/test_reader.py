@@ -1,6 +1,9 @@
 """The reader of a store: requests, designs and evaluations as values."""
 
-from core.store.reader import RunCost, StoredRun, rollouts
+import pytest
+
+from core.errors import UserError
+from core.store.reader import RunCost, StoredRun, rollouts, stored_config
 from tests.core.run_folders import edit, write_run
 
 
@@ -40,8 +43,13 @@ def test_candidates_with_the_same_content_count_once(tmp_path):
     assert rollouts(store.evaluations()) == [1, 0, 0]
 
 
-def test_a_run_that_was_killed_at_once_has_nothing(tmp_path):
+def test_a_run_that_was_killed_at_once_and_one_of_another_version(tmp_path):
     store = StoredRun(write_run(tmp_path, rewards=[]))
+    edit(tmp_path, "UPDATE run SET schema_version = 0")
+    with pytest.raises(UserError, match="written by another version"):
+        store.config()
     edit(tmp_path, "DELETE FROM run")
     assert (store.exists, store.config(), store.result()) == (True, {}, None)
+    with pytest.raises(UserError, match="its store is empty"):
+        stored_config(tmp_path)
     assert not StoredRun(tmp_path / "elsewhere").exists

@@ -10,34 +10,29 @@ import pytest
 
 from core.errors import UserError
 from plugins.results.report.command import main
-from tests.commands import python_m
 from tests.core.run_folders import write_run
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("folder", ["0_seed=0", "runs=0_seed=0"])  # as it is, with a = as multiruns have, or by key
-def test_the_command(tmp_path, folder):
+def test_the_command(tmp_path, monkeypatch, capsys, folder):
     write_run(tmp_path / "0_seed=0", rewards=[[0.25]])
-    done = python_m(tmp_path, "core", "report", folder, "output=out", "formats=[svg]", "resamples=100")
-    assert done.returncode == 0, done.stderr
-    assert not done.stderr
-    assert done.stdout.splitlines()[-1] == "out/index.html"
-    assert "BringCube" in done.stdout
-    assert "0.250" in done.stdout
+    monkeypatch.chdir(tmp_path)
+    main([folder, "output=out", "formats=[svg]", "resamples=100"])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split()[-5:] == ["1", "0.250", "0.250", "–", "1.50"]
+    assert lines[-1] == "out/index.html"
     assert {f.suffix for f in (tmp_path / "out" / "data").iterdir()} == {".csv", ".md", ".svg"}
 
 
-def test_no_line_is_folded_or_cut_in_a_pipe(tmp_path):
+def test_no_line_is_folded_or_cut_in_a_pipe(tmp_path, capsys):
     """The folder's name alone is wider than a terminal."""
     name = "killed_" * 20
     write_run(tmp_path / "runs" / "finished", rewards=[[0.25]])
     write_run(tmp_path / "runs" / name, "seed=1", rewards=[[0.5]], finish=False)
-    done = python_m(tmp_path, "core", "report", "runs", "formats=[]", "resamples=100")
-    lines = done.stdout.splitlines()
-    assert "not counted, unfinished: " in done.stdout
-    (line,) = [line for line in lines if name in line]
+    main([str(tmp_path / "runs"), f"output={tmp_path / 'out'}", "formats=[]", "resamples=100"])
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if name in line]
+    assert line.startswith("not counted, unfinished: ")
     assert line.endswith("1 candidates done, best reward so far 0.500")
-    assert lines[1].split()[-5:] == ["1", "0.250", "0.250", "–", "1.50"]
 
 
 @pytest.mark.slow

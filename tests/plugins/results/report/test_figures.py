@@ -21,10 +21,9 @@ FIGURES = {
 
 def test_figures_are_there_and_not_blank(made):
     data = made[0] / "out" / "data"
-    names = FIGURES | {"evolution_1_evolution_vlmgineer"}
-    assert {f.stem for f in data.glob("*.png")} == {f.stem for f in data.glob("*.svg")}
-    assert {f.stem for f in data.glob("*.png")} >= FIGURES
-    assert len(names) == len({f.stem for f in data.glob("*.png")})
+    drawn = {f.stem for f in data.glob("*.png")}
+    assert drawn == {f.stem for f in data.glob("*.svg")} >= FIGURES
+    assert len(drawn - FIGURES) == 1  # the evolution of one method
     for file in data.glob("*.png"):
         picture = np.asarray(Image.open(file).convert("RGB"))
         assert min(picture.shape[:2]) > 200
@@ -63,12 +62,8 @@ def test_the_same_runs_give_the_same_report(made, tmp_path):
 def test_one_run_is_enough_for_a_report(tmp_path):
     write_run(tmp_path / "run", rewards=[[0.5]])
     report([tmp_path / "run"], tmp_path / "out", ["png"], QUICK)
-    assert {f.stem for f in (tmp_path / "out" / "data").glob("*.png")} == {
-        "rewards",
-        "deviations",
-        "intervals",
-        "gallery",
-    }
+    drawn = {f.stem for f in (tmp_path / "out" / "data").glob("*.png")}
+    assert drawn == {"rewards", "deviations", "intervals", "gallery"}
     assert read_csv(tmp_path / "out" / "data" / "methods.csv")[0]["IQM, low"] == ""
 
 

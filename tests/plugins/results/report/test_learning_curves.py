@@ -1,7 +1,5 @@
 """Courses of runs: rewards against what was spent, read from real stores."""
 
-import csv
-
 import numpy as np
 import pytest
 
@@ -10,12 +8,12 @@ from plugins.results.report.command import report
 from plugins.results.report.learning_curves import read_course
 from tests.core.run_folders import write_run
 from tests.plugins.results.conftest import QUICK
+from tests.plugins.results.report.test_tables import read_csv
 
 
 def efforts(folder):
     report([folder / "runs"], folder / "out", [], QUICK)
-    with (folder / "out" / "data" / "efforts.csv").open(newline="") as opened:
-        return {row["method"]: row for row in csv.DictReader(opened)}
+    return {row["method"]: row for row in read_csv(folder / "out" / "data" / "efforts.csv")}
 
 
 def test_a_course_rises_with_candidates_and_counts_calls_by_generation(tmp_path):

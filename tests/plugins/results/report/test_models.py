@@ -1,15 +1,9 @@
 """The tables about models: figures of each, and critiques as they came."""
 
-import csv
-
 from plugins.results.report.command import report
 from tests.core.run_folders import edit, write_run
 from tests.plugins.results.conftest import QUICK
-
-
-def read_csv(file):
-    with file.open(newline="", encoding="utf-8") as opened:
-        return list(csv.DictReader(opened))
+from tests.plugins.results.report.test_tables import read_csv
 
 
 def test_figures_by_model_and_critiques(tmp_path):
