@@ -223,9 +223,9 @@ def show(result: Mapping[str, Any]) -> None:
     for design in result["designs"]:
         missed = design["ik_error_m"]
         once = f"{design['robust']:.3f}", "–" if missed is None else f"{1000 * missed:.0f}"
-        for engine, found in design["engines"].items():
-            perturbed = f"{found['mean']:.3f} ± {found['std']:.3f}"
-            rows.append((design["design"], design["robot"], engine, f"{found['nominal']:.3f}", perturbed, *once))
+        for engine, figures in design["engines"].items():
+            perturbed = f"{figures['mean']:.3f} ± {figures['std']:.3f}"
+            rows.append((design["design"], design["robot"], engine, f"{figures['nominal']:.3f}", perturbed, *once))
             once = "", ""
     print_table(("design", "robot", "engine", *numbers), rows, numbers)
     count = len(result["seeds"])

@@ -75,9 +75,9 @@ def gallery(
     Raises:
         UserError: a folder holds no run, no tool can be shown, or nothing can be written.
     """
-    found, left_out = find_runs(folders)
+    runs, left_out = find_runs(folders)
     best_of: dict[FinishedRun, list[Winner]] = {}
-    for run in found:
+    for run in runs:
         try:
             best_of[run] = winners(run, top, apart=apart_mm / 1000)
         except UserError as error:

@@ -80,8 +80,8 @@ class RerunListener:
             from plugins.listeners.rerun.streams import Streams
             from plugins.listeners.rerun.writer import Writer
 
-        found = sinks(run.folder / FILE, self._spawn, self._connect, _say)
-        self._streams = Streams(found, f"{run.task.name}, {run.folder.name}", _say)
+        targets = sinks(run.folder / FILE, self._spawn, self._connect, _say)
+        self._streams = Streams(targets, f"{run.task.name}, {run.folder.name}", _say)
         self._writer = Writer(run, self._streams)
 
     def _record(self, generation: Generation) -> None:

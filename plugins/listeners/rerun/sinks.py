@@ -29,9 +29,9 @@ def address(where: int | str) -> SplitResult:
     place = f"{HERE}:{text}" if text.isdigit() else text
     url = place if "://" in place else f"rerun+http://{place}/proxy"
     try:
-        found = urlsplit(url)
-        if found.hostname and found.port and found.scheme in ("rerun", "rerun+http", "rerun+https"):
-            return found
+        parts = urlsplit(url)
+        if parts.hostname and parts.port and parts.scheme in ("rerun", "rerun+http", "rerun+https"):
+            return parts
     except ValueError:
         pass
     raise UsageError(
@@ -44,7 +44,7 @@ def sinks(file: Path, spawn: bool, connect: SplitResult | None, say: Callable[[s
     """The file, and the viewers that listen, by their names in messages."""
     import rerun as rr
 
-    found: dict[str, Any] = {str(file): rr.FileSink(file)}
+    targets: dict[str, Any] = {str(file): rr.FileSink(file)}
     viewers = []
     if connect is not None:
         if listens(connect.port or 0, connect.hostname or HERE):
@@ -58,9 +58,9 @@ def sinks(file: Path, spawn: bool, connect: SplitResult | None, say: Callable[[s
             say("no viewer can be opened here (is there a screen?)")
     for viewer in viewers:
         name = f"the viewer at {viewer.hostname}:{viewer.port}"
-        found[name] = rr.GrpcSink(viewer.geturl())
+        targets[name] = rr.GrpcSink(viewer.geturl())
         say(f"the recording goes to {name} too")
-    return found
+    return targets
 
 
 def _opened() -> bool:

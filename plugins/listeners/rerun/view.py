@@ -38,10 +38,12 @@ def recordings(run: Path) -> list[Path]:
         return [run]
     if not run.is_dir():
         raise UserError(f"no run folder {run}")
-    found = [file for of in ("recording.rrd", "*/recording.rrd") for file in sorted(run.glob(of)) if file.is_file()]
-    if not found:
+    files = [
+        file for pattern in ("recording.rrd", "*/recording.rrd") for file in sorted(run.glob(pattern)) if file.is_file()
+    ]
+    if not files:
         raise UserError(f"{run} holds no recording.rrd; runs with the listener rerun write one")
-    return found
+    return files
 
 
 def start_viewer(*arguments: str, output: IO[bytes] | int = subprocess.DEVNULL) -> subprocess.Popen[bytes]:

@@ -279,14 +279,14 @@ def _mesh(solid: trimesh.Trimesh, opacity: float = 1.0) -> rr.Mesh3D:
 
 def links(robot: Robot, gripper: bool) -> dict[str, trimesh.Trimesh]:
     """The visual mesh of each link of the bare arm, in the link's frame; with the gripper, or without."""
-    found = {}
+    meshes = {}
     for name, visuals in link_visuals(robot, gripper).items():
         pieces = []
         for shape, pose, color in visuals:
             mesh = shape.to_trimesh()
             pieces.append(trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=color).apply_transform(pose.matrix))
-        found[name] = trimesh.util.concatenate(pieces)
-    return found
+        meshes[name] = trimesh.util.concatenate(pieces)
+    return meshes
 
 
 def tracks(robot: Robot, tool: Tool, arm: Array, fingers: Array) -> dict[str, Array]:

@@ -49,8 +49,8 @@ def painted(tool: Tool, robot: Robot) -> list[Painted]:
         apart = fingers[0].position - fingers[1].position
         outward = apart / np.linalg.norm(apart) * FINGER.size[1] / 2
         tips = [pose.apply((0.0, 0.0, FINGER.size[2] / 2)) for pose in fingers]
-        at = [Pose(tip + side * outward) for tip, side in zip(tips, (1, -1), strict=True)]
-        bearing = [Painted(FINGER.to_trimesh().apply_transform(pose.matrix), ROBOT) for pose in at]
+        places = [Pose(tip + side * outward) for tip, side in zip(tips, (1, -1), strict=True)]
+        bearing = [Painted(FINGER.to_trimesh().apply_transform(pose.matrix), ROBOT) for pose in places]
     else:
         bearing = [Painted(robot.flange.disc.to_trimesh(), ROBOT)]
     return [*bearing, *(Painted(solid, component.color) for component, solid in as_held(tool, robot))]

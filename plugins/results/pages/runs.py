@@ -90,10 +90,10 @@ def find_runs(folders: Sequence[Path]) -> tuple[list[FinishedRun], list[LeftOutR
     for folder in folders:
         if not folder.is_dir():
             raise UserError(f"no folder {folder}; give the folder of a run or of a multirun")
-        found = run_folders(folder)
-        if not found:
+        paths = run_folders(folder)
+        if not paths:
             raise UserError(f"{folder} holds no run: neither {RESULT} nor {FILE} is in it or below it")
-        for path in found:
+        for path in paths:
             if path.resolve() not in runs:
                 runs[path.resolve()] = read_run(path)
     finished = [run for run in runs.values() if isinstance(run, FinishedRun)]
@@ -111,8 +111,8 @@ def run_folders(folder: Path, depth: int = MAX_DEPTH) -> list[Path]:
     skipped = (HYDRA, "best", "requests", "replies")
     below = [name for name, entry in entries.items() if entry.is_dir(follow_symlinks=False) and name not in skipped]
     names = sorted(below, key=natural) if depth > 0 else []
-    found = [path for name in names for path in run_folders(folder / name, depth - 1)]
-    return found or [folder] * (HYDRA in entries)
+    runs = [path for name in names for path in run_folders(folder / name, depth - 1)]
+    return runs or [folder] * (HYDRA in entries)
 
 
 def natural(name: str) -> list[tuple[int, int | str]]:

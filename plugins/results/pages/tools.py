@@ -99,8 +99,8 @@ def winners(
         UserError: a part of the run is not installed here, or its store is missing or damaged.
     """
     shapes: list[Shape] = []
-    found = (winner for winner in every_tool(run, generation) if another(winner, shapes, apart))
-    return list(itertools.islice(found, count))
+    tools = (winner for winner in every_tool(run, generation) if another(winner, shapes, apart))
+    return list(itertools.islice(tools, count))
 
 
 def another(winner: Winner, shapes: list[Shape], apart: float) -> bool:

@@ -56,26 +56,26 @@ def read_archive(task: str, method: str, run: FinishedRun) -> Archived | None:
     measures = measures_of(run.config.get("evolution", {}))
     if not measures:
         return None
-    found = list(every_tool(run))
-    tools = {winner.candidate.rpartition("-")[0]: winner.tool for winner in found}
+    winners = list(every_tool(run))
+    tools = {winner.candidate.rpartition("-")[0]: winner.tool for winner in winners}
     evaluations = []
     for stored in run.store.evaluations():
         tool = tools.get(stored.candidate.rpartition("-")[0])
         if stored.status == "ok" and tool is not None:  # none: all its plans stopped
             evaluations.append(stored.of(Candidate(tool, NO_PLAN, *stored.design, stored.number)))
     kept = handed_over(measures, evaluations, run.figures.tie)
-    return Archived(task, method, found[0].robot, measures, kept)
+    return Archived(task, method, winners[0].robot, measures, kept)
 
 
 def read_archives(results: Results, problems: list[str]) -> list[Archived]:
     """Read the archives of the best runs; what can't be read is added to ``problems``."""
-    found = []
+    archives = []
     for g in results.groups:
         try:
-            found.append(read_archive(g.task, g.method, g.best))
+            archives.append(read_archive(g.task, g.method, g.best))
         except UserError as error:
             problems.append(f"archive of {g.task}, {g.method}: {clean(str(error), MAX_DESCRIPTION)}")
-    return [archive for archive in found if archive is not None]
+    return [archive for archive in archives if archive is not None]
 
 
 def picked_table(archives: Iterable[Archived]) -> Table:

@@ -217,15 +217,15 @@ def anytime(results: Results, tasks: list[str], methods: list[str]) -> FigurePag
     """The mean best reward so far against rollouts, over the tasks that the methods share."""
     courses = {method: [read_courses(g.runs) for g in results.of(method, tasks)] for method in methods}
     ends = {
-        method: max((course.rollouts[-1] for task in found for course in task), default=0.0)
-        for method, found in courses.items()
+        method: max((course.rollouts[-1] for task in by_task for course in task), default=0.0)
+        for method, by_task in courses.items()
     }
-    if max(ends.values(), default=0.0) < 2 or not all(task for found in courses.values() for task in found):
+    if max(ends.values(), default=0.0) < 2 or not all(task for by_task in courses.values() for task in by_task):
         return None
     curves: dict[str, Curve] = {}
-    for method, found in courses.items():
+    for method, by_task in courses.items():
         x = np.linspace(0, ends[method], POINTS)
-        scores = [np.array([course.at(x) for course in task]) for task in found]
+        scores = [np.array([course.at(x) for course in task]) for task in by_task]
         curves[method] = x, [[task[:, i].tolist() for task in scores] for i in range(POINTS)]
     caption = (
         f"The best reward after each number of rollouts, averaged over runs and then over {len(tasks)} tasks; bands: "
@@ -309,7 +309,7 @@ def generations_by_task(results: Results) -> FigurePage | None:
 
 def gallery(results: Results, tools: Tools) -> FigurePage | None:
     """The best tools side by side: a row per task and a column per method, or all in rows of four of one method."""
-    methods = [method for method in results.methods if any(of == method for _, of in tools.best)]
+    methods = [method for method in results.methods if any(designed_by == method for _, designed_by in tools.best)]
     if not methods:
         return None
     tasks = [task for task in results.tasks if any((task, method) in tools.best for method in methods)]

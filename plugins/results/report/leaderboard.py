@@ -111,7 +111,7 @@ class Entry:
     @classmethod
     def of(cls, other: Entry, runs: Mapping[str, Sequence[RunResult]]) -> Entry:
         """Compute all means of an entry with these runs."""
-        tasks = {task: TaskResult.of(of) for task, of in runs.items()}
+        tasks = {task: TaskResult.of(own) for task, own in runs.items()}
         return replace(other, score=mean([task.score for task in tasks.values()]), tasks=tasks)
 
     @property
@@ -133,7 +133,7 @@ def read_entry(file: Path) -> Entry:
         check(read)
     except (OSError, ValueError, UserError) as error:
         raise UserError(f"{file} can't be compared: {short(str(error))}") from error
-    return Entry.of(read, {task: of.runs for task, of in read.tasks.items()})
+    return Entry.of(read, {task: result.runs for task, result in read.tasks.items()})
 
 
 def check(entry: Entry) -> None:
@@ -148,19 +148,19 @@ def check(entry: Entry) -> None:
     if entry.track not in rules.tracks:
         raise choices("track", entry.track, rules.tracks)
     for key, value in rules.fixed.items():
-        found = entry.settings.get(key, "not the same in all runs")
-        if found != value:
-            raise UserError(f"{key} is {short(found)}, where the protocol {rules.name} has {value}")
+        value_of_runs = entry.settings.get(key, "not the same in all runs")
+        if value_of_runs != value:
+            raise UserError(f"{key} is {short(value_of_runs)}, where the protocol {rules.name} has {value}")
     tasks = rules.tracks[entry.track]
     if lacks := [task for task in tasks if task not in entry.tasks]:
         raise UserError(f"it lacks {', '.join(lacks)}; an entry has all {len(tasks)} tasks of the track {entry.track}")
     if more := [short(task) for task in entry.tasks if task not in tasks]:
         raise UserError(f"the track {entry.track} has no task {', '.join(more)}")
     seeds = {tuple(sorted(run.seed for run in task.runs)) for task in entry.tasks.values()}
-    if len(seeds) > 1 or any(len({*of}) < len(of) for of in seeds):
+    if len(seeds) > 1 or any(len({*own}) < len(own) for own in seeds):
         raise UserError("its tasks have other seeds, or one twice; run each task once with each of the same seeds")
     wanted = dict.fromkeys(rules.engines, rules.layouts)
-    if any({engine: len(of) for engine, of in run.rewards.items()} != wanted for run in entry.runs):
+    if any({engine: len(earned) for engine, earned in run.rewards.items()} != wanted for run in entry.runs):
         raise UserError(f"a run lacks rewards in {rules.layouts} unseen layouts in each of {', '.join(rules.engines)}")
 
 
@@ -180,19 +180,19 @@ def find_entries(
     grouped: dict[tuple[str, str, int], list[AnyRun]] = {}
     for run, method in zip(known, methods, strict=True):
         called = " ".join([name] * bool(name) + [method] * (not name or len({*methods}) > 1))
-        of = run.config.get("protocol")
-        if isinstance(of, dict) and of.get("name", "none") != "none" and isinstance(of.get("version"), int):
-            grouped.setdefault((called, str(of["name"]), of["version"]), []).append(run)
-    found: list[Entry] = []
+        named = run.config.get("protocol")
+        if isinstance(named, dict) and named.get("name", "none") != "none" and isinstance(named.get("version"), int):
+            grouped.setdefault((called, str(named["name"]), named["version"]), []).append(run)
+    entries: list[Entry] = []
     problems: list[str] = []
     for (called, rules, version), runs in grouped.items():
         for track in _tracks(rules):
             own = [run for run in runs if run.task in _tracks(rules)[track]]
             try:
-                found += [_entry(called, protocol(rules), version, track, own)] if own else []
+                entries += [_entry(called, protocol(rules), version, track, own)] if own else []
             except UserError as error:
                 problems.append(f"no entry of the track {track}: {called}: {error}")
-    return found, problems
+    return entries, problems
 
 
 def _tracks(rules: str) -> dict[str, list[str]]:
@@ -207,7 +207,7 @@ def _entry(name: str, rules: Protocol, version: int, track: str, runs: Sequence[
         if isinstance(run, LeftOutRun) and not (run.status == "failed" and (run.folder / FILE).exists()):
             raise UserError(f"{short(str(run.folder))} is {run.status}; resume it, or delete it")
     settings = [flatten(run.config) for run in runs]
-    shared = {key: value for key, value in settings[0].items() if all(of.get(key) == value for of in settings)}
+    shared = {key: value for key, value in settings[0].items() if all(own.get(key) == value for own in settings)}
     versions: dict[str, set[str]] = {}
     for run in runs:
         for package, number in run.figures.versions.items() if isinstance(run, FinishedRun) else ():
@@ -265,7 +265,7 @@ def entry_tables(entries: Sequence[Entry], how: Resampling) -> list[Table]:
         f"lowest. Low and high: {100 * how.confidence:g} % percentiles of {how.resamples} bootstrap samples of the "
         "runs, drawn within each task; none with one seed. Rollouts and calls: of the search. Dollars: of all runs."
     )
-    by_task = [(e.track, task, e.name, of.score, len(of.runs)) for e in ranked for task, of in e.tasks.items()]
+    by_task = [(e.track, task, e.name, own.score, len(own.runs)) for e in ranked for task, own in e.tasks.items()]
     return (
         [
             Table("entries", "Entries of the benchmark", head, tuple(rows), note),

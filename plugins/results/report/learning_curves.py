@@ -71,7 +71,8 @@ def effort(courses: Sequence[Course]) -> tuple[int, list[float | None]]:
     reached = sum(end is not None for end in ends)
     last = [-1 if end is None else end for end in ends]
     names = ("rollouts", "requests", "cost")
-    spent = [sum(float(getattr(of, name)[end]) for of, end in zip(courses, last, strict=True)) for name in names]
+    ends_of = list(zip(courses, last, strict=True))
+    spent = [sum(float(getattr(course, name)[end]) for course, end in ends_of) for name in names]
     return reached, [total / reached if reached else None for total in spent]
 
 

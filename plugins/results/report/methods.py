@@ -42,13 +42,13 @@ def group(finished: Sequence[FinishedRun], left_out: Sequence[LeftOutRun] = ()) 
     known = [run for run in left_out if run.task and run.config]
     labels = label([(run.task, run.config) for run in finished] + [(run.task, run.config) for run in known])
     order = list(dict.fromkeys(labels))
-    found: dict[tuple[str, int], list[FinishedRun]] = defaultdict(list)
+    grouped: dict[tuple[str, int], list[FinishedRun]] = defaultdict(list)
     for run, name in zip(finished, labels, strict=False):
-        found[run.task, order.index(name)].append(run)
+        grouped[run.task, order.index(name)].append(run)
     lost = Counter((run.task, name) for run, name in zip(known, labels[len(finished) :], strict=True))
     return [
-        Group(task, order[method], tuple(found[task, method]), lost[task, order[method]])
-        for task, method in sorted(found)
+        Group(task, order[method], tuple(grouped[task, method]), lost[task, order[method]])
+        for task, method in sorted(grouped)
     ]
 
 
@@ -60,18 +60,18 @@ def label(configs: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
     of its own. The seed, the executor and the listeners never do.
     """
     settings = [flatten(config) for _, config in configs]
-    named = {key for of in settings for key in of if key.endswith(".name") and key.count(".") == 1}
+    named = {key for setting in settings for key in setting if key.endswith(".name") and key.count(".") == 1}
     first = [f"{choice}.name" for choice in CHOICES]
     choices = [*first, *sorted(named - set(first))]
     varying = [key for key in choices if len(_values(settings, key)) > 1]
     alike = defaultdict(list)
-    for (task, _), of in zip(configs, settings, strict=True):
-        alike[task, *(of.get(key) for key in choices)].append(of)
-    others = sorted({key for of in settings for key in of} - set(choices))
+    for (task, _), setting in zip(configs, settings, strict=True):
+        alike[task, *(setting.get(key) for key in choices)].append(setting)
+    others = sorted({key for setting in settings for key in setting} - set(choices))
     varying += [key for key in others if any(len(_values(runs, key)) > 1 for runs in alike.values())]
-    methods = [tuple(of.get(key) for key in varying) for of in settings]
+    methods = [tuple(setting.get(key) for key in varying) for setting in settings]
     if not varying:
-        return [" ".join(_say(key, of.get(key)) for key in choices[:3]) for of in settings]
+        return [" ".join(_say(key, setting.get(key)) for key in choices[:3]) for setting in settings]
     names = _shortest(list(dict.fromkeys(methods)), varying)
     return [names[method] for method in methods]
 
@@ -88,7 +88,7 @@ def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
 
 
 def _values(settings: Sequence[Mapping[str, str]], key: str) -> set[str | None]:
-    return {of.get(key) for of in settings}
+    return {setting.get(key) for setting in settings}
 
 
 def _shortest(methods: list[tuple[str | None, ...]], keys: list[str]) -> dict[tuple[str | None, ...], str]:

@@ -32,8 +32,8 @@ class Results:
     @cached_property
     def methods(self) -> list[str]:
         """The methods, in the order in which they appear among the runs."""
-        of = {run: g.method for g in self.groups for run in g.runs}
-        return list(dict.fromkeys(of[run] for run in self.runs))
+        method_of = {run: g.method for g in self.groups for run in g.runs}
+        return list(dict.fromkeys(method_of[run] for run in self.runs))
 
     def of(self, method: str, tasks: Sequence[str] | None = None) -> list[Group]:
         """The groups of a method, on ``tasks`` or on all its tasks."""

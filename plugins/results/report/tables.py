@@ -61,7 +61,10 @@ def rewards(results: Results) -> Table:
             *(g.task, g.method, len(g.runs), g.left_out, g.best.best.reward),
             *(mean(g.rewards), deviation(g.rewards), interquartile_mean(g.rewards)),
             *(g.best.best.distance_m, g.best.best.candidate),
-            *(_over_known(of, [getattr(run.figures.unseen, name, None) for run in g.runs]) for name, of in unseen),
+            *(
+                _over_known(function, [getattr(run.figures.unseen, name, None) for run in g.runs])
+                for name, function in unseen
+            ),
         )
         for g in results.groups
     ]
@@ -80,10 +83,12 @@ def arms(results: Results) -> Table:
     robots = label([("", {"robot": run.config.get("robot", {})}) for run in results.runs])
     names = list(dict.fromkeys(robots))
     alike = label([(run.task, {**run.config, "robot": None}) for run in results.runs])
-    found: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    by_arm: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for run, method, robot in zip(results.runs, alike, robots, strict=True) if len(names) > 1 else ():
-        found[run.task, method][robot].append(run.best.reward)
-    rows = [(*key, *(mean(of[name]) if name in of else None for name in names)) for key, of in sorted(found.items())]
+        by_arm[run.task, method][robot].append(run.best.reward)
+    rows = [
+        (*key, *(mean(own[name]) if name in own else None for name in names)) for key, own in sorted(by_arm.items())
+    ]
     head = (*columns("task|method"), *(Column(name.removeprefix("robot="), 3) for name in names))
     note = "Of each run's best reward, the average over runs on that arm; a dash where no run of it counts."
     return Table("arms", "Rewards by task and arm", head, tuple(rows), note)
@@ -206,10 +211,10 @@ def parameters(results: Results) -> Table:
 
 def _same(values: Sequence[Any]) -> Cell:
     """The value that all share, or all values as a text."""
-    found = list(dict.fromkeys(values))
-    if len(found) == 1 and (found[0] is None or isinstance(found[0], int | float)):
-        return found[0]
-    return ", ".join(str(value) for value in found)
+    different = list(dict.fromkeys(values))
+    if len(different) == 1 and (different[0] is None or isinstance(different[0], int | float)):
+        return different[0]
+    return ", ".join(str(value) for value in different)
 
 
 def costs(results: Results) -> Table:
@@ -233,7 +238,7 @@ def costs(results: Results) -> Table:
                 sum(s.requests for s in spent) / len(spent) if spent else None,
                 sum(s.errors for s in spent),
                 *(known_sum(getattr(s, name) for s in spent) for name in names),
-                *(sum(getattr(of, name) for of in saved) if saved else None for name in Saved.__annotations__),
+                *(sum(getattr(less, name) for less in saved) if saved else None for name in Saved.__annotations__),
             )
         )
     note = (
@@ -305,15 +310,15 @@ def tools(results: Results, shown: Tools) -> Table:
 
 def versions(results: Results) -> Table:
     """The packages that the runs were made with."""
-    found: dict[str, Counter[str]] = defaultdict(Counter)
+    packages: dict[str, Counter[str]] = defaultdict(Counter)
     for run in results.runs:
         for name, version in run.figures.versions.items():
-            found[name][version] += 1
+            packages[name][version] += 1
     rows = [
         (name, ", ".join(f"{v} ({n} runs)" if len(counts) > 1 else v for v, n in sorted(counts.items())))
-        for name, counts in sorted(found.items())
+        for name, counts in sorted(packages.items())
     ]
-    differ = ", ".join(name for name, counts in sorted(found.items()) if len(counts) > 1)
+    differ = ", ".join(name for name, counts in sorted(packages.items()) if len(counts) > 1)
     note = f"Runs differ in {differ}: rewards need not be comparable." if differ else ""
     return Table("versions", "Versions", columns("package|version"), tuple(rows), note)
 
