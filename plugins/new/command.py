@@ -46,6 +46,8 @@ def main(words: list[str]) -> None:
         f"{code}: {template.what}, ready to be changed",
         f"  pip install -e '{folder}[test]'",
         f"  python -m core.plugins --check {name}",
-        f"  python -m core.run {template.group}={template.choice.format(name)}",
+        f"  vlmgineer {name}"
+        if kind == "command"
+        else f"  python -m core.run {template.group}={template.choice.format(name)}",
         f"  python -m pytest {folder}",
     )

@@ -43,6 +43,7 @@ TEMPLATES = {
     "fitness": Template("fitness", "a fitness", "fitness", "{}Fitness"),
     "executor": Template("executor", "an executor", "executor", "{}Executor"),
     "listener": Template("listener", "a listener", "listener", "{}Listener", "listener_test.py", "[progress,{}]"),
+    "command": Template("command", "a command", "command", "main"),
 }
 
 
@@ -56,7 +57,7 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
         UserError: an unknown kind, a name that can't be used, or a folder to which the part can't be added.
     """
     if kind not in TEMPLATES:
-        raise choices("kind", kind, (*TEMPLATES, "scene"), "plugins.new")
+        raise choices("kind", kind, (*TEMPLATES, "scene"), "vlmgineer new")
     template = TEMPLATES[kind]
     snake = check_name(template.group, name)
     folder = output or Path(snake)
@@ -76,10 +77,11 @@ def write(kind: str, name: str, output: Path | None = None) -> tuple[Path, Path]
     new = {
         code / "__init__.py": render("init.py", values),
         module: render(f"{kind}.py", values),
-        code / "conf/__init__.py": "",
-        code / "conf" / template.group / f"{name}.yaml": render(f"{kind}.yaml", values),
         folder / "tests" / f"test_{snake}.py": render(template.test, values),
     }
+    if kind != "command":  # which has no settings
+        new[code / "conf/__init__.py"] = ""
+        new[code / "conf" / template.group / f"{name}.yaml"] = render(f"{kind}.yaml", values)
     if template.data is not None:
         new[code / template.data] = render(f"{kind}{Path(template.data).suffix}", values)
     for file in (*new, code, code.with_suffix(".py")):

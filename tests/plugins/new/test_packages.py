@@ -12,7 +12,14 @@ from plugins.new import packages as new
 from tests.packages import PYTHON, install
 
 PARTS = {"task": "PullBlock", "sim": "my_engine", "vlm": "parrot", "tool": "crates", "strategy": "greedy"}
-PARTS |= {"robot": "my_arm", "executor": "in_turn", "listener": "rows", "fitness": "mean_layouts", "action": "above"}
+PARTS |= {
+    "robot": "my_arm",
+    "executor": "in_turn",
+    "listener": "rows",
+    "fitness": "mean_layouts",
+    "action": "above",
+    "command": "tally",
+}
 RUNS = ["task=PullBlock", "sim=my_engine", "vlm=parrot", "tool=crates", "evolution=greedy", "executor=in_turn"]
 RUNS += ["robot=my_arm", "fitness=mean_layouts"]
 SMALL = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0", "film=false"]
@@ -59,6 +66,9 @@ def test_what_is_written_runs(written, tmp_path):
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "run/best/design.json").exists()
     assert len((tmp_path / "run/generations.csv").read_text().splitlines()) == 2
+    words = ["core", PARTS["command"], "run"]
+    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, env=written[1], capture_output=True, text=True)
+    assert done.stdout.splitlines()[0].split() == ["status", "candidates"], done.stderr
 
 
 @pytest.mark.parametrize(
@@ -67,7 +77,7 @@ def test_what_is_written_runs(written, tmp_path):
         (
             "taks",
             "Mine",
-            r"no kind 'taks' in plugins.new \(did you mean 'task'\?\); possible: action, exe",
+            r"no kind 'taks' in vlmgineer new \(did you mean 'task'\?\); possible: action, command, exe",
         ),
         ("task", "my task", "'my task' can't be a name: letters, digits and underscores"),
         ("task", "../Mine", "can't be a name"),
