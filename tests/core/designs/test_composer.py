@@ -74,18 +74,8 @@ class Bar(ToolRepresentation):
 
 
 def make_brief(**changes: Any) -> Brief:
-    brief = Brief(
-        on_panda(PushCube()),
-        7,
-        Bar(),
-        gripper=False,
-        n_tool=3,
-        n_action=4,
-        generation=0,
-        agent=0,
-        seed=0,
-        actions=WaypointActions(),
-    )
+    counts = {"gripper": False, "n_tool": 3, "n_action": 4, "generation": 0, "agent": 0, "seed": 0}
+    brief = Brief(on_panda(PushCube()), 7, Bar(), **counts, actions=WaypointActions())
     return replace(brief, **changes)
 
 
@@ -108,6 +98,18 @@ def words(messages: tuple[Message, ...]) -> str:
     text = "".join(part.text for message in messages for part in message.parts if isinstance(part, Text))
     assert text.count(SOURCE) == 1  # verbatim
     return text.replace(SOURCE, "SOURCE")
+
+
+def prompt(settings: PromptSettings | None = None, **changes: Any) -> str:
+    """The text for a changed brief, without a picture."""
+    return words(PromptComposer(settings).compose(make_brief(**changes), None))
+
+
+def elites_in(text: str) -> tuple[str, str, list[dict[str, Any]]]:
+    """What a prompt says before its list of elites, the list as text, and the list."""
+    block = re.search(r"## The elites?\n(.*?)```json\n(.*?)```", text, re.DOTALL)
+    assert block is not None
+    return block[1], block[2], json.loads(block[2])
 
 
 def headings(text: str) -> list[str]:
@@ -164,8 +166,8 @@ def test_no_path_of_this_machine(brief: Brief) -> None:
 def test_parts_come_in_order() -> None:
     rules = ["Tool rules", "Action rules", "Action diversity", "Workspace", "Spawn rules", "Frames", "Units", "Output"]
     end = ["The task: PushCube"]
-    assert headings(words(PromptComposer().compose(make_brief(), None))) == ["Mission", "Procedure", *rules, *end]
-    evolved = headings(words(PromptComposer().compose(make_brief(elites=ELITES), None)))
+    assert headings(prompt()) == ["Mission", "Procedure", *rules, *end]
+    evolved = headings(prompt(elites=ELITES))
     assert evolved == ["Mission", "Procedure", "Evolution rules", *rules, *end]
 
 
@@ -176,7 +178,7 @@ def test_without_a_picture_none_is_mentioned() -> None:
 
 
 def test_the_robot_shown_is_the_one_that_gets_the_tool() -> None:
-    rigid, gripper = (words(PromptComposer().compose(make_brief(gripper=g), None)) for g in (False, True))
+    rigid, gripper = (prompt(gripper=g) for g in (False, True))
     for text, hand in ((rigid, False), (gripper, True)):
         links = set(re.findall(r"^\| (\w+)(?: on \w+)? \|", text, re.MULTILINE))
         assert RIGID_MOUNT in links
@@ -187,10 +189,8 @@ def test_the_robot_shown_is_the_one_that_gets_the_tool() -> None:
 
 
 def test_elites_are_shown() -> None:
-    text = words(PromptComposer().compose(make_brief(elites=ELITES), None))
-    block = re.search(r"## The elites\n```json\n(.*?)```", text, re.DOTALL)
-    assert block is not None
-    first, second = json.loads(block[1])
+    text = prompt(elites=ELITES)
+    _, _, (first, second) = elites_in(text)
     assert first == {
         "id": "g0-a0-s0-p0",
         "reward": 0.8765,
@@ -229,11 +229,9 @@ def test_elites_have_a_budget(feedback: str, count: int, boxes: int) -> None:
     budget = 100_000 if boxes == 100 and count > 1 else 25_000
     settings = PromptSettings(feedback=feedback, elite_characters=budget)
     text = words(PromptComposer(settings).compose(make_brief(elites=elites, representation=WholeUrdf()), None))
-    block = re.search(r"## The elites?\n(.*?)```json\n(.*?)```", text, re.DOTALL)
-    assert block is not None
-    assert len(block[2]) <= budget
-    assert "Not all could be shown in full" in block[1]
-    shown = json.loads(block[2])
+    said, listed, shown = elites_in(text)
+    assert len(listed) <= budget
+    assert "Not all could be shown in full" in said
     assert [entry["id"] for entry in shown] == [elite.candidate.id for elite in elites]
     kinds = ["full" if "tool_urdf" in e else "list" if "components" in e else "name" for e in shown]
     assert kinds == sorted(kinds, key=["full", "list", "name"].index)  # the best in the most detail
@@ -258,11 +256,9 @@ def test_elites_within_the_budget_are_as_without_one() -> None:
 def test_an_elite_of_eight_boxes_is_short_and_can_be_written_as_urdf() -> None:
     """At most 600 tokens by LiteLLM's counter, and nothing is lost but colours."""
     elite = hook(boxes=8, description="It reaches over the body, lowers a wall behind it, and pulls it back. " * 10)
-    text = words(PromptComposer().compose(make_brief(elites=(elite,), representation=UrdfTools()), None))
-    block = re.search(r"## The elite\n```json\n(.*?)```", text, re.DOTALL)
-    assert block is not None
-    assert litellm().token_counter(model="gemini/gemini-2.5-pro", text=block[1]) <= 600
-    (shown,) = json.loads(block[1])
+    text = prompt(elites=(elite,), representation=UrdfTools())
+    _, listed, (shown,) = elites_in(text)
+    assert litellm().token_counter(model="gemini/gemini-2.5-pro", text=listed) <= 600
     assert "tool_urdf" not in shown
     assert shown["tool_description"].endswith("...")
     links = []
@@ -297,16 +293,14 @@ def hook(boxes: int, description: str) -> Evaluation:
 
 
 def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
-    plain = words(PromptComposer().compose(make_brief(elites=ELITES), None))
+    plain = prompt(elites=ELITES)
     assert "judged by" not in plain
     assert "`details`" not in plain
     details = {"engines": {"one": {"mean": 0.512345, "rewards": [0.5, float("nan")]}}}
     elites = (replace(ELITES[0], details=details), ELITES[1])
     text = words(PromptComposer(judged=" The worst of three {{ trials }}.\n").compose(make_brief(elites=elites), None))
     assert "## What a design is judged by\nThe worst of three {{ trials }}.\n\n" in text
-    block = re.search(r"## The elites\n.*?```json\n(.*?)```", text, re.DOTALL)
-    assert block is not None
-    first, second = json.loads(block[1])
+    _, _, (first, second) = elites_in(text)
     assert first["details"] == {"engines": {"one": {"mean": 0.5123, "rewards": [0.5, None]}}}
     assert "details" not in second
     assert "`details` holds the figures" in text
@@ -347,9 +341,7 @@ def test_feedback(feedback: str) -> None:
     prompts = PromptComposer(PromptSettings(feedback=feedback))
     messages = prompts.compose(make_brief(elites=(elite, ELITES[1])), PICTURE, pictures)
     text = words(messages)
-    block = re.search(r"## The elites\n.*?```json\n(.*?)```", text, re.DOTALL)
-    assert block is not None
-    first, second = json.loads(block[1])
+    _, listed, (first, second) = elites_in(text)
     shown = {
         "action_plan": [[0.5, 0, 0.1235, 0, 0, 1.5], [0.4, 0, 0.1, 0, 0, 0]],
         "distance_m": 1.2346,
@@ -361,7 +353,7 @@ def test_feedback(feedback: str) -> None:
     }
     assert {key: first.get(key) for key in shown} == (shown if feedback != "paper" else dict.fromkeys(shown))
     assert second.get("distance_m") is None  # nan
-    assert ("[0.4, 0.0, 0.1, 0.0, 0.0, 0.0]" in block[1]) == (feedback != "paper")  # one line per waypoint
+    assert ("[0.4, 0.0, 0.1, 0.0, 0.0, 0.0]" in listed) == (feedback != "paper")  # one line per waypoint
     assert ("that earned the rewards are not shown" in text) == (feedback == "paper")
     for name in shown:
         assert (f"`{name}`" in text) == (feedback != "paper")
@@ -391,7 +383,7 @@ class GivenBar(Bar):
 
 
 def test_plans_for_a_given_tool_start_from_the_best_ones() -> None:
-    first = words(PromptComposer().compose(make_brief(representation=GivenBar(), n_tool=1), None))
+    first = prompt(representation=GivenBar(), n_tool=1)
     assert "best plans so far" not in first
     brief = make_brief(representation=GivenBar(), n_tool=1, elites=ELITES)
     later = words(PromptComposer().compose(brief, None))
@@ -528,7 +520,7 @@ def test_a_folder_without_the_template_of_checks_can_be_used_without_them(tmp_pa
 
 
 def test_one_elite_can_only_be_mutated() -> None:
-    text = words(PromptComposer().compose(make_brief(elites=ELITES[:1]), None))
+    text = prompt(elites=ELITES[:1])
     assert "mutation" in text
     assert "crossover" not in text
 
@@ -575,18 +567,8 @@ def test_execution_of_plans_is_described() -> None:
 
 def test_each_template_is_used() -> None:
     human = settings_of("human")
-    used = {
-        *SYSTEM,
-        *INITIAL,
-        *EVOLUTION,
-        *GIVEN,
-        REPAIR,
-        CHECK,
-        CRITIC,
-        *human.initial,
-        *human.evolution,
-        *human.given,
-    }
+    used = {*SYSTEM, *INITIAL, *EVOLUTION, *GIVEN, REPAIR, CHECK, CRITIC}
+    used |= {*human.initial, *human.evolution, *human.given}
     assert {file.name.removesuffix(SUFFIX) for file in FOLDER.glob("*.j2")} == used
 
 
@@ -728,7 +710,7 @@ def test_turns_move_parts_as_the_frames_template_says(axis: int, sign: int) -> N
 
 def test_the_space_around_the_mount_is_shown() -> None:
     for gripper in (False, True):
-        text = words(PromptComposer().compose(make_brief(gripper=gripper), None)).split("# Spawn rules")[1]
+        text = prompt(gripper=gripper).split("# Spawn rules")[1]
         rows = re.findall(r"^\| (\w+) \| (.+) \| (.+) \| (.+) \|$", text.split("# Frames")[0], re.MULTILINE)[1:]
         shown = {name: np.array([cell.split(" to ") for cell in cells], dtype=float).T for name, *cells in rows}
         extents = extents_at_home(PANDA, gripper, PushCube.home)
@@ -739,20 +721,12 @@ def test_the_space_around_the_mount_is_shown() -> None:
 
 
 def test_the_workspace_is_that_of_this_arm() -> None:
-    text = words(PromptComposer().compose(make_brief(), None)).split("# Workspace")[1].split("# Spawn")[0]
+    text = prompt().split("# Workspace")[1].split("# Spawn")[0]
     rows = set(text.splitlines()) & set(as_table(compute_reach(ARM)).splitlines())
     assert {row.split("|")[1] for row in rows} >= {"z", "0", "0.1", "0.2", "0.3", "0.4", "0.5", "0.6", "0.8"}
     assert "joint 4 at its lowest (z 0.1-0.5)" in text
     joints = [float(angle) for angle in text.split("its joints are at ")[1].split(".\n")[0].split(", ")]
     np.testing.assert_allclose(ARM.forward(np.array(joints)).position, PushCube.home.position, atol=0.01)
-
-
-def test_a_repeated_waypoint_is_a_wait_of_one_segment() -> None:
-    low = [0.4, -0.2, 0.15, 0, 0, 0]
-    motion = plan_motion(np.array([low, low, low]), PushCube.home, ARM, segment_s=0.5)
-    np.testing.assert_allclose(np.diff(motion.arrivals), 0.5, rtol=0.02)
-    since = motion.trajectory.times > motion.arrivals[0]
-    np.testing.assert_allclose(np.ptp(motion.trajectory.arm[since], axis=0), 0, atol=1e-9)
 
 
 # --- the rules as the templates state them ----------------------------------------------------------------------

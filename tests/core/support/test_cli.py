@@ -29,27 +29,15 @@ def signals(monkeypatch):
     return happened
 
 
-def test_the_first_signal_is_an_interrupt(signals):
+@pytest.mark.parametrize(("after_s", "left"), [(0.5, None), (1.5, 130)])
+def test_a_signal_is_an_interrupt_and_a_second_one_ends_the_process(signals, after_s, left):
+    """Unless it is the same one, to the process and its group, as timeout sends it: what tidies up goes on."""
     with pytest.raises(KeyboardInterrupt):
         cli._Interrupt()(signal.SIGTERM, None)
     assert signals["left"] is None
-
-
-def test_the_same_signal_to_the_process_and_its_group_is_one(signals):
-    """As timeout sends it; the second must not end what puts things in order."""
-    with pytest.raises(KeyboardInterrupt):
-        cli._Interrupt()(signal.SIGTERM, None)
-    signals["time"] += 0.5
+    signals["time"] += after_s
     cli._Interrupt()(signal.SIGINT, None)
-    assert signals["left"] is None
-
-
-def test_a_second_signal_ends_the_process(signals):
-    with pytest.raises(KeyboardInterrupt):
-        cli._Interrupt()(signal.SIGINT, None)
-    signals["time"] += 1.5
-    cli._Interrupt()(signal.SIGINT, None)
-    assert signals["left"] == 130
+    assert signals["left"] == left
 
 
 @pytest.mark.slow
@@ -64,26 +52,14 @@ def test_output_that_is_closed_at_its_other_end(words, buffering):
     assert (done.returncode, done.stderr) == (1, b"")
 
 
-SLOW = {
-    "scipy",
-    "trimesh",
-    "coal",
-    "pinocchio",
-    "matplotlib",
-    "rerun",
-    "mujoco",
-    "pybullet",
-    "sapien",
-    "litellm",
-    "ray",
-}
+SLOW = {"scipy", "trimesh", "coal", "pinocchio", "matplotlib", "rerun", "mujoco", "pybullet", "sapien", "litellm"}
 
 
 @pytest.mark.parametrize("words", [["core.run", "--help"], ["core.plugins"]], ids=" ".join)
 def test_help_and_lists_import_nothing_that_only_runs_need(words):
     program = f"""
 import atexit, runpy, sys
-atexit.register(lambda: sys.stderr.write(" ".join({SLOW} & sys.modules.keys())))
+atexit.register(lambda: sys.stderr.write(" ".join({SLOW | {"ray"}} & sys.modules.keys())))
 sys.argv = {words}
 runpy.run_module({words[0]!r}, run_name="__main__", alter_sys=True)
 """
