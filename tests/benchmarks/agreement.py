@@ -49,7 +49,7 @@ class Settings:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     names, sims, folder = measuring.tasks(given.tasks), engines(given.sims), Path(given.folder)
     designer = engines([given.by])[given.by] if given.by is not None else next(iter(sims.values()))
     workers = measuring.workers(given.workers)

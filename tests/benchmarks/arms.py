@@ -44,7 +44,7 @@ class Settings:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     tasks, robots = measuring.tasks(given.tasks), named(given.robots)
     tables = []
     for sim in given.sims:

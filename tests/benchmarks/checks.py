@@ -66,7 +66,7 @@ class Cost:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     names, rows = measuring.tasks(given.tasks), list[tuple[str, Cost]]()
     clock = Clock(time.thread_time)
     for name in (*PENETRATION, SELF_COLLISION):

@@ -56,7 +56,7 @@ class Settings:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     rows = ["| task | down | sweep | random, mean | random, highest |", "|---|---|---|---|---|"]
     folder = Path(given.folder)
     folder.mkdir(parents=True, exist_ok=True)

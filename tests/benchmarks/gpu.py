@@ -53,7 +53,7 @@ class Settings:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     names = measuring.tasks(given.tasks)
     if min(given.worlds, default=0) < 1:
         raise UsageError(f"worlds must be at least 1, got {given.worlds}")

@@ -54,7 +54,7 @@ class Settings:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     folder = Path(given.folder)
     folder.mkdir(parents=True, exist_ok=True)
     found: dict[str, dict[str, list[float]]] = {}

@@ -40,7 +40,7 @@ class Settings:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     text = table(given)
     sys.stdout.write(text)
     if given.page is not None:

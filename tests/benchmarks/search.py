@@ -58,7 +58,7 @@ class Settings:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     for method in given.methods:
         if method not in METHODS:
             raise choices("method", method, METHODS, "methods")

@@ -72,7 +72,7 @@ class Settings:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     (task,) = measuring.tasks([given.task])
     workers = measuring.workers(given.workers)
     for name in ("tools", "plans"):

@@ -44,7 +44,7 @@ class Settings:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     steps, names, folder = sorted(set(given.steps)), measuring.tasks(given.tasks), Path(given.folder)
     if len(steps) < 2:
         raise UsageError(f"steps: at least two different time steps are needed, got {given.steps}")

@@ -44,7 +44,7 @@ class Settings:
 
 
 def main() -> None:
-    given = measuring.settings(arguments(USAGE), Settings)
+    given = measuring.settings(arguments(USAGE, sys.argv[1:]), Settings)
     found = {
         name: {of: measured(name, of, given) for of in ("paper", given.material)}
         for name in measuring.tasks(given.tasks)
