@@ -8,7 +8,6 @@ from pathlib import Path
 from core.errors import UsageError, UserError
 from core.hooks import hookimpl
 from core.interfaces import VLM, Reply, Request
-from core.store.reader import StoredRun
 
 
 @hookimpl
@@ -30,6 +29,8 @@ class PastReplies(VLM):
     """
 
     def __init__(self, run: str = "") -> None:
+        from core.store.reader import StoredRun  # imports what only runs need
+
         if not run:
             raise UsageError("vlm.run is empty; give the folder of a past run, such as vlm.run=runs/BringCube/...")
         try:
