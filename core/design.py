@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
-from core.values.observations import OBSERVATION, Observation, read_observation
+from core.values.observations import Observation
 from core.values.plans import ActionPlan, Waypoints, digest
 from core.values.tools import GRIPPER_MOUNTS as GRIPPER_MOUNTS
 from core.values.tools import RIGID_MOUNT as RIGID_MOUNT
@@ -22,7 +22,6 @@ from core.values.tools import Tool as Tool
 from core.values.tools import ToolJoint as ToolJoint
 
 TIE = 0.005  # the default of ``evolution.tie``, see `ranked`
-SAVED, STOPPED, SAME_AS = "saved", "stopped", "same_as"  # keys of `Evaluation.details`, see there
 
 Status = Literal["ok", "rejected", "failed"]
 T = TypeVar("T")
@@ -71,18 +70,53 @@ class Candidate:
         return digest((self.tool and self.tool.content, self.plan.content))
 
 
+@dataclass(frozen=True)
+class Trial:
+    """One trial of a candidate: a rollout in one engine and one scene, or what is known without one.
+
+    Attributes:
+        engine: its name, as the fitness shows it.
+        layout: the seed of the layout.
+        change: the number of the scene's perturbation; None: the scene as it is.
+        status: as that of an `Evaluation`.
+        reward: what it earned; 0 where it was rejected or failed.
+        reason: why, as that of an `Evaluation`.
+        simulated: False: its outcome was known without a rollout (`core.simulation.clearance`).
+        touch_m: see `Observation.touch_m`; None: not observed, or nothing was touched.
+        observation: of several trials only the one that is shown has it.
+    """
+
+    engine: str = ""
+    layout: int = 0
+    change: int | None = None
+    status: Status = "ok"
+    reward: float = 0.0
+    reason: str = ""
+    simulated: bool = True
+    touch_m: float | None = None
+    observation: Observation | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The outcome of trying a candidate.
+    """The outcome of trying a candidate. Without a rollout, numbers are nan.
 
-    ``status`` is ``ok``; ``rejected``: the design breaks a rule; or ``failed``: the rollout failed. ``reason`` says
-    why, or is empty. ``distance_m`` is the way of the end-effector's origin from home through all waypoints.
-    ``ik_error_m`` and ``ik_error_rad`` are the largest misses of the inverse kinematics along the plan;
-    ``tracking_error_rad`` is the largest lag of a joint behind its target. ``moved_m`` is the distance of each free
-    body's end from its start. Without a rollout, numbers are nan. ``details`` holds further figures of a fitness, as
-    JSON: among them `SAVED`, the rollouts that were not needed and their seconds of processor time, an estimate;
-    `STOPPED`, after how many trials it was given up, and of how many; and `SAME_AS`, the id of the near-duplicate that
-    was tried in its place.
+    Attributes:
+        candidate: what was tried.
+        status: ``ok``; ``rejected``: the design breaks a rule; or ``failed``: the rollout failed.
+        reward: 0..1, of one trial or of several together.
+        distance_m: the way of the end-effector's origin from home through all waypoints.
+        reason: why it was rejected, failed, or earns nothing; or empty.
+        ik_error_m: with ``ik_error_rad`` the largest misses of the inverse kinematics along the plan.
+        tracking_error_rad: the largest lag of a joint behind its target.
+        moved_m: the distance of each free body's end from its start.
+        warnings: what else is to be said of it.
+        trials: in their order.
+        combined: whether a fitness made it of ``trials``; else it is that of the only one.
+        planned: how many trials there would have been, where it was given up before the last; None: it was not.
+        same_as: the id of the near-duplicate that was tried in its place.
+        saved_s: the processor time of the rollouts that were not needed, an estimate.
+        figures: further numbers of a fitness, by name.
     """
 
     candidate: Candidate
@@ -95,28 +129,53 @@ class Evaluation:
     tracking_error_rad: float = float("nan")
     moved_m: dict[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    details: dict[str, Any] = field(default_factory=dict)
+    trials: tuple[Trial, ...] = ()
+    combined: bool = False
+    planned: int | None = None
+    same_as: str | None = None
+    saved_s: float = 0.0
+    figures: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def stopped(self) -> bool:
         """Whether it was given up before its last trial; its reward is what is certain."""
-        return STOPPED in self.details
+        return self.planned is not None
+
+    @property
+    def shown(self) -> Trial | None:
+        """The trial that was observed; None: none was."""
+        return next((trial for trial in self.trials if trial.observation is not None), None)
+
+    @property
+    def observation(self) -> Observation | None:
+        """What was observed of its rollout, of several that of the one that is shown; None: nothing."""
+        return self.shown.observation if self.shown is not None else None
+
+    @property
+    def by_engine(self) -> dict[str, list[float]]:
+        """The rewards of its trials in each engine."""
+        rewards: dict[str, list[float]] = {}
+        for trial in self.trials:
+            rewards.setdefault(trial.engine, []).append(trial.reward)
+        return rewards
+
+    @property
+    def rollouts(self) -> int:
+        """The number of its trials that were simulated."""
+        return count_rollouts(self.status, self.trials, self.same_as)
+
+    @property
+    def unneeded(self) -> int:
+        """The number of rollouts that were not needed: trials that were known without one, and those left out."""
+        known = sum(not trial.simulated for trial in self.trials)
+        return known + (self.planned - len(self.trials) if self.planned is not None else 0)
 
 
-def observation(evaluation: Evaluation) -> Observation | None:
-    """Read the observation that is stored with an evaluation; None: there is none."""
-    stored = evaluation.details.get(OBSERVATION)
-    return None if stored is None else read_observation(stored)
-
-
-def count_rollouts(status: str, details: Mapping[str, Any]) -> int:
-    """Count the rollouts of an `Evaluation`: one for each trial that was simulated; none of what was not tried."""
-    if SAME_AS in details or status == "rejected":
+def count_rollouts(status: str, trials: Sequence[Trial], same_as: str | None) -> int:
+    """Count the trials of an `Evaluation` that were simulated; none of what was not tried."""
+    if same_as is not None or status == "rejected":
         return 0
-    engines, stopped = details.get("engines"), details.get(STOPPED)
-    trials = sum(len(of["rewards"]) for of in engines.values()) if engines else 1
-    foreseen = details.get(SAVED, {}).get("rollouts", 0) - (stopped["of"] - stopped["after"] if stopped else 0)
-    return trials - int(foreseen)
+    return sum(trial.simulated and trial.status != "rejected" for trial in trials) if trials else 1
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from core.designs.feedback import combined_figures, describe
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
-from core.interfaces import Fitness, RolloutSettings, observation
+from core.interfaces import Fitness, RolloutSettings, Task
 from core.plugins import EXECUTOR, FITNESS, SIMULATOR
 from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator
@@ -51,7 +51,7 @@ def try_all(cfg: DictConfig, candidates: Iterable[Candidate], fitness: Fitness) 
         return list(evaluate_all(candidates, fitness, executor))
 
 
-def record(evaluation: Evaluation) -> dict[str, Any]:
+def record(evaluation: Evaluation, task: Task) -> dict[str, Any]:
     """One entry of the output file."""
     names = ("reward", "distance_m", "status", "reason", "ik_error_m", "ik_error_rad", "tracking_error_rad")
     figures = {name: getattr(evaluation, name) for name in names}
@@ -64,8 +64,8 @@ def record(evaluation: Evaluation) -> dict[str, Any]:
         "plan": evaluation.candidate.action,
         **{k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in figures.items()},  # JSON: no nan
         "warnings": warnings,
-        **({"observed": describe(evaluation)} if observation(evaluation) is not None else {}),
-        **({"details": combined} if (combined := combined_figures(evaluation)) else {}),
+        **({"observed": describe(evaluation)} if evaluation.observation is not None else {}),
+        **({"details": combined} if (combined := combined_figures(evaluation, task)) else {}),
     }
 
 
@@ -73,7 +73,8 @@ def main(words: list[str]) -> None:
     cfg = load("evaluate", arguments(USAGE, words))
     if OmegaConf.is_missing(cfg, "designs"):
         raise UsageError(f"no designs file given; {USAGE}")
-    records = [record(evaluation) for evaluation in evaluate(cfg)]
+    task = task_part(cfg).create()
+    records = [record(evaluation, task) for evaluation in evaluate(cfg)]
     if cfg.output is not None:
         write_bytes(Path(cfg.output), (json.dumps(records, indent=2) + "\n").encode())
     show(records)

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from core.design import SAME_AS, SAVED, TIE, Evaluation, best_first, count_rollouts
+from core.design import TIE, Evaluation, best_first
 from core.interfaces import Budget, RolloutSettings, Simulator, Task, ToolRepresentation
 
 INTERRUPTED = "interrupted"
@@ -71,7 +71,7 @@ class Generation:
         return sum(e.status == status for e in self.evaluations)
 
 
-class Saved(NamedTuple):
+class SavedRollouts(NamedTuple):
     """The rollouts that a run did not need, and their seconds of processor time, an estimate; the near-duplicates."""
 
     rollouts: int
@@ -113,13 +113,12 @@ class Result:
     def rollouts(self) -> int:
         """How many rollouts there were; equal candidates share theirs."""
         found = {e.candidate.content: e for generation in self.generations for e in generation.evaluations}
-        return sum(count_rollouts(e.status, e.details) for e in found.values())
+        return sum(e.rollouts for e in found.values())
 
     @property
-    def saved(self) -> Saved:
+    def saved(self) -> SavedRollouts:
         """What was not tried, or not to the end. What equal candidates share counts once."""
         evaluations = [e for generation in self.generations for e in generation.evaluations]
-        tried = {e.candidate.content: e.details.get(SAVED) for e in evaluations if SAME_AS not in e.details}
-        found = [of for of in tried.values() if of is not None]
-        rollouts, seconds = sum(of["rollouts"] for of in found), sum(of["seconds"] for of in found)
-        return Saved(rollouts, float(seconds), sum(SAME_AS in e.details for e in evaluations))
+        tried = {e.candidate.content: e for e in evaluations if e.same_as is None}.values()
+        near_duplicates = sum(e.same_as is not None for e in evaluations)
+        return SavedRollouts(sum(e.unneeded for e in tried), sum(e.saved_s for e in tried), near_duplicates)

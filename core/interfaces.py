@@ -12,6 +12,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar, Unpack
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy.typing as npt
 
 from core.design import TIE, Candidate, DesignError, Evaluation, Tool
 from core.design import Budget as Budget
-from core.design import observation as observation
+from core.design import Trial as Trial
 from core.errors import UsageError, UserError
 from core.scene import View as View
 from core.task import Task as Task
@@ -305,6 +306,18 @@ class EvolutionStrategy(ABC):
         self.designer = designer
         self.budget = budget
         self.tie = tie
+
+    @classmethod
+    def observes(cls, settings: Mapping[str, Any]) -> bool:
+        """Report whether a strategy with these settings needs observations of rollouts (`Evaluation.observation`)."""
+        return False
+
+    def hand_over(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
+        """Write what the strategy found beside the best design, if anything, to ``folder``; it is not there yet.
+
+        ``ranking`` are all candidates that were tried, the best first.
+        """
+        return  # nothing, unless a strategy has more to give
 
     def goes_on(self, generation: int, budget: Budget) -> bool:
         """Report whether there is a generation of this number, from 0; by default up to ``budget.n_iteration``."""

@@ -35,7 +35,7 @@ from core.interfaces import (
 )
 from core.plugins import ACTION, FITNESS, SIMULATOR, event_hub, installed
 from core.search.agent_groups import Team
-from core.search.designer import DEFAULT_KINDS, make_designer
+from core.search.designer import DEFAULT_KINDS, Assignment, make_designer
 from core.simulation.rollout import Evaluator
 from core.support.cli import arguments, command, say, write_bytes
 
@@ -73,18 +73,15 @@ def compose(cfg: DictConfig) -> Request:
     evaluator = Evaluator(task_part(cfg), part(SIMULATOR, cfg.sim), cfg.seed, settings)
     fitness = part(FITNESS, cfg.fitness).create(evaluator=evaluator)
     tie, judged = cfg.evolution.get("tie", TIE), fitness.instructions()
+    budget = Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)})
+    kinds = cfg.task.get("tool_kinds") or DEFAULT_KINDS
     designer = make_designer(
-        task,
+        Assignment(task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds),
         part(SIMULATOR, cfg.sim).create(),
         NoModel(installed().factory("vlm", cfg.vlm.name)),
-        representation,
-        part(ACTION, cfg.action).create(),
         PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged),
-        Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)}),
-        seed=cfg.seed,
-        sampling=node(cfg.sampling, Sampling),
-        tool_kinds=cfg.task.get("tool_kinds") or DEFAULT_KINDS,
-        events=event_hub(),
+        node(cfg.sampling, Sampling),
+        event_hub(),
     )
     elites: list[Evaluation] = []
     if cfg.designs is not None:

@@ -21,6 +21,7 @@ from rich.progress import track
 from core.config.compose import check_seed, node, part, robot_part, task_part, tool_part
 from core.config.settings import PerturbationRange
 from core.design import Candidate, Evaluation
+from core.designs.feedback import statistics
 from core.designs.rules import SpawnRules
 from core.errors import UserError
 from core.interfaces import RolloutSettings
@@ -196,8 +197,8 @@ def record(
         "reason": robust.reason,
         "ik_error_m": None if math.isnan(robust.ik_error_m) else robust.ik_error_m,
         "engines": {
-            engine: {"nominal": nominal[engine].reward, **figures}
-            for engine, figures in robust.details["engines"].items()
+            engine: {"nominal": nominal[engine].reward, **statistics(rewards)}
+            for engine, rewards in robust.by_engine.items()
         },
         "warnings": list(robust.warnings),
     }

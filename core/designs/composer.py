@@ -26,7 +26,7 @@ from core.designs.feedback import combined_figures, critiques_text, generation_l
 from core.designs.layout import layout_table
 from core.designs.rules import MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
-from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text, observation
+from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text
 from core.robot.extents import outline
 from core.robot.trajectory import plan_motion
 from core.scene import Body, describe_goals
@@ -169,7 +169,12 @@ class PromptComposer:
         numbers = numbers or given is not None or self.settings.feedback != "paper"
         last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
         elites, shortened = elites_text(
-            brief.elites, representation, numbers=numbers, budget=self.settings.elite_characters, tried=brief.tried
+            brief.elites,
+            representation,
+            brief.task,
+            numbers=numbers,
+            budget=self.settings.elite_characters,
+            tried=brief.tried,
         )
         return {
             "given": given,
@@ -205,11 +210,11 @@ class PromptComposer:
             "tie": f"{self.tie:g}",
             "judged": self.judged,
             "elites": elites,
-            "observed": any(observation(elite) is not None for elite in brief.elites),
+            "observed": any(elite.observation is not None for elite in brief.elites),
             "critiques": critiques_text(brief),
             "candidates": generation_lines(last, self.settings.generation_characters),
             "shortened": shortened,
-            "detailed": any(combined_figures(elite) for elite in brief.elites),
+            "detailed": any(combined_figures(elite, brief.task) for elite in brief.elites),
             "solved": any(elite.reward >= 1 - self.tie for elite in brief.elites),
             "other_kind": any(e.candidate.tool and e.candidate.tool.gripper != brief.gripper for e in brief.elites),
         }

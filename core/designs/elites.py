@@ -16,7 +16,7 @@ from core.designs.feedback import combined_figures, elite_feedback
 from core.designs.layout import describe_shape
 from core.designs.reading import dump_design
 from core.geometry import Box
-from core.interfaces import ToolRepresentation, observation
+from core.interfaces import Task, ToolRepresentation
 from core.support.text import clean, short_numbers
 
 _LONGEST = 240  # characters of a description
@@ -25,6 +25,7 @@ _LONGEST = 240  # characters of a description
 def elites_text(
     elites: Sequence[Evaluation],
     representation: ToolRepresentation,
+    task: Task,
     *,
     numbers: bool,
     budget: int,
@@ -36,7 +37,7 @@ def elites_text(
     ``tried``. The last is shortened first: at first to a list of its components, then to its id, reward and names,
     which are shown in any case.
     """
-    entries = [_entry(elite, representation, numbers, tried) for elite in elites]
+    entries = [_entry(elite, representation, task, tried if numbers else None) for elite in elites]
     text = _json(entries)
     shortened = len(text) > budget
     for shorten in (_listed, _named):
@@ -49,7 +50,7 @@ def elites_text(
 
 
 def _entry(
-    elite: Evaluation, representation: ToolRepresentation, numbers: bool, tried: Sequence[Evaluation]
+    elite: Evaluation, representation: ToolRepresentation, task: Task, tried: Sequence[Evaluation] | None
 ) -> dict[str, Any]:
     candidate, design = elite.candidate, dump_design(elite.candidate, representation)
     assert candidate.tool is not None
@@ -57,12 +58,12 @@ def _entry(
     data: dict[str, Any] = {"id": candidate.id, "reward": round(elite.reward, 4)}
     data |= {key: _cut(key, value) for key, value in design.items() if key not in left_out}
     data |= representation.abridge(candidate.tool)
-    if figures := combined_figures(elite):
+    if figures := combined_figures(elite, task):
         data["details"] = _figures(figures)
-    if not numbers:
+    if tried is None:
         return data
     data |= {"action_plan": _figures(candidate.plan.dump()), "distance_m": _rounded(elite.distance_m)}
-    if observation(elite) is not None:
+    if elite.observation is not None:
         return data | elite_feedback(elite, tried) | {"warnings": list(elite.warnings)}
     return data | {
         "moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()},

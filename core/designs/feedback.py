@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import zip_longest
 from typing import Any
 
-from core.design import Evaluation, best_first
-from core.interfaces import Brief, Contact, Observation, observation
+import numpy as np
+
+from core.design import Evaluation, Trial, best_first
+from core.interfaces import Brief, Contact, Observation, Task
 from core.support.text import clean, short_numbers
-from core.values.observations import OBSERVATION, TRIAL
 
 _MISS_M, _MISS_RAD, _LAG_RAD, _MOVED_M, _DEEP_M = 0.001, 0.01, 0.01, 0.001, 0.001  # what is less is not worth its words
-_BODIES, _CONTACTS = 2, 6
+_BODIES, _CONTACTS, _LAYOUTS = 2, 6, 3
 _REASON, _NAME = 300, 120  # characters
 
 
@@ -32,7 +33,7 @@ def outcome_of(evaluation: Evaluation) -> str:
         return evaluation.status
     if evaluation.reason:
         return "invalid"
-    seen = observation(evaluation)
+    seen = evaluation.observation
     return seen.result if seen is not None else "tried"
 
 
@@ -100,9 +101,44 @@ def generation_lines(evaluations: tuple[Evaluation, ...], budget: int) -> str:
     return "\n".join([*shown, *([f"- Left out: {_summary(rest)}."] if rest else [])])
 
 
-def combined_figures(evaluation: Evaluation) -> dict[str, Any]:
-    """Return the figures that a fitness combined."""
-    return {key: value for key, value in evaluation.details.items() if key not in (OBSERVATION, TRIAL)}
+def combined_figures(evaluation: Evaluation, task: Task) -> dict[str, Any]:
+    """Describe what a fitness made of several trials, as JSON: the same for the same trials, however long they took."""
+    figures: dict[str, Any] = {}
+    if evaluation.combined:
+        figures["engines"] = {engine: statistics(rewards) for engine, rewards in evaluation.by_engine.items()}
+        if poor := poor_layouts(evaluation, task):
+            figures["poor_layouts"] = poor
+    if evaluation.planned is not None:
+        figures["stopped"] = {"after": len(evaluation.trials), "of": evaluation.planned}
+    if evaluation.same_as is not None:
+        figures["same_as"] = evaluation.same_as
+    return figures | dict(evaluation.figures)
+
+
+def statistics(rewards: Sequence[float]) -> dict[str, Any]:
+    """Summarise rewards: their mean, standard deviation, and the rewards."""
+    return {"mean": float(np.mean(rewards)), "std": float(np.std(rewards)), "rewards": list(rewards)}
+
+
+def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
+    """List the layouts in which a plan failed, the worst first, with the numbers that were drawn for each."""
+    if not evaluation.combined or evaluation.status == "rejected":
+        return []
+    engines = len(evaluation.by_engine)
+    poor = [t for t in evaluation.trials if t.change is None and t.reward < task.success_reward]
+    shown: list[dict[str, Any]] = []
+    for trial in sorted(poor, key=lambda trial: trial.reward)[:_LAYOUTS]:
+        draw = task.draw(trial.layout)
+        shown.append(
+            {  # JSON
+                "layout": trial.layout,
+                **({"engine": trial.engine} if engines > 1 else {}),
+                "reward": round(trial.reward, 3),
+                **({"reason": trial.reason[:200]} if trial.reason else {}),
+                **{name: round(draw(name, math.nan), 3) for name in draw.ranges},
+            }
+        )
+    return shown
 
 
 def elite_feedback(elite: Evaluation, tried: Iterable[Evaluation]) -> dict[str, Any]:
@@ -113,11 +149,10 @@ def elite_feedback(elite: Evaluation, tried: Iterable[Evaluation]) -> dict[str, 
     if plans:
         plans.sort(key=lambda e: e.candidate.key)
         described["other_plans"] = [f"{e.reward:.2f} {outcome_of(e)}" for e in plans]
-    if (trial := elite.details.get(TRIAL)) is not None:
-        described["trial"] = _where(trial)
-    seen = observation(elite)
-    if seen is None:
+    seen = elite.observation
+    if elite.shown is None or seen is None:
         return described
+    described["trial"] = _where(elite.shown)
     described |= {"result": _result(seen), "moved": dict(_moves(seen, 2 * _BODIES))}
     wrong = {name: offset for name, offset in seen.errors.items() if any(part is not None for part in offset)}
     worst = sorted(wrong, key=lambda name: -max(abs(part) for part in wrong[name] if part is not None))
@@ -138,15 +173,15 @@ def describe(evaluation: Evaluation) -> str:
     """Say in one line what became of a candidate."""
     if evaluation.status != "ok":
         return f"{evaluation.status}: {clean(evaluation.reason, _REASON)}"
-    seen = observation(evaluation)
+    seen = evaluation.observation
     parts = [f"{evaluation.reward:.3f}"]
     if evaluation.reason:
         parts[0] += f" invalid: {clean(evaluation.reason, _REASON)}"
     if seen is None:
         moved = sorted(evaluation.moved_m.items(), key=lambda item: -item[1])[:_BODIES]
         return "; ".join([*parts, *(f"{name} moved {way:.3f} m" for name, way in moved if way > _MOVED_M)])
-    if "engines" in evaluation.details and (trial := evaluation.details.get(TRIAL)):
-        parts[0] += f" of all trials; in the worst ({_where(trial)})"
+    if evaluation.combined and evaluation.shown is not None:
+        parts[0] += f" of all trials; in the worst ({_where(evaluation.shown)})"
     if not evaluation.reason:
         parts[0] += f" {_result(seen)}"
     moves = _moves(seen, _BODIES)
@@ -164,9 +199,10 @@ def describe(evaluation: Evaluation) -> str:
     return "; ".join(filter(None, (*parts, _miss(seen), _lag(seen))))
 
 
-def _where(trial: Mapping[str, Any]) -> str:
+def _where(trial: Trial) -> str:
     """Name a trial: the engine, the layout's number, and that of a perturbation."""
-    return ", ".join(f"{name} {value}" for name, value in trial.items())
+    change = "" if trial.change is None else f", change {trial.change}"
+    return f"engine {trial.engine}, layout {trial.layout}{change}"
 
 
 def _result(seen: Observation) -> str:

@@ -15,12 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pydantic
 
-from core.design import TIE, Evaluation, Tool, best_first, observation
+from core.design import TIE, Evaluation, Tool, best_first
 from core.designs.reading import dump_design
 from core.errors import UsageError, choices
 from core.geometry import Array
 from core.interfaces import ToolRepresentation
-from core.values.observations import TOUCHES
 
 MAX_BINS = 100
 LIGHT_KG = 0.2
@@ -79,9 +78,8 @@ def touch(evaluation: Evaluation) -> float:
 
     Of several trials it is the mean of those in which it touched one.
     """
-    seen = observation(evaluation)
-    touches = evaluation.details.get(TOUCHES) or [seen.touch_m if seen is not None else None]
-    return float(np.mean([np.nan if of is None else of for of in touches]))
+    touches = [trial.touch_m for trial in evaluation.trials if trial.touch_m is not None]
+    return float(np.mean(touches)) if touches else float("nan")
 
 
 VALUES: dict[str, Callable[[Evaluation], float]] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pluggy
@@ -35,7 +35,6 @@ from core.interfaces import (
     Simulator,
     Task,
     ToolRepresentation,
-    observation,
 )
 from core.plugins import describe_part
 from core.search.agent_groups import Team, check_members
@@ -45,41 +44,67 @@ from core.simulation.pictures import draw_strip, png, report_missing, scene_pict
 from core.support.cli import say
 from core.support.text import shorten
 from core.support.threads import run_in_thread
-from core.values.observations import TRIAL
 
 TOOL_KINDS = ("rigid", "gripper")
 DEFAULT_KINDS = ("rigid",)  # for a task that names none
+
+
+@dataclass(frozen=True, eq=False)
+class Assignment:
+    """What all agents of a run are asked for: tools and plans for a task, in these forms.
+
+    An agent's seed, temperature and kind of tool follow from ``seed``, the generation and the agent's number alone. Of
+    two ``tool_kinds`` each agent gets one at random. Where the representation gives a tool, agents are asked for plans
+    only.
+
+    Raises:
+        UserError: an unknown tool kind.
+    """
+
+    task: Task
+    representation: ToolRepresentation
+    actions: ActionRepresentation
+    budget: Budget
+    seed: int
+    tool_kinds: Sequence[str] = DEFAULT_KINDS
+
+    def __post_init__(self) -> None:
+        for name in self.tool_kinds:
+            if name not in TOOL_KINDS:
+                raise choices("tool kind", str(name), TOOL_KINDS, "task.tool_kinds")
 
 
 @dataclass(eq=False)
 class ModelDesigner:
     """A `core.interfaces.Designer` that sends the requests of all agents at once.
 
-    An agent's seed, temperature and kind of tool follow from ``seed``, the generation and the agent's number alone. Of
-    two ``tool_kinds`` each agent gets one at random. Where the representation gives a tool, agents are asked for plans
-    only. ``pictures`` has those of the scene by view, without the gripper (False) and with it. ``show`` draws a film
-    strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and for the most
-    instructive failure of the last generation. ``tried`` is what they may show of earlier generations; as a listener
-    the designer collects it itself. ``critic`` has candidates criticised before each generation; None: nothing is.
+    Attributes:
+        assignment: what is asked for.
+        vlm: the model.
+        prompts: composes the requests.
+        sampling: the temperatures.
+        events: receives requests and replies.
+        pictures: those of the scene by view, without the gripper (False) and with it.
+        show: draws a film strip of a rollout; if the prompts' feedback is ``full``, it is called for the best elite and
+            for the most instructive failure of the last generation.
+        critic: has candidates criticised before each generation; None: nothing is.
+        tried: what requests may show of earlier generations; as a listener the designer collects it itself.
     """
 
-    task: Task
+    assignment: Assignment
     vlm: VLM
-    representation: ToolRepresentation
-    actions: ActionRepresentation
     prompts: PromptComposer
-    budget: Budget
-    _: KW_ONLY
-    seed: int
     sampling: Sampling
-    tool_kinds: Sequence[str]
-    pictures: Mapping[bool, Mapping[str, Picture]]
     events: pluggy.PluginManager
+    pictures: Mapping[bool, Mapping[str, Picture]] = field(default_factory=dict)
     show: Callable[[Evaluation], Picture | None] | None = None
-    tried: list[Evaluation] = field(default_factory=list)
     critic: Critic | None = None
+    tried: list[Evaluation] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        asked = self.assignment
+        self.task, self.representation, self.actions = asked.task, asked.representation, asked.actions
+        self.budget, self.seed = asked.budget, asked.seed
         self._spawn = SpawnRules(self.task, self.seed)
         self._given = self.representation.given(self.task)
 
@@ -247,7 +272,8 @@ class ModelDesigner:
     def _brief(self, generation: int, agent: int, team: Team, tried: tuple[Evaluation, ...]) -> tuple[Brief, float]:
         """Make an agent's assignment, and draw its temperature."""
         rng = np.random.default_rng([self.seed, generation, agent])
-        kind = self.tool_kinds[int(rng.integers(len(self.tool_kinds)))]
+        kinds = self.assignment.tool_kinds
+        kind = kinds[int(rng.integers(len(kinds)))]
         gripper = self._given.gripper if self._given is not None else kind == "gripper"
         temperature = self.sampling.temperature + team.warmth + rng.uniform(-self.sampling.spread, self.sampling.spread)
         brief = Brief(
@@ -332,17 +358,11 @@ def borne_kinds(tool_kinds: Sequence[str], robot: Robot) -> list[str]:
 
 
 def make_designer(
-    task: Task,
+    assignment: Assignment,
     simulator: Simulator,
     vlm: VLM,
-    representation: ToolRepresentation,
-    actions: ActionRepresentation,
     prompts: PromptComposer,
-    budget: Budget,
-    *,
-    seed: int,
     sampling: Sampling,
-    tool_kinds: Sequence[str],
     events: pluggy.PluginManager,
 ) -> ModelDesigner:
     """Make a designer that shows the model pictures, drawn by ``simulator``, of the scene and of rollouts.
@@ -350,21 +370,18 @@ def make_designer(
     Where nothing can draw, standard error says why, and the model gets text alone.
 
     Raises:
-        UserError: an unknown tool kind, none that the robot can bear, no given tool for the task, or one that breaks a
-            rule.
+        UserError: no tool kind that the robot can bear, no given tool for the task, or one that breaks a rule.
     """
-    for name in tool_kinds:
-        if name not in TOOL_KINDS:
-            raise choices("tool kind", str(name), TOOL_KINDS, "task.tool_kinds")
-    given = given_tool(representation, task, seed)
+    task, seed = assignment.task, assignment.seed
+    given = given_tool(assignment.representation, task, seed)
     if given is None:
-        tool_kinds = borne_kinds(tool_kinds, task.robot)
-    bare = [Tool(gripper=name == "gripper") for name in dict.fromkeys(tool_kinds)]
+        assignment = replace(assignment, tool_kinds=borne_kinds(assignment.tool_kinds, task.robot))
+    bare = [Tool(gripper=name == "gripper") for name in dict.fromkeys(assignment.tool_kinds)]
 
     def show(evaluation: Evaluation) -> Picture | None:
-        candidate, details = evaluation.candidate, evaluation.details
-        layout = details.get(TRIAL, {}).get("layout", seed)
-        seen = observation(evaluation) if "engines" not in details else None  # else of another engine or perturbed
+        candidate, shown = evaluation.candidate, evaluation.shown
+        layout = seed if shown is None else shown.layout
+        seen = None if evaluation.combined else evaluation.observation  # else of another engine or perturbed
         try:
             strip = draw_strip(task, simulator, candidate, layout, prompts.rollout, seen)
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
@@ -377,18 +394,5 @@ def make_designer(
     mounted = bare if given is None else [given]
     pictures, drawable = scene_pictures(task, simulator, prompts.settings.views, seed, mounted)
     film = show if drawable else None
-    return ModelDesigner(
-        task,
-        vlm,
-        representation,
-        actions,
-        prompts,
-        budget,
-        seed=seed,
-        sampling=sampling,
-        tool_kinds=tool_kinds,
-        pictures=pictures,
-        events=events,
-        show=film,
-        critic=make_critic(vlm, prompts, sampling.temperature, task, simulator, seed, film),
-    )
+    critic = make_critic(vlm, prompts, sampling.temperature, task, simulator, seed, film)
+    return ModelDesigner(assignment, vlm, prompts, sampling, events, pictures, film, critic)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import pluggy
 
-from core.design import SAME_AS, Candidate, DesignError, Evaluation, Tool
+from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import check_tool
 from core.errors import LimitReached, UserError, fault
 from core.events import INTERRUPTED, Generation, Result
@@ -235,7 +235,7 @@ def _shared(earned: Evaluation, candidate: Candidate) -> Evaluation:
     if tried.content == candidate.content:
         return replace(earned, candidate=candidate)
     warnings = (*earned.warnings, f"not tried: it hardly differs from {tried.id}, whose evaluation it gets")
-    return replace(earned, candidate=candidate, warnings=warnings, details=earned.details | {SAME_AS: tried.id})
+    return replace(earned, candidate=candidate, warnings=warnings, same_as=tried.id)
 
 
 def _drained(settled: deque[Evaluation]) -> Iterator[Evaluation]:

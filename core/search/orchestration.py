@@ -9,12 +9,13 @@ import math
 import shlex
 import shutil
 import sys
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, cast
 
+import pluggy
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import check_seed, node, part, task_part, tool_part
@@ -27,13 +28,12 @@ from core.designs.composer import PromptComposer
 from core.designs.planning import resolve
 from core.errors import UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
-from core.interfaces import Budget, RolloutSettings, Simulator
+from core.interfaces import Budget, EvolutionStrategy, Executor, Fitness, Reply, RolloutSettings
 from core.plugins import ACTION, EVOLUTION, EXECUTOR, FITNESS, MODEL, SIMULATOR, event_hub, installed
 from core.plugins.blame import describe_failure
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
-from core.search.archive import OBSERVED, handed_over, measures_of, save_archive
-from core.search.designer import DEFAULT_KINDS, make_designer
+from core.search.designer import DEFAULT_KINDS, Assignment, ModelDesigner, make_designer
 from core.search.evolution import evolve
 from core.search.holdout import try_unseen
 from core.search.listeners import add_listener
@@ -46,6 +46,78 @@ from core.store.progress import CachedVLM
 from core.store.recorder import RunStore, best_figures, unseen_figures
 from core.support.cli import say
 
+# Kinds of parts whose names a run's listeners receive.
+_PARTS = ("task", "sim", "vlm", "tool", "action", "evolution", "fitness", "executor")
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """All that takes part in a search."""
+
+    run: Run
+    designer: ModelDesigner
+    strategy: EvolutionStrategy
+    fitness: Fitness
+    executor: Executor
+    events: pluggy.PluginManager
+    near_duplicates: bool
+
+
+def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Search:
+    """Make the parts that ``cfg`` names; a model's ``replies`` are not asked for again.
+
+    Raises:
+        UserError: a part or setting that can't be used.
+    """
+    config = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True))
+    refuse_keys(OmegaConf.create(config))
+    budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
+    check_budget(budget)
+    check_seed(cfg.seed)
+    chosen, sim = task_part(cfg), part(SIMULATOR, cfg.sim)
+    task, simulator = chosen.create(), sim.create()
+    arm_of(task.robot).home_for(task.home)  # an arm that can't start is reported once, before it is drawn
+    vlm = part(MODEL, cfg.vlm).create()
+    representation = tool_part(cfg).create()
+    if representation.given(task) is not None:
+        budget = replace(budget, n_tool=1)
+    settings = node(cfg.rollout, RolloutSettings)
+    if cfg.prompt.feedback != "paper" or cfg.prompt.critic or _observes(config["evolution"]):
+        settings = replace(settings, observe=True)
+    fitness = part(FITNESS, cfg.fitness).create(evaluator=Evaluator(chosen, sim, cfg.seed, settings))
+    executor: Executor = part(EXECUTOR, cfg.executor).create()
+    tie, judged = cfg.evolution.get("tie", TIE), fitness.instructions()
+    events, kinds = event_hub(), config["task"].get("tool_kinds") or DEFAULT_KINDS
+    designer = make_designer(
+        Assignment(task, representation, part(ACTION, cfg.action).create(), budget, cfg.seed, kinds),
+        simulator,
+        CachedVLM(vlm, replies) if replies else vlm,
+        PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged),
+        node(cfg.sampling, Sampling),
+        events,
+    )
+    strategy: EvolutionStrategy = part(EVOLUTION, cfg.evolution).create(designer=designer, budget=budget)
+    if strategy.learns:
+        events.register(designer, "designer")
+    if (refine := config["evolution"].get("refine", 0)) != 0:
+        strategy = Refinement(strategy, designer, refine)
+    twice = config["evolution"].get("near_duplicates", False)
+    if type(twice) is not bool:
+        raise UsageError(f"evolution.near_duplicates must be true or false, got {twice!r}")
+    for name, options in config["listener"].items():
+        add_listener(events, installed().create("listener", name, options or {}), name)
+    add_listener(events, vlm, "vlm")
+    parts = {kind: config[kind]["name"] for kind in _PARTS}
+    parts |= {"robot": task.robot.name, "material": representation.material.name}
+    made = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
+    return _Search(made, designer, strategy, fitness, executor, events, twice)
+
+
+def _observes(evolution: Mapping[str, Any]) -> bool:
+    """Ask the strategy whether it needs observations; that is settled before it is made."""
+    observes = getattr(installed().factory("evolution", evolution["name"]), "observes", EvolutionStrategy.observes)
+    return bool(observes(evolution))
+
 
 def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
     """Make the parts that ``cfg`` names, run the loop, and leave everything in ``folder``.
@@ -56,78 +128,12 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         UserError: a part or setting that can't be used, or a folder that holds a run already or can't be written.
         KeyboardInterrupt: outside of the loop (inside: `Result.stopped`); says how to go on.
     """
-    config = cast(dict[str, Any], OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True))
-    refuse_keys(OmegaConf.create(config))
-    budget = Budget(**{field.name: config["budget"][field.name] for field in fields(Budget)})
-    check_budget(budget)
-    check_seed(cfg.seed)
-    chosen, sim_part = task_part(cfg), part(SIMULATOR, cfg.sim)
-    task, simulator = chosen.create(), sim_part.create()
-    arm_of(task.robot).home_for(task.home)  # an arm that can't start is reported once, before it is drawn
-    vlm = part(MODEL, cfg.vlm).create()
-    representation = tool_part(cfg).create()
-    given = representation.given(task)
-    if given is not None:
-        budget = replace(budget, n_tool=1)
-    settings = node(cfg.rollout, RolloutSettings)
-    observed = any(measure.name in OBSERVED for measure in measures_of(config["evolution"]))
-    if cfg.prompt.feedback != "paper" or cfg.prompt.critic or observed:
-        settings = replace(settings, observe=True)
-    evaluator = Evaluator(chosen, sim_part, cfg.seed, settings)
-    fitness = part(FITNESS, cfg.fitness).create(evaluator=evaluator)
-
-    executor = part(EXECUTOR, cfg.executor).create()
-    tie, judged = cfg.evolution.get("tie", TIE), fitness.instructions()
-    prompts = PromptComposer(node(cfg.prompt, PromptConfig), settings, cfg.sim.name, tie=tie, judged=judged)
-    events = event_hub()
-    designer = make_designer(
-        task,
-        simulator,
-        CachedVLM(vlm, store.past.replies) if store is not None else vlm,
-        representation,
-        part(ACTION, cfg.action).create(),
-        prompts,
-        budget,
-        seed=cfg.seed,
-        sampling=node(cfg.sampling, Sampling),
-        tool_kinds=config["task"].get("tool_kinds") or DEFAULT_KINDS,
-        events=events,
-    )
-    strategy = part(EVOLUTION, cfg.evolution).create(designer=designer, budget=budget)
-    if strategy.learns:
-        events.register(designer, "designer")
-    if (refine := config["evolution"].get("refine", 0)) != 0:
-        strategy = Refinement(strategy, designer, refine)
-    twice = config["evolution"].get("near_duplicates", True)  # older runs have no such setting
-    if type(twice) is not bool:
-        raise UsageError(f"evolution.near_duplicates must be true or false, got {twice!r}")
-    for name, options in config["listener"].items():
-        add_listener(events, installed().create("listener", name, options or {}), name)
-    store = store or RunStore.create(folder, config)  # from here on the folder is this run's
-    add_listener(events, vlm, "vlm")
+    search = _made(cfg, folder, store.past.replies if store is not None else {})
+    store = store or RunStore.create(folder, search.run.config)  # from here on the folder is this run's
     # Registered last it is called first, and what it raises ends the run: no reply and no evaluation may be lost.
-    events.register(store, "store")
-    parts = {
-        kind: config[kind]["name"]
-        for kind in ("task", "sim", "vlm", "tool", "action", "evolution", "fitness", "executor")
-    }
-    parts |= {"robot": task.robot.name, "material": representation.material.name}
-    this = Run(folder, config, parts, vlm.model, task, representation, budget, cfg.seed, simulator, settings)
+    search.events.register(store, "store")
     try:
-        with writing(folder):
-            for picture in chain.from_iterable(views.values() for views in designer.pictures.values()):
-                if picture.name == "scene":
-                    (folder / "scene.png").write_bytes(picture.png)
-        events.hook.run_started(run=this)
-        with executor:
-            known = store.past.evaluation
-            result = evolve(strategy, fitness, executor, budget, events, known, task.robot, near_duplicates=twice)
-            if result.best is not None and result.stopped != INTERRUPTED:
-                result = replace(result, unseen=try_unseen(result.best, fitness, executor))
-        result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
-        with writing(folder):
-            save_best(result, this, simulator, settings, film=cfg.film)
-        events.hook.run_finished(run=this, result=result)
+        return _searched(search, store, film=cfg.film)
     except UserError as error:
         raise UserError(f"{error}; {resume_hint(folder)}") from error
     except KeyboardInterrupt:
@@ -140,30 +146,56 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
             error.add_note(note)
         raise
     finally:
-        events.hook.run_ended()
+        search.events.hook.run_ended()
+
+
+def _searched(search: _Search, store: RunStore, *, film: bool) -> Result:
+    """Run the loop, and write what it found."""
+    this, events = search.run, search.events
+    with writing(this.folder):
+        for picture in chain.from_iterable(views.values() for views in search.designer.pictures.values()):
+            if picture.name == "scene":
+                (this.folder / "scene.png").write_bytes(picture.png)
+    events.hook.run_started(run=this)
+    with search.executor:
+        result = evolve(
+            search.strategy,
+            search.fitness,
+            search.executor,
+            this.budget,
+            events,
+            store.past.evaluation,
+            this.task.robot,
+            near_duplicates=search.near_duplicates,
+        )
+        if result.best is not None and result.stopped != INTERRUPTED:
+            result = replace(result, unseen=try_unseen(result.best, search.fitness, search.executor))
+    result = replace(result, wall_time_s=store.seconds + result.wall_time_s)
+    with writing(this.folder):
+        save_best(result, this, search.strategy, film=film)
+    events.hook.run_finished(run=this, result=result)
     return result
 
 
-def save_best(result: Result, this: Run, simulator: Simulator, settings: RolloutSettings, *, film: bool) -> None:
+def save_best(result: Result, this: Run, strategy: EvolutionStrategy, *, film: bool) -> None:
     """Write the best design to ``best/``, with a film of its rollout unless the run was interrupted.
 
-    Where the strategy has measures, ``archive/`` has the best of each cell.
+    What else a strategy hands over lies beside it (`core.interfaces.EvolutionStrategy.hand_over`).
     """
     best, folder, archive = result.best, this.folder / "best", this.folder / "archive"
-    if best is None:
+    if best is None or this.simulator is None:
         return
     for old in (folder, archive):
         if old.is_symlink():
             old.unlink()
         shutil.rmtree(old, ignore_errors=True)  # a resumed run has those of an earlier end
-    plan = resolve(best.candidate.plan, this.task, this.seed, settings)
-    motion = plan_task_motion(plan, this.task, settings)
+    plan = resolve(best.candidate.plan, this.task, this.seed, this.settings)
+    motion = plan_task_motion(plan, this.task, this.settings)
     save_design(best.candidate, this.representation, this.task.robot, motion, folder)
-    if measures := measures_of(this.config["evolution"]):
-        save_archive(handed_over(measures, result.ranking, result.tie), measures, this.representation, archive)
+    strategy.hand_over(result.ranking, this.representation, archive)
     if film and result.stopped != INTERRUPTED:
         try:
-            save_film(this.task, simulator, best.candidate, this.seed, settings, folder / "rollout.gif")
+            save_film(this.task, this.simulator, best.candidate, this.seed, this.settings, folder / "rollout.gif")
         except Exception as error:  # a film that fails costs the film, never the run
             report_missing("film", error)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from core.design import Candidate, Evaluation, best_first, best_tools
 from core.errors import UsageError
 from core.geometry import Array
-from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers
+from core.interfaces import Budget, Designer, EvolutionStrategy, Numbers, ToolRepresentation
 
 POPULATION = 12  # candidates that a start is given at a time
 STARTS = (4, 2, 1)  # candidates that are refined side by side, and go on: the best half of them each time
@@ -64,6 +65,10 @@ class Refinement(EvolutionStrategy):
         self._earlier: list[Evaluation] = []
         self._searches: list[_Search] | None = None  # until the other strategy has come to its end
         self._spent, self._generation = 0, 0
+
+    def hand_over(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
+        """Pass on what the other strategy hands over."""
+        self._strategy.hand_over(ranking, representation, folder)
 
     def goes_on(self, generation: int, budget: Budget) -> bool:
         """Report whether the other strategy goes on, or rollouts are left."""

@@ -11,7 +11,7 @@ from itertools import chain, islice
 
 import numpy as np
 
-from core.design import SAVED, STOPPED, Candidate, Evaluation
+from core.design import Candidate, Evaluation
 from core.errors import UsageError
 from core.interfaces import Evaluate, Executor, Fitness
 from core.simulation.robustness import mean, worst
@@ -133,20 +133,14 @@ class Tried:
     def combined(self, combine: Combine = mean, trial: str = "change") -> Evaluation:
         """Combine its evaluations (`worst`): trials that it did not come to count 0."""
         found = worst(self.candidate, self.tried, combine, trial)
-        every = self.every
-        details = {key: value for key, value in found.details.items() if key != SAVED}
-        saved = [evaluation.details[SAVED] for evaluation in every if SAVED in evaluation.details]
-        left = sum(self.counts.values()) - len(every)
-        if saved or left:
-            seconds = sum(of["seconds"] for of in saved) + left * self.seconds / len(every)
-            details[SAVED] = {"rollouts": len(saved) + left, "seconds": seconds}
-        if not left:
-            return replace(found, details=details)
-        total = len(every) + left
-        details[STOPPED] = {"after": len(every), "of": total}
-        said = f"stopped after {len(every)} of {total} {trial}s: {self.stopped}"
+        tried, total = len(self.every), sum(self.counts.values())
+        if tried == total:
+            return found
+        said = f"stopped after {tried} of {total} {trial}s: {self.stopped}"
         certain = [combine(_filled(self.tried.get(engine, ()), count, 0.0)) for engine, count in self.counts.items()]
-        return replace(found, reward=min(certain), details=details, warnings=(*found.warnings, said))
+        saved_s = found.saved_s + (total - tried) * self.seconds / tried
+        warnings = (*found.warnings, said)
+        return replace(found, reward=min(certain), warnings=warnings, planned=total, saved_s=saved_s)
 
 
 def try_in_turn(
@@ -221,9 +215,8 @@ def _in_order(evaluators: Mapping[str, Sequence[Evaluate]]) -> list[tuple[str, E
 
 def _first(evaluation: Evaluation, engines: Iterable[str], number: int) -> list[float]:
     """Return the rewards of an evaluation's first ``number`` trials, or of as many as it has."""
-    figures = evaluation.details.get("engines", {})
-    rewards = (float(reward) for engine in engines for reward in figures.get(engine, {}).get("rewards", ()))
-    return list(islice(rewards, number))
+    rewards = evaluation.by_engine
+    return list(islice((reward for engine in engines for reward in rewards.get(engine, ())), number))
 
 
 @dataclass(frozen=True)

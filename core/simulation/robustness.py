@@ -11,14 +11,13 @@ import numpy as np
 
 from core.config.compose import listed, part, robot_part
 from core.config.settings import PerturbationRange
-from core.design import Candidate, DesignError, Evaluation, Tool
+from core.design import Candidate, DesignError, Evaluation, Tool, Trial
 from core.designs.rules import SpawnRules
 from core.errors import UsageError
-from core.interfaces import Simulator, Task, observation
+from core.interfaces import Simulator, Task
 from core.plugins import SIMULATOR, PluginPart, RobotPart, TaskPart
 from core.simulation.perturbation import Perturbed
 from core.simulation.rollout import Evaluator
-from core.values.observations import TOUCHES
 
 
 @dataclass(frozen=True)
@@ -55,8 +54,8 @@ class CheckedEvaluator(Evaluator):
         return "in the perturbed scene" if isinstance(self.task, PerturbedPart) else f"in layout {self.seed}"
 
     @property
-    def trial(self) -> dict[str, Any]:
-        return super().trial | ({"change": self.task.draw} if isinstance(self.task, PerturbedPart) else {})
+    def change(self) -> int | None:
+        return self.task.draw if isinstance(self.task, PerturbedPart) else None
 
 
 @lru_cache(maxsize=256)
@@ -127,13 +126,11 @@ def worst(
     """Combine a candidate's evaluations in each engine into one, by the worst engine.
 
     The reward is the lowest of the engines' combined rewards; a rejected or failed trial counts 0.
-    ``details["engines"]`` holds each engine's mean, standard deviation and rewards. All else is taken from the trial
-    with the lowest reward that succeeded, in the worst engine if there is one there; if none succeeded, from the first.
-    ``details[TOUCHES]`` holds `Observation.touch_m` of all trials that have one. Failures become warnings; ``trial`` is
-    what they call a trial.
+    All else is taken from the trial with the lowest reward that succeeded, in the worst engine if there is one there;
+    if none succeeded, from the first. It alone keeps its observation. Failures become warnings; ``trial`` is what they
+    call a trial.
     """
-    figures = {engine: statistics(evaluations) for engine, evaluations in tried.items()}
-    rewards = {engine: combine(of["rewards"]) for engine, of in figures.items()}
+    rewards = {engine: combine([e.reward for e in evaluations]) for engine, evaluations in tried.items()}
     lowest = min(rewards, key=lambda engine: rewards[engine])
     others = [e for engine, evaluations in tried.items() if engine != lowest for e in evaluations]
     succeeded = [[e for e in trials if e.status == "ok"] for trials in (tried[lowest], others)]
@@ -144,14 +141,23 @@ def worst(
         for i, e in enumerate(evaluations, start=1)
         if e.status != "ok" and shown.status == "ok"
     ]
-    warnings, reward = (*shown.warnings, *failures), rewards[lowest]
-    seen = [observation(e) for e in (*tried[lowest], *others)]
-    touches = [of.touch_m for of in seen if of is not None and of.touch_m is not None]
-    details = shown.details | {"engines": figures} | ({TOUCHES: touches} if touches else {})
-    return replace(shown, candidate=candidate, reward=reward, warnings=warnings, details=details)
+    made = [
+        replace(_trial(evaluation), engine=engine, observation=evaluation.observation if evaluation is shown else None)
+        for engine, evaluations in tried.items()
+        for evaluation in evaluations
+    ]
+    return replace(
+        shown,
+        candidate=candidate,
+        reward=rewards[lowest],
+        warnings=(*shown.warnings, *failures),
+        trials=tuple(made),
+        combined=True,
+        saved_s=sum(evaluation.saved_s for evaluation in (*tried[lowest], *others)),
+    )
 
 
-def statistics(evaluations: Sequence[Evaluation]) -> dict[str, Any]:
-    """Summarise rewards: their mean, standard deviation, and the rewards."""
-    rewards = [float(e.reward) for e in evaluations]
-    return {"mean": mean(rewards), "std": float(np.std(rewards)), "rewards": rewards}
+def _trial(evaluation: Evaluation) -> Trial:
+    """Return the trial of an evaluation; one that says nothing of it, as a stranger's evaluator may, gets one."""
+    known = evaluation.trials[0] if evaluation.trials else Trial()
+    return replace(known, status=evaluation.status, reward=float(evaluation.reward), reason=evaluation.reason)

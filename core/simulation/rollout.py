@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
-from core.design import SAVED, Candidate, DesignError, Evaluation, Tool
+from core.design import Candidate, DesignError, Evaluation, Tool, Trial
 from core.designs.planning import resolve
 from core.errors import UserError
 from core.geometry import Array
@@ -27,7 +27,6 @@ from core.solids.record_rate import is_finite, sample_hz, thinnest
 from core.solids.self_collision import find_self_collision
 from core.support.text import shorten
 from core.task import reward_of
-from core.values.observations import TRIAL
 from core.values.traces import TRACE_HZ
 
 
@@ -77,14 +76,18 @@ class Evaluator:
             if blamed is None:
                 raise
             raise PluginError(blamed) from error
-        if self.settings.observe:
-            found = [replace(e, details=e.details | {TRIAL: self.trial}) for e in found]
-        return found
+        return [replace(evaluation, trials=(self._trial(evaluation),)) for evaluation in found]
 
     @property
-    def trial(self) -> dict[str, Any]:
-        """Where its rollouts take place: the engine, the layout's number, and that of a perturbation."""
-        return {"engine": self.sim.name, "layout": self.seed}
+    def change(self) -> int | None:
+        """The number of the scene's perturbation; None: the scene is as the task has it."""
+        return None
+
+    def _trial(self, evaluation: Evaluation) -> Trial:
+        """Complete the trial of an evaluation: where it took place, and what came of it."""
+        known = evaluation.trials[0] if evaluation.trials else Trial()
+        earned = replace(known, status=evaluation.status, reward=evaluation.reward, reason=evaluation.reason)
+        return replace(earned, engine=self.sim.name, layout=self.seed, change=self.change)
 
 
 @lru_cache(maxsize=256)
@@ -126,6 +129,36 @@ def prepare(
     return motion, job
 
 
+@dataclass(eq=False)
+class _Attempt:
+    """A candidate that is tried, on its way through a batch.
+
+    Attributes:
+        candidate: what is tried.
+        tool: the candidate's.
+        motion: its plan in this layout.
+        job: what the simulator plays.
+        warnings: what is to be said of it so far.
+        saved_s: the processor time that was saved, seconds; None: it is simulated.
+        outcome: what the simulator made of it.
+        findings: what was unphysical.
+        contacts: those of its recording; None: they are not needed, or there is no recording of finite states.
+    """
+
+    candidate: Candidate
+    tool: Tool
+    motion: Motion
+    job: Rollout
+    warnings: tuple[str, ...] = ()
+    saved_s: float | None = None
+    outcome: Outcome | None = None
+    findings: Sequence[Finding] = ()
+    contacts: Contacts | None = None
+
+    def failed(self, reason: str) -> Evaluation:
+        return Evaluation(self.candidate, "failed", reason=reason, trials=(Trial(),))
+
+
 def evaluate_batch(
     task: Task,
     simulator: Simulator,
@@ -139,96 +172,150 @@ def evaluate_batch(
     What touches nothing is not simulated, if there is ``foresight``: what the layout is while the robot rests, and the
     least clearance in metres.
     """
-    evaluations: dict[int, Evaluation] = {}
-    motions: dict[int, Motion] = {}
-    jobs: dict[int, Rollout] = {}
-    foreseen: dict[int, Outcome] = {}
-    saved: dict[int, dict[str, Any]] = {}
-    crossed: dict[int, tuple[str]] = {}
-    scene = task.scene(seed)
-    thin, traced = thinnest(scene), task.reads_trace
-    for i, candidate in enumerate(candidates):
-        if candidate.problem is not None:
-            evaluations[i] = Evaluation(candidate, "rejected", reason=candidate.problem)
-            continue
-        try:
-            motion, job = prepare(task, candidate, seed, settings, scene=scene)
-        except DesignError as error:
-            evaluations[i] = Evaluation(candidate, "rejected", reason=str(error))
-            continue
-        if (duration := motion.trajectory.duration) > settings.max_motion_s:
-            took = f"the motion takes {duration:.0f} s under the arm's limits, more than {settings.max_motion_s:.0f} s"
-            evaluations[i] = Evaluation(candidate, "rejected", reason=f"{took}; use fewer waypoints")
-            continue
-        if settings.penetration != "ignore" and (met := find_self_collision(task.robot, job.tool, motion.trajectory)):
-            where = met.describe(motion.arrivals)
-            if settings.penetration == "forbid":
-                evaluations[i] = Evaluation(candidate, "rejected", reason=f"{where}; {met.mend}")
-                continue
-            crossed[i] = (where,)
-        motions[i] = motion
-        if foresight is not None and (untouched := foresight[0].foresee(task.robot, job, foresight[1])) is not None:
-            film = foresight[0].film(task.robot, job) if settings.observe else None
-            said = f"not simulated: it keeps {foresight[1]:g} m or more from all that can move"
-            foreseen[i] = replace(untouched, tracking_error_rad=float("nan"), recording=film, warnings=(said,))
-            seconds = job.settle_s + job.trajectory.duration + job.hold_s
-            saved[i] = {SAVED: {"rollouts": 1, "seconds": foresight[0].share * seconds}}
-            continue
-        if settings.penetration != "ignore" or settings.observe:
-            job = replace(job, record_hz=sample_hz(task.robot, job.tool, job.trajectory, thin))
-        if traced:
+    batch = _Batch(task, task.scene(seed), seed, settings, foresight)
+    steps = [batch.planned(candidate) for candidate in candidates]
+    attempts = [step for step in steps if isinstance(step, _Attempt)]
+    simulated = [attempt for attempt in attempts if attempt.outcome is None]
+    outcomes = _outcomes(simulator, task, [attempt.job for attempt in simulated])
+    for attempt, outcome in zip(simulated, outcomes, strict=True):
+        attempt.outcome = outcome
+    judged = dict(zip(map(id, attempts), batch.judged(attempts), strict=True))
+    return [judged[id(step)] if isinstance(step, _Attempt) else step for step in steps]
+
+
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """One layout of a task, and how candidates are tried in it; see `evaluate_batch`."""
+
+    task: Task
+    scene: Scene
+    seed: int
+    settings: RolloutSettings
+    foresight: tuple[Idle, float] | None
+
+    @property
+    def _checks(self) -> bool:
+        return self.settings.penetration != "ignore"
+
+    @property
+    def _forbids(self) -> bool:
+        return self.settings.penetration == "forbid"
+
+    def planned(self, candidate: Candidate) -> _Attempt | Evaluation:
+        """Plan a candidate's motion; an evaluation: it is rejected."""
+        robot, most_s, problem = self.task.robot, self.settings.max_motion_s, candidate.problem
+        warnings: tuple[str, ...] = ()
+        if problem is None:
+            try:
+                motion, job = prepare(self.task, candidate, self.seed, self.settings, scene=self.scene)
+            except DesignError as error:
+                problem = str(error)
+        if problem is None and (duration := motion.trajectory.duration) > most_s:
+            took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most_s:.0f} s"
+            problem = f"{took}; use fewer waypoints"
+        elif problem is None and self._checks and (met := find_self_collision(robot, job.tool, motion.trajectory)):
+            warnings = (met.describe(motion.arrivals),)
+            problem = f"{warnings[0]}; {met.mend}" if self._forbids else None
+        if problem is not None:
+            return Evaluation(candidate, "rejected", reason=problem)
+        return self._foreseen(_Attempt(candidate, job.tool, motion, job, warnings))
+
+    def _foreseen(self, attempt: _Attempt) -> _Attempt:
+        """Add the outcome of what touches nothing; else what the simulator has to record."""
+        robot, job = self.task.robot, attempt.job
+        if self.foresight is not None and (untouched := self.foresight[0].foresee(robot, job, self.foresight[1])):
+            idle, clearance_m = self.foresight
+            film = idle.film(robot, job) if self.settings.observe else None
+            said = f"not simulated: it keeps {clearance_m:g} m or more from all that can move"
+            attempt.outcome = replace(untouched, tracking_error_rad=math.nan, recording=film, warnings=(said,))
+            attempt.saved_s = idle.share * (job.settle_s + job.trajectory.duration + job.hold_s)
+            return attempt
+        if self._checks or self.settings.observe:
+            job = replace(job, record_hz=sample_hz(robot, job.tool, job.trajectory, thinnest(self.scene)))
+        if self.task.reads_trace:
             job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
-        jobs[i] = job
-    outcomes = foreseen | dict(zip(jobs, _outcomes(simulator, task, list(jobs.values())), strict=True))
-    finished: dict[int, tuple[State, State]] = {}
-    found: dict[int, list[Finding] | Explosion] = {}
-    warned: dict[int, list[Finding]] = {}
-    contacts: dict[int, Contacts] = {}
-    if settings.penetration != "ignore":
-        recorded = {i: (jobs[i].tool, film) for i in jobs if (film := outcomes[i].recording) is not None}
-        found = findings(scene, task.robot, recorded)
-    for i, outcome in outcomes.items():
-        tool = candidates[i].tool
-        if isinstance(unphysical := found.get(i, []), Explosion):
-            evaluations[i] = Evaluation(candidates[i], "failed", reason=f"the simulation blew up: {unphysical}")
-            continue
-        warned[i] = unphysical
-        recording = outcome.recording if outcome.error is None and (traced or settings.observe) else None
-        if recording is not None and tool is not None and is_finite(recording):
-            contacts[i] = find_contacts(scene, task.robot, tool, recording)
-        if outcome.error is not None or outcome.start is None or outcome.end is None:
-            reason = outcome.error or "the simulator returned no state"
-            evaluations[i] = Evaluation(candidates[i], "failed", reason=reason)
-        elif traced and i not in contacts:
-            reason = "the reward reads a trace, and the simulator returned no recording of finite states"
-            evaluations[i] = Evaluation(candidates[i], "failed", reason=reason)
-        else:
-            finished[i] = outcome.start, outcome.end
-    if finished:
-        starts, ends = (scene.complete(State.stack(states)) for states in zip(*finished.values(), strict=True))
+        attempt.job = job
+        return attempt
+
+    def judged(self, attempts: Sequence[_Attempt]) -> list[Evaluation]:
+        """Check what was played, and reward it."""
+        exploded = self._check(attempts)
+        failures = [self._failure(attempt, exploded.get(id(attempt))) for attempt in attempts]
+        finished = [attempt for attempt, failure in zip(attempts, failures, strict=True) if failure is None]
+        rewarded = iter(self._rewarded(finished) if finished else [])
+        return [attempt.failed(why) if why else next(rewarded) for attempt, why in zip(attempts, failures, strict=True)]
+
+    def _check(self, attempts: Sequence[_Attempt]) -> dict[int, Explosion]:
+        """Find what is unphysical, and what touched; return the worlds that blew up."""
+        exploded = {}
+        if self._checks:
+            films = {
+                number: (attempt.tool, attempt.outcome.recording)
+                for number, attempt in enumerate(attempts)
+                if attempt.saved_s is None and attempt.outcome is not None and attempt.outcome.recording is not None
+            }
+            for number, found in findings(self.scene, self.task.robot, films).items():
+                if isinstance(found, Explosion):
+                    exploded[id(attempts[number])] = found
+                else:
+                    attempts[number].findings = found
+        for attempt in attempts:
+            outcome = attempt.outcome
+            wanted = self.task.reads_trace or self.settings.observe
+            if outcome is None or not wanted or id(attempt) in exploded or outcome.error is not None:
+                continue
+            if (recording := outcome.recording) is not None and is_finite(recording):
+                attempt.contacts = find_contacts(self.scene, self.task.robot, attempt.tool, recording)
+        return exploded
+
+    def _failure(self, attempt: _Attempt, explosion: Explosion | None) -> str | None:
+        """Say why a rollout failed; None: it did not."""
+        outcome = attempt.outcome
+        if explosion is not None:
+            return f"the simulation blew up: {explosion}"
+        if outcome is None or outcome.error is not None or outcome.start is None or outcome.end is None:
+            return (outcome and outcome.error) or "the simulator returned no state"
+        if self.task.reads_trace and attempt.contacts is None:
+            return "the reward reads a trace, and the simulator returned no recording of finite states"
+        return None
+
+    def _rewarded(self, finished: Sequence[_Attempt]) -> Iterator[Evaluation]:
+        """Yield the evaluations of what came to its end."""
+        scene, outcomes = self.scene, [attempt.outcome for attempt in finished]
+        starts, ends = (
+            scene.complete(State.stack([getattr(outcome, end) for outcome in outcomes])) for end in ("start", "end")
+        )
         shifts = np.linalg.norm(ends.positions - starts.positions, axis=-1)
-        trace = make_trace(scene, [contacts[i] for i in finished]) if traced else None
-        for i, reward, moved in zip(finished, _rewards(task, starts, ends, trace), shifts, strict=True):
+        contacts = [attempt.contacts for attempt in finished if attempt.contacts is not None]
+        trace = make_trace(scene, contacts) if self.task.reads_trace else None
+        rewards = _rewards(self.task, starts, ends, trace)
+        for attempt, reward, moved in zip(finished, rewards.tolist(), shifts.tolist(), strict=True):
+            motion, outcome = attempt.motion, attempt.outcome
+            assert outcome is not None
             evaluation = Evaluation(
-                candidates[i],
+                attempt.candidate,
                 "ok",
-                reward=float(reward),
-                distance_m=motions[i].distance_m,
-                ik_error_m=motions[i].ik_error_m,
-                ik_error_rad=motions[i].ik_error_rad,
-                tracking_error_rad=outcomes[i].tracking_error_rad,
-                moved_m={name: float(shift) for name, shift in zip(starts.names, moved, strict=True)},
-                warnings=(*crossed.get(i, ()), *motions[i].slowdowns(), *outcomes[i].warnings),
+                reward=reward,
+                distance_m=motion.distance_m,
+                ik_error_m=motion.ik_error_m,
+                ik_error_rad=motion.ik_error_rad,
+                tracking_error_rad=outcome.tracking_error_rad,
+                moved_m=dict(zip(starts.names, moved, strict=True)),
+                warnings=(*attempt.warnings, *motion.slowdowns(), *outcome.warnings),
+                trials=(self._trial(attempt, reward),),
+                saved_s=attempt.saved_s or 0.0,
             )
             if not 0.0 <= reward <= 1.0:
-                reason = f"task {task.name}: the reward {reward} is not in [0, 1]"
+                reason = f"task {self.task.name}: the reward {reward} is not in [0, 1]"
                 evaluation = replace(evaluation, status="failed", reward=0.0, reason=reason)
-            if settings.observe and i in contacts:
-                seen = observe(task, scene, motions[i], outcomes[i], evaluation.reward, contacts[i])
-                evaluation = replace(evaluation, details=seen.details())
-            evaluation = replace(evaluation, details=evaluation.details | saved.get(i, {}))
-            evaluations[i] = judged(evaluation, warned[i], forbid=settings.penetration == "forbid")
-    return [evaluations[i] for i in range(len(candidates))]
+            yield judged(evaluation, attempt.findings, forbid=self._forbids)
+
+    def _trial(self, attempt: _Attempt, reward: float) -> Trial:
+        if not self.settings.observe or attempt.contacts is None or attempt.outcome is None:
+            return Trial(simulated=attempt.saved_s is None)
+        earned = reward if 0.0 <= reward <= 1.0 else 0.0
+        seen = observe(self.task, self.scene, attempt.motion, attempt.outcome, earned, attempt.contacts)
+        return Trial(simulated=attempt.saved_s is None, touch_m=seen.touch_m, observation=seen)
 
 
 def findings(

@@ -1,4 +1,4 @@
-"""Open a run's SQLite file: one writer at a time, any number of readers, upgrades, and one line for each failure."""
+"""Open a run's SQLite file: one writer at a time, any number of readers, and one line for each failure."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.errors import UserError
-from core.store.rows import MAX_BYTES, TABLES, checksum, damages
+from core.store.rows import MAX_BYTES, checksum, damages
 from core.support.files import file_mark
 from core.support.secrets import scrub
 from core.support.text import clean
@@ -24,45 +24,33 @@ if TYPE_CHECKING:
 FILE = "run.sqlite"
 LOCK = "run.lock"
 
-# What each schema version adds to the one before. A new store gets all steps, an older one those that it lacks.
-# A column that is added from now on has no default, which would change checksums.
-_STEPS: tuple[tuple[str, ...], ...] = (
-    (
-        "CREATE TABLE run (schema_version INTEGER NOT NULL, config TEXT NOT NULL)",
-        """CREATE TABLE requests (
-            id TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, gripper INTEGER NOT NULL,
-            temperature REAL NOT NULL, elites TEXT NOT NULL
-        )""",
-        """CREATE TABLE replies (
-            request_id TEXT PRIMARY KEY REFERENCES requests(id), model TEXT NOT NULL, text TEXT NOT NULL, error TEXT,
-            prompt_tokens INTEGER, completion_tokens INTEGER, cost_usd REAL
-        )""",
-        """CREATE TABLE strategies (
-            generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL, parents TEXT NOT NULL,
-            design TEXT NOT NULL, PRIMARY KEY (generation, agent, strategy)
-        )""",
-        """CREATE TABLE evaluations (
-            candidate TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL,
-            plan INTEGER NOT NULL, waypoints TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL,
-            reward REAL NOT NULL, distance_m REAL, ik_error_m REAL, ik_error_rad REAL, tracking_error_rad REAL,
-            moved_m TEXT NOT NULL, warnings TEXT NOT NULL
-        )""",
-        "CREATE TABLE generations (number INTEGER PRIMARY KEY, summary TEXT NOT NULL)",
-    ),
-    (
-        "ALTER TABLE run ADD COLUMN result TEXT",
-        "ALTER TABLE requests ADD COLUMN digest TEXT",
-        "ALTER TABLE evaluations ADD COLUMN content TEXT",
-        "ALTER TABLE evaluations ADD COLUMN details TEXT NOT NULL DEFAULT '{}'",
-        """CREATE TABLE sessions (
-            number INTEGER PRIMARY KEY, began TEXT NOT NULL, seconds REAL NOT NULL, overrides TEXT NOT NULL,
-            versions TEXT NOT NULL
-        )""",
-    ),
-    tuple(f"ALTER TABLE {table} ADD COLUMN checksum TEXT" for table in TABLES),
-    ("ALTER TABLE replies ADD COLUMN unanswered INTEGER",),
+SCHEMA_VERSION = 1  # until something is released
+_CREATE = (
+    "CREATE TABLE run (schema_version INTEGER NOT NULL, config TEXT NOT NULL, result TEXT, checksum TEXT)",
+    """CREATE TABLE sessions (
+        number INTEGER PRIMARY KEY, began TEXT NOT NULL, seconds REAL NOT NULL, overrides TEXT NOT NULL,
+        versions TEXT NOT NULL, checksum TEXT
+    )""",
+    """CREATE TABLE requests (
+        id TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, gripper INTEGER NOT NULL,
+        temperature REAL NOT NULL, elites TEXT NOT NULL, digest TEXT NOT NULL, checksum TEXT
+    )""",
+    """CREATE TABLE replies (
+        request_id TEXT PRIMARY KEY REFERENCES requests(id), model TEXT NOT NULL, text TEXT NOT NULL, error TEXT,
+        prompt_tokens INTEGER, completion_tokens INTEGER, cost_usd REAL, unanswered INTEGER, checksum TEXT
+    )""",
+    """CREATE TABLE strategies (
+        generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL, parents TEXT NOT NULL,
+        design TEXT NOT NULL, checksum TEXT, PRIMARY KEY (generation, agent, strategy)
+    )""",
+    """CREATE TABLE evaluations (
+        candidate TEXT PRIMARY KEY, generation INTEGER NOT NULL, agent INTEGER NOT NULL, strategy INTEGER NOT NULL,
+        plan INTEGER NOT NULL, waypoints TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL,
+        reward REAL NOT NULL, distance_m REAL, ik_error_m REAL, ik_error_rad REAL, tracking_error_rad REAL,
+        moved_m TEXT NOT NULL, warnings TEXT NOT NULL, content TEXT NOT NULL, details TEXT NOT NULL, checksum TEXT
+    )""",
+    "CREATE TABLE generations (number INTEGER PRIMARY KEY, summary TEXT NOT NULL, checksum TEXT)",
 )
-SCHEMA_VERSION = len(_STEPS)
 
 _REFUSALS = {
     getattr(sqlite3, f"SQLITE_{name}")
@@ -158,9 +146,9 @@ def _check(database: sqlite3.Connection, file: Path, log: Path) -> None:
         return
     version = _version(database)
     if version is not None:
-        if not 1 <= version <= SCHEMA_VERSION:
+        if version != SCHEMA_VERSION:
             raise UserError(
-                f"{file} was written by another version: its schema version is {version}, this version reads up to "
+                f"{file} was written by another version: its schema version is {version}, this version reads "
                 f"{SCHEMA_VERSION}; it is left as it is"
             )
         try:
@@ -180,7 +168,7 @@ class Database:
     """``run.sqlite``, open for writing by this process alone until `close`.
 
     Raises:
-        UserError: another process writes it; it is damaged, or a newer version wrote it; the folder can't be written.
+        UserError: another process writes it; it is damaged, or another version wrote it; the folder can't be written.
             The file is left as it was.
     """
 
@@ -225,24 +213,11 @@ class Database:
                 self._connection.execute("SELECT 1 FROM run").fetchone()
             )
 
-    def upgrade(self) -> None:
-        """Bring the tables to this version's schema; within a `transaction`.
-
-        Raises:
-            UserError: they are not those of the schema version that it names.
-        """
-        version = _version(self._connection) or 0
-        try:
-            for statements in _STEPS[version:]:
-                for statement in statements:
-                    self._connection.execute(statement)
-        except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode != sqlite3.SQLITE_ERROR:
-                raise
-            why = f"its tables are not those of schema version {version} ({error})"
-            raise UserError(f"{self.folder / FILE} is damaged: {why}; it is left as it is") from error
-        if version < SCHEMA_VERSION:
-            self.update("run", schema_version=SCHEMA_VERSION)
+    def create(self) -> None:
+        """Make the tables, unless they are there; within a `transaction`."""
+        if _version(self._connection) is None:
+            for statement in _CREATE:
+                self._connection.execute(statement)
 
     @contextmanager
     def transaction(self, *, paid: bool = False) -> Iterator[None]:
@@ -372,7 +347,7 @@ def _version(database: sqlite3.Connection) -> int | None:
         return None
     row = database.execute("SELECT schema_version FROM run").fetchone()
     if row is None:
-        return 1  # version 1 made its tables before it wrote a row
+        return SCHEMA_VERSION
     if not isinstance(row[0], int):
         raise sqlite3.DatabaseError("its schema version is no number; use a copy")
     return row[0]

@@ -9,12 +9,15 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from sqlite3 import Row
+from typing import Any
 
-from core.design import SAME_AS, Candidate, Evaluation
+from core.design import Candidate, Evaluation
 from core.errors import UserError
 from core.interfaces import VLM, Reply, Request, Text
 from core.store.database import Database
+from core.store.rows import load_details
 
 # An evaluation's numbers, which have columns of the same names.
 FIGURES = ("reward", "distance_m", "ik_error_m", "ik_error_rad", "tracking_error_rad")
@@ -38,7 +41,7 @@ class StoredProgress:
     """The stored requests, replies and evaluations of a run.
 
     Attributes:
-        requests: digests by request id; None where an older version stored none.
+        requests: digests by request id.
         replies: replies by request id, without those to ask for again.
         candidates: the ids of the evaluated candidates.
         again: ids of requests that got no answer, for a reason that may pass, and that nothing stored builds on.
@@ -47,7 +50,7 @@ class StoredProgress:
     def __init__(self, database: Database) -> None:
         self._folder = database.folder
         self.again: dict[str, tuple[int, int]] = {row[0]: row[1:] for row in map(tuple, database.rows(_AGAIN))}
-        self.requests: dict[str, str | None] = dict(map(tuple, database.rows("SELECT id, digest FROM requests")))
+        self.requests: dict[str, str] = dict(map(tuple, database.rows("SELECT id, digest FROM requests")))
         replies = "SELECT request_id, text, model, error, prompt_tokens, completion_tokens, cost_usd FROM replies"
         stored = [Reply(*row) for row in database.rows(replies)]
         self.replies = {reply.request_id: reply for reply in stored if reply.request_id not in self.again}
@@ -57,7 +60,7 @@ class StoredProgress:
             row["candidate"]: row for row in rows if (row["generation"], row["agent"], row["status"]) not in lost
         }
         self.candidates = set(self._evaluations)
-        tried = (row for row in self._evaluations.values() if SAME_AS not in json.loads(row["details"]))
+        tried = (row for row in self._evaluations.values() if load_details(row["details"]).same_as is None)
         self._by_content = {row["content"]: row for row in tried if row["content"] is not None}
 
     def evaluation(self, candidate: Candidate) -> Evaluation | None:
@@ -84,15 +87,18 @@ def _same(row: Row, candidate: Candidate) -> bool:
 
 
 def _evaluation(candidate: Candidate, row: Row) -> Evaluation:
-    return Evaluation(
+    figures: dict[str, Any] = {
+        name: math.nan if row[name] is None else row[name] for name in FIGURES
+    }  # SQLite has no nan
+    earned = Evaluation(
         candidate,
         row["status"],
         reason=row["reason"],
         moved_m=json.loads(row["moved_m"]),
         warnings=tuple(json.loads(row["warnings"])),
-        details=json.loads(row["details"]),
-        **{name: math.nan if row[name] is None else row[name] for name in FIGURES},  # SQLite has no nan
+        **figures,
     )
+    return replace(earned, **vars(load_details(row["details"])))
 
 
 class CachedVLM(VLM):

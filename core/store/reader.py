@@ -19,13 +19,13 @@ from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import first_line, load
 from core.config.trust import as_stored
-from core.design import STOPPED, TIE, Candidate, Evaluation, best_first, count_rollouts
+from core.design import TIE, Candidate, Evaluation, best_first, count_rollouts
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
 from core.interfaces import Reply, ToolRepresentation
 from core.store.database import FILE, reading
-from core.store.rows import RunFigures, load_plan, parsed, validated
+from core.store.rows import Details, RunFigures, load_details, load_plan, parsed, validated
 
 N = TypeVar("N", int, float)
 
@@ -94,7 +94,7 @@ class StoredEvaluation:
     reward: float
     distance_m: float | None
     content: str | None
-    details: dict[str, Any]
+    details: Details
 
     @property
     def plan(self) -> list[Any]:
@@ -104,18 +104,23 @@ class StoredEvaluation:
     @property
     def stopped(self) -> bool:
         """Whether it was given up before its last trial."""
-        return STOPPED in self.details
+        return self.details.planned is not None
+
+    @property
+    def rollouts(self) -> int:
+        """The number of its trials that were simulated."""
+        return count_rollouts(self.status, self.details.trials, self.details.same_as)
 
     def of(self, candidate: Candidate) -> Evaluation:
         """Return it as the evaluation with status ``ok`` of a candidate that was read again."""
         distance = math.nan if self.distance_m is None else self.distance_m  # SQLite has no nan
-        return Evaluation(candidate, "ok", self.reward, distance, details=self.details)
+        return Evaluation(candidate, "ok", self.reward, distance, **vars(self.details))
 
 
 def rollouts(evaluations: Sequence[StoredEvaluation]) -> list[int]:
     """Count the rollouts of each evaluation; candidates with the same content are tried once."""
     first = {evaluation.content: evaluation for evaluation in reversed(evaluations)}
-    return [count_rollouts(e.status, e.details) if first[e.content] is e else 0 for e in evaluations]
+    return [e.rollouts if first[e.content] is e else 0 for e in evaluations]
 
 
 class StoredRun:
@@ -178,7 +183,7 @@ class StoredRun:
         return [
             StoredEvaluation(
                 *(row["candidate"], _key(row), row["plan"], row["waypoints"], row["status"], row["reason"]),
-                *(row["reward"], row["distance_m"], row["content"], json.loads(row["details"])),
+                *(row["reward"], row["distance_m"], row["content"], load_details(row["details"])),
             )
             for row in self._rows("evaluations ORDER BY generation, agent, strategy, plan")
         ]

@@ -29,7 +29,7 @@ from core.hooks import hookimpl
 from core.interfaces import Picture, Reply, Request, Task, Text
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
 from core.store.progress import FIGURES, StoredProgress, digest
-from core.store.rows import dump_plan
+from core.store.rows import dump_details, dump_plan
 from core.support.files import write_whole
 from core.support.secrets import scrub
 
@@ -82,7 +82,7 @@ class RunStore:
                     "hydra.run.dir=..."
                 )
             with database.transaction():
-                database.upgrade()
+                database.create()
                 database.insert("run", schema_version=SCHEMA_VERSION, config=json.dumps(config))
             store = cls(database)
             on_error.pop_all()
@@ -93,7 +93,7 @@ class RunStore:
         """Open the store of a run to resume; None: the run had stored nothing.
 
         Raises:
-            UserError: the store is damaged, another process uses it, a newer version wrote it, or it can't be written.
+            UserError: the store is damaged, another process uses it, another version wrote it, or it can't be written.
         """
         if not (folder / FILE).exists():
             return None
@@ -102,7 +102,7 @@ class RunStore:
             if not database.begun():
                 return None
             with database.transaction():
-                database.upgrade()
+                database.create()
             store = cls(database)
             unless_begun.pop_all()
         return store
@@ -153,7 +153,7 @@ class RunStore:
     @hookimpl
     def request_composed(self, request: Request) -> None:
         found, known = digest(request), request.id in self.past.requests
-        if known and self.past.requests[request.id] in (None, found):
+        if known and self.past.requests[request.id] == found:
             return
         if request.id in self.past.replies:
             _log.warning("%s is composed differently now than when it was asked; its reply is kept", request.id)
@@ -216,7 +216,7 @@ class RunStore:
                 moved_m=json.dumps(evaluation.moved_m),
                 warnings=json.dumps(evaluation.warnings),
                 content=candidate.content,
-                details=json.dumps(evaluation.details),
+                details=dump_details(evaluation),
                 **figures,
             )
             self._count_time()

@@ -6,16 +6,16 @@ import hashlib
 import json
 import sqlite3
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from functools import lru_cache
 from typing import Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic import model_validator as check_whole
 
-from core.design import SAVED
+from core.design import Evaluation, Trial
 from core.support.text import clean
-from core.values.observations import OBSERVATION, Observation
+from core.values.observations import Observation
 from core.values.plans import ActionPlan, Waypoints
 
 MAX_DEPTH = 50  # of JSON
@@ -93,16 +93,7 @@ def _with_tie(value: dict[str, Any]) -> dict[str, Any]:
     return value
 
 
-def _observed(value: dict[str, Any]) -> dict[str, Any]:
-    if OBSERVATION in value:
-        validated(Observation, value[OBSERVATION])
-    if SAVED in value:
-        validated(Saved, value[SAVED])
-    return value
-
-
 Json = BeforeValidator(parsed)
-Details = Annotated[dict[str, Any], AfterValidator(_observed), Json]  # of an evaluation
 Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**128)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -150,7 +141,7 @@ class Unseen:
 
 
 @dataclass(frozen=True)
-class Saved:
+class SavedFigures:
     """The rollouts that were not needed, and their seconds of processor time; of a run its near-duplicates too."""
 
     rollouts: Count
@@ -182,7 +173,7 @@ class RunFigures:
     stopped: str | None = None
     unseen: Unseen | None = None
     rollouts: Count | None = None  # of runs before they were counted
-    saved: Saved | None = None
+    saved: SavedFigures | None = None
     versions: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -190,6 +181,42 @@ class RunFigures:
             raise ValueError("generations are not numbered from 0")
         if self.best is not None and self.best.generation >= len(self.generations):
             raise ValueError(f"best.generation is {self.best.generation}, of {len(self.generations)} generations")
+
+
+@dataclass(frozen=True)
+class Details:
+    """What the column ``details`` holds of an evaluation; see `core.design.Evaluation`."""
+
+    trials: tuple[Trial, ...] = ()
+    combined: bool = False
+    planned: Count | None = None
+    same_as: Id | None = None
+    saved_s: Amount = 0.0
+    figures: dict[str, Number] = field(default_factory=dict)
+
+
+def dump_details(evaluation: Evaluation) -> str:
+    """Write the column ``details``: what is not as its default."""
+    written = {each.name: getattr(evaluation, each.name) for each in fields(Details)}
+    written |= {"trials": [_spare(trial) for trial in evaluation.trials], "figures": dict(evaluation.figures)}
+    return json.dumps({name: value for name, value in written.items() if value})
+
+
+def _spare(trial: Trial) -> dict[str, Any]:
+    return {
+        each.name: asdict(value) if isinstance(value, Observation) else value
+        for each in fields(Trial)
+        if (value := getattr(trial, each.name)) != each.default
+    }
+
+
+def load_details(text: str) -> Details:
+    """Read what `dump_details` wrote.
+
+    Raises:
+        ValueError: it is something else.
+    """
+    return validated(Details, parsed(text))
 
 
 class _Schema(BaseModel):
@@ -251,7 +278,7 @@ class _Request(_Schema):
     gripper: Annotated[int, Field(strict=True, ge=0, le=1)]
     temperature: Number
     elites: Annotated[list[Id], Json]
-    digest: Id | None = None
+    digest: Id
 
 
 class _Reply(_Schema):
@@ -294,8 +321,8 @@ class _Evaluation(_Schema):
     tracking_error_rad: Number | None
     moved_m: Annotated[dict[str, float], Json]
     warnings: Annotated[list[str], Json]
-    content: Id | None = None
-    details: Details = {}
+    content: Id
+    details: Annotated[Details, Json]
 
     @check_whole(mode="after")
     def _fits(self) -> _Evaluation:
@@ -340,13 +367,10 @@ def damages(database: sqlite3.Connection) -> Iterator[str]:
     (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
     if found != "ok":
         yield f"{clean(str(found), 300)}; use a copy"
-    there = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     ((runs,),) = database.execute("SELECT count(*) FROM run").fetchall()
     if runs > 1:
         yield f"it holds {runs} runs; use a copy"
     for table, schema in TABLES.items():
-        if table == "sessions" and table not in there:
-            continue  # version 1 had none
         for row in database.execute(f"SELECT rowid AS at, * FROM {table}"):  # noqa: S608
             wrong = _wrong(schema, {name: row[name] for name in row.keys() if name != "at"})  # noqa: SIM118
             if wrong:

@@ -6,12 +6,8 @@ Plugins import it from `core.interfaces`. Covered by `tests/core/simulation/test
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Literal, TypeVar
-
-T = TypeVar("T")
-
-OBSERVATION, TRIAL, TOUCHES = "observation", "trial", "touches"  # of `Evaluation.details`
+from dataclasses import dataclass, field
+from typing import Literal
 
 Class = Literal["solved", "placed", "never touched", "missed", "dropped", "tipped", "stuck", "unreachable"]
 
@@ -83,21 +79,3 @@ class Observation:
     arrivals: tuple[float, ...] = ()
     instants: tuple[float, ...] = ()
     paths: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
-
-    def details(self) -> dict[str, Any]:
-        """Return the entry of `Evaluation.details` that `observation` reads back."""
-        return {OBSERVATION: asdict(self)}
-
-
-def read_observation(stored: dict[str, Any]) -> Observation:
-    """Read an observation as `Observation.details` wrote it."""
-    parts = {
-        "moved": {name: _made(Moved, moved) for name, moved in stored.get("moved", {}).items()},
-        "contacts": tuple(_made(Contact, contact) for contact in stored.get("contacts", ())),
-    }
-    return _made(Observation, stored | parts)
-
-
-def _made(kind: type[T], values: Mapping[str, Any]) -> T:
-    """Make a dataclass of those of the values that it has fields for: a newer version may have stored more."""
-    return kind(**{field.name: values[field.name] for field in fields(kind) if field.name in values})  # type: ignore[arg-type]

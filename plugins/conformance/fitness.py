@@ -66,7 +66,7 @@ def check_each_candidate_has_its_evaluation(make: Make) -> None:
         got = evaluation.candidate.id
         expect(got == candidate.id, f"the evaluation of {candidate.id} belongs to {got}; keep the order")
         expect(0 <= evaluation.reward <= 1, f"a reward is {evaluation.reward}, not in [0, 1]")
-        as_json(evaluation.details, "what an evaluation has as details")
+        as_json(dict(evaluation.figures), "what an evaluation has as figures")
 
 
 def check_what_counts_is_text(make: Make) -> None:

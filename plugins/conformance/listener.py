@@ -20,7 +20,7 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.design import Candidate, Evaluation
+from core.design import Candidate, Evaluation, Trial
 from core.designs.planning import NO_PLAN
 from core.events import Generation, Result, Run
 from core.interfaces import Budget, Reply, Simulator, Waypoints
@@ -70,8 +70,10 @@ def _evaluations(generation: int, text: str) -> Iterator[Evaluation]:
     tool = replace(rigid(), name=text, description=text)
     parents = ("g0-a0-s0-p0",) if generation else ()
     whole = Candidate(tool, Waypoints(plan), generation, 0, 0, 0, text, text, text, parents)
-    moved, details = {text: 0.1}, {text: [1.0, None, text]}
-    yield Evaluation(whole, "ok", 0.25, 0.3, "", 0.001, 0.01, 0.002, moved, (text,), details)
+    moved, figures = {text: 0.1}, {text: 1.0}
+    yield Evaluation(
+        whole, "ok", 0.25, 0.3, "", 0.001, 0.01, 0.002, moved, (text,), (Trial(text, reason=text),), figures=figures
+    )
     yield Evaluation(replace(whole, tool=rigid(), action=1, plan=Waypoints(plan + 0.01)), "ok", 0.0)
     unread = Candidate(None, NO_PLAN, generation, 1, problem=text)
     yield Evaluation(unread, "rejected", reason=text)

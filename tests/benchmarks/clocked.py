@@ -11,7 +11,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +107,7 @@ def step_of(sim: str) -> tuple[Any, str]:
 
 @dataclass(frozen=True)
 class Clocked:
-    """Evaluate as ``evaluator`` does, with the chunk's times in ``details["clock"]`` of its first evaluation."""
+    """Evaluate as ``evaluator`` does, with the chunk's times in ``figures`` of its first evaluation."""
 
     evaluator: Evaluator
 
@@ -119,8 +119,7 @@ class Clocked:
         took["chunk"], took["cpu"] = time.perf_counter() - began, time.process_time() - cpu
         took["steps"] = clock.calls["step"] - calls["step"]
         took["pid"], took["peak_mb"], took["mb"] = os.getpid(), peak_mb(), resident_mb()
-        evaluations[0].details["clock"] = took
-        return evaluations
+        return [replace(evaluations[0], figures=took), *evaluations[1:]]
 
 
 @dataclass(frozen=True)

@@ -192,7 +192,7 @@ class Timed:
         for candidate in candidates:
             began = time.process_time()
             (evaluation,) = self.evaluator([candidate])
-            evaluations.append(replace(evaluation, details={"cpu_s": time.process_time() - began}))
+            evaluations.append(replace(evaluation, figures={"cpu_s": time.process_time() - began}))
         return evaluations
 
 
@@ -226,7 +226,7 @@ def rewards(of: Designs, sim: PluginPart, shown: str, executor: Executor, folder
     record = {
         "engine": engine,
         "rewards": [e.reward for e in evaluations],
-        "cpu_s": [e.details.get("cpu_s") for e in evaluations],
+        "cpu_s": [e.figures.get("cpu_s") for e in evaluations],
         "reasons": {e.candidate.id: e.reason for e in evaluations if e.status != "ok"},
     }
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -261,7 +261,7 @@ def estimate(
         seconds = []
         for _, sim, n in missing:
             (evaluation,) = Timed(Evaluator(PluginPart("task", name), sim))(solution)
-            seconds.append(evaluation.details["cpu_s"] * n / workers)
+            seconds.append(evaluation.figures["cpu_s"] * n / workers)
         total += sum(seconds)
         parts = ", ".join(f"{shown} {s:.0f} s" for (shown, _, _), s in zip(missing, seconds, strict=True))
         console.print(f"{name}: rollouts of about {sum(seconds):.0f} s ({parts})", highlight=False, soft_wrap=True)

@@ -21,7 +21,7 @@ from core.design import Candidate, Evaluation, best_first
 from core.designs.composer import PromptComposer
 from core.interfaces import Budget, Fitness, RolloutSettings
 from core.plugins import event_hub
-from core.search.designer import make_designer
+from core.search.designer import Assignment, make_designer
 from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator
 from tests.benchmarks import measuring
@@ -124,13 +124,13 @@ def measure(task: str, seed: int, given: Settings) -> Measured:
         fitness(candidates[:1])
     full, full_s = timed(in_full, candidates)
     staged, staged_s = timed(in_stages, candidates)
-    trials = [reward for e in full for of in e.details.get("engines", {}).values() for reward in of["rewards"]]
+    trials = [trial.reward for e in full for trial in e.trials]
     best, other = (next(iter(best_first(of)), None) for of in (full, staged))
     same = best is other or (best is not None and other is not None and best.candidate.id == other.candidate.id)
     ended = {e.candidate.id for e in staged if not e.stopped}
     top = sum(e.candidate.id in ended for e in sorted(full, key=lambda e: -e.reward)[:TOP])
     differ = sum(abs(a.reward - b.reward) > 1e-9 for a, b in zip(full, staged, strict=True) if not b.stopped)
-    saved = sum(e.details.get("saved", {}).get("rollouts", 0) for e in staged)
+    saved = sum(e.unneeded for e in staged)
     return Measured(task, full_s, staged_s, trials.count(0.0), len(trials), saved, same, top, differ)
 
 
@@ -145,18 +145,15 @@ def population(cfg, evaluator: Evaluator) -> list[Candidate]:  # type: ignore[no
     """Ask the embedded designer for a first generation."""
     task, representation = task_part(cfg).create(), part("tool", cfg.tool).create()
     representation.robot = task.robot
+    budget = Budget(**{field.name: cfg.budget[field.name] for field in fields(Budget)})
+    prompts = PromptComposer(node(cfg.prompt, PromptConfig), evaluator.settings, cfg.sim.name)
     designer = make_designer(
-        task,
+        Assignment(task, representation, part("action", cfg.action).create(), budget, cfg.seed),
         evaluator.sim.create(),
         part("vlm", cfg.vlm).create(),
-        representation,
-        part("action", cfg.action).create(),
-        PromptComposer(node(cfg.prompt, PromptConfig), evaluator.settings, cfg.sim.name),
-        Budget(**{of.name: cfg.budget[of.name] for of in fields(Budget)}),
-        seed=cfg.seed,
-        sampling=node(cfg.sampling, Sampling),
-        tool_kinds=("rigid",),
-        events=event_hub(),
+        prompts,
+        node(cfg.sampling, Sampling),
+        event_hub(),
     )
     return [candidate for candidate in designer.design(0) if candidate.problem is None]
 

@@ -149,7 +149,7 @@ def population(
         arrived.append(time.perf_counter() - began)
         memory.append(clocked.resident_mb())
     wall = arrived[-1]
-    chunks = [e.details["clock"] for e in evaluations if "clock" in e.details]
+    chunks = [e.figures for e in evaluations if "chunk" in e.figures]
     total = {label: sum(chunk.get(label, 0.0) for chunk in chunks) for label in {key for c in chunks for key in c}}
     all_time = workers * wall
     parts = {

@@ -8,16 +8,13 @@ from hypothesis import strategies as st
 from core.design import (
     GRIPPER_MOUNTS,
     RIGID_MOUNT,
-    SAME_AS,
-    SAVED,
-    STOPPED,
     Candidate,
     Component,
     DesignError,
     Evaluation,
     Tool,
+    Trial,
     best_first,
-    count_rollouts,
     ranked,
 )
 from core.geometry import Box, Pose
@@ -162,23 +159,32 @@ def test_of_equal_distances_the_higher_reward_goes_first_and_none_is_the_longest
     assert ranked(figures, lambda f: f) == [figures[2], figures[1], figures[3], figures[0]]
 
 
-TWO_ENGINES = {"engines": {"mujoco": {"rewards": [0.1, 0.2]}, "sapien": {"rewards": [0.0]}}}
+THREE = (Trial("mujoco", reward=0.1), Trial("mujoco", reward=0.2), Trial("sapien"))
+FORESEEN = Trial("mujoco", simulated=False)
+REFUSED = Trial("mujoco", status="rejected")
 
 
 @pytest.mark.parametrize(
-    ("status", "details", "count"),
+    ("status", "trials", "more", "count", "unneeded"),
     [
-        ("ok", {}, 1),
-        ("rejected", {}, 0),
-        ("rejected", TWO_ENGINES, 0),
-        ("failed", {}, 1),
-        ("ok", TWO_ENGINES, 3),
-        ("ok", TWO_ENGINES | {SAME_AS: "g0-a0-s0-p0"}, 0),
-        ("ok", {SAVED: {"rollouts": 1, "seconds": 0.5}}, 0),  # foreseen
-        ("ok", TWO_ENGINES | {SAVED: {"rollouts": 1, "seconds": 0.5}}, 2),
-        ("ok", TWO_ENGINES | {SAVED: {"rollouts": 3, "seconds": 0.5}, STOPPED: {"after": 3, "of": 6}}, 3),
-        ("ok", TWO_ENGINES | {SAVED: {"rollouts": 4, "seconds": 0.5}, STOPPED: {"after": 3, "of": 6}}, 2),
+        ("ok", (), {}, 1, 0),  # a stranger's fitness says nothing of its trials
+        ("rejected", (), {}, 0, 0),
+        ("rejected", (REFUSED,), {}, 0, 0),
+        ("failed", (), {}, 1, 0),
+        ("ok", THREE, {}, 3, 0),
+        ("ok", (*THREE, REFUSED), {}, 3, 0),
+        ("ok", THREE, {"same_as": "g0-a0-s0-p0"}, 0, 0),
+        ("ok", (FORESEEN,), {}, 0, 1),
+        ("ok", (*THREE, FORESEEN), {}, 3, 1),
+        ("ok", THREE, {"planned": 6}, 3, 3),
+        ("ok", (*THREE[:2], FORESEEN), {"planned": 6}, 2, 4),
     ],
 )
-def test_rollouts_of_an_evaluation(status, details, count):
-    assert count_rollouts(status, details) == count
+def test_rollouts_of_an_evaluation(status, trials, more, count, unneeded):
+    evaluation = Evaluation(Candidate(None, np.zeros((1, 6))), status, trials=trials, **more)
+    assert (evaluation.rollouts, evaluation.unneeded) == (count, unneeded)
+
+
+def test_rewards_by_engine():
+    evaluation = Evaluation(Candidate(None, np.zeros((1, 6))), "ok", trials=THREE)
+    assert evaluation.by_engine == {"mujoco": [0.1, 0.2], "sapien": [0.0]}

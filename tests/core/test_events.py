@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import SAME_AS, SAVED, Candidate, Evaluation, Tool
+from core.design import Candidate, Evaluation, Tool, Trial
 from core.events import Generation, Result
 
 
@@ -44,18 +44,18 @@ def test_a_result_is_of_all_generations():
 
 def test_what_equal_candidates_share_is_saved_once():
     assert not any(Result((Generation(0, (evaluation(0, 0.7),)),), 1.0).saved)
-    one = replace(evaluation(0, 0.7), details={SAVED: {"rollouts": 2, "seconds": 1.5}})
+    one = replace(evaluation(0, 0.7), trials=(Trial(simulated=False),) * 2, saved_s=1.5)
     same = replace(one, candidate=evaluation(1, 0.0).candidate)
-    near = replace(one, details=one.details | {SAME_AS: "g0-a0-s0-p0"})
+    near = replace(one, same_as="g0-a0-s0-p0")
     other = replace(one, candidate=Candidate(Tool(), np.ones((1, 6)), 0, 3))
     found = Result((Generation(0, (one, same, near)), Generation(1, (other,))), 1.0)
     assert found.saved == (4, 3.0, 1)
 
 
 def test_rollouts_of_equal_candidates_count_once():
-    details = {"engines": {"mujoco": {"rewards": [0.1, 0.2]}}}
-    one, same, other = (replace(evaluation(n, 0.7), details=details) for n in range(3))
+    trials = (Trial("mujoco", reward=0.1), Trial("mujoco", reward=0.2))
+    one, same, other = (replace(evaluation(n, 0.7), trials=trials) for n in range(3))
     other = replace(other, candidate=Candidate(Tool(), np.ones((1, 6)), 0, 3))
-    near = replace(evaluation(4, 0.7), details=details | {SAME_AS: "g0-a0-s0-p0"})
+    near = replace(evaluation(4, 0.7), trials=trials, same_as="g0-a0-s0-p0")
     near = replace(near, candidate=Candidate(Tool(), np.full((1, 6), 1.001), 0, 4))
     assert Result((Generation(0, (one, same, near)), Generation(1, (other,))), 1.0).rollouts == 4

@@ -68,21 +68,14 @@ class Here(LocalExecutor):
 
 
 def make_runs(folder: Path) -> list[Path]:
-    """Make one run that ended, one that was killed, one without a candidate, one of given tools, one of version 2."""
-    whole, old = folder / "whole", folder / "old"
+    """Make one run that ended, one that was killed, one without a candidate, one of given tools."""
+    whole = folder / "whole"
     call(run.main, *QUICK, *SMALL, "vlm=offline", "film=false", "listener=[]", f"hydra.run.dir={whole}")
     words = ("vlm=offline", "sim=mujoco", *SMALL)
     killed = shutil.copytree(write_run(folder / "open", "seed=1", *words, finish=False), folder / "killed")
     failed = write_run(folder / "failed", "seed=2", *words, rewards=[[None], [None]])
     bare = write_run(folder / "bare", "seed=3", "tool=none", *words, rewards=[[0.5, 0.25]])
-    shutil.copytree(whole, old)
-    with contextlib.closing(sqlite3.connect(old / "run.sqlite")) as database:
-        for table in rows.TABLES:
-            database.execute(f"ALTER TABLE {table} DROP COLUMN checksum")
-        database.execute("ALTER TABLE replies DROP COLUMN unanswered")
-        database.execute("UPDATE run SET schema_version = 2")
-        database.commit()
-    return [whole, killed, failed, bare, old]
+    return [whole, killed, failed, bare]
 
 
 def call(main: Callable[[list[str]], int | None], *words: str) -> None:
@@ -213,7 +206,7 @@ def one_case(seed: int, mode: str, runs: list[Path], good: dict[str, Any], count
         for name in ("report", others, rng.choice(ways)):
             shutil.rmtree(out, ignore_errors=True)
             printed, wrong = outcome(*commands(folder, out)[name], counts)
-            found = rewards(out) if name == "report" and source.name != "old" else []
+            found = rewards(out) if name == "report" else []
             if found and found != good[source.name] and "not counted" not in printed:
                 wrong = wrong or f"silent difference: {found} instead of {good[source.name]}"
             if wrong:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from core.values.layouts import NONE, describe_ranges
 
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
 _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts more
-_SHOWN = 3  # layouts that failed
 
 
 def worst_quarter(rewards: Sequence[float]) -> float:
@@ -124,35 +122,7 @@ class Layouts(SeveralTrials):
         return self._in_layouts(seeds, self._unseen_sims) if self._unseen else {}
 
     def combined(self, every: Sequence[Tried]) -> list[Evaluation]:
-        """Combine the trials of each candidate, and add the layouts in which its plan failed."""
-        task = self._evaluator.task.create()
-        return [self._explained(task, tried.combined(self._combine, "layout"), tried.tried) for tried in every]
-
-    def _explained(self, task: Task, evaluation: Evaluation, tried: Mapping[str, Sequence[Evaluation]]) -> Evaluation:
-        if evaluation.status == "rejected":
-            return evaluation
-        poor = sorted(
-            ((e, engine, seed) for engine, of in tried.items() for seed, e in zip(self._seeds, of, strict=False)),
-            key=lambda trial: trial[0].reward,
-        )
-        shown = [
-            _failure(task, *trial, engines=len(tried))
-            for trial in poor[:_SHOWN]
-            if trial[0].reward < task.success_reward
-        ]
-        return replace(evaluation, details=evaluation.details | ({"poor_layouts": shown} if shown else {}))
-
-
-def _failure(task: Task, evaluation: Evaluation, engine: str, seed: int, *, engines: int) -> dict[str, Any]:
-    """Describe a layout in which a plan failed: its seed, the reward, and the numbers that were drawn."""
-    draw = task.draw(seed)
-    return {
-        "layout": seed,
-        **({"engine": engine} if engines > 1 else {}),
-        "reward": round(float(evaluation.reward), 3),
-        **({"reason": evaluation.reason[:200]} if evaluation.reason else {}),
-        **{name: round(draw(name, math.nan), 3) for name in draw.ranges},
-    }
+        return [tried.combined(self._combine, "layout") for tried in every]
 
 
 def _alike(task: Task, seed: int) -> bool:

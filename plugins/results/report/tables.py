@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from core.store.reader import RunCost, known_sum
-from core.store.rows import Saved
+from core.store.rows import SavedFigures
 from plugins.results.pages.formats import Cell, CellLink, Column, Table, columns
 from plugins.results.pages.runs import FinishedRun
 from plugins.results.pages.tools import Tools, size
@@ -238,7 +238,10 @@ def costs(results: Results) -> Table:
                 sum(s.requests for s in spent) / len(spent) if spent else None,
                 sum(s.errors for s in spent),
                 *(known_sum(getattr(s, name) for s in spent) for name in names),
-                *(sum(getattr(less, name) for less in saved) if saved else None for name in Saved.__annotations__),
+                *(
+                    sum(getattr(less, name) for less in saved) if saved else None
+                    for name in SavedFigures.__annotations__
+                ),
             )
         )
     note = (

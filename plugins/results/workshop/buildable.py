@@ -133,14 +133,14 @@ class Buildable(Fitness):
             found, problems = self._played(candidate, candidate.tool)
         except (Unplayable, DesignError) as error:
             found, problems = {}, [str(error)]
-        details = evaluation.details | ({NAME: found} if found else {})
+        figures = {**evaluation.figures, **found}
         if not problems:
-            return replace(evaluation, details=details)
+            return replace(evaluation, figures=figures)
         reason = f"not buildable: {problems[0]}, so that its reward of {evaluation.reward:.2f} does not count"
         warnings = (*evaluation.warnings, *(f"not buildable: {problem}" for problem in problems))
-        return replace(evaluation, reward=0.0, reason=reason, warnings=warnings, details=details)
+        return replace(evaluation, reward=0.0, reason=reason, warnings=warnings, figures=figures)
 
-    def _played(self, candidate: Candidate, tool: Tool) -> tuple[dict[str, Any], list[str]]:
+    def _played(self, candidate: Candidate, tool: Tool) -> tuple[dict[str, float], list[str]]:
         """Measure strength and clearance; return figures, and what speaks against the design."""
         (task, simulator), seed, settings = self._evaluator.made(), self._evaluator.seed, self._evaluator.settings
         scene, robot = task.scene(seed), task.robot
@@ -162,5 +162,5 @@ class Buildable(Fitness):
                 f"{1000 * self._margin:g} mm are asked for: move or turn waypoints, or lengthen the tool"
             )
         safety = min((row.safety for row in rows if row.safety is not None), default=math.inf)
-        figures: dict[str, Any] = {"safety_factor": round(safety, 3)} if safety < math.inf else {}
+        figures: dict[str, float] = {"safety_factor": round(safety, 3)} if safety < math.inf else {}
         return figures | {"clearance_m": round(least[closest], 4)}, problems

@@ -6,7 +6,8 @@ and J.-B. Mouret do it, "Discovering the elite hypervolume by leveraging intersp
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -14,8 +15,8 @@ import numpy as np
 from core.design import TIE, Candidate, Evaluation, best_first, best_tools
 from core.errors import UsageError
 from core.geometry import Array
-from core.interfaces import Budget, Designer, EvolutionStrategy
-from core.search.archive import Archive, read_measures
+from core.interfaces import Budget, Designer, EvolutionStrategy, ToolRepresentation
+from core.search.archive import OBSERVED, Archive, handed_over, measures_of, read_measures, save_archive
 from core.search.refinement import TRIES, Varies
 
 ISO = 0.5  # the standard deviation of each number, in its steps
@@ -51,6 +52,15 @@ class MapElites(EvolutionStrategy):
             raise UsageError(f"evolution.varied must be 0 or greater, got {varied}")
         self._archive = Archive(read_measures(measures), tie)
         self._varied, self._generation = varied, 0
+
+    @classmethod
+    def observes(cls, settings: Mapping[str, Any]) -> bool:
+        return any(measure.name in OBSERVED for measure in measures_of(settings))
+
+    def hand_over(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
+        """Write the best of each cell, and a few more that a user may want."""
+        measures = self._archive.measures
+        save_archive(handed_over(measures, ranking, self.tie), measures, representation, folder)
 
     def ask(self) -> Iterator[Candidate]:
         """Yield the model's candidates, then the varied ones."""

@@ -19,7 +19,7 @@ import prompts
 from core.config.compose import load, node
 from core.config.schemas import PromptConfig
 from core.config.settings import EVOLUTION, GIVEN, INITIAL, SYSTEM, PromptSettings
-from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool
+from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, DesignError, Evaluation, Tool, Trial
 from core.designs.composer import CHECK, CRITIC, REPAIR, SUFFIX, PromptComposer, answer_schema, as_markdown, counted
 from core.designs.layout import layout_table
 from core.designs.reach import as_table, compute_reach
@@ -296,12 +296,13 @@ def test_a_fitness_says_what_counts_and_its_figures_come_back() -> None:
     plain = prompt(elites=ELITES)
     assert "judged by" not in plain
     assert "`details`" not in plain
-    details = {"engines": {"one": {"mean": 0.512345, "rewards": [0.5, float("nan")]}}}
-    elites = (replace(ELITES[0], details=details), ELITES[1])
+    trials = (Trial("one", reward=0.5, change=1), Trial("one", reward=0.524690, change=2))
+    elites = (replace(ELITES[0], trials=trials, combined=True, figures={"cost": float("nan")}, saved_s=1.5), ELITES[1])
     text = words(PromptComposer(judged=" The worst of three {{ trials }}.\n").compose(make_brief(elites=elites), None))
     assert "## What a design is judged by\nThe worst of three {{ trials }}.\n\n" in text
     _, _, (first, second) = elites_in(text)
-    assert first["details"] == {"engines": {"one": {"mean": 0.5123, "rewards": [0.5, None]}}}
+    engine = {"mean": 0.5123, "std": 0.0123, "rewards": [0.5, 0.5247]}
+    assert first["details"] == {"engines": {"one": engine}, "cost": None}
     assert "details" not in second
     assert "`details` holds the figures" in text
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from core.config.settings import PromptSettings
-from core.design import Candidate, Component, Evaluation, Tool
+from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.designs.composer import PromptComposer
 from core.designs.feedback import elite_feedback, generation_lines, last_generation, most_instructive, outcome_of
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Contact, Observation
-from core.values.observations import TRIAL, Moved
+from core.values.observations import Moved
 from tests.core.designs.test_composer import FOLDER, make_brief
 
 SEEN = Observation(
@@ -42,7 +42,7 @@ ROD = Tool((Component("rod", "tool_mount", Pose(np.array([0.0, 0.0, -0.1])), Box
 def tried(number=0, reward=0.5, seen: Observation | None = SEEN, generation=0, **given) -> Evaluation:
     candidate = Candidate(ROD, np.zeros((1, 6)), generation, 0, number // 10, number % 10)
     return Evaluation(
-        candidate, **{"status": "ok", "reward": reward, "details": seen.details() if seen else {}} | given
+        candidate, **{"status": "ok", "reward": reward, "trials": (Trial("mujoco", observation=seen),)} | given
     )
 
 
@@ -51,8 +51,7 @@ def lines(*evaluations, budget=10_000):
 
 
 def test_a_line_of_several_trials_is_about_the_worst():
-    figures = {"engines": {"mujoco": {"mean": 0.5}}, TRIAL: {"engine": "mujoco", "layout": 4}}
-    (line,) = lines(tried(details=SEEN.details() | figures))
+    (line,) = lines(tried(trials=(Trial("mujoco", 3), Trial("mujoco", 4, observation=SEEN)), combined=True))
     assert line.startswith("- g0-a0-s0-p0: 0.500 of all trials; in the worst (engine mujoco, layout 4) missed; cube by")
 
 
@@ -141,7 +140,7 @@ def test_the_most_instructive_failure_is_the_best_of_the_most_frequent_class():
 
 def test_what_is_said_of_an_elite():
     elite = tried(0, 0.5)
-    elite = replace(elite, details=elite.details | {"trial": {"engine": "mujoco", "layout": 0, "change": 2}})
+    elite = replace(elite, trials=(replace(elite.trials[0], change=2),))
     others = [tried(1, 0.25), tried(2, 0.0, None, status="failed", reason="broke"), tried(10, 0.4)]
     found = elite_feedback(elite, [elite, *others])
     assert found == {

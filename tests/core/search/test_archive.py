@@ -11,11 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.config.compose import load
-from core.design import Candidate, Component, Evaluation, Tool
+from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.errors import UsageError
 from core.evaluate import evaluate
 from core.geometry import Box, Pose
-from core.interfaces import Observation
 from core.plugins import installed
 from core.search.archive import Archive, Measure, extent, handed_over, measures_of, picks, read_measures, save_archive
 from core.simulation.robustness import worst
@@ -74,7 +73,7 @@ def test_the_extent_is_the_longest_side_of_all_components_together():
 
 def test_where_a_tool_touches_is_the_mean_of_the_trials_in_which_it_does():
     (measure,) = read_measures(["touch"])
-    trials = [replace(earned(0.5), details=Observation("missed", touch_m=at).details()) for at in (0.31, None, 0.51)]
+    trials = [replace(earned(0.5), trials=(Trial(touch_m=metres),)) for metres in (0.31, None, 0.51)]
     assert [measure.bin(evaluation) for evaluation in (*trials, earned(0.5))] == [7, 24, 12, 24]
     assert measure.bin(worst(earned(0.5).candidate, {"mujoco": trials[1:], "sapien": trials[:1]})) == 10
     assert measure.bin(worst(earned(0.5).candidate, {"mujoco": trials[1:2]})) == 24

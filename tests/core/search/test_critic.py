@@ -16,7 +16,7 @@ from core.events import Generation
 from core.interfaces import Budget, Picture, Reply, Text
 from core.search.agent_groups import Team
 from core.search.critic import MAX_CRITIQUE, Critic
-from core.search.designer import make_designer
+from core.search.designer import Assignment, make_designer
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline.designer import OfflineDesigner
 from tasks.bring_cube import BringCube
@@ -142,8 +142,8 @@ def test_a_limit_is_passed_on():
 
 def test_a_program_that_writes_no_critiques_is_not_asked(capsys):
     prompts = PromptComposer(PromptSettings(critic=2))
-    parts = on_panda(BringCube()), ToyEngine(), OfflineDesigner(), URDF, WaypointActions(), prompts, BUDGET
-    made = make_designer(*parts, seed=0, sampling=Sampling(), tool_kinds=("rigid",), events=Listener().hub)
+    assignment = Assignment(on_panda(BringCube()), URDF, WaypointActions(), BUDGET, 0)
+    made = make_designer(assignment, ToyEngine(), OfflineDesigner(), prompts, Sampling(), Listener().hub)
     assert made.critic is None
     assert capsys.readouterr().err.startswith(
         "prompt.critic=2: offline (embedded designer, no language model) writes no "

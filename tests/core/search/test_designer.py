@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from core.config.settings import PromptSettings, Sampling
-from core.design import Candidate, Component, Evaluation, Tool
+from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.designs.composer import PromptComposer
 from core.errors import LimitReached
 from core.geometry import Box, Pose
@@ -15,7 +15,7 @@ from core.hooks import hookimpl
 from core.interfaces import VLM, Budget, Observation, Picture, Reply, Text
 from core.plugins import event_hub, installed
 from core.search.agent_groups import Team
-from core.search.designer import ModelDesigner
+from core.search.designer import Assignment, ModelDesigner
 from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
@@ -52,20 +52,10 @@ def good(request):
 
 
 def designer(vlm, budget=None, kinds=("rigid",), seed=3, events=None, temperature=1.0, prompt=None, show=None):
-    return ModelDesigner(
-        on_panda(BringCube()),
-        vlm,
-        URDF,
-        WaypointActions(),
-        PromptComposer(prompt),
-        budget or Budget(3, 1, 1, 0, 5, 0.6),
-        seed=seed,
-        sampling=Sampling(temperature),
-        tool_kinds=kinds,
-        pictures={},
-        events=events or event_hub(),
-        show=show,
-    )
+    asked = budget or Budget(3, 1, 1, 0, 5, 0.6)
+    assignment = Assignment(on_panda(BringCube()), URDF, WaypointActions(), asked, seed, kinds)
+    composer, hub = PromptComposer(prompt), events or event_hub()
+    return ModelDesigner(assignment, vlm, composer, Sampling(temperature), hub, show=show)
 
 
 class Listener:
@@ -328,7 +318,7 @@ def test_a_failure_of_the_last_generation_is_drawn_too_with_elites_or_without():
 
     def tried(generation, strategy, result, reward):
         candidate = Candidate(ROD, np.array(PLAN), generation, strategy=strategy)
-        return Evaluation(candidate, "ok", reward=reward, details=Observation(result).details())
+        return Evaluation(candidate, "ok", reward=reward, trials=(Trial(observation=Observation(result)),))
 
     last = [tried(1, 0, "missed", 0.8), tried(1, 1, "tipped", 0.3), tried(1, 2, "solved", 1.0)]
     for elites, names in ((last[:1], ["g1-a0-s0-p0", "g1-a0-s1-p0"]), ([], ["g1-a0-s0-p0"])):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.design import SAME_AS, Candidate, Component, Evaluation, Tool, ToolJoint
+from core.design import Candidate, Component, Evaluation, Tool, ToolJoint
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import Executor, Tempo, Waypoints
 from core.search.duplicates import NearDuplicates
@@ -148,9 +148,9 @@ def test_a_near_duplicate_gets_the_evaluation_of_the_first_and_says_so():
     first = {e.candidate.id: e for e in trials([A, same, close])}
     second = {e.candidate.id: e for e in trials([later])}
     assert tried == [A.id]
-    assert SAME_AS not in first[same.id].details
+    assert first[same.id].same_as is None
     for evaluation in (first[close.id], second[later.id]):
-        assert (evaluation.reward, evaluation.details[SAME_AS]) == (0.5, A.id)
+        assert (evaluation.reward, evaluation.same_as) == (0.5, A.id)
         assert evaluation.warnings[-1] == f"not tried: it hardly differs from {A.id}, whose evaluation it gets"
     assert {e.candidate.id for e in Trials(evaluate, Here())([A, close])} == {A.id, close.id}
     assert tried == [A.id, A.id, close.id]

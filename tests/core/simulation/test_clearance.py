@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.design import SAVED, Candidate, Component, Tool, ToolJoint, observation
+from core.design import Candidate, Component, Tool, ToolJoint
 from core.geometry import Box, Pose
 from core.interfaces import Outcome, Rollout, RolloutSettings, Waypoints
 from core.plugins import installed
@@ -29,10 +29,9 @@ def test_a_motion_far_from_all_that_moves_is_not_simulated_and_earns_the_same():
     far, near = to(0.5, 0.1, 0.45), to(0.55, 0.0, 0.12, BAR)  # whose end is 4 cm above the cube's edge
     in_table = to(0.5, 0.1, 0.05)  # which pushes the arm off its way
     found, usual = FORESEEING([far, near, in_table]), USUAL([far, near, in_table])
-    assert [SAVED in e.details for e in found] == [True, False, False]
+    assert [e.unneeded == 1 and e.saved_s > 0 for e in found] == [True, False, False]
     for one, other in zip(found, usual, strict=True):
         assert (one.status, one.reward, one.distance_m) == (other.status, other.reward, other.distance_m)
-    assert found[0].details[SAVED]["rollouts"] == 1
     assert found[0].warnings[-1] == "not simulated: it keeps 0.05 m or more from all that can move"
     assert max(usual[0].moved_m.values()) < 1e-4
     assert [e.warnings for e in found[1:]] == [e.warnings for e in usual[1:]]
@@ -41,15 +40,15 @@ def test_a_motion_far_from_all_that_moves_is_not_simulated_and_earns_the_same():
 def test_a_larger_clearance_foresees_less():
     cube = installed().create("task", "BringCube").scene(0)["cube"].pose.position
     beside = to(*np.add(cube, (-0.2, 0.0, 0.3)))
-    saved = [SAVED in replace(USUAL, clearance=margin)([beside])[0].details for margin in (0.02, 0.5)]
+    saved = [replace(USUAL, clearance=margin)([beside])[0].unneeded == 1 for margin in (0.02, 0.5)]
     assert saved == [True, False]
 
 
 def test_it_is_observed_like_others():
     settings = replace(QUICK, observe=True)
     found, usual = (replace(of, settings=settings)([to(0.5, 0.1, 0.45)])[0] for of in (FORESEEING, USUAL))
-    one, other = observation(found), observation(usual)
-    assert SAVED in found.details
+    one, other = found.observation, usual.observation
+    assert found.unneeded == 1
     assert (one.result, one.left, one.moved) == (other.result, other.left, other.moved)
     assert one.clearances == pytest.approx(other.clearances, abs=0.02)
 
@@ -58,7 +57,7 @@ def test_where_a_tools_joints_go_is_not_foreseen():
     hinge = ToolJoint("hinge", (1.0, 0.0, 0.0), -1.0, 1.0)
     loose = Component("flap", "stick", Pose(np.array([0.0, 0.0, -0.12])), Box((0.02, 0.02, 0.03)), 0.005, joint=hinge)
     (found,) = FORESEEING([to(0.5, 0.1, 0.45, Tool((*STICK.components, loose)))])
-    assert SAVED not in found.details
+    assert found.unneeded == 0
 
 
 @pytest.mark.parametrize("name", ["StopCart", "PourGrains"])

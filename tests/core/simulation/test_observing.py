@@ -13,9 +13,10 @@ from core.design import Evaluation
 from core.designs.feedback import describe, elite_feedback
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
-from core.interfaces import Observation, Outcome, Recording, RolloutSettings, observation
+from core.interfaces import Observation, Outcome, Recording, RolloutSettings
 from core.scene import Body, Box, Goal, Joint, Pose, Scene, State, table
 from core.simulation.rollout import evaluate_batch
+from core.store.rows import dump_details, load_details
 from tasks.bring_cube import BringCube
 from tests.engines import simulator
 from tests.faults import Faulty, candidate
@@ -39,7 +40,7 @@ def observed(file: Path) -> dict[str, Observation]:
     found = {}
     for evaluation in evaluations(file):
         assert (evaluation.status, evaluation.reason) == ("ok", "")
-        found[evaluation.candidate.strategy_name] = observation(evaluation)
+        found[evaluation.candidate.strategy_name] = evaluation.observation
     return found
 
 
@@ -50,7 +51,7 @@ def test_twelve_failures_are_named_two_of_each_kind():
         for evaluation in evaluations(file):
             wanted = evaluation.candidate.strategy_name
             kinds.append(wanted)
-            named.append(observation(evaluation).result == wanted)
+            named.append(evaluation.observation.result == wanted)
     assert sorted(kinds) == sorted(
         2 * ["never touched", "missed", "dropped", "tipped", "stuck", "unreachable"], key=str
     )
@@ -63,18 +64,16 @@ def test_observing_changes_no_reward_and_no_figure(task):
     for with_it, without in zip(evaluations(file), evaluations(file, "off"), strict=True):
         for name in ("status", "reward", "distance_m", "ik_error_m", "tracking_error_rad", "moved_m", "warnings"):
             assert getattr(with_it, name) == getattr(without, name), name
-        assert without.details == {}
+        assert without.observation is None
 
 
 def test_an_observation_survives_the_store():
     for evaluation in evaluations(FAILURES / "BringCube.json"):
-        stored = json.loads(json.dumps(evaluation.details))
-        again = observation(Evaluation(evaluation.candidate, "ok", details=stored))
-        assert json.dumps(again.details()) == json.dumps(evaluation.details)
-        resumed = replace(evaluation, details=stored)
+        resumed = replace(evaluation, **vars(load_details(dump_details(evaluation))))
+        assert resumed.trials == evaluation.trials
         assert describe(resumed) == describe(evaluation)
         assert json.dumps(elite_feedback(resumed, [])) == json.dumps(elite_feedback(evaluation, []))
-    assert observation(Evaluation(evaluation.candidate, "ok")) is None
+    assert Evaluation(evaluation.candidate, "ok").observation is None
 
 
 def test_what_is_observed_of_a_solution():
@@ -101,7 +100,7 @@ def test_where_the_tool_touches_is_measured_from_its_mount():
     half = np.array(blade.shape.size) / 2
     nearest = np.linalg.norm(mount - np.clip(mount, -half, half))
     farthest = np.linalg.norm(np.abs(mount) + half)
-    assert 0.1 < nearest - 0.001 <= observation(solved).touch_m <= farthest + 0.001 < 1.0
+    assert 0.1 < nearest - 0.001 <= solved.observation.touch_m <= farthest + 0.001 < 1.0
     assert observed(FAILURES / "BringCube.json")["never touched"].touch_m is None
 
 
@@ -127,8 +126,8 @@ class Mistaken(BringCube):
 def test_a_goal_of_other_bodies_leaves_all_free_ones():
     candidate = next(e.candidate for e in evaluations(SOLUTIONS / "BringCube.json"))
     (evaluation,) = evaluate_batch(Mistaken(), simulator("mujoco"), [candidate], 0, OBSERVED)
-    assert observation(evaluation).left == ("cube",)
-    assert observation(evaluation).errors == {}
+    assert evaluation.observation.left == ("cube",)
+    assert evaluation.observation.errors == {}
 
 
 class Bare(BringCube):
@@ -152,8 +151,8 @@ def test_a_scene_in_which_nothing_moves(solid):
     task.solid = solid
     candidate = next(e.candidate for e in evaluations(SOLUTIONS / "BringCube.json"))
     (evaluation,) = evaluate_batch(task, simulator("mujoco"), [candidate], 0, OBSERVED)
-    assert (evaluation.status, observation(evaluation).result) == ("ok", "never touched")
-    assert (observation(evaluation).moved, observation(evaluation).left) == ({}, ())
+    assert (evaluation.status, evaluation.observation.result) == ("ok", "never touched")
+    assert (evaluation.observation.moved, evaluation.observation.left) == ({}, ())
 
 
 def test_states_that_are_not_finite_are_not_observed(monkeypatch):
@@ -172,7 +171,7 @@ def test_states_that_are_not_finite_are_not_observed(monkeypatch):
     monkeypatch.setattr(engine, "rollout", diverging)
     settings = RolloutSettings(observe=True, penetration="ignore")
     (evaluation,) = evaluate_batch(on_panda(BringCube()), engine, [candidate], 0, settings)
-    assert (evaluation.status, evaluation.details) == ("ok", {})
+    assert (evaluation.status, evaluation.observation) == ("ok", None)
 
 
 @pytest.mark.slow
@@ -187,12 +186,12 @@ def test_other_engines_name_the_same_failures(engine):
     """Those that hang on no friction."""
     for task in ("BringCube", "HighObject", "LiftBox"):
         for evaluation in evaluations(FAILURES / f"{task}.json", engine=engine):
-            assert observation(evaluation).result == evaluation.candidate.strategy_name
+            assert evaluation.observation.result == evaluation.candidate.strategy_name
 
 
 def test_a_plan_of_one_waypoint_has_one_miss():
     (found,) = (e for e in evaluations(FAILURES / "BringCube.json") if e.candidate.strategy_name == "unreachable")
-    assert np.isclose(found.ik_error_m, observation(found).miss[1], atol=1e-4)
+    assert np.isclose(found.ik_error_m, found.observation.miss[1], atol=1e-4)
 
 
 class Drawer(BringCube):
@@ -240,6 +239,6 @@ class Told(Faulty):
 def test_goals_of_joints_and_axes_are_reached_or_not(opened, tilt, left):
     settings = RolloutSettings(observe=True, penetration="ignore")
     (evaluation,) = evaluate_batch(Drawer(), Told(opened, tilt), [candidate(0)], 0, settings)
-    found = observation(evaluation)
+    found = evaluation.observation
     assert found.left == left
     assert (found.result == "placed") == (left == ())

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.design import SAVED, STOPPED, Candidate, Evaluation, Tool, best_first
+from core.design import Candidate, Evaluation, Tool, Trial, best_first
 from core.errors import UsageError
 from core.interfaces import Executor
 from core.simulation.racing import Stops, foreseeing, lead, race, try_in_turn
@@ -46,10 +46,9 @@ def test_it_stops_as_soon_as_it_cannot_exceed_the_threshold():
     good, poor = staged({"a": [[1.0, 0.1], [1.0, 0.0], [1.0, 0.9], [0.0, 1.0]]}, calls=calls, below=0.6)
     assert calls == [2, 2, 1, 1]
     assert (good.reward, good.stopped, good.warnings) == (0.75, False, ())
-    assert SAVED not in good.details
+    assert (good.unneeded, good.saved_s) == (0, 0.0)
     assert poor.reward == pytest.approx(0.1 / 4)
-    assert poor.details[STOPPED] == {"after": 2, "of": 4}
-    assert poor.details[SAVED]["rollouts"] == 2
+    assert (len(poor.trials), poor.planned, poor.unneeded) == (2, 4, 2)
     assert poor.warnings == (
         "stopped after 2 of 4 layouts: it can't earn more than 0.525 any more, and fitness.stop_below is 0.6",
     )
@@ -57,8 +56,8 @@ def test_it_stops_as_soon_as_it_cannot_exceed_the_threshold():
 
 def test_an_engine_that_it_does_not_come_to_counts_nothing():
     (found,) = staged({"a": [[0.2], [0.4]], "b": [[1.0], [1.0]]}, below=0.3)
-    assert (found.reward, found.details[STOPPED]) == (0.0, {"after": 2, "of": 4})
-    assert list(found.details["engines"]) == ["a"]
+    assert (found.reward, len(found.trials), found.planned) == (0.0, 2, 4)
+    assert list(found.by_engine) == ["a"]
 
 
 REWARDS = st.lists(st.lists(st.floats(0, 1), min_size=4, max_size=4), min_size=1, max_size=4)
@@ -72,7 +71,7 @@ def test_the_threshold_changes_nothing_of_what_exceeds_it(one, other, below, com
         if part.stopped:
             assert part.reward <= whole.reward <= below + 1e-6
         else:
-            assert (part.reward, part.details) == (whole.reward, whole.details)
+            assert (part.reward, part.by_engine) == (whole.reward, whole.by_engine)
     best = best_first(full)[0]
     if best_first(full, tie=0.0)[0].reward - 0.005 > below:
         assert best_first(found)[0].candidate.id == best.candidate.id
@@ -139,9 +138,9 @@ def test_in_a_race_it_stops_as_soon_as_it_is_clearly_behind():
         "stopped after 1 of 3 layouts: it earned 0.3 on average, and the best one 0.9: 3 standard errors more; "
         "fitness.stop_behind is 1.5",
     )
-    assert (found[2].reward, found[2].details[STOPPED]) == (pytest.approx(1 / 3), {"after": 2, "of": 3})
+    assert (found[2].reward, len(found[2].trials), found[2].planned) == (pytest.approx(1 / 3), 2, 3)
     assert [found[n].reward for n in (0, 3)] == pytest.approx([0.9, 1.7 / 3])
-    assert found[1].details[SAVED]["rollouts"] == 2
+    assert found[1].unneeded == 2
 
 
 def test_a_lead_counts_by_how_even_it_is():
@@ -158,7 +157,7 @@ def test_a_race_is_run_against_earlier_candidates_too():
     assert [e.stopped for e in raced(rewards, [[0], [1]], behind=1.5)] == [False, False]
     first, second = raced(rewards, [[0], [1]], earlier=[champion], behind=1.5)
     assert (first.stopped, second.stopped) == (True, False)
-    short = replace(champion, details={"engines": {"a": {"rewards": [0.9]}}})  # has no second trial to compare with
+    short = replace(champion, trials=(Trial("a", reward=0.9),))  # has no second trial to compare with
     assert [e.stopped for e in raced(rewards, [[0], [1]], earlier=[short, first], behind=1.5)] == [True, False]
 
 
@@ -182,7 +181,7 @@ def test_a_race_ends_the_same_way_in_any_order_and_when_it_is_resumed(rewards, b
     again = raced(part_of, [list(range(len(left)))], combine, earlier=stored, **stops) if left else []
 
     def said(evaluations):
-        return [(e.reward, e.details.get(STOPPED), e.warnings) for e in evaluations]
+        return [(e.reward, e.planned, e.warnings) for e in evaluations]
 
     assert said(found) == said(same)
     assert said(again) == said([found[number] for number in left])
@@ -224,7 +223,7 @@ def test_what_was_rejected_goes_on_since_it_may_fit_another_layout():
         )
     )
     ((_, evaluations),) = found
-    assert [e.details[STOPPED] for e in evaluations] == [{"after": 2, "of": 3}] * 2
+    assert [(len(e.trials), e.planned) for e in evaluations] == [(2, 3)] * 2
 
 
 @pytest.mark.parametrize("settings", [{"below": 1.0}, {"below": -0.1}, {"below": float("nan")}])

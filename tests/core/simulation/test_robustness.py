@@ -8,12 +8,13 @@ from hydra import initialize_config_module
 
 from core.config.compose import load, part
 from core.config.settings import PerturbationRange
-from core.design import Candidate, Component, Evaluation, Tool
+from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.designs.rules import SpawnRules
 from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings
 from core.simulation.robustness import engines, perturbed, worst
 from core.simulation.rollout import Evaluator, PluginPart
+from core.values.observations import Observation
 
 COARSE = {"name": "pybullet", "time_step": 0.004}
 TASK = PluginPart("task", "BringCube")
@@ -60,9 +61,8 @@ def test_the_worst_engines_mean_counts():
     assert evaluation.reward == pytest.approx(0.4)
     assert evaluation.distance_m == 3.0
     assert not evaluation.warnings
-    figures = evaluation.details["engines"]
-    assert figures["one"] == {"mean": pytest.approx(0.9), "std": pytest.approx(0.1), "rewards": [1.0, 0.8]}
-    assert figures["other"]["rewards"] == [0.2, 0.6]
+    assert evaluation.combined
+    assert evaluation.by_engine == {"one": [1.0, 0.8], "other": [0.2, 0.6]}
 
 
 def test_a_trial_that_fails_counts_nothing_and_is_reported():
@@ -106,7 +106,10 @@ def test_the_worst_trial_is_the_one_that_is_shown():
     trials = {"one": [earned(1.0)], "other": [earned(0.9), earned(0.2), earned(0.5)]}
     for engine, evaluations in trials.items():
         for number, evaluation in enumerate(evaluations):
-            evaluation.details["trial"] = {"engine": engine, "change": number}
-    shown = worst(CANDIDATE, trials)
-    assert shown.details["trial"] == {"engine": "other", "change": 1}
-    assert shown.details["engines"]["other"]["rewards"] == [0.9, 0.2, 0.5]
+            evaluations[number] = replace(
+                evaluation, trials=(Trial(engine, change=number, observation=Observation("missed")),)
+            )
+    found = worst(CANDIDATE, trials)
+    assert (found.shown.engine, found.shown.change) == ("other", 1)
+    assert sum(trial.observation is not None for trial in found.trials) == 1
+    assert found.by_engine["other"] == [0.9, 0.2, 0.5]

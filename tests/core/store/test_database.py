@@ -58,7 +58,7 @@ def test_no_file_is_left_beside_a_log_without_an_index(unfinished, tmp_path):
 def test_reading_neither_waits_for_a_writer_nor_stops_it(tmp_path):
     writer = Database(tmp_path)
     with writer.transaction():
-        writer.upgrade()
+        writer.create()
         writer.insert("generations", number=0, summary=json.dumps(FIGURES | {"index": 0}))
     query = "SELECT number FROM generations"
     with reading(tmp_path) as database:

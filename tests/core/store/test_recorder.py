@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.design import Candidate, Component, Evaluation, Tool
+from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.errors import UserError
 from core.events import Generation, Result, Run
 from core.geometry import Box, Pose
 from core.interfaces import Brief, Budget, Message, Picture, Reply, Request, Text
 from core.plugins import event_hub, installed
 from core.store.recorder import RunStore, summary, versions
+from core.values.observations import Moved, Observation
 from plugins.actions.waypoints import WaypointActions
 from tasks.bring_cube import BringCube
 
@@ -162,9 +163,15 @@ def test_numbers_come_back_to_the_last_bit(opened):
         "ik_error_rad": 5e-324,
     }
     candidate = Candidate(ROD, PLAN)
-    stored = Evaluation(
-        candidate, "ok", **numbers, moved_m={"cube": 1 / 7}, warnings=("a", "b"), details={"x": [1 / 9]}
+    seen = Observation(
+        "tipped", "cube", left=("cube",), moved={"cube": Moved((0.1, 0.0, 1 / 3), (1.0, 0.0, 0.0), 20.0)}
     )
+    trials = (
+        Trial("mujoco", 3, reward=1 / 3, touch_m=1 / 9, observation=seen),
+        Trial("a", 4, 1, "failed", reason="no"),
+    )
+    more = {"trials": trials, "combined": True, "planned": 5, "saved_s": 1 / 7, "figures": {"x": 1 / 9}}
+    stored = Evaluation(candidate, "ok", **numbers, moved_m={"cube": 1 / 7}, warnings=("a", "b"), **more)
     events.hook.candidate_evaluated(evaluation=stored)
     events.hook.run_ended()
     again = RunStore.open(store.folder)
@@ -172,7 +179,8 @@ def test_numbers_come_back_to_the_last_bit(opened):
     back = again.past.evaluation(candidate)
     assert {name: getattr(back, name) for name in numbers} == {name: float(number) for name, number in numbers.items()}
     assert np.isnan(back.tracking_error_rad)
-    assert (back.moved_m, back.warnings, back.details) == (stored.moved_m, stored.warnings, stored.details)
+    assert (back.moved_m, back.warnings) == (stored.moved_m, stored.warnings)
+    assert {name: getattr(back, name) for name in more} == more
     assert back.candidate is candidate
     assert again.past.evaluation(Candidate(ROD, PLAN, action=1)).reward == back.reward  # identical
     assert again.past.evaluation(Candidate(ROD, np.nextafter(PLAN, 1.0), action=1)) is None

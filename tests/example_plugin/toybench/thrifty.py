@@ -23,4 +23,4 @@ class Thrifty(Fitness):
         if evaluation.status != "ok":
             return evaluation
         reward = evaluation.reward - self.per_metre * evaluation.distance_m
-        return replace(evaluation, reward=max(0.0, reward), details={"reward": evaluation.reward})
+        return replace(evaluation, reward=max(0.0, reward), figures={"before_costs": evaluation.reward})

@@ -72,12 +72,12 @@ def test_what_is_buildable_earns_what_the_other_fitness_says(scoop):
     (alone,) = evaluator([scoop])
     (found,) = fitness(evaluator, plate_mm=PLATE)([scoop])
     assert (found.status, found.reward, found.reason) == ("ok", alone.reward, "")
-    assert found.details["buildable"]["safety_factor"] > 2
-    assert found.details["buildable"]["clearance_m"] > 0.005
+    assert found.figures["safety_factor"] > 2
+    assert found.figures["clearance_m"] > 0.005
     assert " of all trials" not in describe(found)
     robust = {"name": "robust", "sims": ["mujoco"], "seeds": [4], "perturbation": {"position": 0.0001}}
     (found,) = fitness(evaluator, plate_mm=PLATE, of=robust)([scoop])
-    assert list(found.details["engines"]) == ["mujoco"]
+    assert list(found.by_engine) == ["mujoco"]
 
 
 @pytest.mark.parametrize(

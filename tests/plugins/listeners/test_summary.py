@@ -9,7 +9,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.design import Candidate, Evaluation
+from core.design import Candidate, Evaluation, Trial
 from core.events import Generation, Result, Run
 from core.interfaces import Reply
 from core.plugins import event_hub, installed
@@ -33,7 +33,7 @@ def call(folder, *words):
     return python_m(folder, *words, COLUMNS="100")
 
 
-def summary(capsys, *rewards, replies=(), name="hook", robot=None, material=None, details=(), **settings):
+def summary(capsys, *rewards, replies=(), name="hook", robot=None, material=None, more=(), **settings):
     """What is printed of a run with these rewards by generation."""
     events = event_hub()
     events.register(installed().create("listener", "summary", settings))
@@ -44,7 +44,7 @@ def summary(capsys, *rewards, replies=(), name="hook", robot=None, material=None
         evaluations = []
         for i, reward in enumerate(row):
             candidate = Candidate(hook(0.1, name), np.zeros((1, 6)), index, 0, i)
-            good = Evaluation(candidate, "ok", reward=reward or 0.0, distance_m=0.5 + i, details=dict(details))
+            good = Evaluation(candidate, "ok", reward=reward or 0.0, distance_m=0.5 + i, **dict(more))
             evaluations.append(good if reward is not None else Evaluation(candidate, "rejected", reason="heavy"))
         generations.append(Generation(index, tuple(evaluations)))
     parts = {"task": "BringCube", "sim": "pybullet", "tool": "urdf"}
@@ -95,10 +95,10 @@ def test_what_the_model_took(capsys):
 
 
 def test_what_was_saved(capsys):
-    details = {"saved": {"rollouts": 3, "seconds": 1.6}}
-    assert "3 rollouts saved, about 2 s of processor time\n" in summary(capsys, [0.5], details=details)
+    more = {"trials": (Trial(simulated=False),) * 3, "saved_s": 1.6}
+    assert "3 rollouts saved, about 2 s of processor time\n" in summary(capsys, [0.5], more=more)
     assert "1 near-duplicate of earlier candidates not tried\n" in summary(
-        capsys, [0.5], details=details | {"same_as": "g0-a0-s0-p0"}
+        capsys, [0.5], more=more | {"same_as": "g0-a0-s0-p0"}
     )
     assert not {"saved", "near-duplicate"} & set(summary(capsys, [0.5]).split())
 
