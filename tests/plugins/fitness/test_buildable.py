@@ -151,7 +151,7 @@ def test_a_run_finds_what_can_be_made(tmp_path):
         rows = database.execute("SELECT status, reward, reason, details FROM evaluations").fetchall()
     assert len(rows) == 6
     for row in rows:
-        judged = json.loads(row["details"]).get("buildable")
+        judged = json.loads(row["details"]).get("figures")
         assert row["reward"] == 0 or judged["safety_factor"] >= 2
         assert row["reward"] == 0 or not row["reason"]
     assert result.best.reward == max(row["reward"] for row in rows) > 0

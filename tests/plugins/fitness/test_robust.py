@@ -124,4 +124,4 @@ def test_a_run_selects_by_it_and_keeps_what_each_engine_gave(tmp_path):
     with sqlite3.connect(tmp_path / "run" / "run.sqlite") as database:
         rows = dict(database.execute("SELECT candidate, details FROM evaluations").fetchall())
     for evaluation in evaluations:
-        assert json.loads(rows[evaluation.candidate.id])["engines"]["pybullet"]["rewards"] == [evaluation.reward]
+        assert json.loads(rows[evaluation.candidate.id])["trials"][0]["reward"] == evaluation.reward
