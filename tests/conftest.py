@@ -19,8 +19,8 @@ from tests.processes import undisturbed  # noqa: F401  # a fixture
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.environ.get("CI") else "patient")
-for name in ("patient", "ci", "nightly"):
-    settings.register_profile(name, deadline=None)
+for name, examples in {"patient": 30, "ci": 100, "nightly": 100}.items():
+    settings.register_profile(name, deadline=None, max_examples=examples)
 settings.load_profile(PROFILE)
 
 PYBULLET = importlib.util.find_spec("pybullet") is not None

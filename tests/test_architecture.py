@@ -5,6 +5,7 @@ import graphlib
 import re
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,12 @@ from plugins.commands import commands
 
 ROOT = Path(__file__).parents[1]
 LEVEL = {name: height for height, name in enumerate(name for names in FLOORS.values() for name in names)}
-LONGEST_FILE = 400  # lines
+LONGEST_FILE, LONGEST_FUNCTION, MOST_PARAMETERS = 400, 60, 8  # lines, lines, without self
+KERNELS = "plugins.simulators.mujoco.batched.kernels"  # in Warp's language, which has no objects
+NOT_YET = {  # functions that are still too long or take too much
+    *("core.search.orchestration.run", "core.search.designer.make_designer", "core.simulation.rollout.evaluate_batch"),
+    *("core.simulation.observing._judge", "plugins.simulators.sapien.robot.__init__"),
+}
 ROBOTS = re.compile(  # names of arms and of their makers
     r"panda|franka|xarm|ufactory|kinova|jaco(?!bian)|unitree|universal.robots|(?<![a-z0-9])(ur\d+e?|z1|fr3)(?![a-z0-9])",
     re.IGNORECASE,
@@ -27,6 +33,7 @@ OFFERED = set(PROJECT["entry-points"]["vlmgineer"].values())  # modules and pack
 COMMANDS = {".".join(re.split("[.:]", str(command.main))[:2]) for command in commands().values()}
 
 
+@cache
 def modules(folder):
     files = sorted((ROOT / folder).rglob("*.py"))
     assert len(files) > 10, folder
@@ -35,9 +42,11 @@ def modules(folder):
 
 def imported(tree, runtime_only=False):
     """Full names of the modules that a file imports, inside functions too."""
+    guards = [node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)]
+    skipped = [inner for guard in guards for node in guard.body for inner in ast.walk(node)] if runtime_only else []
     for node in ast.walk(tree):
-        if runtime_only and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            node.body = []
+        if node in skipped:
+            continue
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -66,12 +75,10 @@ def imports_from_above(module, tree):
     return [name for name in names if LEVEL[floor(name)] >= LEVEL[floor(module)] and floor(name) != floor(module)]
 
 
-@pytest.mark.parametrize(
-    ("module", "tree"), [pytest.param(dotted(file), tree, id=dotted(file)) for file, tree in modules("core")]
-)
-def test_imports_go_down_only(module, tree):
+def test_imports_go_down_only():
     """The order of rooms is the order of floors; no module is exempt."""
-    assert imports_from_above(module, tree) == []
+    found = {dotted(file): imports_from_above(dotted(file), tree) for file, tree in modules("core")}
+    assert {module: names for module, names in found.items() if names} == {}
 
 
 def test_an_import_that_goes_up_is_found():
@@ -175,6 +182,21 @@ def test_no_file_is_too_long(folder):
     assert {name: lines for name, lines in lengths.items() if lines > LONGEST_FILE} == {}
 
 
+@pytest.mark.parametrize("folder", ["core", "plugins", "tasks"])
+def test_no_function_is_too_long_or_takes_too_much(folder):
+    """A part's ``__init__`` may have more parameters: they are the settings that a user types."""
+    wrong = []
+    for file, tree in modules(folder):
+        for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)):
+            given = function.args
+            names = [argument.arg for argument in [*given.posonlyargs, *given.args, *given.kwonlyargs]]
+            free = dotted(file) == KERNELS or (folder == "plugins" and function.name == "__init__")
+            many = len({*names} - {"self", "cls"}) > MOST_PARAMETERS and not free
+            if many or function.end_lineno - function.lineno >= LONGEST_FUNCTION:
+                wrong.append(f"{dotted(file)}.{function.name}")
+    assert {*wrong} <= NOT_YET
+
+
 def test_every_module_of_core_has_its_tests():
     """At the same place in ``tests/core``, or in the file that its docstring names."""
     missing = []
@@ -189,16 +211,9 @@ def test_every_module_of_core_has_its_tests():
     assert missing == []
 
 
-@pytest.mark.parametrize(
-    "tree",
-    [
-        pytest.param(tree, id=dotted(file))
-        for folder in ("core", "plugins", "tasks")
-        for file, tree in modules(folder)
-        if dotted(file) != "core.support.cli"
-    ],
-)
-def test_text_goes_to_the_terminal_one_way(tree):
+def test_text_goes_to_the_terminal_one_way():
     """By `core.support.cli.say` and `core.support.cli.print_table`, which escape what is not printable."""
-    called = [ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)]
-    assert not {"print", "sys.stdout.write", "sys.stderr.write", "warnings.warn"} & set(called)
+    for file, tree in (item for folder in ("core", "plugins", "tasks") for item in modules(folder)):
+        if dotted(file) != "core.support.cli":
+            called = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+            assert not {"print", "sys.stdout.write", "sys.stderr.write", "warnings.warn"} & called, file

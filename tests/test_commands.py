@@ -28,7 +28,7 @@ TINY = [
 
 
 def call(folder, command, *words):
-    return python_m(folder, f"core.{command}", *words)
+    return python_m(folder, "core", command, *words)
 
 
 # --- mistakes ---------------------------------------------------------------------------------------------------

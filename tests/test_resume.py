@@ -4,7 +4,6 @@ to what it would have come to.
 
 import json
 import logging
-import os
 import sqlite3
 import subprocess
 import sys
@@ -24,7 +23,16 @@ from tests.core.run_folders import edit
 from tests.disks import mount, small_files
 
 ROOT = Path(__file__).parents[1]
-POINTS = int(os.environ.get("VLMGINEER_KILLS", "25"))
+KILLED = {  # settings of the runs that are killed
+    "vlmgineer": [],
+    "map_elites": ["evolution=map_elites", "evolution.varied=4"],
+    "islands": ["evolution=islands"],
+    "refined": ["evolution.refine=12"],
+    "raced": [
+        *("task.variation=near", "fitness=layouts", "fitness.layouts=3", "fitness.unseen=0"),
+        "fitness.stop_behind=1",
+    ],
+}
 TIMES = ("wall_time_s", "rollouts_per_s")
 LOCAL = ("notes", "members", "limit", "down", "fails_at", "workers")  # settings that may differ between sessions
 
@@ -93,22 +101,12 @@ def assert_same_run(one, other):
 @pytest.mark.parametrize(
     ("points", "words"),
     [
-        (POINTS, []),
-        (6, ["evolution=map_elites", "evolution.varied=4"]),
-        (6, ["evolution=islands"]),
-        (6, ["evolution.refine=12"]),
-        (
-            6,
-            [
-                "task.variation=near",
-                "fitness=layouts",
-                "fitness.layouts=3",
-                "fitness.unseen=0",
-                "fitness.stop_behind=1",
-            ],
+        *(pytest.param(4, words, id=name) for name, words in KILLED.items()),
+        *(
+            pytest.param(25 if name == "vlmgineer" else 12, words, id=f"{name} more", marks=pytest.mark.thorough)
+            for name, words in KILLED.items()
         ),
     ],
-    ids=["vlmgineer", "map_elites", "islands", "refined", "raced"],
 )
 def test_a_run_killed_at_any_moment_comes_to_the_same_end_and_repeats_nothing(points, words, tmp_path):
     command = [sys.executable, "-m", "tests.kills", str(tmp_path), str(points), *words]

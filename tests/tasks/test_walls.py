@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.design import Component, Tool
@@ -64,7 +64,7 @@ def exit_distance(inside: tuple[float, ...], ahead: np.ndarray) -> float:
 
 @every_simulator
 @pytest.mark.parametrize("name", HOLLOW)
-@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=2)
 @given(angle=st.floats(-np.pi, np.pi), run_up=st.booleans())
 def test_rod_stays_inside(name, engine, angle, run_up):
     _, _, inside, height = HOLLOW[name]
@@ -104,7 +104,7 @@ TIP = np.array([BAR_LONG, 0.0, -0.06 + THICK / 2])
 
 
 @every_simulator
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(aside=st.sampled_from([-0.12, 0.0, 0.12]), up=st.sampled_from([0.0, 0.12]), ahead=st.sampled_from([0.0, 0.1]))
 def test_bar_stays_in_the_pipe(engine, aside, up, ahead):
     """The bar enters at the near opening, then is driven aside, up, or on."""
