@@ -363,16 +363,6 @@ class Fitness(Evaluate, ABC):
         """Return what a run tries its best candidate on at the end, by engine: trials that the search never sees."""
         return {}
 
-    def evaluate(
-        self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
-    ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
-        """Yield all candidates of a generation with their evaluations, or some with what went wrong (`Executor.map`).
-
-        A fitness that compares candidates with each other may group them anew. ``earlier`` returns all evaluations
-        that the run has by then.
-        """
-        return executor.map(self, chunks)
-
 
 class Executor(ABC):
     """Workers that call a picklable function with chunks. As a context manager it ends them."""

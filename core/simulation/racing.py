@@ -176,7 +176,9 @@ def race(
     earlier: Callable[[], Iterable[Evaluation]],
     combined: Callable[[Sequence[Tried]], list[Evaluation]],
 ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
-    """Try all candidates in a first trial, those that do not stop in a second one, and so on (see `Fitness.evaluate`).
+    """Try all candidates in a first trial, those that do not stop in a second one, and so on.
+
+    Yields candidates with their evaluations, or with what went wrong, as `Executor.map` does.
 
     Candidates compete with each other and with those of ``earlier``, which is called after all of ``chunks`` were
     read. ``combined`` makes evaluations of their trials.
@@ -266,10 +268,13 @@ class SeveralTrials(Fitness):
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         return self.combined(try_in_turn(candidates, self._evaluators, self._combine, self._stops))
 
-    def evaluate(
+    @property
+    def races(self) -> bool:
+        """Whether the candidates of a generation compete while they are tried."""
+        return self._stops.behind is not None
+
+    def race(
         self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
     ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
-        """Race the candidates if they stop when they are behind."""
-        if self._stops.behind is None:
-            return super().evaluate(chunks, executor, earlier)
+        """Try all candidates of a generation in rounds; those that are behind stop (see `race`)."""
         return race(chunks, executor, self._evaluators, self._combine, self._stops, earlier, self.combined)

@@ -7,14 +7,14 @@ Covered by `tests/plugins/conformance/test_suites.py`.
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from core.design import Candidate, Evaluation
 from core.designs.planning import NO_PLAN
-from core.interfaces import A, B, Executor, Fitness, RolloutSettings, Waypoints
+from core.interfaces import Fitness, RolloutSettings, Waypoints
 from core.plugins import PluginPart, installed
 from core.simulation.rollout import Evaluator
 from plugins.conformance.checking import as_json, expect, some_simulator, some_task
@@ -108,33 +108,6 @@ def check_a_batch_gives_what_each_alone_gives(make: Make) -> None:
     together = figures(fitness(tried))
     alone = [figures(fitness([candidate]))[0] for candidate in tried]
     expect(together == alone, f"candidates earn {together} together and {alone} alone")
-
-
-class Here(Executor):
-    """Works in this process."""
-
-    def map(self, function: Callable[[A], B], chunks: Iterable[A]) -> Iterator[tuple[A, B | Exception]]:
-        for chunk in chunks:
-            try:
-                yield chunk, function(chunk)
-            except Exception as error:  # belongs to its chunk
-                yield chunk, error
-
-    def close(self) -> None:
-        pass
-
-
-def check_in_an_executor_each_candidate_is_evaluated_once(make: Make) -> None:
-    fitness, tried = make(evaluator()), candidates((0.1, 0.1, 0.15))
-    found: list[str] = []
-    for chunk, evaluations in fitness.evaluate([tried[:2], tried[2:]], Here(), list):
-        expect(isinstance(evaluations, list), f"evaluate gave {evaluations!r} for candidates that can be tried")
-        assert isinstance(evaluations, list)
-        own, got = ([of.id for of in many] for many in (chunk, [e.candidate for e in evaluations]))
-        expect(own == got, f"evaluate gave the evaluations of {got} for {own}")
-        found += own
-    expected = [candidate.id for candidate in tried]
-    expect(sorted(found) == expected, f"evaluate gave evaluations of {sorted(found)}, not of {expected}")
 
 
 def check_rejected_and_failed_candidates_earn_nothing(make: Make) -> None:

@@ -183,9 +183,6 @@ class Picky(Fitness):
         share = self.calls / 10
         return [Evaluation(c, "ok", share if c.tool is candidates[0].tool else 0.0) for c in candidates]
 
-    def evaluate(self, chunks, executor, earlier):
-        return executor.map(self, [next(iter(chunks))])
-
 
 class Trusting:
     """A listener that takes what it receives for sound."""
@@ -223,7 +220,6 @@ WRONG = {
     ("fitness", Picky): {
         "the same again": "the same candidates earned",
         "a batch gives what each alone gives": "candidates earn [('ok', 0.1), ('ok', 0.0), ('ok', 0.1)] together",
-        "in an executor each candidate is evaluated once": "evaluate gave evaluations of ['g0-a0-s0-p0', ",
         "rejected and failed candidates earn nothing": "a rejected candidate has the status 'ok'",
     },
     ("task", RollsHome): {
