@@ -40,6 +40,7 @@ def test_all_its_parts_together_right_after_its_installation(site, tmp_path):
     assert json.loads((tmp_path / "run/best/design.json").read_text())["strategies"][0]["boxes"]
 
 
+@pytest.mark.thorough
 def test_every_combination_with_what_is_built_in(site, tmp_path):
     """In one multirun, each for one candidate."""
     choices = {

@@ -59,7 +59,7 @@ def cut_short(folder, act, monkeypatch, notes, at):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("at", [1, 2, 4])
+@pytest.mark.parametrize("at", [2, *(pytest.param(at, marks=pytest.mark.thorough) for at in (1, 4))])
 @pytest.mark.parametrize("act", [delete, delete_all, move, delete_log, delete_lock])
 def test_a_store_that_is_gone_is_written_again(act, at, toy, whole, tmp_path, monkeypatch):  # noqa: F811
     folder = tmp_path / "run"

@@ -85,6 +85,7 @@ def test_a_bent_tool_stays_joined_and_becomes_absurd():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_small_search_is_written_once_and_gives_the_same_again(tmp_path, monkeypatch, capsys):
     words = ["tasks=BringCube", "objectives=gram", "sims=mujoco", "rollouts=60", "workers=1"]
     results = []

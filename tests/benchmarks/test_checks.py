@@ -5,7 +5,7 @@ import pytest
 from core.errors import UsageError
 from tests.benchmarks import checks
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 
 def measure(monkeypatch, *words):

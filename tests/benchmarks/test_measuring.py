@@ -125,6 +125,7 @@ def measure(monkeypatch, module, *words):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_both_measure_the_same_designs_and_nothing_twice(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     measure(monkeypatch, agreement, "sims=[pybullet,{name: pybullet, time_step: 0.008}]")

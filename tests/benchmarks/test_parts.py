@@ -4,7 +4,7 @@ import pytest
 
 from tests.benchmarks import parts
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 
 def test_both_tools_bring_the_cube(tmp_path, monkeypatch, capsys):

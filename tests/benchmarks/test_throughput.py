@@ -9,7 +9,7 @@ import pytest
 from core.errors import UsageError
 from tests.benchmarks import clocked, throughput
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
 
 def measure(monkeypatch, *words):

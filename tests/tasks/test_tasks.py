@@ -352,7 +352,7 @@ def test_the_reference_solution_solves_it(name, engine):
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(4, marks=pytest.mark.thorough)])
-@pytest.mark.parametrize(("name", "engine"), cases(QUICK))
+@pytest.mark.parametrize(("name", "engine"), [*cases(QUICK)])
 def test_the_anchored_solution_fits_layouts_that_it_was_not_made_for(name, engine, count):
     """A few of those that the docs have figures of: `python -m tests.benchmarks.layouts solutions`."""
     protocol, material = (PROTOCOL, "pla") if name in HARD else (RolloutSettings(), "paper")
