@@ -21,7 +21,7 @@ _AXES = 0.1 * np.vstack([np.zeros(3), np.eye(3)])  # points that show how a fram
 
 
 @dataclass(frozen=True, eq=False)
-class _Figures:
+class _Compared:
     """What is compared of a candidate: ``structure`` exactly, all else within limits.
 
     Attributes:
@@ -37,7 +37,7 @@ class _Figures:
     positions: Array
     rotations: Rotation
 
-    def near(self, other: _Figures) -> bool:
+    def near(self, other: _Compared) -> bool:
         """Report whether this is a near-duplicate of another one with the same structure."""
         return bool(
             self.points.shape == other.points.shape
@@ -56,8 +56,8 @@ class NearDuplicates:
     """
 
     def __init__(self) -> None:
-        self._earlier: dict[object, list[_Figures]] = {}
-        self._now: dict[int, dict[object, list[_Figures]]] = {}  # by agent
+        self._earlier: dict[object, list[_Compared]] = {}
+        self._now: dict[int, dict[object, list[_Compared]]] = {}  # by agent
 
     def next_generation(self) -> None:
         """Begin another generation."""
@@ -82,7 +82,7 @@ class NearDuplicates:
         return found
 
 
-def _figures(candidate: Candidate) -> _Figures | None:
+def _figures(candidate: Candidate) -> _Compared | None:
     tool, plan = candidate.tool, candidate.plan
     if tool is None or candidate.problem is not None:
         return None
@@ -94,7 +94,7 @@ def _figures(candidate: Candidate) -> _Figures | None:
         return None
     motion = type(plan).__name__, plan.anchors, grips, waypoints.poses.shape, content_of(waypoints.tempo)
     masses = np.array([component.mass for component in tool.components])
-    return _Figures(candidate, (_structure(tool), motion), _points(tool), masses, positions, rotations)
+    return _Compared(candidate, (_structure(tool), motion), _points(tool), masses, positions, rotations)
 
 
 def _somewhere(plan: ActionPlan) -> Seen:

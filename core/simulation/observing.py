@@ -17,7 +17,7 @@ Dropped and tipped need at least half of the bodies that are not in place, or wi
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -70,7 +70,7 @@ def observe(
     left = tuple(
         n for n in names if not (wanted[n] and enough(_in_place(g, n, start, end, contacts) for g in wanted[n]))
     )
-    result, what, at = _judge(task, scene, motion, reward, start, end, names, left, contacts, lags)
+    result, what, at = _Case(task, scene, motion, start, end, names, left, contacts, lags).judge(reward)
     worst = int((motion.misses / (MISSED_M, MISSED_RAD)).max(axis=1).argmax())
     shifts = {name: _moved(start, end, name) for name in start.names}
     moved = {name: m for name, m in shifts.items() if name in bodies or _stirred(m)}
@@ -99,40 +99,39 @@ def observe(
     )
 
 
-def _judge(
-    task: Task,
-    scene: Scene,
-    motion: Motion,
-    reward: float,
-    start: State,
-    end: State,
-    names: Sequence[str],
-    left: Sequence[str],
-    contacts: Contacts,
-    lags: Array,
-) -> tuple[Class, str, float | None]:
-    """Choose the class, see the module; also the thing that it is about, and when it happened, seconds.
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """What a rollout is judged by; ``names`` are the goal's bodies, ``left`` those that are not in place."""
 
-    ``names`` are the goal's bodies, ``left`` those that are not in place.
-    """
-    taken = contacts.taken
-    if reward >= task.success_reward:
-        return "solved", "", None
-    if names and not left:
-        return "placed", "", None
-    touches = np.flatnonzero(np.logical_or.reduce([contacts.with_robot(name) for name in names]))
-    work = (float(taken.times[touches[0]]), float(taken.times[touches[-1]])) if touches.size else (0.0, np.inf)
-    causes = [*_unreachable(motion, work), *_stuck(scene, contacts, lags, work)]
-    fallen = [cause for name in left if (cause := _fallen(scene, contacts, name, start)) is not None]
-    if len(fallen) >= (1 if any(goal.any for goal in task.goals) else len(left) / 2):
-        causes += fallen
-    if causes:
-        at, result, what = min(causes)
-        return result, what, at
-    untouched = not touches.size and all(
-        _length(end.position(name) - start.position(name)) <= NUDGED_M for name in names
-    )
-    return ("never touched" if untouched else "missed"), "", None
+    task: Task
+    scene: Scene
+    motion: Motion
+    start: State
+    end: State
+    names: Sequence[str]
+    left: Sequence[str]
+    contacts: Contacts
+    lags: Array
+
+    def judge(self, reward: float) -> tuple[Class, str, float | None]:
+        """Choose the class, see the module; also the thing that it is about, and when it happened, seconds."""
+        names, contacts, taken = self.names, self.contacts, self.contacts.taken
+        if reward >= self.task.success_reward:
+            return "solved", "", None
+        if names and not self.left:
+            return "placed", "", None
+        touches = np.flatnonzero(np.logical_or.reduce([contacts.with_robot(name) for name in names]))
+        work = (float(taken.times[touches[0]]), float(taken.times[touches[-1]])) if touches.size else (0.0, np.inf)
+        causes = [*_unreachable(self.motion, work), *_stuck(self.scene, contacts, self.lags, work)]
+        fallen = [cause for name in self.left if (cause := _fallen(self.scene, contacts, name, self.start)) is not None]
+        if len(fallen) >= (1 if any(goal.any for goal in self.task.goals) else len(self.left) / 2):
+            causes += fallen
+        if causes:
+            instant, result, what = min(causes)
+            return result, what, instant
+        shifts = [_length(self.end.position(name) - self.start.position(name)) for name in names]
+        untouched = not touches.size and all(shift <= NUDGED_M for shift in shifts)
+        return ("never touched" if untouched else "missed"), "", None
 
 
 def _unreachable(motion: Motion, work: Span) -> Iterator[Cause]:

@@ -51,14 +51,14 @@ class _PlacedShape:
 
 
 @dataclass(frozen=True)
-class _Link:
+class _ComponentLink:
     name: str
     shapes: tuple[_PlacedShape, ...]
     mass: float
 
 
 @dataclass(frozen=True)
-class _Joint:
+class _ComponentJoint:
     parent: str
     child: str
     pose: Pose
@@ -120,8 +120,8 @@ def build_tool(
     mounts = Tool(gripper=gripper).mounts
     own, aliases = robot_names(robot), dict(robot.aliases) if robot is not None else {}
     materials = _read_materials(root)
-    links: dict[str, _Link] = {}
-    joints: dict[str, _Joint] = {}  # by child
+    links: dict[str, _ComponentLink] = {}
+    joints: dict[str, _ComponentJoint] = {}  # by child
     joint_names: set[str] = set()
     for element in root:
         if element.tag == "link":
@@ -173,7 +173,7 @@ def _read_color(element: Element, where: str) -> Color:
 
 def _read_link(
     element: Element, name: str, materials: Mapping[str, Color], allowed: tuple[str, ...], masses: bool
-) -> _Link:
+) -> _ComponentLink:
     where = f"link {name!r}"
     visuals = [_read_shape(shape, f"{where}: visual", materials, allowed) for shape in element.findall("visual")]
     collisions = [
@@ -186,7 +186,7 @@ def _read_link(
     if inertial is not None:
         value = attribute(only_child(inertial, "mass", where), "mass", "value", f"{where}: inertial")
         (mass,) = read_numbers(value, 1, f"{where}: mass")
-    return _Link(name, tuple(boxes), mass)
+    return _ComponentLink(name, tuple(boxes), mass)
 
 
 def _read_shape(element: Element, where: str, materials: Mapping[str, Color], allowed: tuple[str, ...]) -> _PlacedShape:
@@ -234,7 +234,7 @@ def _match(visuals: list[_PlacedShape], collisions: list[_PlacedShape], where: s
     return matched
 
 
-def _read_joint(element: Element, where: str, aliases: Mapping[str, str], loose: bool) -> _Joint:
+def _read_joint(element: Element, where: str, aliases: Mapping[str, str], loose: bool) -> _ComponentJoint:
     moves = element.get("type", "")
     if moves != "fixed" and not (loose and moves in _MOVES):
         wanted = 'use type "fixed", "revolute" or "prismatic"' if loose else 'tools are rigid: use type "fixed"'
@@ -242,7 +242,7 @@ def _read_joint(element: Element, where: str, aliases: Mapping[str, str], loose:
     parent = attribute(only_child(element, "parent", where), "parent", "link", where)
     child = attribute(only_child(element, "child", where), "child", "link", where)
     moving = _read_moving(element, where) if moves != "fixed" else None
-    return _Joint(aliases.get(parent, parent), child, read_origin(element, where), moving)
+    return _ComponentJoint(aliases.get(parent, parent), child, read_origin(element, where), moving)
 
 
 def _read_moving(element: Element, where: str) -> ToolJoint:
@@ -261,7 +261,7 @@ def _read_moving(element: Element, where: str) -> ToolJoint:
         raise DesignError(f"{where}: {error}") from error
 
 
-def _moving(name: str, boxes: Sequence[Component], joint: ToolJoint, links: Mapping[str, _Link]) -> Component:
+def _moving(name: str, boxes: Sequence[Component], joint: ToolJoint, links: Mapping[str, _ComponentLink]) -> Component:
     """The first box of a link, with the link's joint in the box's own frame."""
     if not boxes:
         raise DesignError(f"link {name!r} hangs on a joint that moves, and has no box; give it one")
@@ -270,7 +270,9 @@ def _moving(name: str, boxes: Sequence[Component], joint: ToolJoint, links: Mapp
     return replace(boxes[0], joint=replace(joint, axis=(ax, ay, az), origin=(x, y, z)))
 
 
-def _check_joints(joints: Mapping[str, _Joint], links: Mapping[str, _Link], mounts: tuple[str, ...]) -> None:
+def _check_joints(
+    joints: Mapping[str, _ComponentJoint], links: Mapping[str, _ComponentLink], mounts: tuple[str, ...]
+) -> None:
     for joint in joints.values():
         if joint.child not in links:
             raise DesignError(f"a joint's child is {shorten(joint.child)}, which is not a link of the tool")
@@ -282,12 +284,12 @@ def _check_joints(joints: Mapping[str, _Joint], links: Mapping[str, _Link], moun
 
 
 def _from_mounts(
-    links: Mapping[str, _Link], joints: Mapping[str, _Joint], mounts: tuple[str, ...]
-) -> Iterator[tuple[str, _Joint]]:
+    links: Mapping[str, _ComponentLink], joints: Mapping[str, _ComponentJoint], mounts: tuple[str, ...]
+) -> Iterator[tuple[str, _ComponentJoint]]:
     """Yield links with the joint that bears them, parents first, otherwise in the order of the text."""
     done = set(mounts)
     for start in links:
-        chain: dict[str, _Joint] = {}
+        chain: dict[str, _ComponentJoint] = {}
         name = start
         while name not in done:
             if name in chain:
@@ -301,7 +303,7 @@ def _from_mounts(
             yield name, joint
 
 
-def _hang(link: _Link, holders: _Holders, pose: Pose, taken: set[str]) -> tuple[list[Component], _Holders]:
+def _hang(link: _ComponentLink, holders: _Holders, pose: Pose, taken: set[str]) -> tuple[list[Component], _Holders]:
     """A link's components, and what holds its children. ``pose`` is the pose of the link in its parent link.
 
     The first box hangs from the closest box of the parent link, each further box from the closest one before it. A

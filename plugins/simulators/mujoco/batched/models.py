@@ -36,7 +36,7 @@ _LEAST_FRICTION = 1e-5  # mjMINMU
 
 
 @dataclass(frozen=True, eq=False)
-class Figures:
+class ModelFigures:
     """The figures of a model that are a world's own.
 
     ``shared`` is a digest of the others: worlds with the same digest can be in a batch. ``fields`` are those of
@@ -117,11 +117,11 @@ def model(
     return compiled
 
 
-def figures(compiled: Element, scene: Scene, joints: Joints) -> Figures:
+def figures(compiled: Element, scene: Scene, joints: Joints) -> ModelFigures:
     """Extract a world's own figures from a `model` of that scene."""
     data = mujoco.MjData(compiled)
     mujoco.mj_kinematics(compiled, data)
-    return Figures(
+    return ModelFigures(
         _shared(compiled),
         tuple(body.name for body in scene.free),
         {name: np.array(getattr(compiled, name)) for name in PER_WORLD},

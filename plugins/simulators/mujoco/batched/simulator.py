@@ -13,7 +13,7 @@ from core.errors import UsageError, UserError
 from core.interfaces import Outcome, Recording, Rollout, Task
 from core.simulation.playback import record_every, schedule
 from core.simulation.rendering import DrawingSimulator
-from plugins.simulators.mujoco.batched.models import Figures, Played, Size, figures, model
+from plugins.simulators.mujoco.batched.models import ModelFigures, Played, Size, figures, model
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
 from plugins.simulators.mujoco.world import Joints, weighed
@@ -61,14 +61,14 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
         self._device, self._processor = engine.device(device), engine.device("cpu")
         self._make = many.Worlds
-        self._figures: OrderedDict[tuple[Task, int, str], Figures] = OrderedDict()
+        self._figures: OrderedDict[tuple[Task, int, str], ModelFigures] = OrderedDict()
         self._contacts: dict[str, int] = {}  # capacity, by digest
         self._batches: OrderedDict[tuple[str, Size], Worlds] = OrderedDict()
 
     def rollout(self, task: Task, jobs: Sequence[Rollout]) -> list[Outcome]:
         outcomes: dict[int, Outcome] = {}
         groups: dict[str, list[int]] = {}
-        mine: dict[int, Figures] = {}
+        mine: dict[int, ModelFigures] = {}
         if any(job.forces for job in jobs):
             raise UserError("sim=mujoco_warp can't measure the forces of contacts; use sim=mujoco")
         for i, job in enumerate(jobs):
@@ -86,7 +86,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     def _steps(self, job: Rollout) -> int:
         return len(schedule(job, self._rates[0])[1])
 
-    def _of(self, task: Task, job: Rollout) -> Figures:
+    def _of(self, task: Task, job: Rollout) -> ModelFigures:
         key = (task, job.seed, job.tool.content)
         if key not in self._figures:
             scene = weighed(task, job.seed)[0]
@@ -106,7 +106,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         return model(task.robot, *weighed(task, job.seed), job.tool, *self._rates)
 
     def _played(
-        self, task: Task, members: Sequence[int], mine: dict[int, Figures], jobs: Sequence[Rollout]
+        self, task: Task, members: Sequence[int], mine: dict[int, ModelFigures], jobs: Sequence[Rollout]
     ) -> Iterator[tuple[int, Played]]:
         """Yield each job's number and result. Jobs with too many contacts are repeated with more capacity."""
         waiting = list(members)
@@ -123,7 +123,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 self._contacts[mine[again[0]].shared] = 2 * worlds.size.contacts
                 waiting = again + waiting
 
-    def _batch(self, task: Task, jobs: Sequence[Rollout], of: Figures) -> Worlds:
+    def _batch(self, task: Task, jobs: Sequence[Rollout], of: ModelFigures) -> Worlds:
         """Make worlds for the first of the jobs, as many as fit into memory.
 
         Sizes are rounded up to powers of two, so that few are made.
@@ -158,7 +158,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         """Count the bytes that a batch may take."""
         return _SHARE * self._device.free_memory if self._device.is_cuda else _ON_THE_PROCESSOR
 
-    def _outcome(self, job: Rollout, of: Figures, played: Played) -> Outcome:
+    def _outcome(self, job: Rollout, of: ModelFigures, played: Played) -> Outcome:
         if played.crowded:
             return Outcome(None, None, error=f"MuJoCo Warp: more than {_MOST_CONTACTS // 2} contacts at once")
         if played.broken:

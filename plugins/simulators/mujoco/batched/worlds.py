@@ -13,7 +13,7 @@ from core.interfaces import Rollout
 from core.simulation.playback import LAG_EVERY, record_every, schedule
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
 from plugins.simulators.mujoco.batched.kernels import advance, cut, drive, leave_out, mend, note
-from plugins.simulators.mujoco.batched.models import PER_WORLD, Figures, Played, Size
+from plugins.simulators.mujoco.batched.models import PER_WORLD, ModelFigures, Played, Size
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
 
@@ -25,7 +25,7 @@ _NO_ROOM = (
 
 
 class Worlds:
-    """Worlds with the same `Figures.shared`.
+    """Worlds with the same `ModelFigures.shared`.
 
     All steps of a rollout are the same few hundred launches. They are recorded once, as a CUDA graph or its CPU
     equivalent.
@@ -65,7 +65,7 @@ class Worlds:
         """Count the bytes held on the device between steps."""
         return sum(array.capacity for array in _arrays(vars(self)))
 
-    def play(self, figures: Sequence[Figures], jobs: Sequence[Rollout]) -> list[Played]:
+    def play(self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]) -> list[Played]:
         """Play one job in each world; at most `Size.worlds` jobs, of trajectories and recordings that fit the size."""
         with warp.ScopedDevice(self._device):
             last = self._load(figures, jobs)
@@ -93,7 +93,7 @@ class Worlds:
             for i in range(len(jobs))
         ]
 
-    def _load(self, figures: Sequence[Figures], jobs: Sequence[Rollout]) -> list[int]:
+    def _load(self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]) -> list[int]:
         """Reset all worlds, and count the steps of each. Worlds left over repeat the last job."""
         count, self._arm = self.size.worlds, jobs[0].trajectory.arm.shape[1]
         which = np.minimum(np.arange(count), len(jobs) - 1)

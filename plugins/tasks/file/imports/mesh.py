@@ -14,7 +14,7 @@ from core.geometry import Pose
 from core.scene import Body, Color, Geom
 from core.values.urdf import NAME
 from plugins.tasks.file.imports.bodies import Imported
-from plugins.tasks.file.imports.solids import MAX_PARTS, THRESHOLD, Solid, load_solid
+from plugins.tasks.file.imports.solids import MAX_PARTS, THRESHOLD, MeshSolid, load_solid
 
 _MORE = 0.05
 _GREY: Color = (0.7, 0.7, 0.7, 1.0)
@@ -81,7 +81,7 @@ def read_mesh(file: str | Path, *, folder: Path | None = None, **options: Any) -
         raise UserError(f"{file}: {error}") from error
 
 
-def _notes(solid: Solid, *, turned: bool) -> Iterator[str]:
+def _notes(solid: MeshSolid, *, turned: bool) -> Iterator[str]:
     if turned:
         yield "y is up in a GLB file; it was turned so that z is up"
     if not np.isfinite(solid.volume):

@@ -35,7 +35,7 @@ REFUSED = "refused: "  # before what `plugins.tasks.file.imports.sandbox` has ag
 
 
 @dataclass(frozen=True)
-class Solid:
+class MeshSolid:
     """What a mesh file holds, in metres: what is drawn, with a colour or None, and convex parts.
 
     ``volume`` is that of the mesh, m^3, or nan if it is not closed.
@@ -77,7 +77,7 @@ def load_solid(
     max_parts: int = MAX_PARTS,
     threshold: float = THRESHOLD,
     turn: Array | None = None,
-) -> Solid:
+) -> MeshSolid:
     """Read a mesh file, and cut it into convex parts unless it was cut before.
 
     Args:
@@ -108,7 +108,7 @@ def load_solid(
     if size < 1e-4:
         raise UserError(f"mesh {file} is only {size:.2g} m large; give it another scale")
     volume = float(found["volume"]) * abs(float(np.linalg.det(change)))
-    return Solid(tuple(drawn), tuple(map(_hull, parts)), volume)
+    return MeshSolid(tuple(drawn), tuple(map(_hull, parts)), volume)
 
 
 def _hull(corners: Array) -> Mesh:
