@@ -82,7 +82,8 @@ def solve(task: str, sim: PluginPart, executor: Executor, file: Path) -> None:
     candidates = read_designs(load_designs(solution), installed().create("tool", "urdf"), spawn)
     evaluations = evaluate_all(candidates, Evaluator(PluginPart("task", task), sim), executor)
     file.parent.mkdir(parents=True, exist_ok=True)
-    measuring.save(file, [entry(evaluation) for evaluation in sorted(evaluations, key=lambda e: e.candidate.key)])
+    made = installed().create("task", task)
+    measuring.save(file, [entry(e, made) for e in sorted(evaluations, key=lambda e: e.candidate.key)])
 
 
 def compare(before: Path, after: Path) -> None:
