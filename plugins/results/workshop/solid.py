@@ -102,11 +102,11 @@ def manifold(mesh: trimesh.Trimesh) -> Any:
 
 
 def to_mesh(whole: Any) -> trimesh.Trimesh:
-    """Return a Manifold as a mesh."""
+    """Return a Manifold as a mesh, as closed as it is: where bodies touch along an edge they share no corner."""
     import trimesh
 
     data = whole.to_mesh64()
-    return trimesh.Trimesh(data.vert_properties[:, :3], data.tri_verts, process=True)
+    return trimesh.Trimesh(data.vert_properties[:, :3], data.tri_verts, process=False)
 
 
 def hull(points: Array) -> Mesh:

@@ -14,7 +14,7 @@ from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Material
 from plugins.conformance.joints import tongs
 from plugins.conformance.shapes import bowl, prism
-from plugins.results.workshop.solid import manifold, union
+from plugins.results.workshop.solid import box, manifold, to_mesh, union
 from plugins.results.workshop.step import NO_STEP
 from plugins.results.workshop.tool import make_tool, write_tool
 from tests.panda import PANDA
@@ -161,3 +161,9 @@ def test_the_bare_hand_has_no_parts(tmp_path):
     write_tool(made, tmp_path / "tool")
     assert not made.parts
     assert not (tmp_path / "tool").exists()
+
+
+def test_a_solid_whose_bodies_touch_along_an_edge_is_closed():
+    mesh = to_mesh(union([box((0, 0, 0), (0.01, 0.01, 0.01)), box((0.01, 0.01, 0), (0.02, 0.02, 0.01))]))
+    assert mesh.is_volume
+    assert mesh.volume == pytest.approx(2000)
