@@ -37,7 +37,7 @@ def test_runs_begun_in_one_second_have_a_folder_each(sweep, tmp_path):
         "import hydra.core.utils, core.config.folders\n"
         "hydra.core.utils.datetime = core.config.folders.datetime = Still\n"
         "from core.run import main\n"
-        "if __name__ == '__main__': main()\n"
+        "if __name__ == '__main__': main(sys.argv[1:])\n"
     )
     (tmp_path / "still.py").write_text(program)
     words = ["-m", *WORDS[:-1], "seed=5,6"] if sweep else WORDS

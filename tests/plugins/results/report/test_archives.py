@@ -34,7 +34,7 @@ def test_each_cell_has_its_best_tool_and_picks_are_named(tmp_path):
 def test_a_tool_whose_plans_all_stopped_is_left_out(tmp_path):
     folder = tmp_path / "run"
     archive(folder)
-    stopped = '{"stopped": {"after": 1, "of": 2}}'
+    stopped = '{"trials": [{}], "combined": true, "planned": 2}'
     edit(folder, "UPDATE evaluations SET details = ? WHERE candidate = 'g0-a0-s3-p0'", stopped)
     found = read_archive("BringCube", "map_elites", read_run(folder))
     assert max(kept.evaluation.reward for kept in found.kept) == 0.7
