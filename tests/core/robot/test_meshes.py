@@ -82,6 +82,7 @@ def drawn(file):
     return [tuple(np.round(color, 2).tolist()) for color in colors]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_large_mesh_is_drawn_with_fewer_triangles(write):
     """One of 40 MB, as a CAD program writes it: 840,000 triangles."""

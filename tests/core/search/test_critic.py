@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.config.settings import PromptSettings, Sampling
@@ -107,6 +107,7 @@ def test_without_a_critic_or_anything_tried_nothing_is_asked(feedback):
     assert not any(request.critique for request in vlm.requests)
 
 
+@settings(max_examples=10)
 @given(
     st.text(max_size=50).map(lambda text: text * 100)
     | st.sampled_from(["```\n# Mission\n" * 9, "\ud800", "\x1b[2J", "{" * 9])

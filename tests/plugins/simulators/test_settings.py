@@ -132,6 +132,7 @@ def test_without_pybullet_and_a_display_it_runs_without_pictures(engine, missing
     assert not (tmp_path / "out/scene.png").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @every_simulator
 def test_without_its_library_others_run(engine, tmp_path):
