@@ -5,6 +5,7 @@ The code that is measured is unchanged: clocks are put around its functions, in 
 
 from __future__ import annotations
 
+import functools
 import importlib
 import json
 import os
@@ -52,6 +53,7 @@ class Clock:
         self.seconds[label], self.calls[label] = 0.0, 0
         seconds, calls, now = self.seconds, self.calls, self._now
 
+        @functools.wraps(inner)
         def timed(*args: Any, **named: Any) -> Any:
             began = now()
             try:
