@@ -44,11 +44,11 @@ def left_in(folder):
     return found
 
 
-def stored(folder):
-    """Return the number of stored candidates."""
+def stored(folder, which=""):
+    """Return the number of stored candidates; ``which``: a WHERE clause."""
     try:
         with closing(sqlite3.connect(f"file:{folder / 'run.sqlite'}?mode=ro", uri=True)) as database:
-            return database.execute("SELECT count(*) FROM evaluations").fetchone()[0]
+            return database.execute(f"SELECT count(*) FROM evaluations {which}").fetchone()[0]
     except sqlite3.Error:
         return 0
 

@@ -70,7 +70,7 @@ class Terminal:
 def test_ctrl_c_at_a_terminal_then_a_kill_and_the_run_goes_on(undisturbed, tmp_path):
     folder, temporary = tmp_path / "a run", tmp_path / "temporary"
     terminal = Terminal(tmp_path, *SMALL, f"hydra.run.dir='{folder}'")
-    wait_until(lambda: stored(folder) > 0, terminal.run)
+    wait_until(lambda: stored(folder, "WHERE status = 'ok'") > 0, terminal.run)
     processes = family(terminal.run)
     assert len(processes) > 1
     assert list(temporary.iterdir())
