@@ -102,7 +102,6 @@ class Robot:
         aliases: other names of mounts that designs may use, as pairs (other name, mount).
         base: where its base stands in the world.
         measured: how exact it is, by engine and figure (``vlmgineer facts``).
-        sources: where the numbers come from, for docs.
         programs: files for the arm's controller that an export has, as pairs of name and Jinja template
             (`plugins.results.workshop.programs`).
 
@@ -127,7 +126,6 @@ class Robot:
     aliases: tuple[tuple[str, str], ...] = ()
     base: Pose = field(default_factory=Pose)
     measured: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict, compare=False, repr=False)
-    sources: tuple[str, ...] = field(default=(), compare=False, repr=False)
     programs: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -8,12 +8,12 @@ from core.hooks import hookimpl
 @hookimpl
 def robots() -> Mapping[str, str]:
     return {
-        "panda": "plugins.robots.panda:panda",
-        "fr3": "plugins.robots.fr3:fr3",
-        "kinova": "plugins.robots.kinova:kinova",
-        "ur10": "plugins.robots.universal:ur10",
-        "ur5": "plugins.robots.universal:ur5",
+        "panda": "plugins.robots.arms:panda",
+        "fr3": "plugins.robots.arms:fr3",
+        "kinova": "plugins.robots.arms:kinova",
+        "ur10": "plugins.robots.arms:ur10",
+        "ur5": "plugins.robots.arms:ur5",
         "urdf": "plugins.robots.urdf:urdf",
-        "xarm7": "plugins.robots.xarm:xarm7",
-        "z1": "plugins.robots.z1:z1",
+        "xarm7": "plugins.robots.arms:xarm7",
+        "z1": "plugins.robots.arms:z1",
     }

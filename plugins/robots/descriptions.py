@@ -1,20 +1,21 @@
-"""Read the descriptions of the package example-robot-data, mend them, and read what was measured of the arms."""
+"""Read the descriptions of the package example-robot-data, and mend them."""
 
 from __future__ import annotations
 
 import importlib.metadata
-import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from core.errors import UserError
+from core.geometry import Cylinder
 from core.robot.description import write
-from core.robot.meshes import hull_file
-from core.values.descriptions import Description, Inertial, RobotShape, rounded
+from core.values.descriptions import Description, Inertial, Origin, RobotShape, rounded
 from core.values.urdf import read_description
+from plugins.robots.hulls import hull_file
 
 _PREFIX = "package://example-robot-data/"
 
@@ -44,20 +45,13 @@ def description(file: str) -> str:
     return text.replace(_PREFIX, f"{robots_folder().parent}/")
 
 
-def measured(name: str) -> dict[str, dict[str, float | None]]:
-    """Read what ``vlmgineer facts`` measured of a robot, by engine and figure; empty if it was not."""
-    file = Path(__file__).with_name("measured") / f"{name}.json"
-    figures: dict[str, dict[str, float | None]] = json.loads(file.read_text("utf-8")) if file.exists() else {}
-    return figures
-
-
 def mended(
     file: str,
     *,
     drop: Collection[str] = (),
-    inertials: Mapping[str, Inertial] = MappingProxyType({}),
+    inertials: Mapping[str, Sequence[Any]] = MappingProxyType({}),
     limits: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
-    collisions: Mapping[str, str | RobotShape] = MappingProxyType({}),
+    collisions: Mapping[str, str | Mapping[str, float]] = MappingProxyType({}),
     undrawn: Collection[str] = (),
 ) -> str:
     """Mend a description, and write it.
@@ -65,9 +59,10 @@ def mended(
     Args:
         file: see `description`.
         drop: links that are removed, with the joints that bear them or that they bear.
-        inertials: of links, in place of theirs.
+        inertials: of links, in place of theirs: mass, centre (3,) and the six moments about it.
         limits: of joints, by the names of URDF: lower, upper, velocity, effort. A continuous joint gets ends.
-        collisions: of links, in place of theirs: a shape, or a mesh, whose hull becomes a file that every engine reads.
+        collisions: of links, in place of theirs: a mesh, whose hull becomes a file that every engine reads, or the
+            radius and length of a cylinder along z, and the z of its middle.
         undrawn: names of the files of meshes that are not drawn.
 
     Raises:
@@ -82,15 +77,20 @@ def mended(
         visuals = tuple(shape for shape in link.visuals if Path(str(shape.shape)).name not in undrawn)
         links[name] = replace(link, visuals=visuals)
         if name in inertials:
-            links[name] = replace(links[name], inertial=Inertial.of(*inertials[name].placed()))
-        if shape := collisions.get(name):
-            shape = RobotShape(hull_file(robots_folder() / shape)) if isinstance(shape, str) else shape
+            mass, center, moments = inertials[name]
+            own = Inertial(mass, tuple(center), tuple(moments))
+            links[name] = replace(links[name], inertial=Inertial.of(*own.placed()))
+        if given := collisions.get(name):
+            if isinstance(given, str):
+                shape = RobotShape(hull_file(robots_folder() / given))
+            else:
+                shape = RobotShape(Cylinder(given["radius"], given["length"]), Origin((0.0, 0.0, given["z"])))
             links[name] = replace(links[name], collisions=(shape,))
     joints = {}
     for child, joint in arm.joints.items():
         if new := limits.get(joint.name):
-            given = joint.limits._replace(**{key: rounded(value) for key, value in new.items()})
-            joint = replace(joint, kind="revolute" if joint.kind == "continuous" else joint.kind, limits=given)
+            ends = joint.limits._replace(**{key: rounded(value) for key, value in new.items()})
+            joint = replace(joint, kind="revolute" if joint.kind == "continuous" else joint.kind, limits=ends)
         if not {child, joint.parent} & {*drop}:
             joints[child] = joint
     return write(Description(arm.name, {name: links[name] for name in links if name not in drop}, joints))

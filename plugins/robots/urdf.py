@@ -4,11 +4,11 @@ import inspect
 import typing
 
 from core.interfaces import Robot
-from core.robot.reading import ArmSettings, read_robot
+from plugins.robots.reading import ArmSettings, read_robot
 
 
 def urdf(**settings: typing.Any) -> Robot:
-    """Make the arm between a description's base and flange; `core.robot.reading.ArmSettings` are the settings."""
+    """Make the arm between a description's base and flange; `plugins.robots.reading.ArmSettings` are the settings."""
     return read_robot(**settings)
 
 

@@ -11,8 +11,8 @@ from core.errors import UserError
 from core.plugins import installed
 from plugins import render
 from plugins.conformance.suites import SUITES
-from tests.core.robot.test_reading import gripped
 from tests.outside_arm import FLANGE, HOME, write_arm
+from tests.plugins.robots.test_reading import gripped
 
 ROOT = Path(__file__).parents[3]
 GRIPPER = "robot.gripper={link:hand_base,joints:[left,right],force_n:30}"

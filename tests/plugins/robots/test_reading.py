@@ -12,9 +12,9 @@ from core.errors import UserError
 from core.geometry import Pose
 from core.robot.frames import link_frames
 from core.robot.kinematics import arm_of
-from core.robot.reading import GripperOptions, read_robot
 from core.robot.solids import robot_solids
 from core.values.robots import Robot
+from plugins.robots.reading import GripperOptions, read_robot
 from tests.outside_arm import FLANGE, HOME, LIMIT, write_arm
 
 

@@ -3,8 +3,9 @@ import pytest
 import trimesh
 
 from core.errors import UserError
-from core.robot import meshes
-from core.robot.meshes import MAX_CORNERS, MAX_DRAWN, hull_file, visual_file
+from core.robot.meshes import MAX_CORNERS
+from plugins.robots import hulls
+from plugins.robots.hulls import MAX_DRAWN, hull_file, visual_file
 
 RED = (0.8, 0.1, 0.1, 1.0)
 GREY = (0.5, 0.5, 0.5, 1.0)
@@ -119,7 +120,7 @@ def test_a_bad_mesh_is_named_in_one_line(name, tmp_path):
 
 
 def test_a_mesh_that_is_too_large_is_not_read(write, monkeypatch):
-    monkeypatch.setattr(meshes, "MAX_MB", 0.0001)
+    monkeypatch.setattr(hulls, "MAX_MB", 0.0001)
     with pytest.raises(UserError, match=r"a.stl has 0 MB; at most .* reduce its triangles"):
         hull_file(write("a.stl"))
 

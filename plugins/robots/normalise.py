@@ -1,6 +1,6 @@
 """Make a description anew with what every engine reads alike: convex hulls, whole inertias, limits of all joints.
 
-Covered by `tests/core/robot/test_reading.py`.
+Covered by `tests/plugins/robots/test_reading.py`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from core.errors import UserError
 from core.geometry import Color, Pose
 from core.robot.description import merged
-from core.robot.meshes import hull_file, visual_file
 from core.values.descriptions import DIGITS, Description, Inertial, Origin, RobotJoint, RobotLink, RobotShape, Weight
+from plugins.robots.hulls import hull_file, visual_file
 
 _ROUNDED = 0.01  # of the largest moment: an inertia that is off by less was rounded
 _BASE = Inertial(1.0, moments=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01))  # of one without: it stays, but engines want a mass

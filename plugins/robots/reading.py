@@ -17,7 +17,6 @@ from core.geometry import Array, Pose
 from core.robot.description import RESERVED, write
 from core.robot.frames import link_poses
 from core.robot.kinematics import Arm
-from core.robot.normalise import normalised
 from core.robot.solids import robot_solids
 from core.support.text import clean, short_numbers
 from core.values.descriptions import (
@@ -28,6 +27,7 @@ from core.values.descriptions import (
 )
 from core.values.robots import Gripper, Robot
 from core.values.urdf import read_description
+from plugins.robots.normalise import normalised
 
 # A URDF has none of these; each is a setting.
 REACHES_SPEED_S = 0.5  # in which a joint reaches its speed limit; arms that are built in need 0.13 to 0.79 s
@@ -147,7 +147,6 @@ def _robot(description: Description, chosen: ArmSettings, name: str) -> Robot:
         near_mount=tuple(dict.fromkeys([parts[link][0], link])),
         payload_kg=chosen.payload_kg,
         gripper=grip,
-        sources=(f"description: {chosen.path}",),
     )
     mount = _mount(robot, parts[link][1].rotation.inv().apply(arm[-1].direction), chosen.mount_rpy)
     if grip is not None:
