@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
-from core.errors import UsageError, check_positive
+from core.errors import UsageError
 
 SYSTEM = ("system",)
 _PLANS = ("action_rules", "action_diversity", "workspace")
@@ -90,74 +90,3 @@ class PerturbationRange:
             if not 0 <= value < most:
                 less = f" and less than {most:g}" if most < math.inf else ", and finite"
                 raise UsageError(f"perturbation.{name} must be 0 or greater{less}, got {value}")
-
-
-@dataclass
-class Printer:
-    """A printer. The defaults are a Prusa MK4's; lengths are millimetres.
-
-    ``plate_mm``: its build volume (x, y, z). ``min_wall_mm``: two lines. ``flow_mm3_s``: of plastic, on average, for an
-    estimate of the time.
-
-    Raises:
-        UsageError: a number that is not positive, or not three lengths.
-    """
-
-    plate_mm: list[float] = field(default_factory=lambda: [250.0, 210.0, 220.0])
-    min_wall_mm: float = 0.8
-    name: str = "mk4"
-    nozzle_mm: float = 0.4
-    layer_mm: float = 0.2
-    flow_mm3_s: float = 8.0
-
-    def __post_init__(self) -> None:
-        if len(self.plate_mm) != 3:
-            raise UsageError(f"plate_mm must be three lengths (x, y, z), got {list(self.plate_mm)}")
-        check_positive("plate_mm.", **dict(zip("xyz", self.plate_mm, strict=True)))
-        lengths = ("min_wall_mm", "nozzle_mm", "layer_mm", "flow_mm3_s")
-        check_positive("", **{name: getattr(self, name) for name in lengths})
-
-
-@dataclass
-class Fit:
-    """Clearances and walls of what bolts a tool to an arm, and joins its parts; millimetres.
-
-    Attributes:
-        plate_mm: the thickness of the plate at the flange.
-        clearance_mm: by how much a screw's bore is wider than its thread: 0.6 is ISO 273's medium.
-        centring_mm: by how much the plate's boss is narrower than the flange's recess.
-        pin_mm: by how much the bore of the flange's pin is wider than the pin.
-        driver_mm: the way below a screw's head that the screw and a bent key need.
-        sleeve_mm: the gap between a sleeve and the finger, on each side.
-        sleeve_wall_mm: a sleeve's wall.
-        sleeve_length_mm: a sleeve's length from the finger's tip.
-        insert_mm: the bore of the clamping screw: 4.0 fits a brass insert M3.
-        joint_mm: the gap in a dovetail between parts, on each side.
-        axle_mm: the diameter of the pin in a hinge.
-        hinge_mm: the gap between the two links of a hinge, and about the pin in one of them.
-
-    Raises:
-        UsageError: a number is negative or not finite, or a wall is 0.
-    """
-
-    plate_mm: float = 7.0
-    clearance_mm: float = 0.6
-    centring_mm: float = 0.2
-    pin_mm: float = 0.1
-    driver_mm: float = 50.0
-    sleeve_mm: float = 0.2
-    sleeve_wall_mm: float = 2.4
-    sleeve_length_mm: float = 25.0
-    insert_mm: float = 4.0
-    joint_mm: float = 0.1
-    axle_mm: float = 3.0
-    hinge_mm: float = 0.2
-
-    def __post_init__(self) -> None:
-        gaps = ("clearance_mm", "centring_mm", "pin_mm", "sleeve_mm", "joint_mm", "hinge_mm")
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name in gaps and not 0 <= value <= 5:
-                raise UsageError(f"fit.{item.name} must be 0 to 5 mm, got {value}")
-            if item.name not in gaps and not 0.8 <= value <= 500:
-                raise UsageError(f"fit.{item.name} must be 0.8 to 500 mm, got {value}")

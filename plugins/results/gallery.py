@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from core.config.compose import load
-from core.config.settings import Printer
 from core.design import ranked
 from core.errors import UsageError, UserError
 from core.simulation.pictures import png
@@ -22,6 +21,7 @@ from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, short
 from plugins.results.pages.tools import Shape, Winner, another, size, winners
 from plugins.results.report.methods import label
 from plugins.results.workshop.printing import PrintedPart, grams, to_3mf, to_stl
+from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.tool import pieces
 
 USAGE = (

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 from core.config.compose import listed, part
-from core.config.settings import Printer
 from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.planning import resolve
 from core.designs.weight import mass_limit, moment_limit
@@ -23,6 +22,7 @@ from core.values.materials import PAPER
 from plugins.results.workshop.clearance import clearance
 from plugins.results.workshop.motion import sample
 from plugins.results.workshop.replay import RECORD_HZ, Unplayable, play
+from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.strength import measured
 from plugins.results.workshop.tool import pieces
 from plugins.results.workshop.verdicts import SAFETY, carried, printable, strong

@@ -15,7 +15,6 @@ import numpy as np
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from core.config.compose import check_seed, node, task_part, tool_part
-from core.config.settings import Fit, Printer
 from core.design import Candidate, Tool
 from core.designs.planning import resolve
 from core.designs.rules import SpawnRules
@@ -36,6 +35,7 @@ from plugins.results.workshop.programs import write_programs
 from plugins.results.workshop.readback import check_files
 from plugins.results.workshop.replay import PlayedMotion, play
 from plugins.results.workshop.ros import PACKAGE, write_package
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.sheet import write_sheet
 from plugins.results.workshop.texts import filled
 from plugins.results.workshop.tool import PrintedTool, make_tool, write_lists, write_tool

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.config.settings import Fit, Printer
 from core.geometry import Array, Mesh, Pose
 from plugins.results.workshop.printing import lay
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import Workpiece, hull
 
 MAX_PARTS = 24

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.config.settings import Fit, Printer
 from core.design import Bearer, Tool
 from core.geometry import Array, Pose
 from plugins.results.workshop.printing import Check, grown, piece_name
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import Placed, hull, rod, union
 
 PINS_MM = (8, 10, 12, 16, 20, 24, 30, 40, 50, 60)  # lengths of ISO 8734

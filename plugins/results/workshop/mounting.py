@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.config.settings import Fit
 from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import UserError
 from core.geometry import Array, Cylinder, Mesh, Pose
@@ -24,6 +23,7 @@ from core.values.materials import Material
 from core.values.robots import Robot
 from core.values.shapes import resized
 from plugins.results.workshop.printing import PLA_G_PER_CM3, Check
+from plugins.results.workshop.settings import Fit
 from plugins.results.workshop.solid import Placed, Workpiece, box, hull, rod, union
 
 HEADS_MM = {"M3": 5.5, "M4": 7.0, "M5": 8.5, "M6": 10.0, "M8": 13.0, "M10": 16.0}  # ISO 4762

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from core.config.settings import Printer
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Array, Compound, Mesh
 from core.values.materials import PAPER, Material
 from core.values.shapes import resized
+from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.solid import Placed, Workpiece, manifold, to_mesh, union
 
 if TYPE_CHECKING:

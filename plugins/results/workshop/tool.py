@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from core.config.settings import Fit, Printer
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
 from core.geometry import Compound
 from core.support.cli import write_bytes
@@ -34,6 +33,7 @@ from plugins.results.workshop.printing import (
     to_stl,
     widened,
 )
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import Placed, Workpiece, to_mesh, union
 from plugins.results.workshop.step import NO_STEP, can_write_step, write_step
 from plugins.results.workshop.texts import filled

@@ -8,9 +8,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-from core.config.settings import Printer
 from core.errors import UserError
 from plugins.results.gallery import gallery, main
+from plugins.results.workshop.settings import Printer
 from tests.commands import python_m
 from tests.core.browser import complaints, opened, requests, screenshot
 from tests.core.run_folders import edit, hook, write_run

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from core.config.settings import Fit, Printer
 from core.geometry import Box, Cylinder, Mesh, Pose
 from plugins.results.workshop.cutting import cut
 from plugins.results.workshop.printing import lay
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import Workpiece
 
 SMALL, FIT = Printer(plate_mm=[180.0, 180.0, 180.0]), Fit()

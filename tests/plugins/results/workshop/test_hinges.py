@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from core.config.settings import Fit, Printer
 from core.design import Component, Tool, ToolJoint
 from core.geometry import Box, Pose
 from core.interfaces import Material
 from plugins.conformance.joints import sliding
 from plugins.results.workshop.hinges import make_hinges
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import rod, union
 from plugins.results.workshop.tool import make_tool
 from tests.panda import PANDA

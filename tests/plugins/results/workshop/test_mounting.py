@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.config.settings import Fit, Printer
 from core.design import Component, Tool
 from core.errors import UserError
 from core.geometry import Box, Cylinder, Pose
 from core.interfaces import Material
 from core.robot.solids import corners, robot_solids
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import hull, manifold
 from plugins.results.workshop.tool import make_tool
 from tests.panda import PANDA

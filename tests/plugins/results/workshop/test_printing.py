@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from core.config.settings import Printer
 from core.design import Component, Tool
 from core.errors import UsageError
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from plugins.conformance.joints import tongs
 from plugins.conformance.shapes import bowl, prism
 from plugins.results.workshop.printing import grams, lay, thinnest, to_3mf
+from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.tool import pieces
 from tests.core.run_folders import hook
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from core.config.settings import Fit, Printer
 from core.interfaces import Material
 from plugins.conformance.joints import tongs
 from plugins.results.workshop.readback import check_files, read_back
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.tool import make_tool, write_tool
 from tests.panda import PANDA
 from tests.plugins.results.workshop.test_tool import LONG, PLA

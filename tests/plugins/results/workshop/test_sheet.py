@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.config.settings import Printer
 from core.design import Tool
 from core.designs.stiffness import Load
 from core.geometry import Box
 from core.values.materials import Material
+from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.sheet import figures
 from plugins.results.workshop.strength import strength
 from plugins.results.workshop.tool import PrintedTool, pieces

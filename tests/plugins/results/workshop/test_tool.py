@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from core.config.settings import Fit, Printer
 from core.design import Component, Tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Material
 from plugins.conformance.joints import tongs
 from plugins.conformance.shapes import bowl, prism
+from plugins.results.workshop.settings import Fit, Printer
 from plugins.results.workshop.solid import box, manifold, to_mesh, union
 from plugins.results.workshop.step import NO_STEP
 from plugins.results.workshop.tool import make_tool, write_tool
