@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields
@@ -21,7 +20,6 @@ from core.config import schemas, sources
 from core.config.trust import refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError, choices
 from core.plugins import KINDS, ROBOT, TASK, TOOL, Kind, PluginPart, RobotPart, TaskPart, ToolPart
-from core.support.cli import say
 from core.values.materials import Material
 
 T = TypeVar("T")
@@ -41,25 +39,17 @@ def register(overrides: Sequence[str] = ()) -> None:
         ConfigStore.instance().store(f"{'run' if name == 'config' else name}_schema", schema)
 
 
-def renamed(overrides: Sequence[str]) -> list[str]:
-    """Replace the old name ``logger`` by ``listener`` in the overrides, with a warning on standard error."""
-    new = [re.sub(r"^([+~]*)logger(?=[=.@]|$)", r"\1listener", word) for word in overrides]
-    if new != list(overrides):
-        say("warning: the config group 'logger' is called 'listener' now; write listener=", file=sys.stderr)
-    return new
-
-
 def prepared(name: str, overrides: Sequence[str]) -> list[str]:
     """Prepare the overrides of the primary config ``name`` for Hydra, and register all that they need.
 
     Hydra adds any key that has a ``+``. Here a key can be added to a part, whose factory checks it, and a config group
     that a plugin brings. Elsewhere the ``+`` is dropped, so that an unknown key is an error.
     """
-    new = renamed(overrides)
-    refuse_key_words(new)
-    register(new)
-    elsewhere = any(word.startswith(("--config-dir", "-cd", "hydra.searchpath=")) for word in new)
-    return [_checked_addition(word, {field.name for field in fields(SCHEMAS[name])}, elsewhere) for word in new]
+    refuse_key_words(overrides)
+    register(overrides)
+    elsewhere = any(word.startswith(("--config-dir", "-cd", "hydra.searchpath=")) for word in overrides)
+    known = {field.name for field in fields(SCHEMAS[name])}
+    return [_checked_addition(word, known, elsewhere) for word in overrides]
 
 
 def _checked_addition(word: str, known: set[str], elsewhere: bool) -> str:

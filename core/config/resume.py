@@ -12,7 +12,7 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from core.config.compose import explain, first_line, load, renamed
+from core.config.compose import explain, first_line, load
 from core.config.schemas import RunConfig
 from core.config.trust import as_stored, read_stored_yaml, refuse_key_words
 from core.errors import UsageError, UserError
@@ -53,7 +53,7 @@ def changed(config: dict[str, Any], overrides: Sequence[str]) -> DictConfig:
         raise UserError(f"the run's configuration can't be used: it lacks {', '.join(lacks[:3])}")
     after = before.copy()
     try:
-        for override in OverridesParser.create().parse_overrides(renamed(overrides)):
+        for override in OverridesParser.create().parse_overrides(list(overrides)):
             _apply(after, override)
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, "config", overrides) from error

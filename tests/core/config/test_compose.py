@@ -9,13 +9,6 @@ from core.plugins import Offer, installed
 from core.run import main
 
 
-def test_the_old_name_of_the_listeners_group_is_an_alias_that_warns(capsys):
-    assert load("config", ["logger=[progress]", "~logger.progress"]).listener == {}
-    assert "'logger' is called 'listener' now" in capsys.readouterr().err
-    load("config", ["listener=[progress]", "task=BringCube"])
-    assert capsys.readouterr().err == ""
-
-
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
