@@ -11,15 +11,14 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from core.design import Component, Evaluation, Tool, ToolJoint
+from core.design import Evaluation
 from core.designs.feedback import combined_figures, elite_feedback
-from core.designs.layout import describe_shape
 from core.designs.reading import dump_design
-from core.geometry import Box
 from core.interfaces import Task, ToolRepresentation
-from core.support.text import clean, short_numbers
+from core.support.text import clean
 
 _LONGEST = 240  # characters of a description
+_NAMES = {"id", "reward", "strategy_name", "tool_name", "gripper"}  # of an elite that is too long
 
 
 def elites_text(
@@ -34,18 +33,19 @@ def elites_text(
     """Write elites as JSON; report whether some had to be shortened to keep within ``budget`` characters.
 
     With ``numbers`` each has its plan, what was observed of its rollout, and the rewards of its other plans among
-    ``tried``. The last is shortened first: at first to a list of its components, then to its id, reward and names,
-    which are shown in any case.
+    ``tried``. The last is shortened first, to its id, reward and names.
     """
     entries = [_entry(elite, representation, task, tried if numbers else None) for elite in elites]
     text = _json(entries)
     shortened = len(text) > budget
-    for shorten in (_listed, _named):
-        for k in reversed(range(len(entries))):
-            if len(text) <= budget:
-                break
-            entries[k] = shorten(entries[k], elites[k], representation)
-            text = _json(entries)
+    for entry, elite in zip(reversed(entries), reversed(elites), strict=True):
+        if len(text) <= budget:
+            break
+        count = len(elite.candidate.tool.components) if elite.candidate.tool else 0
+        for key in entry.keys() - _NAMES:
+            del entry[key]
+        entry["left_out"] = f"{count} components, too long to be shown"
+        text = _json(entries)
     return text, shortened
 
 
@@ -56,7 +56,11 @@ def _entry(
     assert candidate.tool is not None
     left_out = {"action_description", "action_sets", *representation.dump(candidate.tool)}
     data: dict[str, Any] = {"id": candidate.id, "reward": round(elite.reward, 4)}
-    data |= {key: _cut(key, value) for key, value in design.items() if key not in left_out}
+    data |= {
+        key: clean(value, _LONGEST) if key.endswith("description") else value
+        for key, value in design.items()
+        if key not in left_out
+    }
     data |= representation.abridge(candidate.tool)
     if figures := combined_figures(elite, task):
         data["details"] = _figures(figures)
@@ -72,47 +76,6 @@ def _entry(
         "lag_rad": _rounded(elite.tracking_error_rad),
         "warnings": list(elite.warnings),
     }
-
-
-def _listed(entry: dict[str, Any], elite: Evaluation, representation: ToolRepresentation) -> dict[str, Any]:
-    """An entry with a line per component in place of the representation's text."""
-    tool = elite.candidate.tool
-    assert tool is not None
-    written = representation.abridge(tool)
-    short = {key: value for key, value in entry.items() if key not in written}
-    return short | ({"components": component_lines(tool)} if written else {})
-
-
-def _named(entry: dict[str, Any], elite: Evaluation, representation: ToolRepresentation) -> dict[str, Any]:
-    count = len(elite.candidate.tool.components) if elite.candidate.tool else 0
-    kept = ("id", "reward", "strategy_name", "tool_name", "gripper")
-    return {key: entry[key] for key in kept if key in entry} | {"left_out": f"{count} components, too long to be shown"}
-
-
-def component_lines(tool: Tool) -> list[str]:
-    """Write a line for each component: name, parent, size, place in the parent's frame (no rpy: not turned), mass."""
-    return [_line(component) for component in tool.components]
-
-
-def _line(component: Component) -> str:
-    pose = component.pose
-    xyz, rpy, shape = short_numbers(pose.position, 4), short_numbers(pose.rpy, 4), component.shape
-    size = short_numbers(shape.size, 4) if isinstance(shape, Box) else describe_shape(shape.drawn)
-    turn = f" rpy {rpy}" if rpy != "0 0 0" else ""
-    moves = f", {_moves(component.joint)}" if component.joint else ""
-    return f"{component.name} on {component.parent}: {size} at {xyz}{turn}, {component.mass:.3g} kg{moves}"
-
-
-def _moves(joint: ToolJoint) -> str:
-    """Write a joint in the component's frame."""
-    at = f" at {short_numbers(joint.origin, 4)}" if joint.kind == "hinge" else ""
-    spring = f", spring {joint.stiffness:.3g} relaxed at {joint.rest:g}" if joint.stiffness else ""
-    resists = f", damping {joint.damping:.3g}, friction {joint.friction:.3g}"
-    return f"{joint.kind} along {short_numbers(joint.axis, 4)}{at}, {joint.lower:g} to {joint.upper:g}{resists}{spring}"
-
-
-def _cut(key: str, value: Any) -> Any:
-    return clean(value, _LONGEST) if key.endswith("description") else value
 
 
 def _json(value: object) -> str:

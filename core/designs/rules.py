@@ -54,7 +54,7 @@ MAX_WAY_M = 100.0  # from waypoint to waypoint in all; inverse kinematics is sol
 MAX_ANGLE_RAD = 100.0
 WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 
-_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")  # prompts, messages and robot descriptions hold it as it is
+NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")  # prompts, messages and robot descriptions hold it as it is
 _TOUCH_M = 1e-5  # the accuracy of the home pose from inverse kinematics
 
 
@@ -89,7 +89,7 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
 
 
 def _check_component(component: Component) -> None:
-    if not _NAME.fullmatch(component.name):
+    if not NAME.fullmatch(component.name):
         raise DesignError(f"component name {shorten(component.name)} is not 1 to 64 letters, digits, '_', '.' or '-'")
     for axis, side in zip("xyz", component.shape.bounds[1].tolist(), strict=True):
         if not MIN_SIDE_M <= side <= MAX_SIDE_M:

@@ -71,7 +71,7 @@ def assembled(robot: Robot, tool: Tool | None = None, *, fused: bool = False) ->
     return Description(arm.name, {link.name: link for link in links}, {joint.child: joint for joint in joints})
 
 
-def tool_parts(tool: Tool, *, capsules: bool = False) -> Iterator[tuple[RobotLink, RobotJoint]]:
+def tool_parts(tool: Tool) -> Iterator[tuple[RobotLink, RobotJoint]]:
     """Yield the links of a tool's components, and the joints that bear them."""
     links = {component.name: component.link for component in tool.components}
     for component in tool.components:
@@ -79,7 +79,7 @@ def tool_parts(tool: Tool, *, capsules: bool = False) -> Iterator[tuple[RobotLin
         center, tensor = mass_properties(component.shape, component.mass)
         pose = component.pose @ component.link if component.joint else component.pose
         pose = links[component.parent].inverse() @ pose if component.parent in links else pose
-        collisions, visuals = _shapes(component, own, capsules)
+        collisions, visuals = _shapes(component, own)
         inertial = Inertial.of(component.mass, own.apply(center), tensor)
         yield (
             RobotLink(component.name, inertial, collisions, visuals),
@@ -104,25 +104,23 @@ def _joint(name: str, parent: str, pose: Pose, moving: ToolJoint | None = None) 
     return RobotJoint(joint_name(name), kind, parent, name, origin, (x, y, z), limits, None, damping, friction, spring)
 
 
-def _shapes(
-    component: Component, pose: Pose, capsules: bool = False
-) -> tuple[tuple[RobotShape, ...], tuple[RobotShape, ...]]:
+def _shapes(component: Component, pose: Pose) -> tuple[tuple[RobotShape, ...], tuple[RobotShape, ...]]:
     """Make the collision and the visual shapes of a component at a pose in its link."""
     collisions, visuals = (
         tuple(
             RobotShape(shape, Origin.of(pose @ inside if inside else pose), color)
             for whole in shapes
-            for inside, shape in _written(whole, capsules)
+            for inside, shape in _written(whole)
         )
         for shapes, color in ((component.shape.convex_parts(), None), ((component.shape.drawn,), component.color))
     )
     return collisions, visuals
 
 
-def _written(shape: Shape, capsules: bool) -> Iterator[tuple[Pose | None, Primitive | Path]]:
+def _written(shape: Shape) -> Iterator[tuple[Pose | None, Primitive | Path]]:
     """Yield URDF's shapes that make up one of ours, with their poses; a mesh is a file of `scratch`."""
     match shape:
-        case Capsule(radius, length) if not capsules:  # URDF has none
+        case Capsule(radius, length):  # URDF has none
             yield None, rounded_shape(Cylinder(radius, length))
             for end in (-length / 2, length / 2):
                 yield Pose(np.array([0.0, 0.0, end])), rounded_shape(Sphere(radius))
@@ -185,15 +183,15 @@ def write(description: Description, *, visuals: bool = True, mesh_path: MeshPath
     return _to_text(root)
 
 
-def tool_urdf(tool: Tool, *, capsules: bool = False, mesh_path: MeshPath = str) -> str:
+def tool_urdf(tool: Tool, *, mesh_path: MeshPath = str) -> str:
     """Write the tool's links and joints as text, without a root element.
 
-    With ``capsules`` a capsule is an element of that name, which URDF lacks; else a cylinder and two spheres.
-    ``mesh_path`` maps a mesh's absolute path to the text that is written.
+    A capsule, which URDF lacks, is a cylinder and two spheres. ``mesh_path`` maps a mesh's absolute path to the text
+    that is written.
     """
     return "".join(
         _to_text(element)
-        for link, joint in tool_parts(tool, capsules=capsules)
+        for link, joint in tool_parts(tool)
         for element in (_link_element(link, True, mesh_path), _joint_element(joint))
     )
 

@@ -1,0 +1,16 @@
+"""How models write tools: ``tool=urdf``, ``tool=boxes`` and ``tool=solids``; and given tools, for which only plans are
+designed: ``tool=none`` and ``tool=rlbench``.
+"""
+
+from core.hooks import Factories, hookimpl
+
+
+@hookimpl
+def tool_representations() -> Factories:
+    return {
+        "urdf": "plugins.tools.urdf.representation:UrdfTools",
+        "boxes": "plugins.tools.boxes:BoxTools",
+        "solids": "plugins.tools.solids.representation:SolidTools",
+        "none": "plugins.tools.given:BareGripper",
+        "rlbench": "plugins.tools.given:RLBenchTools",
+    }

@@ -25,7 +25,7 @@ from typing import Any
 from core.design import DesignError
 from core.designs.rules import check_tool
 from core.interfaces import ToolRepresentation
-from plugins.tools.boxes.representation import BoxTools
+from plugins.tools.boxes import BoxTools
 from plugins.tools.solids.representation import SolidTools
 from plugins.tools.urdf.representation import UrdfTools
 from tests.fuzz.answers import VALUES
@@ -36,7 +36,7 @@ FRESH = 250  # documents after which a child is replaced, so that its peak of me
 KINDS: dict[str, Callable[[], ToolRepresentation]] = {
     "boxes": lambda: BoxTools(joints=True),
     "solids": lambda: SolidTools(joints=True),
-    "urdf": lambda: UrdfTools(["box", "cylinder", "sphere", "capsule"], joints=True),
+    "urdf": lambda: UrdfTools(joints=True),
 }
 
 
@@ -161,6 +161,8 @@ def document(kind: str, number: int, seed: int) -> Any:
     rng = random.Random(f"{kind} {number} {seed}")
     items: Any = sound(rng, "boxes" if kind == "urdf" else kind)
     if kind == "urdf":
+        items = [item | {"shape": "box", "size": item.get("size", [0.02, 0.02, 0.02])} for item in items]
+        items = [{key: item[key] for key in item.keys() - {"radius", "length"}} for item in items]
         items = KINDS["urdf"]().dump(KINDS["boxes"]().parse({"tool_components": items}, gripper=False))["tool_urdf"]
     what = number % 3
     if what == 1 and isinstance(items, str):

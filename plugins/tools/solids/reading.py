@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from core.design import DesignError
-from core.designs.components import DIGITS, check_keys, read_number, read_numbers, rounded
 from core.designs.rules import MIN_SIDE_M
 from core.support.text import kind, shorten
+from plugins.tools.components import DIGITS, check_keys, read_number, read_numbers, rounded
 
 MAX_CHARACTERS = 20_000  # of a component's solid
 MAX_NODES = 40  # of a tool

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from core.design import DesignError
-from core.designs.components import TEXT, ComponentTools, ReadShape, rounded
 from core.designs.rules import MAX_COMPONENTS, MIN_SIDE_M
 from core.geometry import Array, Box, Compound, Pose, Shape
+from plugins.tools.components import TEXT, ComponentTools, ReadShape, rounded
 from plugins.tools.solids.building import MAX_TRIANGLES, count_triangles
 from plugins.tools.solids.making import MAX_PARTS, WITHIN_M, make_shape, node_of
 from plugins.tools.solids.reading import MAX_NODES, MAX_POINTS, MAX_SIZE_M, SIZES, Node, TreeReader, dump_node

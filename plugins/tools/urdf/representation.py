@@ -6,9 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from core.design import DesignError, Tool
-from core.designs.elites import component_lines
-from core.designs.mounting import describe_mount, first_box
+from core.design import Component, DesignError, Tool, ToolJoint
 from core.designs.rules import (
     MAX_BEND_M_N,
     MAX_COMPONENT_KG,
@@ -16,7 +14,6 @@ from core.designs.rules import (
     MAX_DENSITY,
     MAX_EXTENT_M,
     MAX_GAP_M,
-    MAX_LOAD_N,
     MAX_SIDE_M,
     MIN_COMPONENT_KG,
     MIN_DENSITY,
@@ -24,33 +21,23 @@ from core.designs.rules import (
     MIN_TOOL_KG,
 )
 from core.designs.tool_joints import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
-from core.designs.varying import VariedTools
-from core.designs.weight import describe_weight, mass_limit
-from core.errors import UsageError, choices
 from core.interfaces import Brief
 from core.robot.description import tool_urdf
 from core.support.text import kind, short_numbers
-from plugins.tools.urdf.building import SHAPES, build_tool
+from plugins.tools.components import weight_rules
+from plugins.tools.mounting import describe_mount, first_box
+from plugins.tools.urdf.building import build_tool
 from plugins.tools.urdf.parsing import parse_xml
+from plugins.tools.varying import VariedTools
 
 
 class UrdfTools(VariedTools):
     """A tool is one field, ``tool_urdf``: URDF links and joints of boxes that hang from the mount.
 
-    ``shapes`` may add cylinder, sphere and capsule, which URDF lacks, to the box. With ``joints`` links may hang on
-    revolute and prismatic joints, with a spring in an element of our own.
-
-    Raises:
-        UserError: ``shapes`` is empty, or names something else.
+    With ``joints`` links may hang on revolute and prismatic joints, with a spring in an element of our own.
     """
 
-    def __init__(self, shapes: list[str] = ["box"], joints: bool = False) -> None:  # noqa: B006 - a setting's default
-        if not shapes:
-            raise UsageError(f"tool.shapes is empty; give some of {', '.join(SHAPES)}")
-        for shape in shapes:
-            if shape not in SHAPES:
-                raise choices("shape", str(shape), SHAPES, "tool.shapes")
-        self.shapes = tuple(dict.fromkeys(shapes))
+    def __init__(self, joints: bool = False) -> None:
         self.joints = joints
 
     def schema(self) -> dict[str, Any]:
@@ -64,30 +51,26 @@ class UrdfTools(VariedTools):
         if not isinstance(text, str):
             raise DesignError(f"tool_urdf must be a text of <link> and <joint> elements, not {kind(text)}")
         masses = self.material.density_kg_m3 is None
-        return build_tool(parse_xml(text), gripper, self.robot, self.shapes, masses=masses, loose=self.joints)
+        return build_tool(parse_xml(text), gripper, self.robot, masses=masses, loose=self.joints)
 
     def dump(self, tool: Tool) -> dict[str, Any]:
-        return {"tool_urdf": tool_urdf(tool, capsules=True)}
+        return {"tool_urdf": tool_urdf(tool)}
 
     def abridge(self, tool: Tool) -> dict[str, Any]:
-        return {"components": component_lines(tool)}
+        return {"components": [_line(component) for component in tool.components]}
 
     def instructions(self, brief: Brief) -> str:
-        robot, elites = brief.task.robot, _ELITES if brief.elites else ""
-        mount, example = describe_mount(brief), _example(brief)
-        shapes = _BOXES_ONLY
-        if self.shapes != ("box",):
-            shapes = _SEVERAL.format(shapes=", ".join(map(_tag, self.shapes)))
-        if self.material.density_kg_m3 is None:
-            parts, weight = _INERTIAL, _MASSES.format(payload=f"{mass_limit(robot, self.material)[0]:g}")
-            bend = "even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length"
-        else:
-            parts, weight = "a collision element", describe_weight(self.material, robot)
-            example = _LIGHT.sub("", example)
-            bend = f"or {MAX_LOAD_N:g} N would break it"
-        rules = _RULES if self.joints else _RULES.replace(_LOOSE, "")
-        return rules.format(
-            mount=mount, elites=elites, shapes=shapes, parts=parts, weight=weight, bend=bend, example=example
+        mount, name, size, at = first_box(brief)
+        example = _EXAMPLE.format(mount=mount, name=name, size=short_numbers(size, 4), at=short_numbers(at, 4))
+        given = self.material.density_kg_m3 is not None
+        weight, bend = weight_rules(self.material, brief.task.robot, _MASSES)
+        return (_RULES if self.joints else _RULES.replace(_LOOSE, "")).format(
+            mount=describe_mount(brief),
+            elites=_ELITES if brief.elites else "",
+            parts="a collision element" if given else "a collision and an inertial element",
+            weight=weight,
+            bend=bend,
+            example=_LIGHT.sub("", example) if given else example,
         )
 
 
@@ -106,7 +89,8 @@ before its closing tag, so it has no root element and none of the robot's own li
 
 {{mount}}
 
-{{shapes}}
+- Boxes only: <box size="x y z"/>, full side lengths in metres, each {MIN_SIDE_M:g} to {MAX_SIDE_M:g}. No meshes,
+  cylinders or spheres.
 - One link per box, with {{parts}}; the visual is made from the collision. At most
   {MAX_COMPONENTS} boxes.
 {{weight}}
@@ -125,35 +109,15 @@ before its closing tag, so it has no root element and none of the robot's own li
 Example of one link and its joint:
 {{example}}"""
 
-_INERTIAL = "a collision and an inertial element"
 _MASSES = f"""\
 - The inertial needs <mass value="..."/> in kilograms; moments of inertia are computed from the box. A few grams per
   box help the arm to move well; the limits are {MIN_COMPONENT_KG:g} to {MAX_COMPONENT_KG:g} kg for a box,
   {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its density, and {MIN_TOOL_KG:g} to {{payload}} kg for the tool."""
 _LIGHT = re.compile(r"  <inertial>.*</inertial>\n")  # of the example
 
-_BOXES_ONLY = f"""\
-- Boxes only: <box size="x y z"/>, full side lengths in metres, each {MIN_SIDE_M:g} to {MAX_SIDE_M:g}. No meshes,
-  cylinders or spheres."""
-
-_SEVERAL = f"""\
-- Shapes: {{shapes}}; metres, every side or diameter
-  {MIN_SIDE_M:g} to {MAX_SIDE_M:g}. A box has full side lengths; a cylinder or capsule lies along its z,
-  and the length of a capsule leaves out its round ends. No meshes. Below, "box" stands for each of these shapes."""
-
 _ELITES = """
 The elites show `components` in its place, a line for each box: the name of its link, its parent link, its size, `at`
 the xyz and rpy (none: 0 0 0) of its joint's origin, its mass. A box is centred on its link's frame. Yours are URDF."""
-
-
-def _tag(shape: str) -> str:
-    return f"<{SHAPES[shape][0]}/>"
-
-
-def _example(brief: Brief) -> str:
-    mount, name, size, at = first_box(brief)
-    return _EXAMPLE.format(mount=mount, name=name, size=short_numbers(size, 4), at=short_numbers(at, 4))
-
 
 _EXAMPLE = """\
 <link name="{name}">
@@ -168,3 +132,21 @@ _EXAMPLE = """\
   <child link="{name}"/>
   <origin xyz="{at}" rpy="0 0 0"/>
 </joint>"""
+
+
+def _line(component: Component) -> str:
+    """Write name, parent, size, place in the parent's frame (no rpy: not turned), mass, and how it moves."""
+    pose, size = component.pose, component.shape.bounds[1]
+    xyz, rpy = short_numbers(pose.position, 4), short_numbers(pose.rpy, 4)
+    turn = f" rpy {rpy}" if rpy != "0 0 0" else ""
+    moves = f", {_moves(component.joint)}" if component.joint else ""
+    mass = f"{component.mass:.3g} kg{moves}"
+    return f"{component.name} on {component.parent}: {short_numbers(size, 4)} at {xyz}{turn}, {mass}"
+
+
+def _moves(joint: ToolJoint) -> str:
+    """Write a joint in the component's frame."""
+    at = f" at {short_numbers(joint.origin, 4)}" if joint.kind == "hinge" else ""
+    spring = f", spring {joint.stiffness:.3g} relaxed at {joint.rest:g}" if joint.stiffness else ""
+    resists = f", damping {joint.damping:.3g}, friction {joint.friction:.3g}"
+    return f"{joint.kind} along {short_numbers(joint.axis, 4)}{at}, {joint.lower:g} to {joint.upper:g}{resists}{spring}"

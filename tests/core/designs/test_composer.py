@@ -222,28 +222,20 @@ class WholeUrdf(UrdfTools):
 
 
 @pytest.mark.parametrize("feedback", ["paper", "numbers"])
-@pytest.mark.parametrize(("count", "boxes"), [(5, 100), (20, 100), (5, 30), (1, 100)])
-def test_elites_have_a_budget(feedback: str, count: int, boxes: int) -> None:
+def test_elites_have_a_budget(feedback: str) -> None:
     """Five of 100 boxes would make 270,000 tokens."""
-    elites = tuple(crowded(k, boxes) for k in range(count))
-    budget = 100_000 if boxes == 100 and count > 1 else 25_000
-    settings = PromptSettings(feedback=feedback, elite_characters=budget)
+    elites = tuple(crowded(k, 20) for k in range(5))
+    settings = PromptSettings(feedback=feedback, elite_characters=60_000)
     text = words(PromptComposer(settings).compose(make_brief(elites=elites, representation=WholeUrdf()), None))
     said, listed, shown = elites_in(text)
-    assert len(listed) <= budget
+    assert len(listed) <= 60_000
     assert "Not all could be shown in full" in said
     assert [entry["id"] for entry in shown] == [elite.candidate.id for elite in elites]
-    kinds = ["full" if "tool_urdf" in e else "list" if "components" in e else "name" for e in shown]
-    assert kinds == sorted(kinds, key=["full", "list", "name"].index)  # the best in the most detail
-    for entry, elite, kind in zip(shown, elites, kinds, strict=True):
-        assert elite.candidate.tool is not None
-        if kind == "full":
-            assert len(UrdfTools().parse(entry, gripper=False).components) == boxes  # whole, not cut
-        elif kind == "list":
-            assert entry["components"][1].startswith("box0 on bar")
-            assert len(entry["components"]) == boxes
-        else:
-            assert entry["left_out"] == f"{boxes} components, too long to be shown"
+    whole = ["tool_urdf" in entry for entry in shown]
+    assert {*whole} == {True, False}
+    assert whole == sorted(whole, reverse=True)  # the best in full
+    assert len(UrdfTools().parse(shown[0], gripper=False).components) == 20
+    assert shown[-1]["left_out"] == "20 components, too long to be shown"
 
 
 def test_elites_within_the_budget_are_as_without_one() -> None:

@@ -79,19 +79,19 @@ def test_an_import_that_raises_whatever_it_likes(monkeypatch, tmp_path):
 def test_plugins_can_be_switched_off(monkeypatch):
     monkeypatch.setenv("VLMGINEER_PLUGINS", "")
     assert set(Plugins().offers) == {("command", name) for name in COMMANDS}
-    monkeypatch.setenv("VLMGINEER_PLUGINS", "urdf, robotoolbench")
+    monkeypatch.setenv("VLMGINEER_PLUGINS", "tools, robotoolbench")
     found = Plugins()
-    assert {offer.entry_point for offer in found.offers.values()} == {"core", "urdf", "robotoolbench"}
-    left_out = "no sim 'pybullet'; possible: none; VLMGINEER_PLUGINS=urdf, robotoolbench leaves out other plugins"
+    assert {offer.entry_point for offer in found.offers.values()} == {"core", "tools", "robotoolbench"}
+    left_out = "no sim 'pybullet'; possible: none; VLMGINEER_PLUGINS=tools, robotoolbench leaves out other plugins"
     with pytest.raises(UserError, match=left_out):
         found.create("sim", "pybullet")
     monkeypatch.setenv("VLMGINEER_PLUGINS", "vlmgineer")  # the distribution
     assert {key for key, offer in installed().offers.items() if offer.distribution == "vlmgineer"} <= set(
         Plugins().offers
     )
-    monkeypatch.setenv("VLMGINEER_PLUGINS", "urfd")
+    monkeypatch.setenv("VLMGINEER_PLUGINS", "tolls")
     with pytest.raises(
-        UsageError, match=r"no plugin or distribution 'urfd' in VLMGINEER_PLUGINS=urfd \(did you mean 'u"
+        UsageError, match=r"no plugin or distribution 'tolls' in VLMGINEER_PLUGINS=tolls \(did you mean 't"
     ):
         Plugins()
 

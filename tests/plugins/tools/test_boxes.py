@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.rules import check_tool
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere
-from plugins.tools.boxes.representation import BoxTools
+from plugins.tools.boxes import BoxTools
 from tests.panda import PANDA
 
 TOOLS = BoxTools()

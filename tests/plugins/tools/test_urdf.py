@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from core.design import Component, DesignError, Tool
 from core.designs.rules import check_tool
-from core.errors import UserError
-from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
+from core.geometry import Box, Pose
 from core.interfaces import Brief, Material
 from core.robot import description as robot
 from plugins.actions.waypoints import WaypointActions
@@ -272,33 +271,15 @@ def test_sides_are_positive(size):
         parse(link("a", shape("collision", f'<geometry><box size="{size}"/></geometry>')))
 
 
-@pytest.mark.parametrize(
-    ("visual", "same"),
-    [
-        (shape("visual"), True),
-        (shape("visual", origin='<origin xyz="0 0.0004 0" rpy="0 0.009 0"/>'), True),
-        (shape("visual", origin='<origin xyz="0 0.0006 0"/>'), False),
-        (shape("visual", origin='<origin rpy="0 0.02 0"/>'), False),
-        (shape("visual", '<geometry><box size="0.02 0.02 0.101"/></geometry>'), False),
-        (shape("visual") * 2, False),
-    ],
-)
-def test_visual_and_collision_boxes_are_the_same(visual, same):
-    text = link("a", visual + shape("collision")) + joint("tool_mount", "a")
-    if same:
-        assert len(parse(text).components) == 1
-    else:
-        with pytest.raises(DesignError, match="'a': its visual and collision boxes differ"):
-            parse(text)
-
-
-def test_visuals_are_matched_in_any_order():
+def test_collision_boxes_count_in_the_colours_of_as_many_visual_ones():
     red = '<material><color rgba="1 0 0 1"/></material>'
     high, low = '<origin xyz="0 0 0.1"/>', '<origin xyz="0 0 0"/>'
-    shapes = shape("visual", origin=high, material=red) + shape("visual", origin=low)
-    shapes += shape("collision", origin=low) + shape("collision", origin=high)
+    visuals = shape("visual", origin=high, material=red) + shape("visual", origin=low)
+    shapes = visuals + shape("collision", origin=high) + shape("collision", origin=low)
     tool = parse(link("a", shapes) + joint("tool_mount", "a"))
-    assert [c.color for c in tool.components] == [DEFAULT_COLOR, (1, 0, 0, 1)]
+    assert [c.color for c in tool.components] == [(1, 0, 0, 1), DEFAULT_COLOR]
+    (component,) = parse(link("a", visuals + shape("collision")) + joint("tool_mount", "a")).components
+    assert (component.pose.position.tolist(), component.color) == ([0, 0, -0.05], DEFAULT_COLOR)
 
 
 def grid(low, high):
@@ -364,37 +345,3 @@ def test_of_paper_the_instructions_are_as_ever():
     assert '- The inertial needs <mass value="..."/> in kilograms' in text
     assert "more than 10 mm even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length." in text
     assert '<inertial><mass value="0.005"/></inertial>' in text
-
-
-ROUND = {
-    "cylinder": ('<cylinder radius="0.01" length="0.1"/>', Cylinder(0.01, 0.1)),
-    "sphere": ('<sphere radius="0.01"/>', Sphere(0.01)),
-    "capsule": ('<capsule radius="0.01" length="0.1"/>', Capsule(0.01, 0.1)),
-}
-
-
-@pytest.mark.parametrize("name", ROUND)
-def test_round_shapes_are_read_where_they_are_allowed(name):
-    written, wanted = ROUND[name]
-    text = link("a", shape("collision", f"<geometry>{written}</geometry>")) + joint("tool_mount", "a")
-    allowed = UrdfTools(["box", name])
-    tool = allowed.parse({"tool_urdf": text}, gripper=False)
-    assert tool.components[0].shape == wanted
-    back = allowed.parse(allowed.dump(tool), gripper=False)
-    assert [c.shape for c in back.components] == [wanted]
-    assert allowed.dump(back) == allowed.dump(tool)
-    assert f"<{name} " in allowed.instructions(
-        Brief(on_panda(OneBook()), 0, allowed, False, 1, 1, 0, 0, 0, actions=WaypointActions())
-    )
-    with pytest.raises(DesignError, match="boxes only; expected one"):
-        parse(text)
-    with pytest.raises(DesignError, match='collision: expected one <geometry><box size="x y z"/> or '):
-        allowed.parse({"tool_urdf": text.replace(name, "mesh")}, gripper=False)
-    with pytest.raises(DesignError, match="sizes must be positive"):
-        allowed.parse({"tool_urdf": text.replace("0.01", "0")}, gripper=False)
-
-
-@pytest.mark.parametrize(("shapes", "reason"), [([], "tool.shapes is empty"), (["box", "mesh"], "shape 'mesh'|mesh")])
-def test_shapes_that_do_not_exist_are_refused(shapes, reason):
-    with pytest.raises(UserError, match=reason):
-        UrdfTools(shapes)

@@ -1,4 +1,4 @@
-"""`read_components` and `write_components` are tested where they are used, in `tests/plugins/tools/test_boxes.py`."""
+"""`ComponentTools` is tested with `tests/plugins/tools/test_boxes.py`."""
 
 import math
 
@@ -8,19 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.design import DesignError
-from core.designs.components import (
+from core.geometry import Pose
+from plugins.tools.components import (
     MAX_NUMBER,
     check_keys,
-    component_rules,
-    component_schema,
     read_number,
     read_numbers,
     robot_names,
     rounded,
     rounded_rpy,
 )
-from core.geometry import Pose
-from core.interfaces import PAPER
 from tests.panda import PANDA
 
 angles = st.one_of(
@@ -59,18 +56,6 @@ def test_unknown_keys_are_named():
     check_keys({"a": 1}, ("a", "b"), "here")
     with pytest.raises(DesignError, match=r"here has '\\ud800', which it can't have; possible: a, b"):
         check_keys({"\ud800": 1}, ("b", "a"), "here")
-
-
-def test_a_schema_is_strict():
-    schema = component_schema({"solid": {"type": "string"}})
-    assert schema["required"] == list(schema["properties"])
-    assert schema["additionalProperties"] is False
-
-
-def test_rules_name_the_mounts_and_the_payload():
-    assert "`tool_mount`" in component_rules(PANDA, False, PAPER)
-    assert "to 3 kg for the tool" in component_rules(PANDA, False, PAPER)
-    assert "`left_finger` or `right_finger`" in component_rules(PANDA, True, PAPER)
 
 
 def test_a_robots_names_are_those_of_its_links_joints_and_mounts():

@@ -6,7 +6,10 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from core.design import DesignError
-from core.designs.components import (
+from core.designs.rules import MAX_COMPONENTS, MAX_SIDE_M, MIN_SIDE_M
+from core.geometry import Array, Box, Capsule, Compound, Cylinder, Pose, Shape, Sphere
+from core.support.text import shorten
+from plugins.tools.components import (
     DIGITS,
     NUMBER,
     TRIPLE,
@@ -17,9 +20,6 @@ from core.designs.components import (
     read_numbers,
     rounded,
 )
-from core.designs.rules import MAX_COMPONENTS, MAX_SIDE_M, MIN_SIDE_M
-from core.geometry import Array, Box, Capsule, Compound, Cylinder, Pose, Shape, Sphere
-from core.support.text import shorten
 
 FIELD = "tool_components"
 _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "sphere": ("radius",)}

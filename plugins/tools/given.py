@@ -1,35 +1,36 @@
-"""Four tools that were designed by hand for RLBench's tasks, as boxes.
+"""Given tools: the bare gripper, and four tools that were designed by hand for RLBench's tasks, as boxes.
 
-Sizes and positions approximate those of the paper's ablation. Handles extend to the mount's origin, so that they touch
-the flange.
+Sizes and positions of the four approximate those of the paper's ablation. Handles extend to the mount's origin, so that
+they touch the flange.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, Tool
 from core.errors import choices
 from core.geometry import Box, Pose
-from core.hooks import hookimpl
-from core.interfaces import GivenTools, Task, ToolRepresentation
-from core.scene import Color
+from core.interfaces import GivenTools, Task
 
-HANDLE: Color = (0.72, 0.53, 0.34, 1.0)
-HEAD: Color = (0.85, 0.30, 0.20, 1.0)
+HANDLE, HEAD = (0.72, 0.53, 0.34, 1.0), (0.85, 0.30, 0.20, 1.0)  # colours
 
 
-@hookimpl
-def tool_representations() -> Mapping[str, Callable[..., ToolRepresentation]]:
-    return {"rlbench": RLBenchTools}
+class BareGripper(GivenTools):
+    """The arm with its own gripper, or with nothing."""
+
+    def given(self, task: Task) -> Tool:
+        title = task.robot.title
+        if task.robot.gripper is None:
+            return Tool(name="bare flange", description=f"the flange of {title}, which has no gripper")
+        return Tool(gripper=True, name="bare gripper", description=f"the gripper of {title}, with its fingers")
 
 
 def _bar(name: str, far: tuple[float, float, float], thickness: tuple[float, float]) -> Component:
-    """A bar from the mount's origin to ``far``, so that it touches the flange; its long axis is x."""
-    from scipy.spatial.transform import Rotation  # slow to import, and most runs do not need these tools
-
+    """Make a bar from the mount's origin to ``far``, so that it touches the flange; its long axis is x."""
     end = np.array(far)
     slope = Rotation.from_euler("y", -np.arctan2(end[2], end[0]))
     size = (float(np.linalg.norm(end)), *thickness)
@@ -37,27 +38,24 @@ def _bar(name: str, far: tuple[float, float, float], thickness: tuple[float, flo
 
 
 def _on(bar: Component, name: str, center: tuple[float, float, float], size: tuple[float, float, float]) -> Component:
-    """A child of ``bar``: a box at ``center`` in the mount's frame, along its axes."""
+    """Make a child of ``bar``: a box at ``center`` in the mount's frame, along its axes."""
     pose = bar.pose.inverse() @ Pose(np.array(center))
     return Component(name, bar.name, pose, Box(size), color=HEAD)
 
 
 def stick() -> Tool:
-    """A bar that slopes forward and down."""
     bar = _bar("stick", (0.379, 0.0, -0.189), (0.0128, 0.0128))
     return Tool((bar,), name="stick", description="a bar 0.42 m long that slopes forward and down")
 
 
 def broom() -> Tool:
-    """A handle with a head across its end."""
     handle = _bar("handle", (0.2, 0.0, -0.38), (0.011, 0.011))
     head = _on(handle, "head", (0.2, 0.0, -0.38), (0.0375, 0.2625, 0.0375))
     return Tool((handle, head), name="broom", description="a handle down to a head 0.26 m wide")
 
 
 def hockey_stick() -> Tool:
-    """A handle down to the heel of a blade; scaled by 0.9, so that it starts clear of the floor."""
-    scale = 0.9
+    scale = 0.9  # so that it starts clear of the floor
     heel, center = (0.238 * scale, 0.0, -0.51 * scale), (0.313 * scale, 0.0, -0.51 * scale)
     handle = _bar("handle", heel, (0.021 * scale, 0.011 * scale))
     blade = _on(handle, "blade", center, (0.15 * scale, 0.011 * scale, 0.04 * scale))
@@ -65,7 +63,6 @@ def hockey_stick() -> Tool:
 
 
 def spatula() -> Tool:
-    """A flat head, lower than its handle."""
     handle_pose = Pose(np.array([0.05, 0.0, -0.0025]))
     handle = Component("handle", RIGID_MOUNT, handle_pose, Box((0.10, 0.02, 0.005)), color=HANDLE)
     neck_pose = Pose.xyz_rpy((0.095, 0.0, -0.03), (0.0, 1.2, 0.0))

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from core.design import RIGID_MOUNT, Component, DesignError, Tool, ToolJoint
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules, check_tool
-from core.designs.varying import tool_change, tool_numbers, vary_tool
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
 from core.interfaces import Numbers, Waypoints
 from core.plugins import installed
+from plugins.tools.varying import tool_change, tool_numbers, vary_tool
 from tests.panda import PANDA
 
 ROOT = Path(__file__).parents[2] / "tasks"

@@ -1,0 +1,366 @@
+"""Read and write tools as a JSON list of components, each placed in its mount's frame.
+
+Representations differ in how a component's shape is written; the rest is here. Poses in the mount's frame leave no
+chains of half lengths to a model.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+from core.design import Component, DesignError, Tool, ToolJoint
+from core.designs.rules import (
+    MAX_BEND_M_N,
+    MAX_COMPONENT_KG,
+    MAX_COMPONENTS,
+    MAX_DENSITY,
+    MAX_EXTENT_M,
+    MAX_GAP_M,
+    MAX_LOAD_N,
+    MIN_COMPONENT_KG,
+    MIN_DENSITY,
+    MIN_TOOL_KG,
+    NAME,
+)
+from core.designs.tool_joints import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
+from core.designs.weight import describe_weight, mass_limit
+from core.geometry import Array, Compound, Pose, Shape
+from core.interfaces import Brief, Robot
+from core.robot.description import assembled
+from core.support.text import kind, shorten
+from core.values.materials import Material
+from plugins.tools.mounting import describe_mount, first_box
+from plugins.tools.varying import VariedTools
+
+MAX_NUMBER = 1000.0  # far above every length, angle and mass of a tool; keeps products finite
+DIGITS = 5  # hundredths of a millimetre
+
+_COLOR = re.compile(r"#[0-9a-fA-F]{6}")
+_KEYS = frozenset({"name", "parent", "position", "rpy", "mass", "color"})
+_NO_TURN = [0, 0, 0]
+_JOINT_NUMBERS = ("lower", "upper", "damping", "friction", "stiffness", "rest")
+
+TEXT, NUMBER = {"type": "string"}, {"type": "number"}  # in JSON schemas
+TRIPLE = {"type": "array", "items": NUMBER, "minItems": 3, "maxItems": 3}
+
+# Gets a component and words for its place; returns its shape, and the shape's pose in the frame that the component's
+# position and rpy give.
+ReadShape = Callable[[Mapping[str, Any], str], tuple[Shape | Compound, Pose]]
+
+_RULES = f"""\
+- `name`: letters, digits, '_', '.', '-'; each component has its own.
+- `parent`: the component that it is fixed to, or {{mounts}}. Every component touches or overlaps its
+  parent; a gap of more than {MAX_GAP_M * 1000:g} mm between their surfaces is an error.
+- `position` [x, y, z] and `rpy` [roll, pitch, yaw]: where the component's own frame is in the frame of its mount,
+  {{mount_frame}}, whatever its parent is; metres and radians. All components are placed in that one frame.
+{{weight}}
+- `color`: red, green and blue in hexadecimal, such as "#3373cc".
+- In elites, `color` and an `rpy` of zeros are left out.
+- The tool ends within {MAX_EXTENT_M:g} m of its mount. It is rigid: it is an error if 1 N at any end would bend it by
+  more than {MAX_BEND_M_N * 1000:g} mm {{bend}}."""
+
+_MASSES = f"""\
+- `mass` in kilograms. A few grams per component help the arm to move well; the limits are
+  {MIN_COMPONENT_KG:g} to {MAX_COMPONENT_KG:g} kg for a component, {MIN_DENSITY:g} to {MAX_DENSITY:g} kg/m^3 for its
+  density, and {MIN_TOOL_KG:g} to {{payload}} kg for the tool."""
+
+
+_JOINTS = f"""
+- `joint`: null, or how the component moves against its parent, without a motor. An object with `kind`, "hinge" or
+  "slider"; `axis` [x, y, z], and for a hinge `at` [x, y, z], a point of its axis, both in the same frame as `position`;
+  `lower` and `upper`, its range in radians or metres, 0 being the pose that is given; `damping` in N m s/rad or N s/m;
+  `friction`, the largest torque or force of dry friction, in N m or N; `stiffness` of a spring in N m/rad or N/m, and
+  `rest`, where it is relaxed; 0 where there is none. At most {MAX_JOINTS} joints; what a spring moves may swing at
+  {MAX_HZ:g} Hz at most, and must weigh {1000 * MIN_MOVED_KG:g} g at least. A component with a joint passes through its
+  parent, and touches everything else."""
+
+
+def weight_rules(material: Material, robot: Robot, masses: str) -> tuple[str, str]:
+    """Write what tools may weigh, by ``masses`` where a model says what they do; and when they are not rigid."""
+    if material.density_kg_m3 is None:
+        bend = "even if it were of steel, as it would a bar of 2 mm thickness and 0.25 m length"
+        return masses.format(payload=f"{mass_limit(robot, material)[0]:g}"), bend
+    return describe_weight(material, robot), f"or {MAX_LOAD_N:g} N would break it"
+
+
+class ComponentTools(VariedTools):
+    """A representation as one field, a list of components with their poses in the mount's frame.
+
+    Subclasses say how a component's shape is written. With ``joints`` components may move against their parents.
+
+    Attributes:
+        field: the name of the list.
+        keys: those of a component that say its shape.
+        shape_schemas: the JSON schemas of these keys, one for each way to write a shape.
+        rules: the instructions, with places for the mount, the rules for all of a component but its shape, and an
+            example.
+    """
+
+    field: str
+    keys: tuple[str, ...]
+    shape_schemas: tuple[dict[str, Any], ...]
+    rules: str
+
+    def __init__(self, joints: bool = False) -> None:
+        self.joints = joints
+
+    @abstractmethod
+    def example_shape(self, size: Array) -> dict[str, Any]:
+        """Write the shape of the example, which fills a box of this size (3,)."""
+
+    @abstractmethod
+    def readers(self) -> Iterable[ReadShape]:
+        """Return what reads the shapes of one tool, for each pass over its components; the last makes them."""
+
+    @abstractmethod
+    def write_shape(self, shape: Shape | Compound, where: str) -> dict[str, Any]:
+        """Write a shape as `readers` read it."""
+
+    def schema(self) -> dict[str, Any]:
+        items = [self._component_schema(shape) for shape in self.shape_schemas]
+        return {self.field: {"type": "array", "items": items[0] if len(items) == 1 else {"anyOf": items}}}
+
+    def _component_schema(self, shape: Mapping[str, Any]) -> dict[str, Any]:
+        properties = {"name": TEXT, "parent": TEXT, **shape}
+        properties |= {"position": TRIPLE, "rpy": TRIPLE, "mass": NUMBER, "color": TEXT}
+        if self.joints:
+            kinds = TEXT | {"enum": ["hinge", "slider"]}
+            own = {"kind": kinds, "axis": TRIPLE, "at": TRIPLE, **dict.fromkeys(_JOINT_NUMBERS, NUMBER)}
+            properties["joint"] = {"anyOf": [{"type": "null"}, _object(own)]}
+        return _object(properties)
+
+    def instructions(self, brief: Brief) -> str:
+        mount, name, size, at = first_box(brief)
+        example = {"name": name, "parent": mount, **self.example_shape(size), "position": rounded(at)}
+        example |= {"rpy": [0, 0, 0], "mass": 0.005, "color": "#3373cc"}
+        frame = " or ".join(f"`{mount}`" for mount in Tool(gripper=brief.gripper).mounts)
+        weight, bend = weight_rules(self.material, brief.task.robot, _MASSES)
+        weight += "" if self.material.density_kg_m3 is None else "\n- `mass`: 0"
+        rules = _RULES + _JOINTS if self.joints else _RULES
+        rules = rules.format(mounts=f"the mount {frame}", mount_frame=frame, weight=weight, bend=bend)
+        return self.rules.format(mount=describe_mount(brief), rules=rules, example=json.dumps([example]))
+
+    def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:
+        """Read a tool; components may come in any order.
+
+        Raises:
+            DesignError: says what is wrong, where, and how to mend it.
+        """
+        if self.field not in data:
+            raise DesignError(f"{self.field} is missing; give a list of the tool's components")
+        items = data[self.field]
+        if not isinstance(items, list):
+            raise DesignError(f"{self.field} must be a list of components, not {kind(items)}")
+        if len(items) > MAX_COMPONENTS:
+            raise DesignError(f"{self.field} has {len(items)} components; at most {MAX_COMPONENTS} are allowed")
+        tool = Tool(gripper=gripper)
+        for read_shape in self.readers():
+            tool = Tool(tuple(self._read(items, read_shape, tool.mounts)), gripper)
+        return tool
+
+    def _read(self, items: list[Any], read_shape: ReadShape, mounts: tuple[str, ...]) -> Iterator[Component]:
+        """Yield components after their parents, each with its pose in its parent's frame."""
+        robot = self.robot
+        aliases, own = dict(robot.aliases) if robot is not None else {}, robot_names(robot)
+        known = _KEYS.union(self.keys, ("joint",) if self.joints else ())
+        read: dict[str, Component] = {}  # with their poses in the mount's frame
+        for number, item in enumerate(items, start=1):
+            name = _read_name(item, f"{self.field}: component {number}", read, own)
+            where = f"component {name!r}"
+            check_keys(item, known, where)
+            parent = item.get("parent", mounts[0] if len(mounts) == 1 else None)
+            if not isinstance(parent, str):
+                raise DesignError(f"{where}: parent must be the name of a component or of {' or '.join(mounts)}")
+            position = read_numbers(item.get("position"), 3, f"{where}: position")
+            pose = Pose.xyz_rpy(position, read_numbers(item.get("rpy", _NO_TURN), 3, f"{where}: rpy"))
+            shape, at = read_shape(item, where)
+            mass = item.get("mass")
+            mass = default_mass(shape.volume) if mass is None else read_number(mass, f"{where}: mass")
+            color, pose = _read_color(item, where), pose @ at
+            joint = _read_joint(item.get("joint"), f"{where}: its joint", pose)
+            read[name] = Component(name, aliases.get(parent, parent), pose, shape, mass, color, joint)
+        placed = {mount: Pose() for mount in mounts}
+        for name in parents_first({name: c.parent for name, c in read.items()}, mounts, "component"):
+            component = read[name]
+            placed[name] = component.pose
+            yield replace(component, pose=placed[component.parent].inverse() @ component.pose)
+
+    def dump(self, tool: Tool) -> dict[str, Any]:
+        placed = tool.placed()
+        return {self.field: [self._write(component, placed[component.name][1]) for component in tool.components]}
+
+    def _write(self, component: Component, pose: Pose) -> dict[str, Any]:
+        return {
+            "name": component.name,
+            "parent": component.parent,
+            **self.write_shape(component.shape, f"component {component.name!r}"),
+            "position": rounded(pose.position),
+            "rpy": rounded_rpy(pose),
+            "mass": float(f"{component.mass:.6g}"),
+            "color": "#" + "".join(f"{round(255 * share):02x}" for share in component.color[:3]),
+            **({"joint": _write_joint(component.joint, pose)} if self.joints else {}),
+        }
+
+    def abridge(self, tool: Tool) -> dict[str, Any]:
+        """Write the tool without colours and what is added when it is read, to 0.1 mm."""
+        return {
+            self.field: [
+                {
+                    key: [round(number, 4) for number in value] if isinstance(value, list) else value
+                    for key, value in item.items()
+                    if key != "color" and value not in (_NO_TURN, "box")
+                }
+                for item in self.dump(tool)[self.field]
+            ]
+        }
+
+
+def _object(properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
+
+
+def default_mass(volume: float) -> float:
+    """Return the mass, kg, of what has none written: the usual one, or the nearest of a possible density."""
+    return min(max(Component.mass, MIN_DENSITY * volume), MAX_DENSITY * volume)
+
+
+def parents_first(parents: Mapping[str, str], mounts: tuple[str, ...], what: str) -> Iterator[str]:
+    """Yield the names of ``parents`` so that parents come before their children; ``what`` each is, for an error.
+
+    Raises:
+        DesignError: parents do not lead to a mount.
+    """
+    done = set(mounts)
+    for start in parents:
+        chain: list[str] = []
+        name = start
+        while name not in done:
+            if name in chain:
+                raise DesignError(f"parents lead from {name!r} in a circle; hang it from {' or '.join(mounts)}")
+            if name not in parents:
+                raise DesignError(
+                    f"{what} {chain[-1]!r} hangs from {shorten(name)}, which is neither a {what} of the tool nor its "
+                    f"mount ({' or '.join(mounts)})"
+                )
+            chain.append(name)
+            name = parents[name]
+        done.update(chain)
+        yield from reversed(chain)
+
+
+@lru_cache(maxsize=8)
+def robot_names(robot: Robot | None) -> frozenset[str]:
+    """Collect the names of the robot's links and joints, with and without its gripper, and of its mounts."""
+    names = {*Tool().mounts, *Tool(gripper=True).mounts}
+    if robot is not None:
+        names.update(name for name, _ in robot.aliases)
+        for gripper in {False, robot.gripper is not None}:
+            arm = assembled(robot, Tool(gripper=gripper))
+            names.update(arm.links, arm.named)
+    return frozenset(names)
+
+
+def _read_joint(item: object, where: str, pose: Pose) -> ToolJoint | None:
+    """Read the joint of a component at this pose in the frame of its mount."""
+    if item is None:
+        return None
+    if not isinstance(item, Mapping):
+        raise DesignError(f"{where} must be an object or null, not {kind(item)}")
+    check_keys(item, ("kind", "axis", "at", *_JOINT_NUMBERS), where)
+    moves = item.get("kind")
+    if moves not in ("hinge", "slider"):
+        raise DesignError(f'{where}: kind must be "hinge" or "slider", not {shorten(str(moves))}')
+    axis = pose.rotation.inv().apply(read_numbers(item.get("axis"), 3, f"{where}: axis"))
+    at = read_numbers(item["at"], 3, f"{where}: at") if item.get("at") is not None else pose.position
+    x, y, z = pose.inverse().apply(at).tolist() if moves == "hinge" else (0.0, 0.0, 0.0)
+    numbers = {name: read_number(item.get(name, 0.0), f"{where}: {name}") for name in _JOINT_NUMBERS}
+    try:
+        return ToolJoint(moves, (axis[0], axis[1], axis[2]), origin=(x, y, z), **numbers)
+    except DesignError as error:
+        raise DesignError(f"{where}: {error}") from error
+
+
+def _write_joint(joint: ToolJoint | None, pose: Pose) -> dict[str, Any] | None:
+    if joint is None:
+        return None
+    axis, at = pose.rotation.apply(joint.axis), rounded(pose.apply(joint.origin))
+    numbers = {name: float(f"{getattr(joint, name):.6g}") for name in _JOINT_NUMBERS}
+    longest = float(abs(axis).max())  # written as 1, so that what is read again is written the same
+    return {"kind": joint.kind, "axis": rounded(axis / longest), "at": at, **numbers}
+
+
+def check_keys(item: Mapping[str, Any], keys: Iterable[str], where: str) -> None:
+    """Refuse what no one would read, such as a misspelt key."""
+    known = set(keys)
+    for key in item:
+        if key not in known:
+            raise DesignError(
+                f"{where} has {shorten(str(key))}, which it can't have; possible: {', '.join(sorted(known))}"
+            )
+
+
+def read_number(value: object, where: str) -> float:
+    """Read a number of at most `MAX_NUMBER` in size."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DesignError(f"{where} must be a number, not {'missing' if value is None else kind(value)}")
+    if not abs(value) <= MAX_NUMBER:  # also refuses nan, and integers that are too large for a float
+        raise DesignError(f"{where} is beyond {MAX_NUMBER:g}; metres, radians and kilograms of a tool are far below")
+    return float(value)
+
+
+def read_numbers(value: object, count: int, where: str) -> list[float]:
+    """Read a list of ``count`` numbers."""
+    if not isinstance(value, list) or len(value) != count:
+        found = "missing" if value is None else f"a list of {len(value)}" if isinstance(value, list) else kind(value)
+        raise DesignError(f"{where} must be a list of {count} numbers, not {found}")
+    return [read_number(number, where) for number in value]
+
+
+def rounded(values: Iterable[float]) -> list[float]:
+    """Round numbers to `DIGITS`, and write whole ones without a point."""
+    return [int(value) if value.is_integer() else value for value in (round(float(v), DIGITS) + 0.0 for v in values)]
+
+
+def rounded_rpy(pose: Pose) -> list[float]:
+    """Round a pose's roll, pitch and yaw so that they are found again when they are read.
+
+    Where the pitch is a right angle to the last digit, only roll less yaw (or plus yaw) counts, and yaw becomes 0.
+    """
+    roll, pitch, yaw = (float(angle) for angle in pose.rpy)
+    if round(abs(pitch), DIGITS) >= 1.57079:
+        way = math.copysign(1.0, pitch)
+        roll, pitch, yaw = math.remainder(roll - way * yaw, math.tau), way * math.pi / 2, 0.0
+    return rounded((roll, pitch, yaw))
+
+
+def _read_name(item: object, where: str, taken: Mapping[str, object], own: frozenset[str]) -> str:
+    if not isinstance(item, Mapping):
+        raise DesignError(f"{where} must be an object, not {kind(item)}")
+    name = item.get("name")
+    if not isinstance(name, str):
+        raise DesignError(f"{where} has no name; give it one of letters, digits, '_', '.' or '-'")
+    if not NAME.fullmatch(name):
+        raise DesignError(f"{where}: its name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'")
+    if name in own:
+        raise DesignError(f"{where}: its name {name!r} is the robot's own; choose another")
+    if name in taken:
+        raise DesignError(f"two components are named {name!r}; each needs its own name")
+    return name
+
+
+def _read_color(item: Mapping[str, Any], where: str) -> tuple[float, float, float, float]:
+    text = item.get("color")
+    if text is None:
+        return Component.color
+    if not isinstance(text, str) or not _COLOR.fullmatch(text):
+        found = kind(text)
+        raise DesignError(f'{where}: color must be red, green and blue in hexadecimal, such as "#3373cc", not {found}')
+    red, green, blue = (int(text[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    return red, green, blue, 1.0
