@@ -36,6 +36,7 @@ def emptied(folder):
         shutil.rmtree(entry, ignore_errors=True)
 
 
+@pytest.mark.thorough
 def test_a_temporary_folder_that_is_cleaned_changes_nothing(undisturbed, tmp_path):
     run = begin(tmp_path / "run", tmp_path / "temporary")
     wait_until(lambda: stored(tmp_path / "run") > 0, run)
@@ -92,6 +93,7 @@ def statuses(folder):
     return [status for (status,) in sqlite3.connect(file).execute("SELECT status FROM evaluations")]
 
 
+@pytest.mark.thorough
 def test_a_worker_that_is_killed_changes_nothing(undisturbed, tmp_path):
     folder = tmp_path / "run"
     run = begin(folder, tmp_path / "temporary")

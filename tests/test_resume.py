@@ -101,9 +101,9 @@ def assert_same_run(one, other):
 @pytest.mark.parametrize(
     ("points", "words"),
     [
-        *(pytest.param(4, words, id=name) for name, words in KILLED.items()),
+        pytest.param(4, KILLED["vlmgineer"], id="few"),
         *(
-            pytest.param(25 if name == "vlmgineer" else 12, words, id=f"{name} more", marks=pytest.mark.thorough)
+            pytest.param(25 if name == "vlmgineer" else 12, words, id=name, marks=pytest.mark.thorough)
             for name, words in KILLED.items()
         ),
     ],

@@ -85,13 +85,6 @@ def test_a_run_beside_such_modules(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_multirun(tmp_path):
-    done = call(tmp_path, TINY[0], "-m", *TINY[1:], "seed=1,2", "hydra.sweep.dir=sweep")
-    assert done.returncode == 0, done.stderr
-    assert len(list((tmp_path / "sweep").glob("*/result.json"))) == 2
-
-
-@pytest.mark.slow
 def test_an_interrupt(tmp_path):
     words = [*TINY, "vlm=mailbox", "hydra.run.dir=run"]
     process = subprocess.Popen([*SCRIPT, *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True)

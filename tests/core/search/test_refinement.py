@@ -98,7 +98,7 @@ def test_rollouts_that_mean_nothing(rollouts):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("action", ["waypoints", "anchored"])
+@pytest.mark.parametrize("action", ["waypoints", pytest.param("anchored", marks=pytest.mark.thorough)])
 def test_a_run_is_refined_alike_from_the_start_and_once_it_is_finished(tmp_path, action):
     """With one worker, and with two."""
     words = ["task=BringCube", "sim=mujoco", f"action={action}", "evolution=sampling", "listener=[]", "film=false"]

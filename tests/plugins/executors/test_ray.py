@@ -134,6 +134,7 @@ class Many:
         return [(os.getpid(), tuple(ray.get_gpu_ids()))] * len(chunk)
 
 
+@pytest.mark.thorough
 def test_an_engine_that_batches_has_one_worker_or_one_per_graphics_card(cluster):
     """Cards that the cluster only believes in: Ray hands them out all the same."""
     chunks = [[number] for number in range(12)]
@@ -183,6 +184,7 @@ class Doomed:
         return self.evaluator(candidates)
 
 
+@pytest.mark.thorough
 def test_a_node_that_is_lost_changes_no_result(cluster, tmp_path):
     candidates = designs("BringCube", 8, 1, 0)
     evaluator = Evaluator(PluginPart("task", "BringCube"), PluginPart("sim", "pybullet", (("time_step", 0.004),)))
