@@ -170,6 +170,7 @@ def test_each_kind_of_block_is_looked_at():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_notebook_shows_what_it_does(tmp_path):
     """Run it again: it shows outputs of the same kinds, and the rewards that its text names."""
     shown = nbformat.read(NOTEBOOK, as_version=4)

@@ -78,6 +78,7 @@ def test_its_parts_travel_to_our_workers(site, tmp_path, part):
     assert "ok" in {row["status"] for row in csv.DictReader((tmp_path / "run/candidates.csv").open())}
 
 
+@pytest.mark.thorough
 def test_runs_side_by_side(site, tmp_path):
     """In joblib's processes, with workers of their own."""
     sweep = ["-m", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "hydra.sweep.dir=sweep", "seed=0,1"]

@@ -75,6 +75,7 @@ def test_hints_name_packages_that_pip_finds():
     assert not [file for file in texts if re.search(r"pip install .?vlmgineer", file.read_text())]
 
 
+@pytest.mark.thorough
 def test_it_works_from_an_empty_folder(wheel, tmp_path):
     """Configs, prompts, a task's assets, templates, pages: each command reads some of them."""
     site, empty = tmp_path / "site", tmp_path / "empty"

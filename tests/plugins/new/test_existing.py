@@ -21,7 +21,7 @@ def python_m(folder, site, *words):
     return subprocess.run([sys.executable, "-m", *words], cwd=folder, env=environment, capture_output=True, text=True)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_package_gets_parts_of_several_kinds(tmp_path):
     """Written by this program, then extended: of a kind that it has, and of two that it has not."""
     folder, _ = write("task", "PullIt", tmp_path / "package")

@@ -49,7 +49,7 @@ def test_what_is_written_passes_its_own_tests(written):
         assert len(re.findall(rf"{file}::.* PASSED", done.stdout)) == checks, kind
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_its_tests_ignore_the_settings_of_a_project_around_it(written, tmp_path):
     """For example a clone of this one, whose settings of pytest need more than the package has."""
     (tmp_path / "pyproject.toml").write_text('[tool.pytest.ini_options]\naddopts = "--no-such-option"\n')
