@@ -6,6 +6,9 @@ import difflib
 import math
 from collections.abc import Iterable
 
+RAISED = (Exception, SystemExit)
+"""What the code of a plugin may raise: `sys.exit`, which is no Exception, ends none of our processes."""
+
 
 class UserError(Exception):
     """A mistake of the user; the message says what is wrong, where, and what is possible."""

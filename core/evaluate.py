@@ -20,6 +20,7 @@ from core.designs.rules import SpawnRules
 from core.errors import UsageError
 from core.interfaces import Fitness, RolloutSettings, Task
 from core.plugins import EXECUTOR, FITNESS, SIMULATOR
+from core.plugins.blame import refuse_exit
 from core.search.evolution import evaluate_all
 from core.simulation.rollout import Evaluator
 from core.support.cli import arguments, command, print_table, say, write_bytes
@@ -29,6 +30,7 @@ STOPPED_RAD = 0.02  # lag of a joint above which something held it back; referen
 USAGE = "usage: python -m core.evaluate task=NAME designs=FILE [sim=NAME] [seed=N] [output=FILE.json] [KEY=VALUE ...]"
 
 
+@refuse_exit()
 def evaluate(cfg: DictConfig) -> list[Evaluation]:
     """Try every action plan in ``cfg.designs``, in the file's order.
 

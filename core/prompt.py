@@ -34,6 +34,7 @@ from core.interfaces import (
     ToolRepresentation,
 )
 from core.plugins import ACTION, FITNESS, SIMULATOR, event_hub, installed
+from core.plugins.blame import refuse_exit
 from core.search.agent_groups import Team
 from core.search.designer import DEFAULT_KINDS, Assignment, make_designer
 from core.simulation.rollout import Evaluator
@@ -56,6 +57,7 @@ class NoModel(VLM):
         raise TypeError("prompts are composed here, not sent")
 
 
+@refuse_exit()
 def compose(cfg: DictConfig) -> Request:
     """Compose the first request of agent ``cfg.agent`` in a run with this configuration; with ``cfg.designs`` the one
     after a generation in which these were the elites.

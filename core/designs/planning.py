@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from core.design import DesignError
 from core.designs.rules import check_plan
-from core.errors import UserError
+from core.errors import RAISED, UserError
 from core.geometry import Pose
 from core.interfaces import (
     ActionPlan,
@@ -66,7 +66,7 @@ def guarded(part: object, doing: str) -> Iterator[None]:
         yield
     except (DesignError, MemoryError):
         raise
-    except Exception as error:
+    except RAISED as error:
         if getattr(error, "errno", None) in _MACHINE:
             raise
         raise DesignError(f"{describe_part(part)}: {doing} raised {type(error).__name__}: {error}") from error

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 
+from core.errors import UserError
 from core.hooks import Command
 from core.plugins.discovery import Offer
 from core.plugins.registry import Plugins, installed, offer_of
@@ -42,7 +45,7 @@ def _module(offer: Offer) -> str:
     return factory.partition(":")[0] if isinstance(factory, str) else str(getattr(factory, "__module__", ""))
 
 
-def describe_failure(error: Exception, plugins: Plugins | None = None) -> str | None:
+def describe_failure(error: BaseException, plugins: Plugins | None = None) -> str | None:
     """Name the plugin and what it raised, in one line.
 
     None: no plugin is in the traceback, or the error names it already.
@@ -51,3 +54,16 @@ def describe_failure(error: Exception, plugins: Plugins | None = None) -> str | 
     if offer is None:
         return None
     return f"{offer.kind} {offer.name!r} of {offer.distribution} raised {type(error).__name__}: {error}"
+
+
+@contextmanager
+def refuse_exit() -> Iterator[None]:
+    """Turn `sys.exit` in a plugin's code into an error: it would end a command with status 0 and without a word.
+
+    Raises:
+        UserError: names the plugin.
+    """
+    try:
+        yield
+    except SystemExit as end:
+        raise UserError(describe_failure(end) or f"the process was told to end: SystemExit: {end}") from end

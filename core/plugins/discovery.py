@@ -15,7 +15,7 @@ from typing import Any
 
 import pluggy
 
-from core.errors import UserError, choices
+from core.errors import RAISED, UserError, choices
 from core.hooks import PROJECT, Command, Configs, Factory, Parts
 from core.plugins.kinds import KINDS
 from core.plugins.moved import describe_import_error
@@ -67,7 +67,7 @@ class Discovery:
         for entry, distribution in _switched_on():
             try:
                 module = entry.load()
-            except Exception as error:  # a third-party import may raise anything
+            except RAISED as error:  # a third-party import may raise anything
                 reason = f"import failed: {describe_import_error(error)}"
                 self.failures.append(Failure(entry.name, distribution, reason))
                 continue
@@ -95,7 +95,7 @@ class Discovery:
                 offered = [factories for factories in getattr(manager.hook, kind.hook)() if factories is not None]
                 for part, factory in (item for factories in offered for item in dict(factories).items()):
                     self._offer(Offer(kind.name, part, name, distribution, factory))
-            except Exception as error:  # a third-party hook may raise anything
+            except RAISED as error:  # a third-party hook may raise anything
                 reason = f"hook {kind.hook!r} failed: {type(error).__name__}: {error}"
                 self.failures.append(Failure(name, distribution, reason))
         try:

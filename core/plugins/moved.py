@@ -106,7 +106,7 @@ def new_place(name: str) -> str | None:
     return None
 
 
-def describe_import_error(error: Exception) -> str:
+def describe_import_error(error: BaseException) -> str:
     """Describe what importing a plugin raised; where it lacks a name that moved, say where that is now."""
     text = f"{type(error).__name__}: {error}"
     lacks = _LACKS.search(str(error))

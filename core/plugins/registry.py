@@ -16,7 +16,7 @@ from typing import Any, Generic, overload
 
 from typing_extensions import TypeVar
 
-from core.errors import UsageError, UserError, choices
+from core.errors import RAISED, UsageError, UserError, choices
 from core.geometry import Pose
 from core.hooks import PROJECT, Command
 from core.interfaces import Robot, Task, ToolRepresentation
@@ -99,7 +99,7 @@ class Plugins(Discovery):
             part = factory(**checked, **given)
         except (UserError, KeyboardInterrupt):
             raise
-        except Exception as error:  # a third-party factory may raise anything
+        except RAISED as error:  # a third-party factory may raise anything
             raise UserError(f"{offer} can't be made: {type(error).__name__}: {error}") from error
         KINDS[group].check(part, str(offer))
         with contextlib.suppress(TypeError):  # a part that can't be a key is described by its class
@@ -133,7 +133,7 @@ def _imported(offer: Offer, what: Callable[..., Any] | str) -> Callable[..., Any
     module, _, attribute = what.partition(":")
     try:
         return typing.cast(Callable[..., Any], getattr(importlib.import_module(module), attribute))
-    except Exception as error:  # a third-party import may raise anything
+    except RAISED as error:  # a third-party import may raise anything
         reason = f"can't be imported: {describe_import_error(error)}"
         raise UserError(f"{offer.kind} {offer.name!r} of {offer.distribution} {reason}") from error
 

@@ -12,6 +12,7 @@ import numpy as np
 from core.design import Evaluation
 from core.designs.composer import PromptComposer
 from core.designs.feedback import last_generation, most_telling
+from core.errors import RAISED
 from core.interfaces import VLM, Brief, Picture, Reply, Request, Simulator, Task
 from core.simulation.pictures import png, report_missing
 from core.simulation.views import draw_tool
@@ -94,7 +95,7 @@ def make_critic(
                 views = draw_tool(task, simulator, seed, candidate.tool)
             except OSError:  # the machine fails, see `make_designer`
                 raise
-            except Exception as error:
+            except RAISED as error:
                 report_missing(f"views of the tool of {candidate.id}", error)
             else:
                 drawn["The tool on the arm at home"] = Picture(png(views), f"tool_{candidate.id}")

@@ -18,7 +18,7 @@ from core.designs.planning import NO_PLAN, guarded
 from core.designs.reading import dump_design, parse_reply, read_designs
 from core.designs.review import review
 from core.designs.rules import SpawnRules, given_tool
-from core.errors import UserError, choices
+from core.errors import RAISED, UserError, choices
 from core.events import Generation
 from core.geometry import Array
 from core.hooks import hookimpl
@@ -386,7 +386,7 @@ def make_designer(
             strip = draw_strip(task, simulator, candidate, layout, prompts.rollout, seen)
         except OSError:  # the machine fails: a request without the picture would be paid for all the same
             raise
-        except Exception as error:  # else a picture that fails costs the picture, never the run
+        except RAISED as error:  # else a picture that fails costs the picture, never the run
             report_missing(f"film strip of {candidate.id}", error)
             return None
         return Picture(png(strip), f"strip_{candidate.id}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import queue
@@ -104,13 +105,13 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def portable(error: Exception) -> Exception:
+def portable(error: BaseException) -> Exception:
     """Return an exception that can be pickled: `Fault` for a fault of the machine, else ``error`` or its text."""
     why = fault(error)
     if why is not None:
         return Fault(why)
-    try:
-        pickle.loads(pickle.dumps(error))  # noqa: S301
-    except Exception:  # its class may do anything
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
+    if isinstance(error, Exception):
+        with contextlib.suppress(Exception):  # its class may do anything
+            pickle.loads(pickle.dumps(error))  # noqa: S301
+            return error
+    return RuntimeError(f"{type(error).__name__}: {error}")

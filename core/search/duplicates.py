@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Candidate, Tool
+from core.errors import RAISED
 from core.geometry import Array, Mesh, Pose
 from core.values.plans import ActionPlan, Seen, content_of
 
@@ -90,7 +91,7 @@ def _figures(candidate: Candidate) -> _Compared | None:
         waypoints = plan.resolve(_somewhere(plan))
         positions, rotations = waypoints.poses[:, :3], Rotation.from_euler("xyz", waypoints.poses[:, 3:6])
         grips = tuple(waypoints.grips.tolist())
-    except Exception:  # a plugin's plan may look at other things than its anchors
+    except RAISED:  # a plugin's plan may look at other things than its anchors
         return None
     motion = type(plan).__name__, plan.anchors, grips, waypoints.poses.shape, content_of(waypoints.tempo)
     masses = np.array([component.mass for component in tool.components])

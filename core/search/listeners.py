@@ -10,6 +10,7 @@ from typing import Any
 
 import pluggy
 
+from core.errors import RAISED
 from core.hooks import hookimpl
 from core.plugins import describe_part
 from core.support.cli import say
@@ -47,12 +48,12 @@ class _Guard:
                 return
             try:
                 function(*arguments)
-            except Exception as error:  # of a plugin
+            except RAISED as error:  # of a plugin
                 self._report(event, error)
 
         return pass_on
 
-    def _report(self, event: str, error: Exception) -> None:
+    def _report(self, event: str, error: BaseException) -> None:
         with self._lock:
             first, self._failed = not self._failed, True
         if first:

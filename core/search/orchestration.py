@@ -26,11 +26,11 @@ from core.config.trust import refuse_keys, refuse_stored_addresses
 from core.design import TIE
 from core.designs.composer import PromptComposer
 from core.designs.planning import resolve
-from core.errors import UsageError, UserError, fault
+from core.errors import RAISED, UsageError, UserError, fault
 from core.events import INTERRUPTED, Result, Run
 from core.interfaces import Budget, EvolutionStrategy, Executor, Fitness, Reply, RolloutSettings
 from core.plugins import ACTION, EVOLUTION, EXECUTOR, FITNESS, MODEL, SIMULATOR, event_hub, installed
-from core.plugins.blame import describe_failure
+from core.plugins.blame import describe_failure, refuse_exit
 from core.robot.kinematics import arm_of
 from core.robot.tempo import plan_task_motion
 from core.search.designer import DEFAULT_KINDS, Assignment, ModelDesigner, make_designer
@@ -63,6 +63,7 @@ class _Search:
     near_duplicates: bool
 
 
+@refuse_exit()
 def _made(cfg: DictConfig, folder: Path, replies: Mapping[str, Reply]) -> _Search:
     """Make the parts that ``cfg`` names; a model's ``replies`` are not asked for again.
 
@@ -149,6 +150,7 @@ def run(cfg: DictConfig, folder: Path, store: RunStore | None = None) -> Result:
         search.events.hook.run_ended()
 
 
+@refuse_exit()
 def _searched(search: _Search, store: RunStore, *, film: bool) -> Result:
     """Run the loop, and write what it found."""
     this, events = search.run, search.events
@@ -196,7 +198,7 @@ def save_best(result: Result, this: Run, strategy: EvolutionStrategy, *, film: b
     if film and result.stopped != INTERRUPTED:
         try:
             save_film(this.task, this.simulator, best.candidate, this.seed, this.settings, folder / "rollout.gif")
-        except Exception as error:  # a film that fails costs the film, never the run
+        except RAISED as error:  # a film that fails costs the film, never the run
             report_missing("film", error)
 
 

@@ -14,7 +14,7 @@ from PIL import Image as Pillow
 from PIL import ImageDraw
 
 from core.design import Candidate, Tool
-from core.errors import NoPicture, UserError
+from core.errors import RAISED, NoPicture, UserError
 from core.interfaces import Image, Observation, Picture, Recording, RolloutSettings, Simulator, Task
 from core.simulation.rollout import prepare
 from core.simulation.views import draw_view
@@ -33,7 +33,7 @@ def png(picture: Image) -> bytes:
     return buffer.getvalue()
 
 
-def report_missing(what: str, error: Exception) -> None:
+def report_missing(what: str, error: BaseException) -> None:
     """Say on standard error, in one line, which picture is missing and why."""
     say(f"no {what}: {clean(str(error), 300) or type(error).__name__}", file=sys.stderr)
 
@@ -60,7 +60,7 @@ def scene_pictures(
                 return {other.gripper: pictures.get(other.gripper, {}) for other in mounted}, False
             except OSError as error:
                 raise UserError(f"the scene can't be drawn: {error}") from error
-            except Exception as error:
+            except RAISED as error:
                 report_missing(f"{view} view" if view != "camera" else "picture of the scene", error)
             else:
                 pictures[tool.gripper][view] = picture

@@ -11,7 +11,7 @@ import numpy as np
 
 from core.design import Candidate, DesignError, Evaluation, Tool, Trial
 from core.designs.planning import resolve
-from core.errors import UserError
+from core.errors import RAISED, UserError
 from core.geometry import Array
 from core.interfaces import Outcome, Recording, Robot, Rollout, RolloutSettings, Simulator, Task
 from core.plugins import PluginPart, describe_part, installed
@@ -71,7 +71,7 @@ class Evaluator:
             found = evaluate_batch(task, simulator, candidates, self.seed, self.settings, foresight)
         except (UserError, MemoryError):
             raise
-        except Exception as error:  # a plugin's code may raise anything
+        except RAISED as error:  # a plugin's code may raise anything
             blamed = describe_failure(error)
             if blamed is None:
                 raise

@@ -13,6 +13,7 @@ import numpy as np
 from core.design import DesignError
 from core.designs.planning import look
 from core.designs.rules import check_plan
+from core.errors import RAISED
 from core.interfaces import ActionPlan, ActionRepresentation, Anchor, Perception, Waypoints
 from core.support.text import shorten
 from plugins.conformance.checking import LengthOnly, as_json, brief, expect, some_task
@@ -89,7 +90,7 @@ def check_nonsense_is_refused_with_a_reason(representation: ActionRepresentation
             plan = representation.parse(data, gripper=False)
         except DesignError as error:
             expect(str(error).strip(), f"{shorten(repr(data))} was refused without a reason")
-        except Exception as error:
+        except RAISED as error:
             what = f"parse raised {type(error).__name__} on {shorten(repr(data))}, not a DesignError"
             raise AssertionError(what) from error
         else:

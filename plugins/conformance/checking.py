@@ -32,7 +32,7 @@ def expect(condition: object, message: str) -> None:
         raise AssertionError(message)
 
 
-def describe_error(error: Exception) -> str:
+def describe_error(error: BaseException) -> str:
     """Describe an exception in one line, with the place in the code that raised it."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__}: {error} ({last.filename}, line {last.lineno})"

@@ -14,6 +14,7 @@ import numpy as np
 
 from core.design import Candidate, Evaluation
 from core.designs.planning import NO_PLAN
+from core.errors import RAISED
 from core.interfaces import Fitness, RolloutSettings, Waypoints
 from core.plugins import PluginPart, installed
 from core.simulation.rollout import Evaluator
@@ -84,7 +85,7 @@ def check_it_travels_to_workers(make: Make) -> None:
     fitness = make(evaluator())
     try:
         copy = pickle.loads(pickle.dumps(fitness))  # noqa: S301 - written in this line
-    except Exception as error:
+    except RAISED as error:
         raise AssertionError(f"it can't be pickled, and workers need a copy: {error}") from error
     one, other = figures(fitness(candidates())), figures(copy(candidates()))
     expect(one == other, f"a pickled copy gives {other} instead of {one}")

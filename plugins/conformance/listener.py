@@ -22,6 +22,7 @@ from omegaconf import OmegaConf
 from core.config.compose import load
 from core.design import Candidate, Evaluation, Trial
 from core.designs.planning import NO_PLAN
+from core.errors import RAISED
 from core.events import Generation, Result, Run
 from core.interfaces import Budget, Reply, Simulator, Waypoints
 from core.plugins import event_hub, installed
@@ -94,7 +95,7 @@ def play(listener: object, events: Sequence[tuple[str, dict[str, Any]]]) -> None
             send = partial(getattr(hub.hook, event), **content)
             try:
                 pool.submit(send).result() if event == "reply_received" else send()
-            except Exception as error:
+            except RAISED as error:
                 raise AssertionError(f"{event} raised {describe_error(error)}") from error
 
 

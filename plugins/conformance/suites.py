@@ -9,6 +9,7 @@ from functools import partial
 from types import ModuleType
 from typing import Any
 
+from core.errors import RAISED
 from core.plugins import KINDS, PluginPart
 from plugins.conformance import (
     action,
@@ -99,7 +100,7 @@ def examine(kind: str, checked: Any) -> Iterator[Verdict]:
             remark = check(checked)
         except LeftOut as reason:
             remark = f"left out: {reason}"
-        except Exception as error:  # anything that the part's code raises is a result
+        except RAISED as error:  # anything that the part's code raises is a result
             problem = str(error) if isinstance(error, AssertionError) else describe_error(error)
         name = check.__name__.removeprefix("check_").replace("_", " ")
         yield Verdict(name, time.perf_counter() - began, problem, remark)

@@ -10,7 +10,7 @@ import numpy as np
 
 from core.design import DesignError, Tool
 from core.designs.rules import check_tool, given_tool
-from core.errors import UserError
+from core.errors import RAISED, UserError
 from core.interfaces import ToolRepresentation
 from core.plugins import installed
 from plugins.conformance.checking import as_json, brief, expect, fingers, rigid, some_task
@@ -98,7 +98,7 @@ def check_nonsense_is_refused_with_a_reason(representation: ToolRepresentation) 
             tool = representation.parse(data, gripper=False)
         except DesignError as error:
             expect(str(error).strip(), f"{data!r} was refused without a reason")
-        except Exception as error:
+        except RAISED as error:
             raise AssertionError(f"parse raised {type(error).__name__} on {data!r}, not a DesignError") from error
         else:
             expect(isinstance(tool, Tool), f"parse returned a {type(tool).__name__} for {data!r}")

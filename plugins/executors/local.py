@@ -25,7 +25,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any, TypeVar
 
-from core.errors import Fault, UserError, check_positive
+from core.errors import RAISED, Fault, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import Executor
 from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
@@ -271,7 +271,7 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> No
             getattr(function, "prepare", lambda: None)()
             if memory_mb is not None and not limited:
                 limited = _limit_memory(memory_mb)
-        except Exception as error:
+        except RAISED as error:
             pipe.send(portable(error))
             return
         pipe.send(None)
@@ -279,7 +279,7 @@ def _work(pipe: Connection[Any, Any], memory_mb: int | None, folder: Path) -> No
             result = pickle.dumps(function(chunk))
         except MemoryError:
             result = pickle.dumps(MemoryError() if _has_room(memory_mb) else Fault("the machine has no memory left"))
-        except Exception as error:
+        except RAISED as error:
             result = pickle.dumps(portable(error))
         pipe.send_bytes(result)
         del function, chunk, job, result

@@ -20,7 +20,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from typing import Any, TypeVar
 
-from core.errors import Fault, UsageError, UserError, check_positive
+from core.errors import RAISED, Fault, UsageError, UserError, check_positive
 from core.interfaces import Executor
 from core.search.dispatch import check_limits, cores, dispatch, portable, time_limit
 from core.support.cli import say
@@ -389,5 +389,5 @@ class _Worker:
         try:
             function, chunk = pickle.loads(job)  # noqa: S301
             return pickle.dumps(function(chunk))
-        except Exception as error:
+        except RAISED as error:
             return pickle.dumps(portable(error))

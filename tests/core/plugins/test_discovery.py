@@ -1,4 +1,5 @@
 import importlib.metadata
+import sys
 import tomllib
 from pathlib import Path
 
@@ -67,13 +68,15 @@ def test_no_other_package_replaces_a_built_in_part(monkeypatch):
     assert any("is taken by" in failure.reason for failure in found.failures)
 
 
-def test_an_import_that_raises_whatever_it_likes(monkeypatch, tmp_path):
-    (tmp_path / "moody.py").write_text("raise RuntimeError('not today')")
+@pytest.mark.parametrize("error", ["RuntimeError", "SystemExit"])
+def test_an_import_that_raises_whatever_it_likes(monkeypatch, tmp_path, error):
+    monkeypatch.delitem(sys.modules, "moody", raising=False)
+    (tmp_path / "moody.py").write_text(f"raise {error}('not today')")
     monkeypatch.syspath_prepend(tmp_path)
     entry = importlib.metadata.EntryPoint("moody", "moody", PROJECT)
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda **_: [entry])
     (failure,) = Plugins().failures
-    assert failure.reason == "import failed: RuntimeError: not today"
+    assert failure.reason == f"import failed: {error}: not today"
 
 
 def test_plugins_can_be_switched_off(monkeypatch):

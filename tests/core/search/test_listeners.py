@@ -6,6 +6,7 @@ import json
 import pytest
 from omegaconf import OmegaConf
 
+from core.errors import UserError
 from core.events import INTERRUPTED
 from core.hooks import Events
 from core.plugins import installed
@@ -27,7 +28,7 @@ class Jitter:
 
     def __init__(self, event: str = "", error: str = "ValueError") -> None:
         self.event = event
-        self.error = {"ValueError": ValueError, "KeyboardInterrupt": KeyboardInterrupt}[error]
+        self.error = {"ValueError": ValueError, "SystemExit": SystemExit, "KeyboardInterrupt": KeyboardInterrupt}[error]
 
     def receive(self, event):
         received.append(event)
@@ -60,6 +61,14 @@ class Strategy(EvolutionStrategy):
         pass
 
 
+class Leaving(Strategy):
+    def tell(self, evaluations):
+        raise SystemExit(0)
+
+    def ask(self):
+        yield from self.designer.design(0)
+
+
 def helped():
     raise LookupError("no idea")
 
@@ -71,7 +80,7 @@ def vlms():
 
 @hookimpl
 def evolution_strategies():
-    return {"jitter": Strategy}
+    return {"jitter": Strategy, "leaving": Leaving}
 
 
 @hookimpl
@@ -133,6 +142,17 @@ def test_a_model_that_fails_as_a_listener_still_answers(jitter, tmp_path, capfd)
     assert said.startswith(
         "vlm 'jitter' of jitter-parts (hook 'vlms'): reply_received raised LookupError: no such reply;"
     )
+
+
+def test_a_listener_that_exits_is_one_that_raises(jitter, tmp_path, capfd):
+    result = come_to(tmp_path, {"jitter": {"event": "generation_finished", "error": "SystemExit"}})
+    assert (result.stopped, result.n_evaluations) == (None, 20)
+    assert "listener 'jitter' of jitter-parts" in capfd.readouterr().err
+
+
+def test_a_strategy_that_exits_ends_the_run_with_an_error(jitter, tmp_path):
+    with pytest.raises(UserError, match=r"^evolution 'leaving' of jitter-parts raised SystemExit: 0; to go on: "):
+        come_to(tmp_path, evolution="leaving")
 
 
 def test_an_interrupt_passes_through_a_listener(jitter, tmp_path):
