@@ -83,9 +83,10 @@ def _hydra(given: list[str]) -> None:
     except (HydraException, OmegaConfBaseException) as error:
         raise explain(error, "config", [word for word in words if "=" in word and word[0] != "-"]) from error
     except OSError as error:
-        if error.filename is None:
+        if isinstance(error, BrokenPipeError):
             raise
-        raise UserError(f"can't write {error.filename}: {error.strerror}") from error  # Hydra, making the folder
+        where = error.filename or "the run's folder"  # no name: its disk is full
+        raise UserError(f"can't write {where}: {error.strerror}") from error  # Hydra, making the folder
     if _failures:
         raise _failures[0]
 

@@ -19,6 +19,7 @@ from core.search.orchestration import print_outcome, resume, run
 from core.store.database import FILE, LOCK
 from core.store.recorder import RunStore
 from tests import toys
+from tests.commands import python_m
 from tests.core.run_folders import edit
 from tests.disks import mount, small_files
 
@@ -538,6 +539,13 @@ def test_a_disk_that_is_full_ends_the_run_and_later_it_goes_on(toy, whole, disk,
     assert "No space left on device" in str(error.value) or "disk is full" in str(error.value)
     mount("-o", "remount,size=50m", str(disk))
     assert_full(toy, folder, whole, error)
+
+
+def test_a_disk_with_room_for_nothing(disk):
+    mount("-t", "tmpfs", "-o", "size=8k", "toys", str(disk))
+    done = python_m(disk, "core.run", "task=BringCube", "vlm=offline", f"hydra.run.dir={disk / 'run'}")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "error: can't write the run's folder: No space left on device\n"
 
 
 @pytest.mark.parametrize("begun", [False, True])

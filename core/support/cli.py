@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import math
 import os
@@ -29,6 +30,7 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
 
     Keys are left out of all that it prints.
     """
+    _check_streams()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # for an encoding that has not every letter
     sys.stdout, sys.stderr = Scrubbed(sys.stdout), Scrubbed(sys.stderr)
@@ -44,11 +46,30 @@ def command(function: Callable[[list[str]], int | None]) -> NoReturn:
         if not _reader_is_gone():
             raise
         _leave("", 1)  # such as head, which reads a few lines
+    except OSError as error:
+        if error.filename is not None or error.errno != errno.ENOSPC:
+            raise
+        _leave(f"error: the output can't be written: {error.strerror}", 1)
     except UserError as error:
         _leave(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
     except KeyboardInterrupt as interrupt:
         _leave(f"interrupted{''.join(f'; {why}' for why in interrupt.args)}", 130)
     sys.exit(status or 0)
+
+
+def _check_streams() -> None:
+    """Refuse a standard output that is closed: a file that is opened later would take its place, and all prints.
+
+    One of errors that is closed is replaced by the null device, for the same reason.
+    """
+    if sys.stdout is None or sys.stderr is None:
+        while (null := os.open(os.devnull, os.O_RDWR)) <= 2:
+            pass
+        os.close(null)
+        closed, sys.stdout = sys.stdout is None, sys.stdout or open(os.devnull, "w")  # noqa: SIM115, PTH123
+        sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115, PTH123
+        if closed:
+            _leave("error: standard output is closed; send it to a file, or to /dev/null", 2)
 
 
 def arguments(usage: str, given: Sequence[str]) -> list[str]:

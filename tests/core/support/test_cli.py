@@ -52,6 +52,20 @@ def test_output_that_is_closed_at_its_other_end(words, buffering):
     assert (done.returncode, done.stderr) == (1, b"")
 
 
+@pytest.mark.parametrize(
+    ("closed", "status", "said"),
+    [
+        (">&-", 2, "error: standard output is closed; send it to a file, or to /dev/null"),
+        ("> /dev/full", 1, "error: the output can't be written: No space left on device"),
+        ("> /dev/null 2>&-", 0, ""),
+    ],
+)
+def test_output_that_can_not_be_written(closed, status, said):
+    command = f"'{sys.executable}' -m core.plugins {closed}"
+    done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr.strip()) == (status, said)
+
+
 SLOW = {"scipy", "trimesh", "coal", "pinocchio", "matplotlib", "rerun", "mujoco", "pybullet", "sapien", "litellm"}
 
 
