@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,12 +15,14 @@ from omegaconf.errors import OmegaConfBaseException
 
 from core.config.compose import explain, first_line, load
 from core.config.schemas import RunConfig
-from core.config.trust import as_stored, read_stored_yaml, refuse_key_words
+from core.config.trust import as_stored, read_stored_yaml, refuse_key_words, texts
 from core.errors import UsageError, UserError
+from core.support.text import clean
 
 GROUPS = ("executor", "listener")
 PARTS = ("executor.", "listener.", "vlm.")
 KEYS = ("film", "budget.n_iteration", "budget.stop_reward", "evolution.refine")
+_ADDRESS = re.compile(r"(^|_)(base|url|host|address|endpoint|server)$")
 
 
 def hydra_config(folder: Path) -> dict[str, Any]:
@@ -79,3 +82,37 @@ def _apply(config: DictConfig, override: Override) -> None:
     else:
         possible = ", ".join([*GROUPS, "vlm.*", *KEYS])
         raise UsageError(f"{line}: a run goes on as it began; what may change: {possible}")
+
+
+def refuse_stored_receivers(config: dict[str, Any], repeated: Sequence[str]) -> None:
+    """Check that a stored run calls no server, and asks no model but its part's own, that the command line does not
+    name too.
+
+    Requests would carry this machine's key there.
+
+    Raises:
+        UserError: there is an address of the model, the executor or a listener, or a model; says what to repeat.
+    """
+    given = {word.lstrip("+").partition("=")[0] for word in repeated}
+    parts = {kind: config.get(kind) for kind in ("vlm", "executor", "listener")}
+    settings = [(f"{kind}.{key}", v) for kind, of in parts.items() if isinstance(of, dict) for key, v in of.items()]
+    lists = [key for key, value in settings if isinstance(value, list)]  # a list that is given replaces the stored one
+    found: dict[str, str] = {}
+    for path, value in texts(parts):
+        name, whole = path.rpartition(".")[2], next((key for key in lists if f"{path}.".startswith(f"{key}.")), path)
+        leads = "://" in value or _ADDRESS.search(name) or (name == "model" and value != _usual_model(config))
+        if leads and whole not in given:
+            found[clean(value, 300)] = clean(f"{path}={value}", 300) if whole == path else f"{whole}=[...], all of it"
+    if found:
+        raise UserError(
+            f"the run leads to {', '.join(found)}, with what it sends, keys included; if you trust that, repeat it: "
+            f"{' '.join(dict.fromkeys(found.values()))}"
+        )
+
+
+def _usual_model(config: Mapping[str, Any]) -> object:
+    """Return the model that the configuration's ``vlm`` asks where nothing else is set; None: it has none."""
+    try:
+        return load("config", [f"vlm={config['vlm']['name']}"]).vlm.get("model")
+    except (UserError, KeyError, TypeError):
+        return None

@@ -18,7 +18,6 @@ from core.support.text import clean
 
 MAX_BYTES = 100_000  # of a stored configuration
 _HINT = "it would be stored with the run; set the provider's environment variable instead, such as OPENAI_API_KEY"
-_ADDRESS = re.compile(r"(^|_)(base|url|host|address|endpoint|server)$")
 
 
 class KeyFound(BaseException):
@@ -58,7 +57,7 @@ def refuse_keys(config: DictConfig) -> None:
         UserError: there is one; the message does not repeat it.
     """
     plain = {key: node for key, node in cast(dict[str, Any], OmegaConf.to_container(config)).items() if key != "hydra"}
-    for path, value in _texts(plain):
+    for path, value in texts(plain):
         if value != "???" and (any(map(_is_key, path.split("."))) or _holds(value)):
             raise UserError(f"{path} of the configuration is a key or holds one: {_HINT}")
 
@@ -71,7 +70,7 @@ def _holds(value: str) -> bool:
     return holds_secret(value) or any(map(is_secret_name, re.findall(r"oc\.env:\s*(\w+)", value)))
 
 
-def _texts(node: Any, path: str = "") -> Iterator[tuple[str, str]]:
+def texts(node: Any, path: str = "") -> Iterator[tuple[str, str]]:
     """Yield each text in a configuration that is not empty, with its path; the keys too."""
     if isinstance(node, str) and node:
         yield path, node
@@ -79,7 +78,7 @@ def _texts(node: Any, path: str = "") -> Iterator[tuple[str, str]]:
     for key, item in items:
         if "${" in str(key):
             yield path, str(key)
-        yield from _texts(item, ".".join(filter(None, (path, key if isinstance(key, str) else ""))))
+        yield from texts(item, ".".join(filter(None, (path, key if isinstance(key, str) else ""))))
 
 
 def as_stored(config: Any, where: Path, *, references: bool = False) -> dict[str, Any]:
@@ -92,7 +91,7 @@ def as_stored(config: Any, where: Path, *, references: bool = False) -> dict[str
     """
     if not isinstance(config, dict):
         raise UserError(f"{where}: its configuration is no object")
-    for path, value in _texts(config):
+    for path, value in texts(config):
         rest = re.sub(r"\$\{[\w.\[\]]+\}", "", value) if references else value
         if "${" in rest:
             raise UserError(
@@ -122,25 +121,3 @@ def read_stored_yaml(file: Path) -> dict[str, Any]:
     if not isinstance(config, dict):
         raise UserError(f"{file} can't be used: it is no configuration")
     return cast(dict[str, Any], config)
-
-
-def refuse_stored_addresses(config: dict[str, Any], repeated: Sequence[str]) -> None:
-    """Check that a stored run calls no server that the command line does not name too.
-
-    Requests would carry this machine's key there.
-
-    Raises:
-        UserError: there is an address of the model, the executor or a listener; says what to repeat.
-    """
-    given = {word.lstrip("+").partition("=")[0] for word in repeated}
-    parts = {kind: config.get(kind) for kind in ("vlm", "executor", "listener")}
-    settings = [(f"{kind}.{key}", v) for kind, of in parts.items() if isinstance(of, dict) for key, v in of.items()]
-    lists = [key for key, value in settings if isinstance(value, list)]  # a list that is given replaces the stored one
-    for path, value in _texts(parts):
-        whole = next((key for key in lists if f"{path}.".startswith(f"{key}.")), path)
-        if whole not in given and ("://" in value or _ADDRESS.search(path.rpartition(".")[2])):
-            shown = clean(f"{path}={value}", 300) if whole == path else f"{whole}=[...], all of it"
-            raise UserError(
-                f"the run leads to {clean(value, 300)}, with what it sends, keys included; if you trust that, repeat "
-                f"it: {shown}"
-            )

@@ -19,10 +19,10 @@ import pluggy
 from omegaconf import DictConfig, OmegaConf
 
 from core.config.compose import check_seed, node, part, task_part, tool_part
-from core.config.resume import changed, hydra_config
+from core.config.resume import changed, hydra_config, refuse_stored_receivers
 from core.config.schemas import PromptConfig
 from core.config.settings import Sampling
-from core.config.trust import refuse_keys, refuse_stored_addresses
+from core.config.trust import refuse_keys
 from core.design import TIE
 from core.designs.composer import PromptComposer
 from core.designs.planning import resolve
@@ -216,7 +216,7 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
     store = RunStore.open(folder)
     if store is None:
         config = hydra_config(folder)
-        refuse_stored_addresses(config, overrides)
+        refuse_stored_receivers(config, overrides)
         print_outcome(run(changed(config, overrides), folder), folder)
         return
     try:
@@ -228,7 +228,7 @@ def resume(folder: Path, overrides: Sequence[str] = ()) -> None:
             say(f"{folder} holds a run that has come to its end")
             print_best(ended["best"], folder, unseen=ended.get("unseen"))
             return
-        refuse_stored_addresses(store.config, overrides)
+        refuse_stored_receivers(store.config, overrides)
         store.overrides = overrides
         there = f"{len(store.past.replies)} replies and {len(store.past.candidates)} evaluated candidates are there"
         if store.past.again:

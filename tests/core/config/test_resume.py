@@ -6,7 +6,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.config.resume import changed, hydra_config
+from core.config.resume import changed, hydra_config, refuse_stored_receivers
 from core.errors import UsageError, UserError
 
 
@@ -62,3 +62,37 @@ def test_a_configuration_that_lacks_a_setting(began, group, key):
     del (config[group] if group else config)[key]
     with pytest.raises(UserError, match=f"can't be used: it lacks {group + '.' if group else ''}{key}$"):
         changed(config, [])
+
+
+RECEIVERS = [
+    {"vlm": {"api_base": "http://evil.example/v1"}},
+    {"vlm": {"api_base": "evil.example"}},
+    {"vlm": {"model": "huggingface/https://evil.example"}},
+    {"vlm": {"name": "gemini", "model": "zai/glm-4.6"}},
+    {"vlm": {"name": "litellm", "model": "gemini/gemini-2.5-pro"}},
+    {"vlm": {"name": "nonesuch", "model": "mine"}},
+    {"executor": {"address": "10.0.0.1:6379"}},
+    {"listener": {"rerun": {"connect": "rerun+http://evil.example"}}},
+]
+
+
+@pytest.mark.parametrize("change", RECEIVERS)
+def test_stored_addresses_and_models_are_used_only_when_repeated(change):
+    with pytest.raises(UserError, match="if you trust that, repeat it: ") as error:
+        refuse_stored_receivers(change, ["vlm.timeout_s=5"])
+    refuse_stored_receivers(change, [str(error.value).partition("repeat it: ")[2]])
+
+
+def test_all_that_is_to_be_repeated_is_said_at_once_and_the_usual_is_not():
+    with pytest.raises(UserError, match=r"repeat it: vlm\.model=openai/mine vlm\.api_base=http://evil\.example$"):
+        refuse_stored_receivers({"vlm": {"model": "openai/mine", "api_base": "http://evil.example"}}, [])
+    refuse_stored_receivers({"vlm": {"name": "gemini", "api_base": None, "model": "gemini/gemini-2.5-pro"}}, [])
+
+
+@pytest.mark.parametrize(("key", "value"), [("api_base", "http://evil.example"), ("model", "zai/glm-4.6")])
+def test_receivers_in_a_list_are_used_only_when_all_of_it_is_repeated(key, value):
+    config = {"vlm": {"name": "ensemble", "members": ["gemini", {"name": "openai", key: value}]}}
+    for words in ([], [f"vlm.members.{key}={value}"], ["vlm.max_cost_usd=5"]):
+        with pytest.raises(UserError, match=rf"leads to {value}.*repeat it: vlm\.members=\[\.\.\.\], all"):
+            refuse_stored_receivers(config, words)
+    refuse_stored_receivers(config, ["vlm.members=[gemini,openai]"])

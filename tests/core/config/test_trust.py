@@ -8,7 +8,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from core.config.compose import load
-from core.config.trust import read_stored_yaml, refuse_key_words, refuse_keys, refuse_stored_addresses
+from core.config.trust import read_stored_yaml, refuse_key_words, refuse_keys
 from core.errors import UsageError, UserError
 from core.store.database import Database, reading, refuse_links
 from core.store.reader import stored_config
@@ -158,34 +158,6 @@ def test_hydras_file_of_a_run_is_read_within_limits(tmp_path):
     file.symlink_to(secret)
     with pytest.raises(UserError, match="is a link"):
         read_stored_yaml(file)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"vlm": {"api_base": "http://evil.example/v1"}},
-        {"vlm": {"api_base": "evil.example"}},
-        {"vlm": {"model": "huggingface/https://evil.example"}},
-        {"executor": {"address": "10.0.0.1:6379"}},
-        {"listener": {"rerun": {"connect": "rerun+http://evil.example"}}},
-    ],
-)
-def test_stored_addresses_are_used_only_when_repeated(change):
-    with pytest.raises(UserError, match="if you trust that, repeat it: ") as error:
-        refuse_stored_addresses(change, ["vlm.timeout_s=5"])
-    again = str(error.value).rpartition(": ")[2]
-    if again.startswith("//"):
-        again = str(error.value).partition("repeat it: ")[2]
-    refuse_stored_addresses(change, [again])
-    refuse_stored_addresses({"vlm": {"name": "gemini", "api_base": None, "model": "gemini/gemini-2.5-pro"}}, [])
-
-
-def test_addresses_in_a_list_are_used_only_when_all_of_it_is_repeated():
-    config = {"vlm": {"name": "ensemble", "members": ["gemini", {"name": "openai", "api_base": "http://evil.example"}]}}
-    for words in ([], ["vlm.members.api_base=http://evil.example"], ["vlm.max_cost_usd=5"]):
-        with pytest.raises(UserError, match=r"leads to http://evil\.example.*repeat it: vlm\.members=\[\.\.\.\], all"):
-            refuse_stored_addresses(config, words)
-    refuse_stored_addresses(config, ["vlm.members=[gemini,openai]"])
 
 
 @pytest.mark.parametrize(
