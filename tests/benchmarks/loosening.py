@@ -11,11 +11,11 @@ from core.design import Candidate, Component, Tool, ToolJoint
 from core.designs.rules import SpawnRules, check_tool
 from core.designs.tool_joints import moved
 from core.errors import UserError
-from core.geometry import Cylinder
-from plugins.vlms.offline.tools import rods
+from core.geometry import Box, Cylinder, Pose
 
 _HEAVY_KG = 0.02  # each component: what a joint moves needs some weight
 _HZ = 4.0  # of a sprung head, on its own
+_ALONG = ((0.0, np.pi / 2, 0.0), (np.pi / 2, 0.0, 0.0), (0.0, 0.0, 0.0))  # turns z to the x, y or z axis
 
 
 def loosened(candidates: tuple[Candidate, ...], spawn: SpawnRules, seed: int) -> tuple[Candidate, ...]:
@@ -37,6 +37,22 @@ def loosened(candidates: tuple[Candidate, ...], spawn: SpawnRules, seed: int) ->
     if not found:
         raise UserError("no design may be made loose")
     return tuple(found)
+
+
+def rods(tool: Tool) -> Tool:
+    """Replace the square bars of a tool by round ones that fill them."""
+    components, turns = [], {mount: Pose() for mount in tool.mounts}
+    for component in tool.components:
+        pose, shape, turn = turns[component.parent].inverse() @ component.pose, component.shape, Pose()
+        if isinstance(shape, Box):
+            axis = int(np.argmax(shape.size))
+            one, other = np.delete(shape.size, axis)
+            if abs(one - other) <= 1e-6 and shape.size[axis] > 2 * one:
+                turn = Pose.xyz_rpy((0.0, 0.0, 0.0), _ALONG[axis])
+                shape = Cylinder(float(one) / 2, float(shape.size[axis]))
+        turns[component.name] = turn
+        components.append(replace(component, pose=pose @ turn, shape=shape))
+    return replace(tool, components=tuple(components))
 
 
 def _allowed(tool: Tool | None, spawn: SpawnRules) -> Tool | None:

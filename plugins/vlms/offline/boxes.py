@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -32,26 +32,16 @@ class Boxes:
     @classmethod
     def join(cls, several: Iterable[Boxes]) -> Boxes:
         parts = [*several, cls.of(())]
-        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
-
-    def __len__(self) -> int:
-        return len(self.centers)
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__))
 
     def __getitem__(self, chosen: npt.NDArray[np.intp] | npt.NDArray[np.bool_]) -> Boxes:
         return Boxes(self.centers[chosen], self.axes[chosen], self.halves[chosen])
 
     @property
-    def reaches(self) -> Array:
-        """Half sides (N, 3) of the axis-aligned bounding boxes."""
-        return np.asarray(np.einsum("nij,nj->ni", np.abs(self.axes), self.halves))
-
-    @property
-    def lower(self) -> Array:
-        return self.centers - self.reaches
-
-    @property
-    def upper(self) -> Array:
-        return self.centers + self.reaches
+    def bounds(self) -> tuple[Array, Array]:
+        """The lowest and highest corners (N, 3) of the axis-aligned bounding boxes."""
+        reaches = np.einsum("nij,nj->ni", np.abs(self.axes), self.halves)
+        return self.centers - reaches, self.centers + reaches
 
     def extents(self, way: Array, origin: Array) -> tuple[Array, Array]:
         """The least and the greatest coordinate (N,) of each box along ``way`` (3,), from ``origin`` (3,)."""
@@ -75,18 +65,19 @@ def axes_of(heading: float) -> tuple[Array, Array]:
 
 def overlaps(a: Boxes, b: Boxes, margin: float = 0.0) -> int:
     """The number of pairs, one box from each, closer than ``margin`` metres (negative: that overlap by more)."""
-    near = (a.lower[:, None] - margin < b.upper) & (b.lower - margin < a.upper[:, None])
+    (lower, upper), (other_lower, other_upper) = a.bounds, b.bounds
+    near = (lower[:, None] - margin < other_upper) & (other_lower - margin < upper[:, None])
     first, second = np.nonzero(near.all(axis=-1))
-    depth, _ = separations(a[first], b[second])
-    return int((depth < margin).sum())
+    gaps, _ = separations(a[first], b[second])
+    return int((gaps < margin).sum())
 
 
 def separations(a: Boxes, b: Boxes) -> tuple[Array, Array]:
     """For N pairs, the largest gap (N,) along a separating axis, negative for an overlap, and that axis (N, 3), from a
     to b. The axes that are compared are the face normals and the cross products of edges.
     """
-    crosses = np.cross(a.axes.transpose(0, 2, 1)[:, :, None], b.axes.transpose(0, 2, 1)[:, None]).reshape(-1, 9, 3)
-    axes = np.concatenate([a.axes.transpose(0, 2, 1), b.axes.transpose(0, 2, 1), crosses], axis=1)
+    faces, others = a.axes.transpose(0, 2, 1), b.axes.transpose(0, 2, 1)
+    axes = np.concatenate([faces, others, np.cross(faces[:, :, None], others[:, None]).reshape(-1, 9, 3)], axis=1)
     lengths = np.linalg.norm(axes, axis=-1, keepdims=True)
     parallel = lengths[..., 0] < 1e-6
     axes = axes / np.where(parallel[..., None], 1.0, lengths)
@@ -94,7 +85,6 @@ def separations(a: Boxes, b: Boxes) -> tuple[Array, Array]:
     extents = np.einsum("nkj,nj->nk", np.abs(axes @ a.axes), a.halves)
     extents += np.einsum("nkj,nj->nk", np.abs(axes @ b.axes), b.halves)
     gaps = np.where(parallel, -np.inf, np.abs(between) - extents)
-    best = np.argmax(gaps, axis=1)
-    rows = np.arange(len(gaps))
+    rows, best = np.arange(len(gaps)), np.argmax(gaps, axis=1)
     signs = np.where(between[rows, best] < 0, -1.0, 1.0)
     return gaps[rows, best], axes[rows, best] * signs[:, None]

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from core.design import DesignError, Tool
+from core.design import DesignError
 from core.designs.planning import look
 from core.interfaces import VLM, ActionRepresentation, Brief, Perception, Reply, Request, Seen
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
-from plugins.vlms.offline.invent import Layout, Use, Workshop
+from plugins.vlms.offline.invent import Layout, Workshop
 from plugins.vlms.offline.plans import turn_of
 from plugins.vlms.offline.scene_analysis import NothingToMove, SceneAnalysis
-from plugins.vlms.offline.tools import recognize, rods
+from plugins.vlms.offline.tools import recognize
 
 _LAYOUTS, _DRAWN = 4, 32  # others in which an anchored plan is checked, the most unlike of so many
 
@@ -53,63 +53,38 @@ def answer(brief: Brief) -> dict[str, Any]:
             layout = replace(layout, analysis=SceneAnalysis.of(brief, turn), seen=seen)
         others = [Layout.of(other) for other in _unlike(brief)]
     workshop = Workshop(brief, layout, others)
-    given = brief.representation.given(brief.task)
     elites = elites_with(brief.elites, brief.gripper, layout.seen)
-    if given is not None:
-        strategies = [_given(workshop, given, elites) for _ in range(brief.n_tool)]
-    elif elites:
-        strategies = [_bred(workshop, elites) for _ in range(brief.n_tool)]
-    else:
-        strategies = [_fresh(workshop) for _ in range(brief.n_tool)]
+    strategies = [_strategy(workshop, elites) for _ in range(brief.n_tool)]
     things, moving = layout.analysis.things, sum(len(goal.bodies) for goal in layout.analysis.goals)
     analysis = f"{len(things)} bodies have collision shapes; to be moved: {moving}."
     return {"scene_analysis": analysis, "strategies": strategies}
 
 
-def _fresh(workshop: Workshop) -> dict[str, Any]:
-    brief = workshop.brief
-    tool, head, pose, use = workshop.invent()
-    uses = [use, *(workshop.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))]
-    description, parents = f"The {head.kind} {use.text}.", [elite.candidate.id for elite in brief.elites[:1]]
-    if parents:
-        description += " A fresh design: no elite has this kind of tool."
-    tool = _in_its_shapes(workshop, tool)
-    return _strategy(workshop, f"{head.use} with {tool.name}", description, tool, uses, parents)
-
-
-def _bred(workshop: Workshop, elites: Sequence[Elite]) -> dict[str, Any]:
-    name, description, tool, uses, parents = breed(elites, workshop.brief.n_action, workshop)
-    return _strategy(workshop, name, description, _in_its_shapes(workshop, tool), uses, parents)
-
-
-def _in_its_shapes(workshop: Workshop, tool: Tool) -> Tool:
-    """Make bars round where the representation has rods."""
-    if "cylinder" not in workshop.brief.representation.shapes:
-        return tool
-    changed = rods(tool)
-    return changed if workshop.accepts(changed) else tool
-
-
-def _given(workshop: Workshop, tool: Tool, elites: Sequence[Elite]) -> dict[str, Any]:
-    """Plans for a given tool."""
-    rng, count = workshop.rng, workshop.brief.n_action
-    if elites:
-        elite = elites[int(rng.integers(len(elites)))]
-        uses = offspring_plans(elite, tool, count, workshop)
-        return _strategy(workshop, "the given tool", f"Plans varied from {elite.id}.", tool, uses, [elite.id])
-    uses = [workshop.use(tool, lambda errand: recognize(tool, errand, rng)) for _ in range(count)]
-    return _strategy(workshop, "the given tool", f"It {uses[0].text}.", tool, uses)
-
-
-def _strategy(
-    workshop: Workshop, name: str, description: str, tool: Tool, uses: Sequence[Use], parents: Sequence[str] = ()
-) -> dict[str, Any]:
-    representation = workshop.brief.representation
-    named = {"tool_name": tool.name, "tool_description": tool.description}
+def _strategy(workshop: Workshop, elites: Sequence[Elite]) -> dict[str, Any]:
+    """Design a tool with plans, or plans for the given tool: offspring of the elites, or fresh ones."""
+    brief, rng, representation = workshop.brief, workshop.rng, workshop.brief.representation
+    given, parents = representation.given(brief.task), list[str]()
+    if given is not None:
+        name, tool = "the given tool", given
+        if elites:
+            elite = elites[int(rng.integers(len(elites)))]
+            uses, parents = offspring_plans(elite, tool, brief.n_action, workshop), [elite.id]
+            description = f"Plans varied from {elite.id}."
+        else:
+            uses = [workshop.use(tool, lambda errand: recognize(given, errand, rng)) for _ in range(brief.n_action)]
+            description = f"It {uses[0].text}."
+    elif elites:
+        name, description, tool, uses, parents = breed(elites, brief.n_action, workshop)
+    else:
+        tool, head, pose, use = workshop.invent()
+        uses = [use, *(workshop.use(tool, lambda _: (head, pose)) for _ in range(brief.n_action - 1))]
+        name, description = f"{head.use} with {tool.name}", f"The {head.kind} {use.text}."
+        if parents := [elite.candidate.id for elite in brief.elites[:1]]:
+            description += " A fresh design: no elite has this kind of tool."
     return {
         "strategy_name": name,
         "strategy_description": description,
-        **({} if representation.given(workshop.brief.task) is not None else named),
+        **({"tool_name": tool.name, "tool_description": tool.description} if given is None else {}),
         "gripper": tool.gripper,
         **representation.dump(tool),
         "action_description": " | ".join(f"{i}: {use.text}" for i, use in enumerate(uses, start=1)),

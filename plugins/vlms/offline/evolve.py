@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,15 +15,13 @@ from core.values.shapes import resized
 from plugins.vlms.offline.boxes import Boxes, separations
 from plugins.vlms.offline.heads import draw
 from plugins.vlms.offline.invent import Use, Workshop
-from plugins.vlms.offline.scene_analysis import SceneAnalysis
+from plugins.vlms.offline.scene_analysis import SceneAnalysis, wanted
 from plugins.vlms.offline.tools import middle, recognize
 
 _TRIES = 12
 _COLOR = (0.56, 0.35, 0.68, 1.0)  # of added components
 _THINNEST_M = 0.001
 _OVERLAP_M = 0.0005  # of components that were moved until they touch
-
-Change = Callable[[Tool, float, np.random.Generator], tuple[Tool, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +54,14 @@ def elites_with(evaluations: Sequence[Evaluation], gripper: bool, seen: Seen) ->
 
 
 def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str, str, Tool, list[Use], list[str]]:
-    """One offspring: name, description, tool, ``count`` plans, parents' ids. Better elites are parents more often."""
+    """One offspring: name, description, tool, ``count`` plans, parents' ids. Better elites are parents more often.
+
+    Where no change keeps the rules, the tool is its parent's.
+    """
     rng = workshop.rng
     weights = np.array([max(elite.reward, 0.01) ** 2 for elite in elites])
-    weights /= weights.sum()
     for attempt in range(_TRIES):
-        first, second = (elites[int(i)] for i in rng.choice(len(elites), 2, p=weights))
+        first, second = (elites[int(i)] for i in rng.choice(len(elites), 2, p=weights / weights.sum()))
         crossing = second is not first and rng.random() < 0.4
         if crossing:
             tool, done = cross(first.tool, second.tool, rng)
@@ -69,9 +69,8 @@ def breed(elites: Sequence[Elite], count: int, workshop: Workshop) -> tuple[str,
             tool, done = mutate(first.tool, first.scale / (1 + attempt / 3), rng)
         if tool.components != first.tool.components and workshop.accepts(tool):
             break
-    else:  # no change keeps the rules
-        crossing = False
-        tool, done = slimmed(first.tool)
+    else:
+        crossing, tool, done = False, first.tool, "other plans"
     parents = [first.id, second.id] if crossing else [first.id]
     name = "crossover" if crossing else "mutation"
     base = first.tool.description.split("; changed: ")[0]
@@ -90,23 +89,22 @@ def offspring_plans(elite: Elite, tool: Tool, count: int, workshop: Workshop) ->
         if 0 < i == count - 1 and rng.random() < elite.scale:
             uses.append(workshop.use(tool, lambda errand: recognize(tool, errand, rng)))
             continue
-        new, anchors, done = base, elite.anchors, []
+        new, anchors, done = base, elite.anchors, ["the parent's plan"]
         for _ in range(int(rng.integers(1, 3)) if i > 0 else int(rng.integers(0, 2))):
             new, anchors, what = vary(new, anchors, elite, workshop.analysis, rng)
             done.append(what)
-        uses.append(Use(new, ", ".join(["the parent's plan", *done]), anchors))
+        uses.append(Use(new, ", ".join(done), anchors))
     return uses
 
 
-def last_stroke(plan: Array) -> tuple[int, int]:
+def _last_stroke(plan: Array) -> tuple[int, int]:
     """First and last row of the last straight stroke that is long and nearly level."""
     ways = np.diff(plan[:, :3], axis=0)
     lengths = np.linalg.norm(ways, axis=1)
     level = [i for i, (way, length) in enumerate(zip(ways, lengths, strict=True)) if length > 2 * abs(way[2]) + 0.01]
     if not level:
         return max(0, len(plan) - 2), len(plan) - 1
-    long = [i for i in level if lengths[i] > 0.035]
-    end = start = max(long or level)
+    end = start = max([i for i in level if lengths[i] > 0.035] or level)
     while start - 1 in level and ways[start - 1] @ ways[end] > 0.9 * lengths[start - 1] * lengths[end]:
         start -= 1
     return start, end + 1
@@ -116,10 +114,9 @@ def vary(
     plan: Array, anchors: Sequence[Anchor], elite: Elite, analysis: SceneAnalysis, rng: np.random.Generator
 ) -> tuple[Array, Sequence[Anchor], str]:
     """Change a plan at random, by the elite's scale, and keep an anchor for each waypoint."""
-    start, end = last_stroke(plan)
+    start, end = _last_stroke(plan)
     way = plan[end, :3] - plan[start, :3]
-    length = float(np.linalg.norm(way))
-    missing = _missing(elite, analysis)
+    length, missing = float(np.linalg.norm(way)), _missing(elite, analysis)
     kinds = {"length": 0.2, "shift": 0.25, "height": 0.15, "yaw": 0.1, "slower": 0.05, "faster": 0.05}
     if abs(missing) > 0.001 and length > 0.02:
         kinds["measure"] = 0.25
@@ -163,13 +160,8 @@ def _missing(elite: Elite, analysis: SceneAnalysis) -> float:
     """Mean distance in metres by which the elite's bodies fell short (negative: went too far); 0 if unknown."""
     options = []
     for goal in analysis.goals:
-        missing = []
-        for name in goal.bodies:
-            if goal.place is None or name not in elite.moved_m:
-                continue
-            here = analysis.things[name].position
-            wanted = np.array([h if w is None else w for h, w in zip(here, goal.place, strict=True)])
-            missing.append(float(np.linalg.norm(wanted - here)) - elite.moved_m[name])
+        places = {name: analysis.things[name].position for name in goal.bodies if name in elite.moved_m and goal.place}
+        missing = [float(np.linalg.norm(wanted(at, goal) - at)) - elite.moved_m[name] for name, at in places.items()]
         if missing:
             options.append(min(missing) if goal.any else float(np.mean(missing)))
     return min(options, key=abs, default=0.0)
@@ -177,22 +169,38 @@ def _missing(elite: Elite, analysis: SceneAnalysis) -> float:
 
 def mutate(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
     """Make one change: to a component's size, position or orientation; or add, remove or replace one."""
-    if not tool.components:
-        return _added(tool, scale, rng)
-    changes: dict[Change, float] = {
-        _resized: 4.0,
-        _shifted: 2.0,
-        _turned: 2.0,
-        _added: 1.5,
-        _removed: 1.0 * (len(tool.components) > 2),
-        _replaced: 1.0 * (len(tool.components) > 1),
+    count = len(tool.components)
+    kinds = {
+        "size": 4.0,
+        "shift": 2.0,
+        "turn": 2.0,
+        "add": 1.5,
+        "remove": 1.0 * (count > 2),
+        "replace": 1.0 * (count > 1),
     }
-    mutant, text = draw(changes, rng)(tool, scale, rng)
-    return joined(mutant), text
-
-
-def _with(tool: Tool, number: int, component: Component) -> Tool:
-    return replace(tool, components=(*tool.components[:number], component, *tool.components[number + 1 :]))
+    kind = draw(kinds, rng)
+    if kind in ("size", "add"):
+        mutant, text = _resized(tool, scale, rng) if kind == "size" else _added(tool, rng)
+        return joined(mutant), text
+    number = int(rng.choice(_leaves(tool)) if kind in ("remove", "replace") else rng.integers(count))
+    old, new = tool.components[number], list[Component]()
+    if kind == "remove":
+        text = f"{old.name} removed"
+    elif kind == "shift":
+        way = rng.normal(0.0, 0.03 * max(scale, 0.2), 3)
+        new = [replace(old, pose=Pose(old.pose.position + way, old.pose.quaternion))]
+        text = f"{old.name} moved by {np.linalg.norm(way) * 1000:.0f} mm"
+    elif kind == "turn":  # its descendants too
+        axis = int(rng.integers(3))
+        angle = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.5) * max(scale, 0.3))
+        turn = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(angle * np.eye(3)[axis]))
+        new = [replace(old, pose=old.pose @ turn)]
+        text = f"{old.name} turned by {np.degrees(angle):.0f} degrees about its {'xyz'[axis]}"
+    else:
+        x, y, z = np.clip(old.shape.bounds[1] * np.exp(rng.normal(0.0, 0.5, 3)), _THINNEST_M, 0.6).tolist()
+        new = [Component(_free_name("part", tool), old.parent, old.pose, Box((x, y, z)), color=_COLOR)]
+        text = f"{old.name} replaced by a box of {x:.3f} x {y:.3f} x {z:.3f} m"
+    return joined(replace(tool, components=(*tool.components[:number], *new, *tool.components[number + 1 :]))), text
 
 
 def _resized(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
@@ -200,43 +208,23 @@ def _resized(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, 
     number, axis = int(rng.integers(len(tool.components))), int(rng.integers(3))
     factor = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6) * max(scale, 0.2)))
     old = tool.components[number]
-    own = old.shape.bounds[1]
-    sides = own.tolist()
+    own, way = old.shape.bounds[1], old.pose.rotation.as_matrix()[:, axis]
+    sides, stretch = own.tolist(), np.ones(3)
     sides[axis] = float(np.clip(sides[axis] * factor, _THINNEST_M, 1.5))
-    stretch = np.ones(3)
     stretch[axis] = sides[axis] / own[axis]
     components = [
         replace(c, pose=Pose(c.pose.position * stretch, c.pose.quaternion)) if c.parent == old.name else c
         for c in tool.components
     ]
     # The end that meets the parent stays where it is.
-    shift = old.pose.rotation.as_matrix()[:, axis] * (sides[axis] - own[axis]) / 2
-    toward = np.sign(float(old.pose.position @ old.pose.rotation.as_matrix()[:, axis])) or 1.0
-    pose = Pose(old.pose.position + toward * shift, old.pose.quaternion)
+    toward = np.sign(float(old.pose.position @ way)) or 1.0
+    pose = Pose(old.pose.position + toward * (way * (sides[axis] - own[axis]) / 2), old.pose.quaternion)
     components[number] = replace(old, shape=Box((sides[0], sides[1], sides[2])), pose=pose)
     verb = "lengthened" if factor > 1 else "shortened"
     return replace(tool, components=tuple(components)), f"{old.name} {verb} in {'xyz'[axis]} to {sides[axis]:.3f} m"
 
 
-def _shifted(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    number = int(rng.integers(len(tool.components)))
-    old = tool.components[number]
-    way = rng.normal(0.0, 0.03 * max(scale, 0.2), 3)
-    moved = replace(old, pose=Pose(old.pose.position + way, old.pose.quaternion))
-    return _with(tool, number, moved), f"{old.name} moved by {np.linalg.norm(way) * 1000:.0f} mm"
-
-
-def _turned(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    """Turn a component and its descendants about one of its axes."""
-    number, axis = int(rng.integers(len(tool.components))), int(rng.integers(3))
-    angle = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.5) * max(scale, 0.3))
-    old = tool.components[number]
-    turn = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(angle * np.eye(3)[axis]))
-    text = f"{old.name} turned by {np.degrees(angle):.0f} degrees about its {'xyz'[axis]}"
-    return _with(tool, number, replace(old, pose=old.pose @ turn)), text
-
-
-def _added(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
+def _added(tool: Tool, rng: np.random.Generator) -> tuple[Tool, str]:
     """Add a plate on a face of a component."""
     parent = tool.components[int(rng.integers(len(tool.components) // 2, len(tool.components)))]
     axis, side = int(rng.integers(3)), float(rng.choice([-1.0, 1.0]))
@@ -248,7 +236,7 @@ def _added(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, st
     place[axis] = side * ((size[axis] + sides[axis]) / 2 - 0.0005)
     along = (axis + int(rng.integers(1, 3))) % 3
     place[along] = rng.choice([-1.0, 0.0, 1.0]) * (size[along] - sides[along]) / 2
-    name = free_name("fin", {c.name for c in tool.components})
+    name = _free_name("fin", tool)
     fin = Component(name, parent.name, Pose(place), Box((sides[0], sides[1], sides[2])), color=_COLOR)
     return replace(tool, components=(*tool.components, fin)), f"{name} added on {parent.name}"
 
@@ -258,30 +246,10 @@ def _leaves(tool: Tool) -> list[int]:
     return [i for i, c in enumerate(tool.components) if c.name not in parents]
 
 
-def _removed(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    removed = tool.components[int(rng.choice(_leaves(tool)))]
-    return replace(tool, components=tuple(c for c in tool.components if c is not removed)), f"{removed.name} removed"
-
-
-def _replaced(tool: Tool, scale: float, rng: np.random.Generator) -> tuple[Tool, str]:
-    """Replace a leaf by a box of other proportions in the same place."""
-    number = int(rng.choice(_leaves(tool)))
-    old = tool.components[number]
-    sides = np.clip(old.shape.bounds[1] * np.exp(rng.normal(0.0, 0.5, 3)), _THINNEST_M, 0.6)
-    name = free_name("part", {c.name for c in tool.components})
-    new = Component(name, old.parent, old.pose, Box((sides[0], sides[1], sides[2])), color=_COLOR)
-    text = f"{old.name} replaced by a box of {sides[0]:.3f} x {sides[1]:.3f} x {sides[2]:.3f} m"
-    return _with(tool, number, new), text
-
-
-def slimmed(tool: Tool) -> tuple[Tool, str]:
-    """Make the last component's thinnest side a little thinner, which hardly ever breaks a rule."""
-    last = tool.components[-1]
-    sides = last.shape.bounds[1].tolist()
-    axis = int(np.argmin(sides))
-    sides[axis] = max(0.0006, sides[axis] * 0.97)
-    slim = _with(tool, len(tool.components) - 1, replace(last, shape=resized(last.shape, sides)))
-    return joined(slim), f"{last.name} made thinner, {sides[axis] * 1000:.1f} mm"
+def _free_name(name: str, tool: Tool) -> str:
+    """``name``, with a number if a component has it."""
+    taken = {c.name for c in tool.components}
+    return next(free for free in (name, *(f"{name}_{i}" for i in range(2, 200))) if free not in taken)
 
 
 def cross(first: Tool, second: Tool, rng: np.random.Generator) -> tuple[Tool, str]:
@@ -290,18 +258,15 @@ def cross(first: Tool, second: Tool, rng: np.random.Generator) -> tuple[Tool, st
     if alike and rng.random() < 0.7:
         return _blended(first, second, float(rng.uniform(0.2, 0.8)))
     donor = second.components[int(rng.choice(_leaves(second)))]
-    placed = second.placed()
-    mount, pose = placed[donor.name]
-    mine = first.placed()
-    names = [c.name for c in first.components if mine[c.name][0] == mount]
-    if not names:
+    (mount, pose), mine = second.placed()[donor.name], first.placed()
+    near = [c for c in first.components if mine[c.name][0] == mount]
+    if not near:
         return mutate(first, 0.5, rng)
-    graft = Boxes.of([(pose, donor.shape.bounds[1])] * len(names))
-    sizes = {c.name: c.shape.bounds[1] for c in first.components}
-    gaps, _ = separations(graft, Boxes.of((mine[name][1], sizes[name]) for name in names))
-    parent = names[int(np.argmin(gaps))]
-    name = free_name(donor.name, {c.name for c in first.components})
-    new = replace(donor, name=name, parent=parent, pose=mine[parent][1].inverse() @ pose, color=_COLOR)
+    graft = Boxes.of([(pose, donor.shape.bounds[1])] * len(near))
+    gaps, _ = separations(graft, Boxes.of((mine[c.name][1], c.shape.bounds[1]) for c in near))
+    parent = near[int(np.argmin(gaps))].name
+    local = mine[parent][1].inverse() @ pose
+    new = replace(donor, name=_free_name(donor.name, first), parent=parent, pose=local, color=_COLOR)
     return joined(replace(first, components=(*first.components, new))), f"{donor.name} of the second put on {parent}"
 
 
@@ -319,22 +284,14 @@ def _blended(first: Tool, second: Tool, share: float) -> tuple[Tool, str]:
 def joined(tool: Tool) -> Tool:
     """The tool with every component, and its descendants, moved until it touches its parent."""
     components: list[Component] = []
-    sizes: dict[str, Array] = {}
+    sizes = {c.name: c.shape.bounds[1] for c in tool.components}
     for component in tool.components:
-        if component.parent in sizes:
-            size = component.shape.bounds[1]
-            for _ in range(4):
-                parent = Boxes.of([(Pose(), sizes[component.parent])])
-                gap, axis = separations(parent, Boxes.of([(component.pose, size)]))
-                if gap[0] <= 0.0:
-                    break
-                position = component.pose.position - (gap[0] + _OVERLAP_M) * axis[0]
-                component = replace(component, pose=Pose(position, component.pose.quaternion))
-        sizes[component.name] = component.shape.bounds[1]
+        for _ in range(4 if component.parent in sizes else 0):
+            parent = Boxes.of([(Pose(), sizes[component.parent])])
+            gap, axis = separations(parent, Boxes.of([(component.pose, sizes[component.name])]))
+            if gap[0] <= 0.0:
+                break
+            position = component.pose.position - (gap[0] + _OVERLAP_M) * axis[0]
+            component = replace(component, pose=Pose(position, component.pose.quaternion))
         components.append(component)
     return replace(tool, components=tuple(components))
-
-
-def free_name(name: str, taken: set[str]) -> str:
-    """``name``, with a number if it is taken."""
-    return next(free for free in (name, *(f"{name}_{i}" for i in range(2, 200))) if free not in taken)

@@ -1,55 +1,52 @@
-"""Strokes that follow from what holds a body: a joint, an enclosure, a peg; or from its turning or moving.
+"""Heads with strokes of their own, which follow from what holds a body: a joint, an enclosure, a container; or from how
+it is to be turned.
 
-Each makes a head for one errand, and the head knows its own stroke: tines get under a body, to lift it off what goes
-through it, or to turn it over its opposite edge; cages wait for bodies that move when the motion begins; rods and
-hooks are in `plugins.vlms.offline.rods`.
+Rods push a body along its joint; hooks pull it there, or out of an enclosure, and then push it to its goal; a lip turns
+it over its opposite edge; a fork takes a loose container by its handles, and turns it over.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import accumulate
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.geometry import Array, Cylinder, Sphere
+from core.geometry import Array, Pose
+from core.values.joints import Placement
 from plugins.vlms.offline.boxes import axes_of
-from plugins.vlms.offline.heads import Head, Piece, box, cage
-from plugins.vlms.offline.openings import Under, under, way_out
+from plugins.vlms.offline.heads import SIDES, Head, Piece, box
+from plugins.vlms.offline.openings import Contact, frame_of, pulled, pushed, under, way_out
 from plugins.vlms.offline.plans import Path
-from plugins.vlms.offline.rods import drawer, mover
-from plugins.vlms.offline.scene_analysis import UP, Errand, Thing
+from plugins.vlms.offline.scene_analysis import UP, Errand
 
 _TURNED = np.radians(20.0)  # a goal about an orientation that is farther off than this
-_STEP_RAD = 0.15  # between waypoints
+_STEP_M, _STEP_RAD = 0.045, 0.15  # between waypoints
 _QUARTERS: list[float] = (np.arange(4) * np.pi / 2).tolist()
+_BACK_M = 0.018  # a fork's plate and crossbar, from the flange ahead
+_LIP_M = 0.004  # thickness of a fork's channels
+
+Motion = Sequence[Pose]  # of a body: displacements in the world, one after another
 
 
 def suits(errand: Errand) -> bool:
-    """Report whether the errand's bodies move, hang from a joint, are to be turned, or are held by what is near."""
-    if any(thing.body.launched for thing in errand.things):
-        return True
-    goal = errand.goal
-    if goal is None or len(errand.things) > 1:
+    """Report whether the errand's only body hangs from a joint, is to be turned, or is shut in."""
+    if errand.goal is None or len(errand.things) > 1:
         return False
-    return goal.joint is not None or _turn(errand) is not None or _threaded(errand) or _shut_in(errand)
+    if errand.goal.joint is not None or _turn(errand) is not None:
+        return True
+    return errand.covered and errand.length > 0.03 and errand.blocked(errand.shift * [1.0, 1.0, 0.0])
 
 
 def guided(errand: Errand, rng: np.random.Generator) -> Head | None:
-    """Make a head for the way that `suits`; None: there is no way in."""
-    if any(thing.body.launched for thing in errand.things):
-        return catcher(errand, rng)
-    if errand.goal is not None and errand.goal.joint is not None:
+    """Make a head for an errand that `suits`; None: there is no way in."""
+    assert errand.goal is not None
+    if errand.goal.joint is not None:
         return mover(errand, rng)
     if (turn := _turn(errand)) is not None:
         return tipper(errand, turn, rng)
-    route = way_out(errand, np.zeros(3))
-    if route is None:
-        return None
-    if errand.covered and abs(route[-1][2]) < 1e-6:
-        return drawer(errand, route, rng)
-    return carrier(errand, route, rng)
+    out = way_out(errand)
+    return None if out is None else drawer(errand, out, rng)
 
 
 def _turn(errand: Errand) -> tuple[Array, float] | None:
@@ -65,167 +62,227 @@ def _turn(errand: Errand) -> tuple[Array, float] | None:
     return axis, angle
 
 
-def _threaded(errand: Errand) -> bool:
-    """Report whether another body stands within the bounds of the errand's, as a peg in a ring."""
-    lower, upper = errand.lower + 0.003, errand.upper - 0.003
-    return bool(((errand.others.lower < upper) & (errand.others.upper > lower)).all(axis=1).any())
-
-
-def _shut_in(errand: Errand) -> bool:
-    return errand.covered and errand.length > 0.03 and errand.blocked(errand.shift * [1.0, 1.0, 0.0])
-
-
-def _tines(spot: Under, width: float, thick: float, depth: float, wall: float, nose: float) -> tuple[Piece, ...]:
-    """Two tines ahead of a wall, or one wide one; their upper faces are at z = 0, noses at the tips stand above it."""
-    sides = (1.0, -1.0) if spot.apart > width / 2 else (0.0,)
-    across = 2 * spot.apart + width
-    pieces = [box("wall", -0.004, 0.0, wall / 2 - thick, (0.008, across, wall))]
-    for number, side in enumerate(sides):
-        y = side * spot.apart
-        pieces.append(box(f"tine_{number + 1}", (depth - 0.008) / 2, y, -thick / 2, (depth + 0.008, width, thick)))
-        if nose > 0.0:
-            pieces.append(
-                box(f"nose_{number + 1}", depth - 0.002, y, nose / 2 - 0.001, (0.004, width, nose), len(pieces) - 1)
-            )
-    return tuple(pieces)
-
-
-def _behind(errand: Errand, spot: Under, height: float) -> float:
-    """Compute how far obstacles reach back from the bodies' rear, where a wall of this height would be."""
-    ahead, side = (axis[:2] for axis in axes_of(spot.heading))
-    others = errand.others
-    signs = np.array([[x, y] for x in (-1, 1) for y in (-1, 1)])
-    corners = others.centers[:, None, :2] + signs * others.reaches[:, None, :2] - spot.rear[:2]
-    along, across = corners @ ahead, np.abs(corners.mean(axis=1) @ side) - np.ptp(corners @ side, axis=1) / 2
-    near = (across < spot.apart + 0.02) & (others.lower[:, 2] < spot.rear[2] + height)
-    near &= (others.upper[:, 2] > spot.rear[2] - 0.01) & (along.min(axis=1) < 0.0)
-    return float(np.clip(-along[near].min(initial=0.0), 0.0, 0.25))
-
-
-def _choose_under(errand: Errand, headings: Sequence[float], tine: float, rng: np.random.Generator) -> Under | None:
-    """Choose at random among the places that are worth most; None: there is none."""
-    places = [place for heading in headings if (place := under(errand, heading, tine)) is not None]
-    good = [place for place in places if place.worth > max(other.worth for other in places) - 0.03]
-    return good[int(rng.integers(len(good)))] if good else None
-
-
-def carrier(errand: Errand, route: Sequence[Array], rng: np.random.Generator) -> Head | None:
-    """Tines that lift a body off what goes through it, carry it over, and lower it at the goal."""
-    tine = 0.009
-    back = way_out(errand, errand.shift + 0.004 * UP)
-    spot = None if back is None else _choose_under(errand, _QUARTERS, tine, rng)
-    if back is None or spot is None:
-        return None
-    ahead, thick = axes_of(spot.heading)[0], min(0.008, spot.room / 2)
-    nose = min(0.008, spot.room - thick - 0.003)
-    nose = nose if nose > 0.002 else 0.0
-    reach = float(np.ptp(errand.points @ ahead))
-    gap = _behind(errand, spot, 0.05) + rng.uniform(0.01, 0.02)
-    depth = gap + min(spot.depth, reach) + (0.012 if nose else 0.0)
-    pieces = _tines(spot, tine, thick, depth, 0.03, nose)
-
-    def stroke(path: Path, rng: np.random.Generator) -> str:
-        inside = spot.rear - gap * ahead - (nose + 0.001) * UP
-        before = inside - (depth + 0.02) * ahead
-        path.enter(errand, spot.heading, before, inside)
-        path.hold()
-        lifted = inside + (nose + 0.001) * UP
-        goal = lifted + errand.shift
-        places, down = [*accumulate(route, initial=lifted)], [*accumulate(back, initial=goal)][::-1]
-        high = max(places[-1][2], down[0][2]) + rng.uniform(0.0, 0.03)
-        places += [np.array([*places[-1][:2], high]), np.array([*down[0][:2], high])]
-        places += [*down, goal - (nose + rng.uniform(0.004, 0.012)) * UP]
-        for place in places:
-            length = float(np.linalg.norm(place - path.poses[-1].position))
-            path.stroke(place, spot.heading, 0.15 if length > 0.02 else 1.0)
-        path.go(spot.heading, places[-1] - (depth + 0.02) * ahead, touch=True)
-        return "gets tines under the body, lifts it off, carries it over, lowers it and leaves"
-
-    return Head(
-        "tines", "guided", pieces, np.array([0.0, 0.0, 0.03 - thick]), depth, 2 * spot.apart + tine, stroke=stroke
-    )
-
-
 def tipper(errand: Errand, turn: tuple[Array, float], rng: np.random.Generator) -> Head | None:
     """A lip that raises a body by one side, and turns it about its opposite edge."""
     axis, angle = turn
-    headings = _QUARTERS
+    headings, width = _QUARTERS, 0.016
     if np.linalg.norm(axis) > 0.2:
         x, y, _ = np.cross(axis, UP)
         headings = [float(np.arctan2(y, x))]
-    tine = 0.016
-    if (spot := _choose_under(errand, headings, tine, rng)) is None:
+    places = [place for heading in headings if (place := under(errand, heading, width)) is not None]
+    good = [place for place in places if place.worth > max(other.worth for other in places) - 0.03]
+    if not good:
         return None
+    spot = good[int(rng.integers(len(good)))]
     ahead, thick = axes_of(spot.heading)[0], min(0.008, 0.6 * spot.room)
     grip = min(spot.depth * rng.uniform(0.5, 0.9), 0.04)
     gap = rng.uniform(0.006, 0.015)
-    _, front = errand.span(spot.heading)
-    pivot = spot.rear + (front - spot.rear @ ahead) * ahead
+    pivot = spot.rear + (errand.extent(spot.heading).front - spot.rear @ ahead) * ahead
     pivot[2] = errand.lower[2]
     radius = float((pivot - spot.rear) @ ahead) - grip
     most = angle + rng.uniform(0.0, 0.15) if angle < 2.0 else rng.uniform(1.7, 2.3)
+    depth = grip + gap  # from the face to the tip
 
     def stroke(path: Path, rng: np.random.Generator) -> str:
         tip = spot.rear + grip * ahead - 0.001 * UP
-        offset = (grip + gap) * ahead  # from the face to the tip
-        path.enter(errand, spot.heading, tip - offset - (grip + gap + 0.02) * ahead, tip - offset)
+        path.enter(errand, spot.heading, tip - depth * ahead - (depth + 0.02) * ahead, tip - depth * ahead)
         path.hold()
         rise = float(tip[2] - pivot[2])
         for turned in np.linspace(0.0, most, int(np.ceil(most / _STEP_RAD)) + 1)[1:]:
             arm = Rotation.from_rotvec(np.cross(UP, ahead) * turned).apply(-radius * ahead + rise * UP)
-            path.go(spot.heading, pivot + arm - offset, touch=True)
+            path.go(spot.heading, pivot + arm - depth * ahead, touch=True)
         path.go(spot.heading, path.poses[-1].position - 0.06 * ahead + 0.02 * UP, touch=True)
         return f"raises one side by a lip, and turns the body about its other edge by {np.degrees(most):.0f} degrees"
 
-    pieces = _tines(spot, tine, thick, grip + gap, 0.03, 0.0)
-    return Head("lip", "guided", pieces, np.array([0.0, 0.0, 0.03 - thick]), grip + gap, tine, stroke=stroke)
+    pieces = [box("wall", -0.004, 0.0, 0.015 - thick, (0.008, 2 * spot.apart + width, 0.03))]
+    for number, side in enumerate((1.0, -1.0) if spot.apart > width / 2 else (0.0,), start=1):
+        size = (depth + 0.008, width, thick)
+        pieces.append(box(f"tine_{number}", (depth - 0.008) / 2, side * spot.apart, -thick / 2, size))
+    return Head("lip", "guided", tuple(pieces), np.array([0.0, 0.0, 0.03 - thick]), depth, width, stroke=stroke)
 
 
-def _slowing(thing: Thing) -> float:
-    """Estimate how fast a body slows down that rolls, or slides if it can't, m/s2."""
-    body, radius = thing.body, float(np.ptp(thing.points[:, 2])) / 2
-    rolls = any(isinstance(part.shape, Sphere | Cylinder) for part in body.collisions)
-    arm = 5 / 7 * body.rolling_friction / radius
-    return 9.81 * max(arm if rolls else np.sqrt(0.5 * body.friction), 1e-4)
+def _joint_way(errand: Errand, rng: np.random.Generator) -> tuple[Array, Array | None, Motion] | None:
+    """Compute the way (3,) that a joint's body goes at first, the joint's pole if it is a hinge, and all the motion.
+
+    The pole (2, 3) is a point of the axis, and its direction. The motion goes a little beyond the goal.
+    """
+    assert errand.goal is not None
+    placed, body = errand.analysis.scene.placed_joints[errand.goal.joint or ""], errand.things[0].body
+    joint, to = placed.joint, float(errand.goal.to or 0.0)
+    if joint.kind == "ball" or to == joint.start:
+        return None
+    way, pole = body.pose.rotation.apply(joint.axis) * np.sign(to - joint.start), None
+    if joint.kind == "hinge":
+        pole = np.stack([body.pose.apply(joint.origin), way])
+        turned = np.cross(way, errand.points - pole[0])
+        way = turned[int(np.linalg.norm(turned, axis=1).argmax())]
+    to = float(np.clip(to + (to - joint.start) * rng.uniform(0.0, 0.4), joint.lower, joint.upper))
+    parent = Placement.at_rest(errand.analysis.scene[joint.parent].pose if joint.parent else Pose())
+    count = max(2, int(np.ceil(abs(to - joint.start) / (_STEP_RAD if joint.kind == "hinge" else _STEP_M))))
+    places = (placed.carry(np.asarray(v), np.zeros(()), parent) for v in np.linspace(joint.start, to, count + 1)[1:])
+    motion = [Pose(there.position, there.quaternion) @ body.pose.inverse() for there in places]
+    return way / np.linalg.norm(way), pole, motion
 
 
-def catcher(errand: Errand, rng: np.random.Generator) -> Head:
-    """A cage, open to what comes, put in its way before it gets there; what was caught is then moved to the goal."""
-    bodies = [thing.body for thing in errand.things if thing.body.launched]
-    velocities = np.array([body.velocity for body in bodies]) * [1.0, 1.0, 0.0]
-    positions = np.array([body.pose.position for body in bodies])
-    way = velocities.mean(axis=0) / max(float(np.linalg.norm(velocities.mean(axis=0))), 1e-6)
-    heading = float(np.arctan2(-way[1], -way[0]))
-    side = np.array([-way[1], way[0], 0.0])
-    speeds = np.maximum(velocities @ way, 0.02)
-    slowing = np.array([_slowing(thing) for thing in errand.things if thing.body.launched])
-    wanted = errand.shift @ way if errand.length > 0.01 else 0.0
-    sizes = float(np.ptp(errand.things[0].points @ way)) / 2
-    distance = np.maximum(wanted + (positions @ way).mean() - positions @ way, 0.0)
-    if float((distance / speeds).min()) < 1.5:
-        distance = distance + 1.5 * speeds.max()
-    distance = np.minimum(distance + rng.normal(0.0, 0.03), 0.8 * speeds**2 / (2 * slowing))
-    times = (speeds - np.sqrt(np.maximum(speeds**2 - 2 * slowing * distance, 0.0))) / slowing
-    meet = float((positions @ way + distance).mean())
-    across = positions @ side
-    width = float(np.ptp(across)) + 2 * sizes + rng.uniform(0.02, 0.08)
-    height = float(np.clip(np.ptp(errand.points[:, 2]) * rng.uniform(0.6, 1.2), 0.02, 0.15))
-    depth = 2 * sizes * rng.uniform(0.8, 2.5)
-    face = (meet + sizes) * way + (across.min() + across.max()) / 2 * side
-    face[2] = float(errand.lower[2]) + rng.uniform(0.002, 0.008)
-    late = float(times.max()) + rng.uniform(0.3, 1.5)
-    left = (errand.shift - distance.mean() * way) * np.array([1.0, 1.0, 0.0])
-    rest = left - max(float(left @ way), 0.0) * way  # the opening is ahead
+def mover(errand: Errand, rng: np.random.Generator) -> Head | None:
+    """A rod that pushes, or a hook that pulls, a body along the motion that its joint leaves it."""
+    if (known := _joint_way(errand, rng)) is None:
+        return None
+    way, pole, motion = known
+    contacts = pushed(errand, way, pole)
+    if not contacts or rng.random() < 0.2:
+        contacts = pulled(errand, way) or contacts
+    if not contacts:
+        return None
+    contact = contacts[int(rng.integers(len(contacts)))]
+    if contact.aside.any():
+        return _hooked(errand, contact, way, motion, rng)
+    length, thick = contact.length + rng.uniform(0.04, 0.07), 2 * contact.half
 
     def stroke(path: Path, rng: np.random.Generator) -> str:
-        path.enter(errand, heading, face)
-        path.go(heading, *[face] * int(np.clip(np.ceil((late - 1.5) / 0.5), 1, 30)), touch=True)
-        path.hold()
-        if np.linalg.norm(rest) > 0.02:
-            path.stroke(face + rest, heading, 0.1)
-            path.go(heading, face + rest, touch=True)
-        ahead = meet - (positions @ way).mean()
-        return f"waits for {late:.1f} s with a cage, open to what comes, {ahead:.2f} m ahead of it"
+        tip = contact.point - way * rng.uniform(0.001, 0.004)
+        path.enter(errand, frame_of(way), contact.point - way * (contact.length + 0.03), tip)
+        end = path.follow(motion)
+        path.go(end, end.position - way * 0.03, touch=True)
+        return f"thrusts a rod of {length:.2f} m against the body, along the way that it is free to go"
 
-    made = cage(width, depth, height, float(rng.uniform(0.005, 0.01)), float(rng.uniform(0.0, 0.3)))
-    return Head("catcher", "guided", made.pieces, made.hold, depth, width, stroke=stroke)
+    pieces = (box("rod", -length / 2, 0.0, 0.0, (length, thick, thick)),)
+    return Head("rod", "guided", pieces, np.array([0.006 - length, 0.0, 0.0]), 0.0, thick, stroke=stroke)
+
+
+def drawer(errand: Errand, out: Array, rng: np.random.Generator) -> Head | None:
+    """A hook that draws a body ``out`` (3,) of an enclosure, and then pushes it to the goal."""
+    way = out / np.linalg.norm(out)
+    contacts = pulled(errand, way)
+    if not contacts:
+        return None
+    contact = contacts[int(rng.integers(len(contacts)))]
+    out = out + way * rng.uniform(0.02, 0.06)
+    count = int(np.ceil(np.linalg.norm(out) / _STEP_M))
+    motion = [Pose(share * out) for share in np.linspace(0.0, 1.0, count + 1)[1:]]
+    left = (errand.shift - out) * np.array([1.0, 1.0, 0.0])
+    return _hooked(errand, contact, way, motion, rng, left if np.linalg.norm(left) > 0.01 else None)
+
+
+def _hooked(
+    errand: Errand, contact: Contact, way: Array, motion: Motion, rng: np.random.Generator, then: Array | None = None
+) -> Head:
+    """A hook that enters beside the body, gets behind it and pulls; ``then`` (3,) is the way that is left."""
+    turn, half = frame_of(way), contact.half
+    toe = turn.inverse().apply(contact.aside)
+    far = max(contact.length, float(np.ptp(errand.points @ way)))
+    length = far + rng.uniform(0.02, 0.05) + 0.02
+
+    def stroke(path: Path, rng: np.random.Generator) -> str:
+        beside = contact.point - contact.aside * (1 + 0.003 / np.linalg.norm(contact.aside))
+        path.enter(errand, turn, beside + way * (far + 0.03), beside, contact.point)
+        end = path.follow(motion)
+        if then is not None:
+            points = errand.points + motion[-1].position + rng.uniform(0.0, 0.012) * way
+            _nudge(path, end, toe / 2, np.abs(toe) / 2 + half, points, then, rng)
+        return "gets behind the body through the opening, and pulls it along the way that it is free to go"
+
+    along = toe / np.linalg.norm(toe)
+    offset, ends = -along * contact.off, (-along * (contact.off + half), toe)
+    middle, size = (ends[0] + ends[1]) / 2, np.abs(ends[1] - ends[0])
+    _, wide, high = np.where(size > 1e-6, size, 2 * half).tolist()
+    pieces: tuple[Piece, ...] = (
+        box("rod", length / 2 - 0.006, offset[1], offset[2], (length, 2 * half, 2 * half)),
+        box("toe", -0.003, middle[1], middle[2], (0.006, wide, high)),
+    )
+    hold = np.array([length - 0.012, offset[1], offset[2] + half - 0.002])
+    return Head("hook", "guided", pieces, hold, 0.0, 2 * half, stroke=stroke)
+
+
+def _nudge(
+    path: Path, head: Pose, middle: Array, halves: Array, points: Array, shift: Array, rng: np.random.Generator
+) -> None:
+    """Lift the head over a body of ``points``, and push it by the toe (middle, half sides) along a shift."""
+    length = float(np.hypot(*shift[:2]))
+    way = np.array([*shift[:2], 0.0]) / length
+    turn = head.rotation.as_matrix()
+    reach, drop = float(np.abs(turn.T @ way) @ halves), float(np.abs(turn.T @ UP) @ halves)
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    center = (lower + upper) / 2
+    behind = center + way * (float((points @ way).min() - center @ way) - reach - 0.008)
+    behind[2] = lower[2] + drop + 0.004
+    behind = behind - turn @ middle
+    start = head.position + head.rotation.apply([-0.02, 0.0, 0.0])  # away from the body
+    over = [np.array([*place[:2], upper[2] + 2 * drop + 0.03]) for place in (start, behind)]
+    end = behind + way * (length + 0.008) * rng.normal(1.0, 0.03)
+    pushes = np.linspace(behind, end, max(2, int(length / 0.08)) + 1)[1:]
+    path.go(head, start, *over, behind, *pushes, end - 0.03 * way, touch=True)
+
+
+def handles(errand: Errand) -> tuple[Errand, float, float] | None:
+    """The bodies' loose container, if parts stand out of it on both sides: the errand of moving it as they are, the
+    heading that is easiest to reach from the arm's side, and the container's half width without them. None: no such.
+    """
+    if errand.holder is None:
+        return None
+    pan = Errand((errand.holder,), errand.shift, errand.analysis)
+    away = errand.space.direction(errand.holder.position)
+    for heading in sorted(_QUARTERS, key=lambda turn: -np.cos(turn - away))[:2]:
+        (out, halves), (right, left) = pan.overhang(heading), pan.boxes.extents(axes_of(heading)[1], pan.center)
+        if (out & (left > 0)).any() and (out & (right < 0)).any() and not out.all():
+            return pan, heading, float(halves[~out].max())
+    return None
+
+
+def pourer(errand: Errand, grips: tuple[Errand, float, float], rng: np.random.Generator, stout: float) -> Head:
+    """Two channels, open toward each other, that slide over the handles of the bodies' container.
+
+    It is lifted, carried to the goal and turned over there by the arm's last joint: the flange points ahead, and the
+    head's frame is the flange's: x along the axis of that joint. The channels are ``drop`` below it, and ``stout``
+    times as thick as usual.
+    """
+    pan, heading, base = grips
+    (ahead, _), (out, halves), (lower, upper) = axes_of(heading), pan.overhang(heading), pan.boxes.bounds
+    rear = float(((pan.points - pan.center) @ ahead).min())
+    reach = float(pan.boxes.extents(ahead, pan.center)[1][out].max())
+    low, high, outer = float(lower[out, 2].min()), float(upper[out, 2].max()), float(halves[out].max())
+    lip = stout * _LIP_M
+    drop, room = rng.uniform(0.07, 0.12), rng.uniform(0.002, 0.005)
+    gap = rng.uniform(0.003, 0.012)  # between the crossbar and the container
+    inner, side = base + 0.3 * (outer - base), outer + room
+    length = reach - rear + gap + rng.uniform(-0.03, 0.015)
+    width, tall = 2 * (side + lip), high - low + 2 * room
+    pieces = [
+        box("plate", 0.005, 0.0, -drop / 2, (0.01, 0.06, drop + 0.07)),
+        box("crossbar", _BACK_M - 0.005, 0.0, -drop, (0.01, width, 0.03)),
+    ]
+    along = _BACK_M - 0.002 + length / 2
+    for name, sign in SIDES:
+        pieces.append(
+            box(f"{name}_web", along, sign * (side + lip / 2), -drop, (length + 0.002, lip, tall + 2 * lip), 1)
+        )
+        for edge, up in (("lower", -1.0), ("upper", 1.0)):
+            z, size = -drop + up * (tall + lip) / 2, (length + 0.002, side - inner + 0.002, lip)
+            pieces.append(box(f"{name}_{edge}", along, sign * (inner + side) / 2, z, size, 1))
+
+    def stroke(path: Path, rng: np.random.Generator) -> str:
+        grasp = pan.center + (rear - gap - _BACK_M) * ahead
+        grasp[2] = (low + high) / 2 + drop
+        before = grasp - (length + rng.uniform(0.01, 0.03)) * ahead
+        path.go(heading, before + rng.uniform(0.06, 0.15) * UP, before)
+        path.stroke(grasp, heading, rng.uniform(0.1, 0.3))
+        # High enough for the container to pass over everything near, upright and on its side.
+        height = errand.clear_z + max(grasp[2] - pan.lower[2], float(np.ptp(pan.points[:, :2], axis=0).min()) / 2)
+        height += rng.uniform(0.01, 0.06)
+        path.stroke(np.array([*grasp[:2], height]), heading, rng.uniform(0.1, 0.3))
+        path.hold()
+        place = np.mean([thing.position for thing in errand.things], axis=0) + errand.shift
+        there_heading = errand.space.direction(place) + rng.uniform(-0.5, 0.8)
+        sign, turn = float(rng.choice([-1.0, 1.0])), rng.uniform(2.2, 3.0)
+        onward, aside = axes_of(there_heading)
+        there = place - (gap + _BACK_M - rear) * onward - sign * 0.5 * drop * aside
+        there[2] = height
+        path.stroke(there, there_heading, rng.uniform(0.15, 0.4))
+        for share in np.linspace(0.0, 1.0, int(rng.integers(3, 7)) + 1)[1:]:
+            path.add(Pose.xyz_rpy(there, (sign * share * turn, 0.0, there_heading)), touch=True)
+        path.go(path.poses[-1], there + 0.02 * UP, there, there + 0.02 * UP, touch=True)
+        carried = f"slides over the handles, lifts, carries by {errand.length:.2f} m"
+        return f"{carried} and turns over by {np.degrees(turn):.0f} degrees"
+
+    pose = Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
+    return Head("fork", "pour", tuple(pieces), np.zeros(3), length, width, stroke=stroke, pose=pose)

@@ -8,25 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
 from core.geometry import Array, Pose
-from plugins.vlms.offline.boxes import axes_of
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.scene_analysis import UP, Errand
 
-Use = Literal["push", "surround", "scoop", "hook", "clamp", "pour", "pinch", "guided"]
+Use = Literal["push", "surround", "scoop", "hook", "clamp", "guided", "pour"]
 Size = tuple[float, float, float]
 K = TypeVar("K", bound=Hashable)
 
-_LEAST_M = 0.003  # clearance between a head and the bodies inside it
+FINGER_OPEN = 0.04  # finger extensions are for a hand of the Panda's size, with fingers that open by this
 SIDES = (("left", 1.0), ("right", -1.0))
+_LEAST_M = 0.003  # clearance between a head and the bodies inside it
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
+class Piece(NamedTuple):
     """A box of a head: its pose in the head's frame, its full sides, and the number of its parent piece."""
 
     name: str
@@ -41,8 +40,8 @@ class Head:
 
     ``hold`` (3,) is the point where the shaft's axis meets the first piece. ``depth`` is the length ahead of the face,
     ``width`` the length across. ``level`` is the height above the bodies' foot. ``aside`` (3,), for a hook, is the
-    offset at which it passes the bodies before it is behind them. ``turn``, for a pinch, is where its x points.
-    ``stroke``, of a guided head, adds its own waypoints to a path.
+    offset at which it passes the bodies before it is behind them. ``stroke``, of a guided head, adds its own waypoints
+    to a path. A head with a ``pose``, in the frame of the tool mount, needs no shaft.
     """
 
     kind: str
@@ -53,8 +52,8 @@ class Head:
     width: float
     level: float = 0.0
     aside: Array = field(default_factory=lambda: np.zeros(3))
-    turn: float = 0.0
     stroke: Callable[[Path, np.random.Generator], str] | None = None
+    pose: Pose | None = None
 
 
 def draw(weights: Mapping[K, float], rng: np.random.Generator) -> K:
@@ -69,22 +68,18 @@ def box(name: str, x: float, y: float, z: float, size: Size, parent: int = 0, tu
     return Piece(name, pose if turn is None else turn @ pose, size, parent)
 
 
-def _wall(width: float, height: float, thick: float) -> Piece:
-    return box("blade", -thick / 2, 0, height / 2, (thick, width, height))
-
-
 def _head(kind: str, use: Use, pieces: list[Piece], height: float, depth: float, width: float) -> Head:
     return Head(kind, use, tuple(pieces), np.array([-0.008, 0.0, height - 0.003]), depth, width)
 
 
 def blade(width: float, height: float, thick: float) -> Head:
-    return _head("blade" if width > 0.04 else "peg", "push", [_wall(width, height, thick)], height, 0.0, width)
+    wall = box("blade", -thick / 2, 0, height / 2, (thick, width, height))
+    return _head("blade" if width > 0.04 else "peg", "push", [wall], height, 0.0, width)
 
 
 def cage(width: float, depth: float, height: float, thick: float, splay: float = 0.0) -> Head:
     """A blade between two side walls, which open outward by ``splay`` radians; ``width`` is inside."""
-    pieces = [_wall(width + 2 * thick, height, thick)]
-    length = depth + thick
+    pieces, length = [*blade(width + 2 * thick, height, thick).pieces], depth + thick
     for name, side in SIDES:
         turn = Pose.xyz_rpy((0.0, side * (width + thick) / 2, height / 2), (0.0, 0.0, side * splay))
         pieces.append(box(f"{name}_wall", length / 2 - thick, 0.0, 0.0, (length, thick, height), turn=turn))
@@ -126,10 +121,9 @@ def scoop(width: float, depth: float, height: float, rail: float, thick: float) 
         box("wall", -wall / 2, 0.0, height / 2, (wall, width, height)),
         box("tray", (depth - wall) / 2, 0.0, thick / 2, (depth + wall, width, thick)),
     ]
-    if rail > thick:
-        for name, side in SIDES:
-            y = side * (width - wall) / 2
-            pieces.append(box(f"{name}_rail", depth * 0.45, y, rail / 2, (depth * 0.9, wall, rail), parent=1))
+    for name, side in SIDES if rail > thick else ():
+        y = side * (width - wall) / 2
+        pieces.append(box(f"{name}_rail", depth * 0.45, y, rail / 2, (depth * 0.9, wall, rail), parent=1))
     return _head("scoop", "scoop", pieces, height, depth, width)
 
 
@@ -150,15 +144,28 @@ def hook(length: float, toe: float, breadth: float, thick: float, gap: float, ou
     Its origin is at the bodies' rear edge; ``outward`` (3,) points from the bodies to the arm, ``gap`` away.
     The toe reaches ``toe`` past the edge and is ``breadth`` wide.
     """
-    upright = abs(float(outward[2])) > 0.5
-    arm_size = (length + thick, thick, thick)
     toe_long = toe + gap + thick
-    toe_size = (thick, breadth, toe_long) if upright else (thick, toe_long, breadth)
+    toe_size = (thick, breadth, toe_long) if abs(float(outward[2])) > 0.5 else (thick, toe_long, breadth)
     arm_at = outward * (gap + thick / 2) + np.array([(length - thick) / 2, 0.0, 0.0])
     toe_at = outward * (gap + thick - toe_long / 2) + np.array([-thick / 2, 0.0, 0.0])
-    pieces = (Piece("probe", Pose(arm_at), arm_size), Piece("toe", Pose(toe_at), toe_size))
+    pieces = (Piece("probe", Pose(arm_at), (length + thick, thick, thick)), Piece("toe", Pose(toe_at), toe_size))
     hold = arm_at + np.array([length / 2 - thick, 0.0, thick / 2 - 0.002])
     return Head("hook", "hook", pieces, hold, length, toe, aside=outward * (toe + 0.004))
+
+
+def sample_clamp(errand: Errand, rng: np.random.Generator) -> Head:
+    """Two pads, a little farther apart than the bodies are wide, that close by twice the fingers' travel."""
+    extent = errand.extent(0.0)
+    gap = extent.across + rng.uniform(0.01, min(0.06, 2 * FINGER_OPEN - 0.01))
+    thick = rng.uniform(0.006, 0.014)
+    long = extent.along * rng.uniform(0.3, 1.2)
+    if errand.deep:  # there is little clearance beside them
+        gap, thick, long = extent.across + rng.uniform(0.006, 0.025), thick / 2, extent.along * rng.uniform(0.15, 0.4)
+    size = (max(0.012, long), thick, float(np.clip(errand.tall * rng.uniform(0.5, 1.3), 0.02, 0.12)))
+    pieces = tuple(
+        box(f"{name}_pad", 0.0, -side * (gap + thick) / 2, size[2] / 2, size) for name, side in SIDES
+    )  # the left finger is at the negative y
+    return Head("clamp", "clamp", pieces, np.array([0.0, (gap + thick) / 2, size[2]]), size[0] / 2, gap)
 
 
 def sample_head(errand: Errand, rng: np.random.Generator, stout: float = 1.0) -> Head:
@@ -166,17 +173,17 @@ def sample_head(errand: Errand, rng: np.random.Generator, stout: float = 1.0) ->
     rises, falls = errand.shift[2] > 0.03, errand.shift[2] < -0.1
     # A body that falls is pushed horizontally and goes down by itself.
     barred = errand.length > 0.03 and errand.blocked(errand.shift * np.array([1.0, 1.0, float(not falls)]))
+    extent, rooms = errand.extent(errand.heading), errand.rooms(errand.heading)
+    widest = extent.across + 2 * min(rooms) - 0.002  # a head that moves behind the bodies
     if rises or (barred and rng.random() < 0.8) or (falls and rng.random() < 0.3):
-        return _lifter(errand, rng, stout)
+        return _lifter(errand, extent.along, extent.across, widest, stout, rng)
     if rng.random() < (0.8 if errand.covered else 0.08):
-        return _hook(errand, rng, stout)
-    return _pusher(errand, rng, stout)
+        return _hook(errand, extent.along, extent.across, rooms, stout, rng)
+    return _pusher(errand, extent.along, extent.across, widest, stout, rng)
 
 
-def _pusher(errand: Errand, rng: np.random.Generator, stout: float) -> Head:
+def _pusher(errand: Errand, along: float, across: float, widest: float, stout: float, rng: np.random.Generator) -> Head:
     """A head that moves bodies horizontally, by its face or by enclosing them."""
-    extent, widest = errand.extent(errand.heading), _widest(errand)
-    along, across = extent.along, extent.across
     thick = stout * rng.uniform(0.004, 0.012)
     height = float(np.clip(errand.tall * rng.uniform(0.5, 1.3), 0.02, 0.15))
     kinds = {"blade": 2.0, "peg": 0.7}
@@ -205,15 +212,15 @@ def _pusher(errand: Errand, rng: np.random.Generator, stout: float) -> Head:
             return rake(min(widest, across * rng.uniform(1.0, 1.6)), height, thick, 0.6 * smallest)
 
 
-def _lifter(errand: Errand, rng: np.random.Generator, stout: float) -> Head:
+def _lifter(errand: Errand, along: float, across: float, widest: float, stout: float, rng: np.random.Generator) -> Head:
     """A head that goes under the bodies, or under their overhang if they have one."""
-    extent = errand.extent(errand.heading)
-    along, across = extent.along, extent.across
     height = float(np.clip(errand.tall * rng.uniform(0.7, 1.3), 0.02, 0.2))
-    depth = along * rng.uniform(0.75, 1.15)
-    overhang = _overhang(errand)
-    if overhang is not None and rng.random() < 0.8:
-        under, base = overhang
+    depth, boxes, foot = along * rng.uniform(0.75, 1.15), errand.boxes, errand.lower[2]
+    out, halves = errand.overhang(errand.heading)
+    if out.any() and rng.random() < 0.8:
+        lower = boxes.bounds[0][:, 2]
+        under = float(lower[out].min() - foot)
+        base = float(halves[~out & (lower < foot + under)].max())
         tine = max(0.004, (across / 2 - base) * rng.uniform(0.5, 1.2))
         thin = float(np.clip(under * rng.uniform(0.3, 0.7), 0.002, stout * 0.01))
         level = max(0.0, under - thin - rng.uniform(0.003, 0.02))
@@ -222,39 +229,21 @@ def _lifter(errand: Errand, rng: np.random.Generator, stout: float) -> Head:
         tine = across * rng.uniform(0.08, 0.2)
         return fork(across * rng.uniform(0.4, 0.7), depth, height, tine, stout * 0.002, int(rng.integers(2, 5)))
     rail = 0.0 if rng.random() < 0.3 else errand.tall * rng.uniform(0.1, 0.6)
-    width = min(across + rng.uniform(0.005, 0.04), max(_widest(errand), 0.6 * across))
+    width = min(across + rng.uniform(0.005, 0.04), max(widest, 0.6 * across))
     return scoop(width, depth, height, rail, stout * rng.uniform(0.001, 0.003))
 
 
-def _widest(errand: Errand) -> float:
-    """How wide a head may be that moves behind the bodies."""
-    return errand.extent(errand.heading).across + 2 * min(errand.rooms(errand.heading)) - 0.002
-
-
-def _overhang(errand: Errand) -> tuple[float, float] | None:
-    """Height of an overhang above the bodies' foot, and half the width below it; None: there is no overhang."""
-    boxes, foot = errand.boxes, errand.lower[2]
-    right, left = boxes.extents(axes_of(errand.heading)[1], errand.center)
-    across = np.maximum(left, -right)
-    low = boxes.lower[:, 2] < foot + 0.004
-    over = ~low & (across > across[low].max() + 0.006)
-    if not over.any():
-        return None
-    under = float(boxes.lower[over, 2].min() - foot)
-    below = ~over & (boxes.lower[:, 2] < foot + under)
-    return under, float(across[below].max())
-
-
-def _hook(errand: Errand, rng: np.random.Generator, stout: float) -> Head:
+def _hook(
+    errand: Errand, along: float, across: float, rooms: tuple[float, float], stout: float, rng: np.random.Generator
+) -> Head:
     """A head that passes beside or over the bodies, and pulls them from behind."""
-    extent, (right, left) = errand.extent(errand.heading), errand.rooms(errand.heading)
-    sides = [(right, np.array([0.0, -1.0, 0.0])), (left, np.array([0.0, 1.0, 0.0])), (errand.headroom, UP)]
+    sides = [(rooms[0], np.array([0.0, -1.0, 0.0])), (rooms[1], np.array([0.0, 1.0, 0.0])), (errand.headroom, UP)]
     room, outward = sides[draw({i: min(room, 0.1) + 1e-3 for i, (room, _) in enumerate(sides)}, rng)]
     over = outward[2] > 0.5
     thick = float(np.clip(room * stout * rng.uniform(0.1, 0.25), 0.003, stout * 0.014))
     gap = min(0.004, 0.1 * room)
-    longest = errand.tall if over else extent.across
+    longest = errand.tall if over else across
     toe = float(np.clip((room - thick - gap) * rng.uniform(0.5, 0.9), 0.004, longest * rng.uniform(0.5, 1.0)))
-    breadth = (extent.across if over else errand.tall) * rng.uniform(0.4, 0.9)
-    length = extent.along + (errand.length * rng.uniform(0.9, 1.4) if errand.covered else rng.uniform(0.02, 0.1))
+    breadth = (across if over else errand.tall) * rng.uniform(0.4, 0.9)
+    length = along + (errand.length * rng.uniform(0.9, 1.4) if errand.covered else rng.uniform(0.02, 0.1))
     return hook(length, toe, breadth, thick, gap, outward)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,22 +15,15 @@ from core.designs.rules import SpawnRules, check_tool
 from core.geometry import Array, Pose
 from core.interfaces import PAPER, Anchor, Brief, Perception, Seen, Waypoints
 from core.robot.kinematics import arm_of
+from core.robot.trajectory import plan_motion
+from core.solids.self_collision import find_self_collision
 from plugins.vlms.offline.boxes import Boxes
-from plugins.vlms.offline.grips import (
-    FORK_POSE,
-    build_clamp,
-    build_fork,
-    handles,
-    sample_clamp,
-    sample_fork,
-    sample_pinch,
-)
-from plugins.vlms.offline.guided import guided, suits
-from plugins.vlms.offline.heads import Head, sample_head
-from plugins.vlms.offline.plans import Path, anchors_of, collisions, meets_itself, reach_error
+from plugins.vlms.offline.guided import guided, handles, pourer, suits
+from plugins.vlms.offline.heads import Head, sample_clamp, sample_head
+from plugins.vlms.offline.plans import Path, anchors_of, collisions, reach_error
 from plugins.vlms.offline.scene_analysis import Errand, SceneAnalysis
-from plugins.vlms.offline.strokes import head_path
-from plugins.vlms.offline.tools import HAND, STYLES, build, sample_turn, tool_boxes
+from plugins.vlms.offline.strokes import STROKES
+from plugins.vlms.offline.tools import HAND, STYLES, build, build_clamp, sample_turn, tool_boxes
 
 _DIGITS = 5  # hundredths of a millimetre
 _ANCHORING = 1  # keeps its random numbers apart from others of the same seed
@@ -48,8 +41,7 @@ _HAND_M = 0.068  # the hand's height
 A = TypeVar("A")
 
 
-@dataclass(frozen=True, eq=False)
-class Use:
+class Use(NamedTuple):
     """A plan, its description, and what each waypoint stands by."""
 
     plan: Array
@@ -123,16 +115,22 @@ class Workshop:
 
     def use(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> Use:
         """A plan for a tool; ``find_head`` returns its head and the head's pose for an errand."""
-        return _least_faulty(lambda: self._use_once(tool, find_head), _PLAN_TRIES)
+
+        def use_once() -> tuple[Use, float]:
+            errands = self._errands()
+            head, pose = find_head(errands[0])
+            return self._planned(tool, pose, self._path(errands, head), errands)
+
+        return _least_faulty(use_once, _PLAN_TRIES)
 
     def _invent_once(self) -> tuple[tuple[Tool, Head, Pose, Use], float]:
         errands = self._errands()
         largest = max(errands, key=lambda errand: len(errand.things))
         head = self._head(largest)
-        path, text = self._path(errands, head)
-        pose = FORK_POSE if head.use == "pour" else self._mount(path, head, largest)
+        path = self._path(errands, head)
+        pose = self._mount(path, head, largest) if head.pose is None else head.pose
         tool = self._build(head, pose, path, largest)
-        use, fault = self._planned(tool, pose, path, text, errands)
+        use, fault = self._planned(tool, pose, path, errands)
         return (tool, head, pose, use), fault + (0.0 if self.accepts(tool) else _BREAKS_RULES)
 
     def _head(self, errand: Errand) -> Head:
@@ -141,65 +139,60 @@ class Workshop:
                 self._guides = bool(self.rng.random() < _GUIDED)
             if self._guides and (head := guided(errand, self.rng)) is not None:
                 return head
-        holder = errand.holder
-        grips = handles(holder, errand.space) if holder is not None and not self.brief.gripper else None
+        grips = None if self.brief.gripper else handles(errand)
         if grips is not None and self.rng.random() < 0.8:
-            return sample_fork(grips, self.rng, self.stout)
-        lifts = errand.deep and errand.shift[2] > 0.03
-        if lifts and self.robot.gripper is None and self.rng.random() < 0.8:
-            return sample_pinch(errand, self.rng)
-        clamps = self.brief.gripper and self.rng.random() < (0.9 if lifts else 0.5)
+            return pourer(errand, grips, self.rng, self.stout)
+        clamps = self.brief.gripper and self.rng.random() < (0.9 if errand.deep and errand.shift[2] > 0.03 else 0.5)
         return sample_clamp(errand, self.rng) if clamps else sample_head(errand, self.rng, self.stout)
 
     def _build(self, head: Head, pose: Pose, path: Path, errand: Errand) -> Tool:
-        if head.use == "pour":
-            return build_fork(head)
+        if head.pose is not None:
+            return build(head, pose, "none", 0.01, False)
         thickness = self.stout * float(self.rng.uniform(0.012, 0.024))
-        style = STYLES[int(self.rng.choice(len(STYLES), p=[0.6, 0.2, 0.2, 0.0]))]
+        style = list(STYLES)[int(self.rng.choice(len(STYLES), p=[0.6, 0.2, 0.2, 0.0]))]
         if head.use == "clamp":
             return build_clamp(head, pose, min(thickness, 0.012) if errand.deep else thickness)
-        if head.use == "pinch":
-            return build(head, pose, "gantry", min(thickness, 0.012), self.brief.gripper)
         if not self._is_high(path):
             return build(head, pose, style, thickness, self.brief.gripper)
-        tall = errand.tall  # the jib passes over the bodies
-        top = float(pose.position[2] + max(tall + thickness, head.hold[2]) + self.rng.uniform(0.01, 0.06))
+        # The jib passes over the bodies.
+        top = float(pose.position[2] + max(errand.tall + thickness, head.hold[2]) + self.rng.uniform(0.01, 0.06))
         bend = float(self.rng.uniform(0.25, 0.6))
         return build(head, pose, "riser", thickness, self.brief.gripper, bend=bend, top=top)
-
-    def _use_once(self, tool: Tool, find_head: Callable[[Errand], tuple[Head, Pose]]) -> tuple[Use, float]:
-        errands = self._errands()
-        head, pose = find_head(errands[0])
-        path, text = self._path(errands, head)
-        return self._planned(tool, pose, path, text, errands)
 
     def _errands(self) -> list[Errand]:
         return self.analysis.errands(self.rng, alone=self._several and self.rng.random() < _ALONE)
 
-    def _path(self, errands: Sequence[Errand], head: Head) -> tuple[Path, str]:
-        path, text = head_path(errands, head, self.rng)
+    def _path(self, errands: Sequence[Errand], head: Head) -> Path:
+        """The head's path through all errands; a head with its own stroke has one for all of them."""
+        path = Path()
+        for errand in errands if head.stroke is None else errands[:1]:
+            if head.stroke is None:
+                path.texts.append(STROKES[head.use](path, errand, head, self.rng))
+            else:
+                path.texts.append(head.stroke(path, self.rng))
+            path.end()
         path.anchors = anchors_of(path, errands, self._anchoring)
-        return path, text
+        return path
 
-    def _planned(self, tool: Tool, pose: Pose, path: Path, text: str, errands: Sequence[Errand]) -> tuple[Use, float]:
-        """The plan that moves the head at the pose ``at`` along the path, and its fault. For a high path it may first
-        rise at a distance.
-        """
-        plan, touching, home = path.plan(pose, tool.gripper), list(path.touching), self.analysis.home.position
-        anchors = path.anchors
-        fault = self._fault(tool, plan, anchors, touching, errands)
+    def _planned(self, tool: Tool, pose: Pose, path: Path, errands: Sequence[Errand]) -> tuple[Use, float]:
+        """The plan that moves the head at a pose along the path, and its fault; for a high path it may rise before."""
+        plan, home, text = (
+            path.plan(pose, tool.gripper),
+            self.analysis.home.position,
+            "; then ".join(dict.fromkeys(path.texts)),
+        )
+        fault = self._fault(tool, plan, path.anchors, path.touching, errands)
         if fault <= float(self._several) or not self._is_high(path):  # none in this layout
-            return Use(plan, text, anchors), fault
-        tried = [(fault, plan)]
-        space = self.analysis.space
+            return Use(plan, text, path.anchors), fault
+        tried, space = [(fault, plan)], self.analysis.space
         outward = space.from_axis(plan[0])
-        anchors = [Anchor()] * 2 + anchors
+        anchors, touching = [Anchor()] * 2 + path.anchors, [False] * 2 + path.touching
         for radius in (float(np.hypot(*space.from_axis(home))), round(space.inner + 0.1, 2), space.inner):
             rows = np.repeat(plan[:1], 2, axis=0)
             rows[:, :2] = space.base[:2] + outward * (radius / max(float(np.hypot(*outward)), 1e-6))
             rows[0, 2] = home[2]
             longer = np.vstack([rows, plan])
-            tried.append((self._fault(tool, longer, anchors, [False, False, *touching], errands), longer))
+            tried.append((self._fault(tool, longer, anchors, touching, errands), longer))
         fault, plan = min(tried, key=lambda option: option[0])
         return Use(plan, text, anchors[len(anchors) - len(plan) :]), fault
 
@@ -216,8 +209,8 @@ class Workshop:
         """
         moved = {thing.body.name for errand in errands for thing in (*errand.things, errand.holder) if thing}
         fault = self._fault_in(self.analysis, tool, plan, touching, moved)
-        if fault > 0.0 or not self._several:
-            return fault + float(fault > 0.0 and self._several)
+        if fault > 0.0:
+            return fault + float(self._several)
         elsewhere = self._elsewhere(plan, anchors)
         for number, (layout, rows) in enumerate(zip(self.layouts[1:], elsewhere, strict=True)):
             if self._fault_in(layout.analysis, tool, rows, touching, moved) > 0.0:
@@ -227,36 +220,39 @@ class Workshop:
     def _fault_in(
         self, analysis: SceneAnalysis, tool: Tool, plan: Array, touching: Sequence[bool], moved: set[str]
     ) -> float:
-        others = Boxes.join(thing.boxes for name, thing in analysis.things.items() if name not in moved)
-        wanted = Boxes.join(thing.boxes for name, thing in analysis.things.items() if name in moved)
+        wanted, others = (
+            Boxes.join(thing.boxes for name, thing in analysis.things.items() if (name in moved) == is_moved)
+            for is_moved in (True, False)
+        )
         solids = Boxes.join([tool_boxes(tool), HAND]) if tool.gripper else tool_boxes(tool)
-        hits = collisions(plan, touching, solids, analysis.home, wanted, others)
-        arm = arm_of(self.robot)
-        miss = reach_error(plan, arm)
-        if miss > _MISS_M:
+        hits, arm = collisions(plan, touching, solids, analysis.home, wanted, others), arm_of(self.robot)
+        if (miss := reach_error(plan, arm)) > _MISS_M:
             return hits + 100.0 * miss
-        return hits + (_BREAKS_RULES if meets_itself(tool, plan, self.analysis.home, arm) else 0.0)
+        meets_itself = find_self_collision(self.robot, tool, plan_motion(plan, self.analysis.home, arm).trajectory)
+        return hits + (0.0 if meets_itself is None else _BREAKS_RULES)
 
     def _mount(self, path: Path, head: Head, errand: Errand) -> Pose:
         """The head's pose in the frame of the tool mount that keeps the arm in its comfortable workspace."""
         rng, home = self.rng, self.analysis.home.position
         start = path.poses[1]
         yaw = sample_turn(rng) + rng.normal(0.0, 0.15) * (rng.random() < 0.5)
-        if head.use in ("clamp", "pinch"):
-            yaw = float(start.rpy[2])
         # Low enough for the shaft above the head, and high enough that the head at home is clear of the scene.
         top = head.hold if head.stroke is None else start.rotation.apply(head.hold)
-        least = float(top[2]) + (0.18 if self.brief.gripper else 0.03)
-        tops = self.analysis.boxes.upper[:, 2]
-        beneath = float(tops[tops < home[2]].max(initial=min(pose.position[2] for pose in path.poses)))
-        most = max(least + 0.02, min(home[2] - beneath - 0.015, 0.45))
+        least, lowest = (
+            float(top[2]) + (0.18 if self.brief.gripper else 0.03),
+            min(pose.position[2] for pose in path.poses),
+        )
+        tops = self.analysis.boxes.bounds[1][:, 2]
+        room = home[2] - float(tops[tops < home[2]].max(initial=lowest))
+        most = max(least + 0.02, min(room - 0.015, 0.45))
         if self._is_high(path):
             least, most = -0.45, 0.0
-        straight = head.use in ("clamp", "pinch") and errand.deep
+        straight = head.use == "clamp" and errand.deep
+        if head.use == "clamp":
+            yaw = float(start.rpy[2])
         if straight:  # the hand stays above the container that the fingers reach into
-            lowest = min(pose.position[2] for pose in path.poses)
-            most = max(least, home[2] - beneath - 0.003)
-            least = min(most, errand.clear_z - lowest + (_HAND_M if self.brief.gripper else 0.005))
+            most = max(least, room - 0.003)
+            least = min(most, errand.clear_z - lowest + _HAND_M)
         rows = path.plan(Pose(), self.brief.gripper)
         plans = [rows, *self._elsewhere(rows, path.anchors)]
         motions = [(rows[:, :3], Rotation.from_euler("xyz", rows[:, 3:6]).as_matrix()) for rows in plans]
@@ -266,15 +262,12 @@ class Workshop:
         for _ in range(_MOUNTS * (_MORE if self._several else 1)):
             angle = ahead + rng.uniform(-0.9, 0.9)
             radius, drop = rng.uniform(space.inner + 0.02, space.outer - 0.02), rng.uniform(least, most)
-            way = radius * np.array([np.cos(angle), np.sin(angle)])
-            place = (*(space.base[:2] + way), start.position[2] + drop)
-            if straight:
-                place = (start.position[0], start.position[1], start.position[2] + drop)
-            at = Pose.xyz_rpy(place, (0.0, 0.0, yaw)).inverse() @ start
-            back = at.inverse()
-            strain = sum(space.strain(heads + turns @ back.position) for heads, turns in motions)
-            cost = 20.0 * strain + float(np.hypot(*at.position[:2])) + rng.uniform(0.0, 0.15)
-            places.append((cost, at))
+            flat = space.base[:2] + radius * np.array([np.cos(angle), np.sin(angle)])
+            x, y = start.position[:2] if straight else flat
+            pose = Pose.xyz_rpy((x, y, start.position[2] + drop), (0.0, 0.0, yaw)).inverse() @ start
+            back = pose.inverse().position
+            strain = sum(space.strain(heads + turns @ back) for heads, turns in motions)
+            places.append((20.0 * strain + float(np.hypot(*pose.position[:2])) + rng.uniform(0.0, 0.15), pose))
         return min(places, key=lambda place: place[0])[1]
 
 

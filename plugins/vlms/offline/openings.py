@@ -1,4 +1,4 @@
-"""Find free ways to a body by rays: where it can be pushed, pulled from behind, or lifted from below.
+"""Find free ways to a body: by rays, where it can be pushed, pulled from behind, or raised; and the way out of a room.
 
 The results are the same for all errands of the same bodies, and are kept.
 """
@@ -11,21 +11,19 @@ from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from core.geometry import Array, Pose
 from plugins.vlms.offline.boxes import Boxes, axes_of
-from plugins.vlms.offline.scene_analysis import UP, Errand
+from plugins.vlms.offline.scene_analysis import UP, Errand, Flags
 
 _GRID_M, _MOST_RAYS = 0.003, 50  # between rays, and how many lie side by side
 _AROUND_M = 0.04  # how far beside the bodies rays pass
 _HALF_M = (0.01, 0.007, 0.004)  # of what may fit through an opening, the stoutest first
 _EDGES = 80  # rays at which a hook is tried
 _TOE_M = (0.006, 0.008)  # thickness of what goes behind a body, and its clearance
-_SIDES = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+_SIDES = (np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]))
 
-Flags = npt.NDArray[np.bool_]
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -91,10 +89,9 @@ class _Rays:
         missed = near >= far
         return np.where(missed, np.inf, near), np.where(missed, -np.inf, far)
 
-    def window(self, half: float) -> tuple[int, int]:
+    def window(self, half: float) -> tuple[int, ...]:
         """Return how many rays are within ``half`` of one, along both axes."""
-        across, up = (2 * int(np.ceil(half / step)) + 1 for step in self.steps)
-        return across, up
+        return tuple(2 * int(np.ceil(half / step)) + 1 for step in self.steps)
 
     def point(self, u: int, v: int, depth: float) -> Array:
         return self.turn.apply([depth, self.axes[0][u], self.axes[1][v]])
@@ -220,24 +217,15 @@ def under(errand: Errand, heading: float, tine: float) -> Under | None:
 
 
 @_kept
-def way_out(errand: Errand, start: Array) -> list[Array] | None:
-    """Find the ways by which a body gets from ``start``, a shift, to where nothing is above it; the shortest first."""
+def way_out(errand: Errand) -> Array | None:
+    """Find the shortest level way (3,) to where nothing is above the body; None: there is none, or it can be lifted."""
 
-    def free(way: Array, there: Array) -> bool:
-        return not errand.blocked(way, there, step=0.006)
+    def free(way: Array, start: Array) -> bool:
+        return not errand.blocked(way, start, step=0.006)
 
-    if free(0.2 * UP, start):
-        return [0.2 * UP]
-    routes = []
-    for lift in (0.0, 0.01, 0.015, 0.02, 0.03):
-        if not free(lift * UP, start):
-            break
-        for side in _SIDES:
-            for length in (0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3):
-                way, there = length * side, start + lift * UP
-                if not free(way, there):
-                    break
-                if free(0.2 * UP, there + way):
-                    routes.append((length + 2 * lift, [lift * UP, way] if lift else [way]))
-                    break
-    return min(routes, key=lambda one: one[0])[1] if routes else None
+    if not free(0.2 * UP, np.zeros(3)):
+        for length in (0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3):
+            for side in _SIDES:
+                if free(length * side, np.zeros(3)) and free(0.2 * UP, length * side):
+                    return length * side
+    return None

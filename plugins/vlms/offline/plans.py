@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from core.design import Tool
 from core.geometry import Array, Pose
 from core.interfaces import Anchor, Seen
 from core.robot.kinematics import Arm
-from core.robot.trajectory import plan_motion
-from core.solids.self_collision import find_self_collision
 from plugins.vlms.offline.boxes import Boxes, overlaps
 from plugins.vlms.offline.scene_analysis import UP, Errand, SceneAnalysis
 
@@ -30,7 +27,7 @@ class Path:
 
     ``touching`` marks the waypoints on the way to which the head may touch the bodies of its errand. ``ends`` has, for
     each errand, the number of waypoints at its end, and the number of the one from which on its bodies are moved.
-    ``anchors`` are what the waypoints stand by.
+    ``anchors`` are what the waypoints stand by, ``texts`` describe the strokes.
     """
 
     poses: list[Pose] = field(default_factory=list)
@@ -39,6 +36,7 @@ class Path:
     ends: list[tuple[int, int]] = field(default_factory=list)
     held: int | None = None
     anchors: list[Anchor] = field(default_factory=list)
+    texts: list[str] = field(default_factory=list)
 
     def go(self, turn: float | Pose, *positions: Array, grip: float = 0.0, touch: bool = False) -> None:
         """Add positions of the head at a heading, or turned as a pose is."""
@@ -62,6 +60,13 @@ class Path:
         count = int(np.clip(np.ceil(np.linalg.norm(end - start) / (speed * _SEGMENT_S)), 1, _MOST_SEGMENTS))
         for share in np.linspace(0.0, 1.0, count + 1)[1:]:
             self.go(heading, start + share * (end - start), grip=grip, touch=True)
+
+    def follow(self, motion: Iterable[Pose]) -> Pose:
+        """Move the head as a body moves, by displacements in the world; returns where the head ends."""
+        head = self.poses[-1]
+        for moved in motion:
+            self.add(moved @ head, touch=True)
+        return self.poses[-1]
 
     def hold(self) -> None:
         """Note that the bodies are in the head's hold now; without it they are moved from the first touch on."""
@@ -92,11 +97,6 @@ def reach_error(plan: Array, arm: Arm) -> float:
         if worst > 0.1:
             break
     return worst
-
-
-def meets_itself(tool: Tool, plan: Array, home: Pose, arm: Arm) -> bool:
-    """Report whether the plan drives the arm or the tool into the arm."""
-    return find_self_collision(arm.robot, tool, plan_motion(plan, home, arm).trajectory) is not None
 
 
 def collisions(plan: Array, touching: Sequence[bool], tool: Boxes, home: Pose, moved: Boxes, others: Boxes) -> int:

@@ -6,8 +6,10 @@ import itertools
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
@@ -15,6 +17,8 @@ from core.interfaces import Brief
 from core.scene import Body, Goal, Scene
 from plugins.vlms.offline.boxes import Boxes, axes_of, overlaps
 from plugins.vlms.offline.workspace import Workspace, workspace_of
+
+Flags = npt.NDArray[np.bool_]
 
 UP = np.array([0.0, 0.0, 1.0])
 LIFT_M = 0.15  # what is to be held is lifted by this
@@ -72,8 +76,7 @@ def _boxes_around(shape: Shape) -> list[tuple[Pose, Array]]:
     return [(turns[best] @ Pose((lower + upper) / 2), upper - lower)]
 
 
-@dataclass(frozen=True, eq=False)
-class Extent:
+class Extent(NamedTuple):
     """Unit vectors ahead and to the left of a heading, and where an errand's bodies begin and end along both."""
 
     heading: float
@@ -98,20 +101,29 @@ class Extent:
         return (self.left + self.right) / 2 * self.side
 
 
-@dataclass(frozen=True, eq=False)
 class Errand:
-    """Bodies that are moved together, and the ``shift`` (3,) that brings them to their goal."""
+    """Bodies that are moved together, and the ``shift`` (3,) that brings them to their goal.
 
-    things: tuple[Thing, ...]
-    shift: Array
-    analysis: SceneAnalysis
-    goal: Goal | None = None
-    reference: str | None = None  # the body or mark by which the goal's place is given
-    alone: bool = False  # one of several errands, with a body each
+    ``reference`` is the body or mark by which the goal's place is given; ``alone``: it is one of several errands, with
+    a body each. ``points`` (V, 3) and ``boxes`` are all bodies', ``length`` is that of the shift on the ground.
+    """
 
-    @property
-    def space(self) -> Workspace:
-        return self.analysis.space
+    def __init__(
+        self,
+        things: Sequence[Thing],
+        shift: Array,
+        analysis: SceneAnalysis,
+        goal: Goal | None = None,
+        reference: str | None = None,
+        alone: bool = False,
+    ) -> None:
+        self.things, self.shift, self.analysis = tuple(things), shift, analysis
+        self.goal, self.reference, self.alone, self.space = goal, reference, alone, analysis.space
+        self.points = np.concatenate([thing.points for thing in things])
+        self.boxes = Boxes.join(thing.boxes for thing in things)
+        self.lower, self.upper = np.asarray(self.points.min(axis=0)), np.asarray(self.points.max(axis=0))
+        self.center, self.tall = (self.lower + self.upper) / 2, float(self.upper[2] - self.lower[2])
+        self.length = float(np.hypot(*shift[:2]))
 
     @cached_property
     def others(self) -> Boxes:
@@ -121,45 +133,15 @@ class Errand:
     @cached_property
     def clear_z(self) -> float:
         """The height above everything near the bodies' way."""
-        boxes, ends = self.analysis.boxes, (self.points, self.points + self.shift)
+        (lower, upper), ends = self.analysis.boxes.bounds, (self.points, self.points + self.shift)
         low = np.minimum(*ends).min(axis=0)[:2] - _NEAR_M
         high = np.maximum(*ends).max(axis=0)[:2] + _NEAR_M
-        near = ((boxes.lower[:, :2] < high) & (boxes.upper[:, :2] > low)).all(axis=1)
-        return float(boxes.upper[near, 2].max())
+        return float(upper[((lower[:, :2] < high) & (upper[:, :2] > low)).all(axis=1), 2].max())
 
     @cached_property
     def holder(self) -> Thing | None:
         """A loose body that encloses the positions of all bodies."""
         return next((thing for thing in self.analysis.around(self.things) if not thing.body.fixed), None)
-
-    @cached_property
-    def points(self) -> Array:
-        return np.concatenate([thing.points for thing in self.things])
-
-    @cached_property
-    def boxes(self) -> Boxes:
-        return Boxes.join(thing.boxes for thing in self.things)
-
-    @property
-    def lower(self) -> Array:
-        return np.asarray(self.points.min(axis=0))
-
-    @property
-    def upper(self) -> Array:
-        return np.asarray(self.points.max(axis=0))
-
-    @property
-    def tall(self) -> float:
-        return float(self.upper[2] - self.lower[2])
-
-    @property
-    def center(self) -> Array:
-        return (self.lower + self.upper) / 2
-
-    @property
-    def length(self) -> float:
-        """The horizontal length of the shift."""
-        return float(np.hypot(*self.shift[:2]))
 
     @property
     def heading(self) -> float:
@@ -168,33 +150,36 @@ class Errand:
         angle = float(np.arctan2(y, x))
         return round(angle / (np.pi / 2)) * np.pi / 2 if self.analysis.turned and self.length <= 0.01 else angle
 
-    def span(self, heading: float) -> tuple[float, float]:
-        """The least and greatest coordinate of the bodies along a heading."""
-        along = self.points[:, :2] @ axes_of(heading)[0][:2]
-        return float(along.min()), float(along.max())
-
     def extent(self, heading: float) -> Extent:
-        return Extent(heading, *axes_of(heading), *self.span(heading), *self.span(heading + np.pi / 2))
+        ahead, side = axes_of(heading)
+        along, across = (self.points[:, :2] @ axes_of(turn)[0][:2] for turn in (heading, heading + np.pi / 2))
+        return Extent(
+            heading, ahead, side, *(float(end) for axis in (along, across) for end in (axis.min(), axis.max()))
+        )
 
     def rooms(self, heading: float) -> tuple[float, float]:
         """The clearance, on the right and left of the bodies, of a tool that moves behind them."""
         way, rooms = self.extent(heading), [1.0, 1.0]
-        for lower, upper in zip(self.others.lower, self.others.upper, strict=True):
-            if upper[2] < self.lower[2] + _SUPPORT_M or lower[2] > self.upper[2]:
-                continue
+        for lower, upper in zip(*self.others.bounds, strict=True):
             corners = np.array([[x, y] for x in (lower[0], upper[0]) for y in (lower[1], upper[1])])
             along, across = corners @ way.ahead[:2], corners @ way.side[:2]
-            if along.max() < way.rear - 0.05 or along.min() > way.rear + self.length:
-                continue
-            on_left = bool(across.mean() > (way.left + way.right) / 2)
-            room = across.min() - way.left if on_left else way.right - across.max()
-            rooms[on_left] = min(rooms[on_left], max(0.0, room))
+            beside = along.max() >= way.rear - 0.05 and along.min() <= way.rear + self.length
+            if beside and upper[2] >= self.lower[2] + _SUPPORT_M and lower[2] <= self.upper[2]:
+                on_left = bool(across.mean() > (way.left + way.right) / 2)
+                room = across.min() - way.left if on_left else way.right - across.max()
+                rooms[on_left] = min(rooms[on_left], max(0.0, room))
         return rooms[0], rooms[1]
+
+    def overhang(self, heading: float) -> tuple[Flags, Array]:
+        """Which boxes stand out across a heading, beyond those at the bodies' foot; and the half widths (N,) of all."""
+        right, left = self.boxes.extents(axes_of(heading)[1], self.center)
+        halves, low = np.maximum(left, -right), self.boxes.bounds[0][:, 2] < self.lower[2] + 0.004
+        return ~low & (halves > halves[low].max() + 0.006), halves
 
     @cached_property
     def headroom(self) -> float:
         """The distance from the bodies' top to the lowest obstacle above them, at most 1 m."""
-        lower, upper = self.others.lower, self.others.upper
+        lower, upper = self.others.bounds
         over = (lower[:, :2] < self.upper[:2]).all(axis=1) & (upper[:, :2] > self.lower[:2]).all(axis=1)
         over &= lower[:, 2] > self.upper[2] - 0.002
         return float((lower[over, 2] - self.upper[2]).min(initial=1.0))
@@ -257,31 +242,26 @@ class SceneAnalysis:
         Raises:
             NothingToMove: there are no goals and all bodies are fixed.
         """
-        task, scene = brief.task, brief.task.scene(brief.scene_seed)
-        home = task.home if turn is None else turn @ task.home
+        task, scene, home = brief.task, brief.task.scene(brief.scene_seed), brief.task.home
         if turn is not None:
-            scene = replace(scene, bodies=tuple(_turned(body, turn) for body in scene.bodies))
-        parts = [
-            (number, whole.at, part)
-            for number, whole in enumerate(task.goals)
-            for part in whole.within(scene).spread()
-            if part.bodies
-        ]
-        goals = tuple(goal for *_, goal in parts)
-        if not goals:
+            home = turn @ home
+            scene = replace(scene, bodies=tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies))
+        wholes = [(number, whole.at, whole.within(scene).spread()) for number, whole in enumerate(task.goals)]
+        parts = [(number, reference, part) for number, reference, spread in wholes for part in spread if part.bodies]
+        if not parts:
             if not scene.free:
                 raise NothingToMove("the task has no goals and no body that can move; give it a Goal")
-            goals = tuple(Goal((body.name,), away=0.2) for body in scene.free[:1])
+            parts = [(0, None, Goal((scene.free[0].name,), away=0.2))]
         groups = dict[int, list[int]]()
         for number, (whole, *_) in enumerate(parts):
             groups.setdefault(0 if task.every else whole, []).append(number)
         return cls(
             things={body.name: Thing.of(body) for body in scene.bodies if body.collisions},
-            goals=goals,
+            goals=tuple(goal for *_, goal in parts),
             home=home,
             space=workspace_of(task.robot),
-            references=tuple(reference for _, reference, _ in parts) or (None,),
-            groups=tuple(groups.values()) or ([0],),
+            references=tuple(reference for _, reference, _ in parts),
+            groups=tuple(groups.values()),
             scene=scene,
             turned=turn is not None,
         )
@@ -309,11 +289,9 @@ class SceneAnalysis:
             lanes = [things]
         else:
             lanes = [[things[i]] for i in rng.permutation(len(things))] if alone else _lanes(things, goal, rng)
-        shifts = [_shift(Errand(tuple(lane), np.zeros(3), self), goal, rng) for lane in lanes]
-        return [
-            Errand(tuple(lane), shift, self, goal, self.references[number], alone)
-            for lane, shift in zip(lanes, shifts, strict=True)
-        ]
+        shifts = [_shift(Errand(lane, np.zeros(3), self), goal, rng) for lane in lanes]
+        reference = self.references[number]
+        return [Errand(lane, shift, self, goal, reference, alone) for lane, shift in zip(lanes, shifts, strict=True)]
 
     def _easiest(self, things: list[Thing], rng: np.random.Generator) -> Thing:
         """A thing with nothing on top, at random from the highest ones."""
@@ -336,19 +314,15 @@ class SceneAnalysis:
 
 
 def _shift(errand: Errand, goal: Goal, rng: np.random.Generator) -> Array:
-    if goal.place is None and goal.held:
-        return LIFT_M * UP
     if goal.place is None:
-        return _escape(errand, float(goal.away or 0.1), rng)
+        return LIFT_M * UP if goal.held else _escape(errand, float(goal.away or 0.1), rng)
     middle: Array = np.mean([thing.position for thing in errand.things], axis=0)
-    return (
-        np.array([here if wanted is None else wanted for here, wanted in zip(middle, goal.place, strict=True)]) - middle
-    )
+    return wanted(middle, goal) - middle
 
 
-def _turned(body: Body, turn: Pose) -> Body:
-    x, y, z = turn.rotation.apply(body.velocity)
-    return replace(body, pose=turn @ body.pose, velocity=(x, y, z))
+def wanted(here: Array, goal: Goal) -> Array:
+    """The goal's place (3,); along an axis where it has none, it is here."""
+    return np.array([h if w is None else w for h, w in zip(here, goal.place or here, strict=True)])
 
 
 def _lanes(things: list[Thing], goal: Goal, rng: np.random.Generator) -> list[list[Thing]]:
@@ -357,8 +331,7 @@ def _lanes(things: list[Thing], goal: Goal, rng: np.random.Generator) -> list[li
         return [things]
     positions = np.array([thing.position for thing in things])
     middle = positions.mean(axis=0)
-    wanted = np.array([m if p is None else p for m, p in zip(middle, goal.place or middle, strict=True)])
-    way = (wanted - middle)[:2]
+    way = (wanted(middle, goal) - middle)[:2]
     if np.hypot(*way) < 0.05:
         upper = sorted(things, key=lambda thing: -float(thing.position[2]))[: max(1, len(things) // 3)]
         return [things if rng.random() < 0.6 else [upper[int(rng.integers(len(upper)))]]]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from core.geometry import Array, Pose
-from plugins.vlms.offline.grips import pinch, pour
-from plugins.vlms.offline.heads import Head, Use
+from plugins.vlms.offline.heads import Head
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.scene_analysis import UP, Errand
 
@@ -135,21 +134,5 @@ def clamp(path: Path, errand: Errand, head: Head, rng: np.random.Generator) -> s
     return f"closes the fingers and {verb} by {np.linalg.norm(errand.shift):.2f} m"
 
 
-_STROKES: dict[Use, Stroke] = {
-    "push": push,
-    "surround": push,
-    "scoop": scoop,
-    "hook": hook,
-    "clamp": clamp,
-    "pour": pour,
-    "pinch": pinch,
-}
-
-
-def head_path(errands: Sequence[Errand], head: Head, rng: np.random.Generator) -> tuple[Path, str]:
-    """The head's path through all errands, and its description."""
-    path, texts = Path(), []
-    for errand in errands[:1] if head.stroke is not None or head.use == "pour" else errands:  # or one motion for all
-        texts.append(head.stroke(path, rng) if head.stroke is not None else _STROKES[head.use](path, errand, head, rng))
-        path.end()
-    return path, "; then ".join(dict.fromkeys(texts))
+STROKES: dict[str, Stroke] = {"push": push, "surround": push, "scoop": scoop, "hook": hook, "clamp": clamp}
+"""The strokes by a head's use."""

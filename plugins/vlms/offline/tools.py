@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Literal, get_args
 
 import numpy as np
 
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Component, Tool
-from core.geometry import Array, Box, Cylinder, Pose
+from core.geometry import Array, Box, Pose
 from plugins.vlms.offline.boxes import Boxes, axes_of
-from plugins.vlms.offline.heads import Head, Use
+from plugins.vlms.offline.heads import FINGER_OPEN, Head
 from plugins.vlms.offline.scene_analysis import Errand
 
-Style = Literal["gantry", "slope", "elbow", "riser"]
-STYLES: tuple[Style, ...] = get_args(Style)
-_CARRIED_BY = {
+STYLES = {
     "gantry": "a boom and a drop",
     "slope": "a sloping shaft",
     "elbow": "a post and a low arm",
     "riser": "a riser and a jib",
 }
+"""Shafts, and what they consist of."""
 
 _SHAFT = (0.30, 0.33, 0.38, 1.0)
 _HEADS = ((0.90, 0.49, 0.13, 1.0), (0.16, 0.50, 0.73, 1.0), (0.18, 0.63, 0.42, 1.0), (0.75, 0.22, 0.17, 1.0))
 
-# Finger extensions are for a hand of the Panda's size, with fingers that open by 4 cm each.
-FINGER_OPEN = 0.04
 _FINGERTIP = np.array([0.0, 0.0, -0.11])  # of the hand, in the frame of the tool mount
 _LOW_M = 0.015  # boxes this close to a tool's lowest point form its foot
 _FINGER_Z = -0.0584  # the fingers' frames below the tool mount, with the hand on
@@ -77,13 +72,14 @@ class Assembly:
         return self.add(name, parent, Pose.xyz_rpy((start + end) / 2, rpy), size)
 
     def head(self, head: Head, parent: str, pose: Pose) -> None:
-        """Add the head's pieces, with the head at the pose ``at``."""
+        """Add the head's pieces, with the head at a pose."""
         names: list[str] = []
         for piece, color in zip(head.pieces, [_HEADS[0], *_HEADS[1:] * len(head.pieces)], strict=False):
-            piece_parent = names[piece.parent] if names else parent
-            names.append(self.add(piece.name, piece_parent, pose @ piece.pose, piece.size, color))
+            names.append(
+                self.add(piece.name, names[piece.parent] if names else parent, pose @ piece.pose, piece.size, color)
+            )
 
-    def shaft(self, style: Style, hold: Array, *, left: bool, bend: float = 0.5, top: float = 0.0) -> str:
+    def shaft(self, style: str, hold: Array, *, left: bool, bend: float = 0.5, top: float = 0.0) -> str:
         """Add bars from the mount (with a gripper, from the left or the right finger) to the point ``hold``, (3,).
 
         A riser goes up at the fraction ``bend`` of the way, to the height ``top``, and comes down on ``hold``. Returns
@@ -103,7 +99,7 @@ class Assembly:
         if np.hypot(*(hold - start)[:2]) < 0.02:
             return self.bar(name + "post", root, np.array([*hold[:2], start[2] + t / 2]), hold)
         foot = (start + bend * (hold - start))[:2]
-        points: dict[Style, dict[str, Sequence[float] | Array]] = {
+        points: dict[str, dict[str, Sequence[float] | Array]] = {
             "slope": {"shaft": hold},
             "riser": {"boom": (*foot, start[2]), "riser": (*foot, top), "jib": (*hold[:2], top), "drop": hold},
             "gantry": {"boom": (*hold[:2], start[2]), "drop": hold},
@@ -118,23 +114,16 @@ class Assembly:
         return Tool(tuple(self._components), self.gripper, name, description)
 
 
-def rods(tool: Tool) -> Tool:
-    """Replace the square bars of a tool by round ones that fill them."""
-    components, turns = [], {mount: Pose() for mount in tool.mounts}
-    for component in tool.components:
-        pose, shape, turn = turns[component.parent].inverse() @ component.pose, component.shape, Pose()
-        if isinstance(shape, Box):
-            axis = int(np.argmax(shape.size))
-            one, other = np.delete(shape.size, axis)
-            if abs(one - other) <= 1e-6 and shape.size[axis] > 2 * one:
-                turn = Pose.xyz_rpy((0.0, 0.0, 0.0), _ALONG[axis])
-                shape = Cylinder(float(one) / 2, float(shape.size[axis]))
-        turns[component.name] = turn
-        components.append(replace(component, pose=pose @ turn, shape=shape))
-    return replace(tool, components=tuple(components))
-
-
-_ALONG = ((0.0, np.pi / 2, 0.0), (np.pi / 2, 0.0, 0.0), (0.0, 0.0, 0.0))  # turns z to the x, y or z axis
+def build_clamp(head: Head, pose: Pose, thickness: float) -> Tool:
+    """A mirrored pair of finger extensions, with the head at ``pose`` in the frame of the tool mount."""
+    assembly = Assembly(True, thickness)
+    for piece, is_left in zip(head.pieces, (True, False), strict=True):
+        pad = pose @ piece.pose
+        hold = pad.position + np.array([0.0, 0.0, piece.size[2] / 2 - 0.003])
+        assembly.add(piece.name, assembly.shaft("gantry", hold, left=is_left), pad, piece.size, _HEADS[0])
+    reach = float(np.linalg.norm(pose.position))
+    text = f"two pads {head.width:.3f} m apart, {reach:.2f} m from the hand, that close on the body"
+    return assembly.tool("long_fingers", text)
 
 
 def tool_boxes(tool: Tool) -> Boxes:
@@ -144,16 +133,20 @@ def tool_boxes(tool: Tool) -> Boxes:
 
 
 def build(
-    head: Head, pose: Pose, style: Style, thickness: float, gripper: bool, *, bend: float = 0.5, top: float = 0.0
+    head: Head, pose: Pose, style: str, thickness: float, gripper: bool, *, bend: float = 0.5, top: float = 0.0
 ) -> Tool:
-    """The tool with its head at ``at`` in the tool mount's frame; for ``bend`` and ``top`` see `Assembly.shaft`."""
+    """The tool with its head at ``pose`` in the tool mount's frame; for ``bend`` and ``top`` see `Assembly.shaft`."""
     assembly = Assembly(gripper, thickness)
+    if head.pose is not None:
+        assembly.head(head, RIGID_MOUNT, pose)
+        text = f"two channels {head.width:.3f} m apart, {head.depth:.3f} m long, that slide over handles"
+        return assembly.tool("handle_fork", text)
     flush = np.array([0.008 - thickness / 2, 0.0, 0.0])  # aligns the shaft's front with the head's face
     last = assembly.shaft(style, pose.apply(head.hold + flush), left=True, bend=bend, top=top)
     assembly.head(head, last, pose)
     reach = float(np.linalg.norm(pose.position))
     carrier = "the left finger" if gripper else "the flange"
-    text = f"{head.kind} {head.width:.3f} m wide, {reach:.2f} m from {carrier}, carried by {_CARRIED_BY[style]}"
+    text = f"{head.kind} {head.width:.3f} m wide, {reach:.2f} m from {carrier}, carried by {STYLES[style]}"
     return assembly.tool(f"{style}_{head.kind}", text)
 
 
@@ -162,7 +155,8 @@ def foot(tool: Tool) -> Array:
     if not tool.components:
         return _FINGERTIP[None]
     boxes = tool_boxes(tool)
-    low = boxes[boxes.lower[:, 2] < boxes.lower[:, 2].min() + _LOW_M]
+    bottoms = boxes.bounds[0][:, 2]
+    low = boxes[bottoms < bottoms.min() + _LOW_M]
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     corners: Array = low.centers[:, None] + np.einsum("nij,ncj->nci", low.axes, signs * low.halves[:, None])
     return corners.reshape(-1, 3)
@@ -196,6 +190,5 @@ def recognize(tool: Tool, errand: Errand, rng: np.random.Generator) -> tuple[Hea
     rises = errand.shift[2] > 0.03
     inside = max(0.0, depth - 0.01) if rises or deep else 0.0
     face = (along.max() - inside) * ahead + (across.min() + across.max()) / 2 * side
-    use: Use = "scoop" if rises else "push"
-    head = Head("foot", use, (), np.zeros(3), inside, width)
+    head = Head("foot", "scoop" if rises else "push", (), np.zeros(3), inside, width)
     return head, Pose.xyz_rpy((face[0], face[1], float(corners[:, 2].min())), (0.0, 0.0, heading))

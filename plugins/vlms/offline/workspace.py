@@ -13,16 +13,16 @@ from core.interfaces import Robot
 from core.robot.frames import joint_frames, robot_model
 from core.robot.kinematics import arm_of
 
-LOWEST_M = 0.1  # of the end-effector above the ground that things stand on
+_LOWEST_M = 0.1  # of the end-effector above the ground that things stand on
 _TOOL_M = 0.55  # what a tool adds to an arm's stretch, at most
 
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """Bounds of the end-effector's place, with the flange pointing down.
+    """Bounds of the end-effector's place, with the flange pointing down, in the world and in metres.
 
     ``base`` (3,) is where the robot stands. ``inner`` and ``outer`` are distances from its axis, ``stretch`` is that
-    from its ``shoulder`` (3,). Positions are in the world, all numbers in metres.
+    from its ``shoulder`` (3,). ``farthest`` from the axis a tool can bring a body, at most.
     """
 
     base: Array
@@ -30,11 +30,7 @@ class Workspace:
     inner: float
     outer: float
     stretch: float
-
-    @property
-    def farthest(self) -> float:
-        """How far from the base's axis a tool can bring a body, at most."""
-        return self.stretch + _TOOL_M
+    farthest: float
 
     def from_axis(self, points: Array) -> Array:
         """Compute the horizontal ways (..., 2) from the base to points (..., 3)."""
@@ -50,7 +46,7 @@ class Workspace:
         ground = np.hypot(*self.from_axis(points).T)
         stretch = np.linalg.norm(points - self.shoulder, axis=1)
         strain = np.maximum(0.0, ground - self.outer) + np.maximum(0.0, self.inner - ground)
-        strain += np.maximum(0.0, LOWEST_M - points[:, 2]) + np.maximum(0.0, stretch - self.stretch)
+        strain += np.maximum(0.0, _LOWEST_M - points[:, 2]) + np.maximum(0.0, stretch - self.stretch)
         return float(strain.max())
 
 
@@ -58,13 +54,11 @@ class Workspace:
 def workspace_of(robot: Robot) -> Workspace:
     """Compute the workspace from the arm's reach at about the height of its shoulder, its second joint."""
     stand = replace(robot, base=Pose())
-    _, positions = joint_frames(robot_model(stand, False), np.array([robot.home]))
-    height = float(positions[2, 0, 2])
-    arm = arm_of(stand)
+    model, arm, base = robot_model(stand, False), arm_of(stand), robot.base.position
+    height = float(joint_frames(model, np.array([robot.home]))[1][2, 0, 2])
     heights = sorted(np.round(np.arange(0.0, 1.05, 0.1), 3).tolist(), key=lambda z: abs(z - height))
-    spans = (span_at(arm, z, 0.0) for z in heights)
-    span = next((span for span in spans if span is not None), Span(0.0, robot_model(stand, False).reach))
-    shoulder = robot.base.position + np.array([0.0, 0.0, round(height, 2)])
+    span = next((span for z in heights if (span := span_at(arm, z, 0.0)) is not None), Span(0.0, model.reach))
     # Clear of the edges, where the elbow is stretched or folded: by 6 cm inside, and by 15 % outside.
-    inner, outer = round(span.least + 0.06, 2), round(0.85 * span.most, 2)
-    return Workspace(robot.base.position, shoulder, inner, outer, round(0.94 * span.most, 2))
+    inner, outer, stretch = round(span.least + 0.06, 2), round(0.85 * span.most, 2), round(0.94 * span.most, 2)
+    shoulder = base + np.array([0.0, 0.0, round(height, 2)])
+    return Workspace(base, shoulder, inner, outer, stretch, stretch + _TOOL_M)

@@ -22,10 +22,9 @@ from core.solids.self_collision import find_self_collision
 from plugins.actions.waypoints import WaypointActions
 from plugins.vlms.offline import heads
 from plugins.vlms.offline.designer import OfflineDesigner
-from plugins.vlms.offline.grips import handles
+from plugins.vlms.offline.guided import handles
 from plugins.vlms.offline.scene_analysis import SceneAnalysis
 from plugins.vlms.offline.tools import STYLES, build
-from plugins.vlms.offline.workspace import workspace_of
 from tasks.high_object import HighObject
 from tasks.score_goal import ScoreGoal
 from tests.panda import ARM, PANDA, on_panda
@@ -256,11 +255,10 @@ def test_only_a_loose_body_holds_others():
 
 
 def test_handles_are_measured():
-    space = workspace_of(PANDA)
-    found = handles(analysis(PanTask()).errands(np.random.default_rng(0))[0].holder, space)
-    assert np.allclose((found.base, found.outer, found.low, found.high), (0.1, 0.12, 0.052, 0.06))
-    assert np.allclose((found.heading, found.rear, found.reach), (0.0, -0.1, 0.035))
-    assert handles(analysis(CubeTask()).things["cube"], space) is None
+    pan, heading, base = handles(analysis(PanTask()).errands(np.random.default_rng(0))[0])
+    out, halves = pan.overhang(heading)
+    assert (heading, base, halves[out].max()) == pytest.approx((0.0, 0.1, 0.12))
+    assert handles(analysis(CubeTask()).errands(np.random.default_rng(0))[0]) is None
 
 
 def test_a_detour_avoids_an_obstacle_above():

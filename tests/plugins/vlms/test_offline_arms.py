@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from core.geometry import Pose
-from core.plugins import installed
-from core.simulation.rollout import RolloutSettings, evaluate_batch
 from plugins.vlms.offline.workspace import workspace_of
 from tests.panda import PANDA
-from tests.plugins.vlms.test_offline import DeepTask, brief, candidates
 
 
 def test_the_workspace_is_the_reach_less_a_margin():
@@ -42,17 +39,3 @@ def test_it_moves_with_the_base():
     for point in points:
         assert there.strain(base.apply(point)[None]) == pytest.approx(here.strain(point[None]))
     assert there.direction(np.array([1.0, 1.0, 0.0])) == pytest.approx(np.pi / 2)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
-def test_without_a_gripper_a_body_is_lifted_by_plates_that_are_pressed_over_it(engine):
-    pytest.importorskip(engine)
-    task = DeepTask()
-    task.robot = installed().create("robot", "ur5")
-    designs = candidates(replace(brief(DeepTask(), n_tool=6, n_action=1), task=task))
-    assert sum(design.tool.name == "gantry_pinch" for design in designs) > 2
-    tried = evaluate_batch(task, installed().create("sim", engine), designs, 0, RolloutSettings())
-    best = max(tried, key=lambda one: one.reward)
-    assert best.reward > 0.9
-    assert best.candidate.tool.name == "gantry_pinch"

@@ -44,22 +44,12 @@ def test_a_plunger_is_pushed_down_the_well():
 
 def test_a_puck_is_pulled_out_of_the_opening_alone():
     puck = errand(scene("empty_pocket"))
-    (way,) = way_out(puck, np.zeros(3))
+    way = way_out(puck)
     assert way[1] > 0.1
     assert not way[[0, 2]].any()
     found = pulled(puck, np.array([0.0, 1.0, 0.0]))
     assert {round(float(contact.point[1]), 2) for contact in found} == {-0.18}  # behind it
     assert not pulled(puck, np.array([-1.0, 0.0, 0.0]))
-
-
-def test_a_ring_is_taken_beside_its_peg_and_goes_over_the_lip():
-    ring = errand(scene("move_ring"))
-    at = under(ring, -np.pi / 2, 0.009)
-    assert at.rear[2] > ring.center[2]  # within the hole, so that it hangs
-    assert at.apart > 0.006 + 0.0045  # half of peg and tine
-    lift, out = way_out(ring, np.zeros(3))
-    assert lift[2] >= 0.01
-    assert out[1] > 0.05
 
 
 def test_a_plate_is_taken_where_it_stands_out():
@@ -82,10 +72,7 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "least"),
-    [("empty_pocket", 0.4), ("move_ring", 0.3), ("press_plunger", 0.95), ("stop_balls", 0.5), ("turn_plate", 0.95)],
-)
+@pytest.mark.parametrize(("name", "least"), [("empty_pocket", 0.4), ("press_plunger", 0.95), ("turn_plate", 0.95)])
 def test_fresh_designs_earn(name, least):
     task, sim = scene(name), installed().create("sim", "mujoco")
     designs = candidates(brief(task, n_tool=4, n_action=1, seed=3))
