@@ -135,13 +135,70 @@ def _positive(**lengths: float) -> None:
 
 
 class _Solid:
-    """What all shapes can say of themselves; each adds ``volume`` (m^3), ``area`` (m^2), ``bounds`` and `to_trimesh`.
+    """What all shapes can say of themselves, in their own frames."""
 
-    ``bounds`` is the middle (3,) of the bounding box along the shape's own axes, and the full side lengths (3,).
-    """
+    @property
+    def volume(self) -> float:
+        """The volume, m^3."""
+        match self:
+            case Box(size):
+                return float(np.prod(size))
+            case Sphere(radius):
+                return 4 / 3 * math.pi * radius**3
+            case Cylinder(radius, length):
+                return math.pi * radius**2 * length
+            case Capsule(radius, length):
+                return math.pi * radius**2 * (length + 4 / 3 * radius)
+        return _measured(cast("Mesh", self.drawn))[0]
+
+    @property
+    def area(self) -> float:
+        """The area of the surface, m^2."""
+        match self:
+            case Box((x, y, z)):
+                return 2 * (x * y + y * z + z * x)
+            case Sphere(radius):
+                return 4 * math.pi * radius**2
+            case Cylinder(radius, length):
+                return 2 * math.pi * radius * (radius + length)
+            case Capsule(radius, length):
+                return 2 * math.pi * radius * (length + 2 * radius)
+        return float(self.to_trimesh().area)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """The middle (3,) of the bounding box along the shape's own axes, and its full side lengths (3,)."""
+        match self:
+            case Box(size):
+                return np.zeros(3), np.array(size)
+            case Sphere(radius):
+                return np.zeros(3), np.full(3, 2 * radius)
+            case Cylinder(radius, length):
+                return np.zeros(3), np.array([2 * radius, 2 * radius, length])
+            case Capsule(radius, length):
+                return np.zeros(3), np.array([2 * radius, 2 * radius, length + 2 * radius])
+        corners = cast("Mesh", self.drawn).vertices
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return (low + high) / 2, high - low
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        import trimesh
+
+        match self:
+            case Box(size):
+                return trimesh.creation.box(size)
+            case Sphere(radius):
+                return trimesh.creation.icosphere(subdivisions=3, radius=radius)
+            case Cylinder(radius, length):
+                return trimesh.creation.cylinder(radius=radius, height=length, sections=48)
+            case Capsule(radius, length):
+                mesh = trimesh.creation.capsule(height=length, radius=radius, count=(32, 32))
+                return mesh.apply_translation(-mesh.bounds.mean(axis=0))
+        mesh = cast("Mesh", self.drawn)
+        return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
 
     def convex_parts(self) -> tuple[Shape, ...]:
-        """Return the convex shapes that collide in its place, in its own frame."""
+        """Return the convex shapes that collide in its place."""
         return (cast("Shape", self),)
 
     @property
@@ -161,24 +218,6 @@ class Box(_Solid):
         _positive(x=x, y=y, z=z)
         object.__setattr__(self, "size", (x, y, z))
 
-    @property
-    def volume(self) -> float:
-        return float(np.prod(self.size))
-
-    @property
-    def area(self) -> float:
-        x, y, z = self.size
-        return 2 * (x * y + y * z + z * x)
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        return np.zeros(3), np.array(self.size)
-
-    def to_trimesh(self) -> trimesh.Trimesh:
-        import trimesh
-
-        return trimesh.creation.box(self.size)
-
 
 @dataclass(frozen=True)
 class Sphere(_Solid):
@@ -188,23 +227,6 @@ class Sphere(_Solid):
 
     def __post_init__(self) -> None:
         _positive(radius=self.radius)
-
-    @property
-    def volume(self) -> float:
-        return 4 / 3 * math.pi * self.radius**3
-
-    @property
-    def area(self) -> float:
-        return 4 * math.pi * self.radius**2
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        return np.zeros(3), np.full(3, 2 * self.radius)
-
-    def to_trimesh(self) -> trimesh.Trimesh:
-        import trimesh
-
-        return trimesh.creation.icosphere(subdivisions=3, radius=self.radius)
 
 
 @dataclass(frozen=True)
@@ -217,23 +239,6 @@ class Cylinder(_Solid):
     def __post_init__(self) -> None:
         _positive(radius=self.radius, length=self.length)
 
-    @property
-    def volume(self) -> float:
-        return math.pi * self.radius**2 * self.length
-
-    @property
-    def area(self) -> float:
-        return 2 * math.pi * self.radius * (self.radius + self.length)
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        return np.zeros(3), np.array([2 * self.radius, 2 * self.radius, self.length])
-
-    def to_trimesh(self) -> trimesh.Trimesh:
-        import trimesh
-
-        return trimesh.creation.cylinder(radius=self.radius, height=self.length, sections=48)
-
 
 @dataclass(frozen=True)
 class Capsule(_Solid):
@@ -244,24 +249,6 @@ class Capsule(_Solid):
 
     def __post_init__(self) -> None:
         _positive(radius=self.radius, length=self.length)
-
-    @property
-    def volume(self) -> float:
-        return math.pi * self.radius**2 * (self.length + 4 / 3 * self.radius)
-
-    @property
-    def area(self) -> float:
-        return 2 * math.pi * self.radius * (self.length + 2 * self.radius)
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        return np.zeros(3), np.array([2 * self.radius, 2 * self.radius, self.length + 2 * self.radius])
-
-    def to_trimesh(self) -> trimesh.Trimesh:
-        import trimesh
-
-        mesh = trimesh.creation.capsule(height=self.length, radius=self.radius, count=(32, 32))
-        return mesh.apply_translation(-mesh.bounds.mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,24 +289,6 @@ class Mesh(_Solid):
     def from_trimesh(cls, mesh: trimesh.Trimesh) -> Mesh:
         return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
-    @property
-    def volume(self) -> float:
-        return _measured(self)[0]
-
-    @property
-    def area(self) -> float:
-        return float(self.to_trimesh().area)
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
-        return (low + high) / 2, high - low
-
-    def to_trimesh(self) -> trimesh.Trimesh:
-        import trimesh
-
-        return trimesh.Trimesh(self.vertices, self.faces, process=False)
-
 
 @dataclass(frozen=True)
 class Compound(_Solid):
@@ -328,27 +297,12 @@ class Compound(_Solid):
     surface: Mesh
     parts: tuple[Mesh, ...]
 
-    @property
-    def volume(self) -> float:
-        return self.surface.volume
-
-    @property
-    def area(self) -> float:
-        return self.surface.area
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        return self.surface.bounds
-
     def convex_parts(self) -> tuple[Shape, ...]:
         return self.parts
 
     @property
     def drawn(self) -> Shape:
         return self.surface
-
-    def to_trimesh(self) -> trimesh.Trimesh:
-        return self.surface.to_trimesh()
 
 
 Shape = Box | Sphere | Cylinder | Capsule | Mesh  # convex ones

@@ -15,7 +15,7 @@ from core.errors import UsageError, choices
 from core.geometry import Array, Pose
 from core.scene import Camera, Goal, Scene, State, Trace
 from core.values.layouts import NONE, Draw, Ranges
-from core.values.robots import Robot, default_robot
+from core.values.robots import Robot
 
 
 class Task(ABC):
@@ -39,25 +39,12 @@ class Task(ABC):
     variations: ClassVar[Mapping[str, Ranges]] = {}  # by name: what `draw` draws at random, and from which range
     variation: str = NONE
     language: ClassVar[str] = "python"  # of the source that a model is shown
-    _robot: Robot | None = None
+    robot: Robot  # the arm that performs the task; the program sets it
 
     def __init__(self, variation: str = NONE) -> None:
         if variation not in (NONE, *self.variations):
             raise choices("variation", variation, (NONE, *self.variations), f"the task {self.name}")
         self.variation = variation
-
-    @property
-    def robot(self) -> Robot:
-        """The arm that performs the task. The program sets it; until then it is the default robot.
-
-        Raises:
-            UserError: no robot is installed.
-        """
-        return self._robot if self._robot is not None else default_robot()
-
-    @robot.setter
-    def robot(self, robot: Robot) -> None:
-        self._robot = robot
 
     @property
     def ranges(self) -> Ranges:
@@ -97,13 +84,9 @@ class Task(ABC):
 
 @lru_cache(maxsize=256)
 def _reads_trace(kind: type[Task]) -> bool:
-    given = list(inspect.signature(kind.reward).parameters.values())[1:]
-    if [parameter.name for parameter in given[2:3]] == ["trace"]:
-        given = [*given[:2], *given[3:]]
-        reads = True
-    else:
-        reads = False
-    needed = [p for p in given if p.default is p.empty and p.kind is not p.VAR_KEYWORD]
+    _, *given = inspect.signature(kind.reward).parameters.values()
+    reads = len(given) > 2 and given[2].name == "trace"
+    needed = [p for p in given if p.default is p.empty and p.kind is not p.VAR_KEYWORD and p.name != "trace"]
     if len(needed) != 2:
         wrong = f"reward{inspect.signature(kind.reward)}"
         raise UsageError(f"task {kind.name}: {wrong} must be reward(self, start, end) or (self, start, end, trace)")

@@ -25,7 +25,6 @@ from core.plugins.kinds import COMMAND, KINDS, ROBOT, Kind
 from core.plugins.moved import describe_import_error
 from core.plugins.settings import check_settings
 from core.values.materials import PAPER, Material
-from core.values.robots import set_default_robot
 
 Settings = Mapping[str, Any] | None
 T = TypeVar("T")
@@ -104,7 +103,7 @@ class Plugins(Discovery):
         KINDS[group].check(part, str(offer))
         with contextlib.suppress(TypeError):  # a part that can't be a key is described by its class
             _made[part] = offer
-        if isinstance(part, ToolRepresentation):
+        if isinstance(part, Task | ToolRepresentation):
             part.robot = self.default_robot
         return part
 
@@ -163,9 +162,6 @@ def installed() -> Plugins:
     """
     check_own_packages()
     return Plugins()
-
-
-set_default_robot(lambda: installed().default_robot)
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,14 @@
-"""Write files whole, and notice when they change."""
+"""Write files whole, notice when they change, and read those that others made."""
 
 from __future__ import annotations
 
+import os
 import secrets
+import stat
 from pathlib import Path
 from typing import NamedTuple
+
+from core.errors import UserError
 
 
 class FileMark(NamedTuple):
@@ -49,3 +53,25 @@ def write_whole(file: Path, data: bytes, *, shared: bool = False) -> None:
     except OSError:
         part.unlink(missing_ok=True)
         raise
+
+
+def read_untrusted(file: Path, most: int) -> bytes:
+    """Read a file that others made: a regular one of at most ``most`` bytes. Of a pipe or a device nothing is read.
+
+    Raises:
+        UserError: it is no such file, or can't be read; says why in one line.
+    """
+    try:
+        handle = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # opening a pipe would wait
+        with os.fdopen(handle, "rb") as stream:
+            status = os.fstat(handle)
+            if not stat.S_ISREG(status.st_mode):
+                raise UserError(f"{file} is no regular file")
+            data = stream.read(most + 1) if status.st_size <= most else b""
+    except OSError as error:
+        raise UserError(f"{file} can't be read: {error.strerror}") from error
+    except ValueError as error:  # a zero byte in its name
+        raise UserError(f"{str(file)!r} can't be a file's name: {error}") from error
+    if max(len(data), status.st_size) > most:
+        raise UserError(f"{file} has {status.st_size / 1e6:.1f} MB; at most {most / 1e6:g} MB are read")
+    return data

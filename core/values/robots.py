@@ -6,12 +6,12 @@ Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/te
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from core.errors import UsageError, UserError
+from core.errors import UsageError
 from core.geometry import Cylinder, Pose
 from core.values.descriptions import Description
 from core.values.urdf import read_description
@@ -165,23 +165,3 @@ class Robot:
     def joints(self, gripper: bool) -> tuple[str, ...]:
         """List the joints that are driven, with or without the gripper."""
         return (*self.arm_joints, *(self.finger_joints if gripper else ()))
-
-
-_default: Callable[[], Robot] | None = None
-
-
-def default_robot() -> Robot:
-    """Return the robot of tasks for which none was chosen.
-
-    Raises:
-        UserError: there is none: plugins were not imported (`core.plugins`), or none of them offers a robot.
-    """
-    if _default is None:
-        raise UserError("no robot is known yet: import core.plugins, or set the task's robot")
-    return _default()
-
-
-def set_default_robot(find: Callable[[], Robot]) -> None:
-    """Set what finds the default robot; `core.plugins` does it."""
-    global _default
-    _default = find

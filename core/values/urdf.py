@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element, ParseError
 
@@ -87,36 +88,36 @@ def read_description(
 
 def _read(root: Element, file: Path, without: Collection[str], taken: Collection[str] | None) -> Description:
     colors = {m.get("name", ""): _color(m) for m in root.iter("material") if m.find("color") is not None}
-    elements = {tag: _unique(root, tag, taken) for tag in ("link", "joint")}
-    ends = [
-        (joint, _end(joint, "parent", elements["link"]), _end(joint, "child", elements["link"]))
-        for joint in elements["joint"].values()
-    ]
-    parents: dict[str, str] = {}
-    for _, parent, child in ends:
-        if child in parents:
+    links, joints = (_unique(root, tag, taken) for tag in ("link", "joint"))
+    bearers: dict[str, tuple[Element, str]] = {}  # of each link: the joint, and the link that it hangs on
+    for joint in joints.values():
+        parent, child = (_end(joint, tag, links) for tag in ("parent", "child"))
+        if child in bearers:
             raise UserError(f"link {child!r} hangs on two joints, so that links form a loop; a URDF is a tree")
-        parents[child] = parent
+        bearers[child] = joint, parent
     for name in without:
-        if name not in elements["link"]:
-            raise choices("link", name, elements["link"])
-    chains = {name: _chain(name, parents) for name in elements["link"]}
-    kept = {name for name, chain in chains.items() if not set(chain) & set(without)}
-    roots = sorted(kept - parents.keys())
+        if name not in links:
+            raise choices("link", name, links)
+    kept = [name for name in links if not {*_chain(name, bearers)} & {*without}]
+    roots = sorted({*kept} - bearers.keys())
     if len(roots) != 1:
         found = f"{len(roots)} links have no parent: {', '.join(roots[:5])}" if roots else "no link is left"
         raise UserError(f"{found}; an arm has one base, join the others to it with fixed joints")
     base = file if taken is not None else None
-    links = {name: _link(elements["link"][name], name, colors, base) for name in elements["link"] if name in kept}
-    joints = {child: _joint(joint, parent, child) for joint, parent, child in ends if child in kept}
-    return Description(str(root.get("name") or file.stem), links, joints)
+    return Description(
+        str(root.get("name") or file.stem),
+        {name: _link(links[name], name, colors, base) for name in kept},
+        {child: _joint(joint, parent, child) for child, (joint, parent) in bearers.items() if child in kept},
+    )
 
 
 def _unique(root: Element, tag: str, taken: Collection[str] | None) -> dict[str, Element]:
     """Find the elements of a kind by name."""
     found: dict[str, Element] = {}
     for element in root.findall(tag):
-        name = _name(element, tag)
+        name = element.get("name")
+        if name is None:
+            raise UserError(f"a <{tag}> has no name")
         if taken is not None and not NAME.fullmatch(name):
             raise UserError(f"{tag} name {shorten(name)} is not 1 to 64 letters, digits, '_', '.' or '-'; rename it")
         if name in (taken or ()):
@@ -129,17 +130,9 @@ def _unique(root: Element, tag: str, taken: Collection[str] | None) -> dict[str,
     return found
 
 
-def _name(element: Element, tag: str) -> str:
-    name = element.get("name")
-    if name is None:
-        raise UserError(f"a <{tag}> has no name")
-    return name
-
-
 def _end(joint: Element, tag: str, links: Mapping[str, Element]) -> str:
-    end = joint.find(tag)
+    end, where = joint.find(tag), f"joint {joint.get('name')!r}"
     name = None if end is None else end.get("link")
-    where = f"joint {joint.get('name')!r}"
     if name is None:
         raise UserError(f'{where} names no {tag}; add <{tag} link="..."/>')
     if name not in links:
@@ -147,31 +140,30 @@ def _end(joint: Element, tag: str, links: Mapping[str, Element]) -> str:
     return name
 
 
-def _chain(link: str, parents: Mapping[str, str]) -> list[str]:
+def _chain(link: str, bearers: Mapping[str, tuple[Element, str]]) -> list[str]:
     chain = [link]
-    while (above := parents.get(chain[-1])) is not None:
+    while chain[-1] in bearers:
+        above = bearers[chain[-1]][1]
+        if above in chain:
+            raise UserError(
+                f"links form a loop: {' -> '.join([above, *chain[chain.index(above) :][::-1]])}; a URDF is a tree"
+            )
         chain.append(above)
-        if above in chain[:-1]:
-            raise UserError(f"links form a loop: {' -> '.join(chain[chain.index(above) :][::-1])}; a URDF is a tree")
     return chain
-
-
-# --- elements -------------------------------------------------------------------------------------------------------
 
 
 def _link(element: Element, name: str, colors: Mapping[str, Color], file: Path | None) -> RobotLink:
     where = f"link {name!r}"
     collisions, visuals = (tuple(_shapes(element, tag, where, colors, file)) for tag in ("collision", "visual"))
-    inertial = element.find("inertial")
+    inertial, where = element.find("inertial"), f"{where}: inertial"
     if inertial is None:
         return RobotLink(name, Inertial(), collisions, visuals)
-    where = f"{where}: inertial"
     origin, mass = _origin(inertial, where), _number(_child(inertial, "mass", where), "value", where)
     if mass < 0:
         raise UserError(f"{where}: mass is {mass:g} kg; it can't be negative")
     given = inertial.find("inertia")
-    xx, xy, xz, yy, yz, zz = (0.0,) * 6 if given is None else (_number(given, n, where, 0.0) for n in MOMENTS)
-    return RobotLink(name, Inertial(mass, origin.xyz, (xx, xy, xz, yy, yz, zz), origin.rpy), collisions, visuals)
+    moments: Any = (0.0,) * 6 if given is None else tuple(_number(given, n, where, 0.0) for n in MOMENTS)
+    return RobotLink(name, Inertial(mass, origin.xyz, moments, origin.rpy), collisions, visuals)
 
 
 def _shapes(
@@ -182,12 +174,10 @@ def _shapes(
         raise UserError(f"{where} has {len(elements)} <{tag}> elements; at most {MAX_PARTS} are read")
     where = f"{where}: {tag}"
     for element in elements:
-        geometry = _child(element, "geometry", where)
+        geometry, material, color = _child(element, "geometry", where), element.find("material"), None
         if len(geometry) != 1:
-            raise UserError(
-                f"{where}: <geometry> needs one shape: box, sphere, cylinder or mesh; it has {len(geometry)}"
-            )
-        material, color = element.find("material"), None
+            kinds = "box, sphere, cylinder or mesh"
+            raise UserError(f"{where}: <geometry> needs one shape: {kinds}; it has {len(geometry)}")
         if material is not None:
             named = colors.get(material.get("name", ""))
             color = named if material.find("color") is None else _color(material)
@@ -196,19 +186,24 @@ def _shapes(
 
 
 def _geometry(element: Element, where: str, file: Path | None) -> tuple[Box | Sphere | Cylinder | Path, Scale]:
-    def size(name: str) -> float:
-        return _positive(_number(element, name, f"{where}: {element.tag}"), name, where)
+    inside = f"{where}: {element.tag}"
+
+    def sizes(name: str, count: int = 1) -> Sequence[float]:
+        values = _numbers(element, name, count, inside)
+        if min(values) <= 0:
+            raise UserError(f"{where}: {name} is {min(values):g}; it must be greater than 0")
+        return values
 
     match element.tag:
         case "box":
-            x, y, z = (_positive(side, "size", where) for side in _numbers(element, "size", 3, f"{where}: box"))
+            x, y, z = sizes("size", 3)
             return Box((x, y, z)), ONE
         case "sphere":
-            return Sphere(size("radius")), ONE
+            return Sphere(*sizes("radius")), ONE
         case "cylinder":
-            return Cylinder(size("radius"), size("length")), ONE
+            return Cylinder(*sizes("radius"), *sizes("length")), ONE
         case "mesh":
-            x, y, z = _numbers(element, "scale", 3, f"{where}: mesh", ONE)
+            x, y, z = _numbers(element, "scale", 3, inside, ONE)
             if 0.0 in (x, y, z):
                 raise UserError(f"{where}: mesh scale is {x:g} {y:g} {z:g}; no factor can be 0")
             name = element.get("filename") or ""
@@ -255,28 +250,29 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
 
 
 def _joint(element: Element, parent: str, child: str) -> RobotJoint:
-    name = _name(element, "joint")
+    name = element.get("name", "")
     where, kind = f"joint {name!r}", element.get("type", "")
     if kind not in _KINDS:
         raise choices("type", kind, _KINDS, where)
-    parts = {tag: element.find(tag) for tag in ("axis", "limit", "dynamics", "mimic")}
 
-    def numbers(tag: str, names: Iterable[str], defaults: Iterable[float | None]) -> list[float | None]:
-        part = parts[tag]
-        return [
-            default if part is None or part.get(n) is None else _number(part, n, f"{where}: {tag}")
-            for n, default in zip(names, defaults, strict=True)
-        ]
+    def numbers(tag: str, **defaults: float | None) -> list[Any]:
+        part = element.find(tag)
+        written = (
+            {}
+            if part is None
+            else {n: _number(part, n, f"{where}: {tag}") for n in defaults if part.get(n) is not None}
+        )
+        return [*(defaults | written).values()]
 
-    x, y, z = (1.0, 0.0, 0.0) if parts["axis"] is None else _numbers(parts["axis"], "xyz", 3, f"{where}: axis")
+    about, follows = element.find("axis"), element.find("mimic")
+    x, y, z = (1.0, 0.0, 0.0) if about is None else _numbers(about, "xyz", 3, f"{where}: axis")
     if kind in MOVING and math.hypot(x, y, z) < 1e-6:
         raise UserError(f"{where}: its axis has length 0")
-    limits = Limits(*numbers("limit", Limits._fields, [None] * 4))
-    damping, friction = numbers("dynamics", ("damping", "friction"), (0.0, 0.0))
-    multiplier, offset = numbers("mimic", ("multiplier", "offset"), (1.0, 0.0))
-    mimic = None if parts["mimic"] is None else Mimic(parts["mimic"].get("joint", ""), multiplier or 0.0, offset or 0.0)
-    origin = _origin(element, where)
-    return RobotJoint(name, kind, parent, child, origin, (x, y, z), limits, mimic, damping or 0.0, friction or 0.0)
+    limits = Limits(*numbers("limit", **dict.fromkeys(Limits._fields)))
+    damping, friction = numbers("dynamics", damping=0.0, friction=0.0)
+    factors = numbers("mimic", multiplier=1.0, offset=0.0)
+    mimic = None if follows is None else Mimic(follows.get("joint", ""), *factors)
+    return RobotJoint(name, kind, parent, child, _origin(element, where), (x, y, z), limits, mimic, damping, friction)
 
 
 def _child(element: Element, tag: str, where: str) -> Element:
@@ -320,9 +316,3 @@ def _numbers(
         wanted = "a number" if count == 1 else f"{count} numbers"
         raise UserError(f"{where}: {name} is {shorten(text)}; expected {wanted}, finite and at most {MAX_NUMBER:g}")
     return values
-
-
-def _positive(value: float, name: str, where: str) -> float:
-    if value <= 0:
-        raise UserError(f"{where}: {name} is {value:g}; it must be greater than 0")
-    return value

@@ -19,11 +19,12 @@ from core.errors import UserError
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Shape, Sphere
 from core.robot.meshes import MAX_CORNERS
 from core.scene import Body, Geom, Joint
+from core.support.sandbox import isolated
 from core.support.text import clean
 from core.values.urdf import MAX_BYTES, NAME, read_xml
 from plugins.tasks.file.imports import Imported
-from plugins.tasks.file.imports.bodies import heavy_body, still_body
-from plugins.tasks.file.imports.solids import isolated, read_inside
+from plugins.tasks.file.imports.bodies import joined_body
+from plugins.tasks.file.imports.solids import read_inside
 
 try:
     import mujoco
@@ -183,14 +184,10 @@ class _Reading:
         if len(frictions) > 1:
             self._notes.append(f"body {name!r}: its shapes have several frictions; all get the largest")
         pose, friction = world @ at, max(frictions, default=1.0)
-        if not self._moves[head]:
-            return still_body(name, pose, visuals, collisions, friction) if visuals or collisions else None
-        weights = []
-        for part in np.flatnonzero(self._heads == head):
-            axes = at.inverse() @ _pose(data.body(part), "i")
-            turn = axes.rotation.as_matrix()
-            weights.append((float(model.body_mass[part]), axes.position, turn * model.body_inertia[part] @ turn.T))
-        return heavy_body(name, pose, weights, visuals, collisions, friction, self._notes)
+        if not (self._moves[head] or visuals or collisions):
+            return None
+        mass = float(model.body_mass[self._heads == head].sum()) if self._moves[head] else None
+        return joined_body(name, pose, mass, visuals, collisions, friction)
 
     def _joint(self, joint: Any) -> Joint:
         body, kind = self._names[joint.bodyid[0]], _JOINTS[joint.type[0]]
@@ -217,6 +214,5 @@ class _Reading:
         )
 
 
-def _pose(of: Any, which: str = "") -> Pose:
-    turn = Rotation.from_matrix(getattr(of, f"x{which}mat").reshape(3, 3))
-    return Pose.from_rotation(getattr(of, f"x{which}pos"), turn)
+def _pose(thing: Any) -> Pose:
+    return Pose.from_rotation(thing.xpos, Rotation.from_matrix(thing.xmat.reshape(3, 3)))

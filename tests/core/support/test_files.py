@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from core.support.files import file_mark, write_whole
+from core.errors import UserError
+from core.support.files import file_mark, read_untrusted, write_whole
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
@@ -77,3 +78,23 @@ def test_another_file_in_its_place_has_another_identity(tmp_path: Path) -> None:
     assert before is not None
     assert after is not None
     assert after.identity != before.identity
+
+
+def test_what_others_made_is_read_if_it_is_a_regular_file_of_bounded_size(tmp_path: Path) -> None:
+    file, link, pipe = tmp_path / "made", tmp_path / "link", tmp_path / "pipe"
+    file.write_bytes(b"12345")
+    link.symlink_to(file)
+    assert read_untrusted(file, 5) == read_untrusted(link, 5) == b"12345"
+    os.mkfifo(pipe)
+    for wrong, reason in {
+        pipe: "pipe is no regular file",
+        tmp_path: "can.t be read: Is a directory",
+        Path("/dev/zero"): "/dev/zero is no regular file",
+        tmp_path / "none": "none can't be read: No such file",
+        tmp_path / "a\0b": "can't be a file's name: embedded null byte",
+        Path("/proc/version"): r"/proc/version has .* at most 4e-06 MB are read",  # its size is 0, and it has bytes
+        file: "made has 0.0 MB; at most 4e-06 MB are read",
+    }.items():
+        with pytest.raises(UserError, match=reason) as caught:
+            read_untrusted(wrong, 4)
+        assert "\n" not in str(caught.value)

@@ -8,17 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from core.errors import UserError
 from core.geometry import Mesh, Pose
-from core.robot.description import merged
 from core.scene import Body, Geom, Joint, Scene
-from core.values.descriptions import Weight
 
 MAX_SHAPES = 2000
 MAX_DRAWN = 2_000_000  # triangles
-_OFF = 0.1
 
 
 @dataclass(frozen=True)
@@ -38,33 +33,16 @@ class Imported:
         Scene(self.bodies, self.joints)
 
 
-def heavy_body(
-    name: str,
-    pose: Pose,
-    weights: Sequence[Weight],
-    visuals: Sequence[Geom],
-    collisions: Sequence[Geom],
-    friction: float,
-    notes: list[str],
+def joined_body(
+    name: str, pose: Pose, mass: float | None, visuals: Sequence[Geom], collisions: Sequence[Geom], friction: float
 ) -> Body:
-    """Make a body that moves, and note if the file's inertia is not that of its collision parts at one density."""
-    weights = [weight for weight in weights if weight[0] > 0]
-    if not weights:
+    """Make a body of what is rigidly joined, of one density; without a mass it does not move.
+
+    Raises:
+        UserError: it moves, but has no mass or no collision shape.
+    """
+    if mass is not None and not mass > 0:
         raise UserError(f"body {name!r} moves, but has no mass; give it one")
-    if not collisions:
+    if mass is not None and not collisions:
         raise UserError(f"body {name!r} moves, but has no collision shape; repeat what is drawn as one")
-    mass, center, tensor = merged(weights)
-    body = Body(name, pose, mass, tuple(visuals or collisions), tuple(collisions), friction)
-    own, size = body.inertia(), np.trace(tensor)
-    if size > 0:
-        axes, moved = own.frame.rotation.as_matrix(), float(np.linalg.norm(own.frame.position - center))
-        turned = np.linalg.norm(axes @ np.diag(own.moments) @ axes.T - tensor) / np.linalg.norm(tensor)
-        if max(turned, moved / np.sqrt(size / 2 / mass)) > _OFF:
-            what = f"its inertia differs by {turned:.0%}, its centre of mass by {1000 * moved:.1f} mm"
-            notes.append(f"body {name!r}: {what}: one density is assumed for its collision shapes")
-    return body
-
-
-def still_body(name: str, pose: Pose, visuals: Sequence[Geom], collisions: Sequence[Geom], friction: float) -> Body:
-    """Make a body that does not move."""
-    return Body(name, pose, 0.0, tuple(visuals or collisions), tuple(collisions), friction)
+    return Body(name, pose, mass or 0.0, tuple(visuals or collisions), tuple(collisions), friction)

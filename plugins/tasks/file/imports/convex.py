@@ -18,9 +18,10 @@ from core.robot.meshes import MAX_CORNERS, farthest
 
 MAX_FACES = 200_000
 _CONVEX = 0.97  # of its hull's volume
+_CONCAVE = 0.05  # how concave a part may be, as CoACD measures it
 
 
-def cut_mesh(data: bytes, kind: str, max_parts: int, threshold: float) -> dict[str, Any]:
+def cut_mesh(data: bytes, kind: str, max_parts: int) -> dict[str, Any]:
     """Return arrays: ``v0``, ``f0``, ``c0`` of what is drawn, ``p0`` of each convex part's corners, and ``volume``.
 
     The colour is nan where there is none, the volume where the mesh is not closed.
@@ -50,7 +51,7 @@ def cut_mesh(data: bytes, kind: str, max_parts: int, threshold: float) -> dict[s
     whole.fix_normals()
     found["volume"] = whole.volume if whole.is_watertight else np.nan
     try:
-        for number, corners in enumerate(_parts(whole, max_parts, threshold)):
+        for number, corners in enumerate(_parts(whole, max_parts)):
             found[f"p{number}"] = farthest(corners[ConvexHull(corners).vertices])
     except QhullError as error:
         raise UserError("is flat: a body needs a volume; give it depth") from error
@@ -67,11 +68,11 @@ def _color(part: trimesh.Trimesh) -> Array:
     return np.asarray(getattr(part.visual, "material", part.visual).main_color, dtype=np.float64) / 255
 
 
-def _parts(whole: trimesh.Trimesh, max_parts: int, threshold: float) -> list[Array]:
+def _parts(whole: trimesh.Trimesh, max_parts: int) -> list[Array]:
     """Cut a mesh into the corners of convex parts: its separate pieces if they are convex, otherwise by CoACD."""
     if max_parts == 0:
         return []
-    if max_parts == 1 or _is_convex(whole):
+    if _is_convex(whole):
         return [whole.vertices]
     if whole.body_count <= max_parts:
         pieces = whole.split(only_watertight=False)
@@ -86,9 +87,9 @@ def _parts(whole: trimesh.Trimesh, max_parts: int, threshold: float) -> list[Arr
     coacd.set_log_level("error")
     mesh = coacd.Mesh(whole.vertices, whole.faces.astype(np.int32))
     limits = {"max_convex_hull": max_parts, "decimate": True, "max_ch_vertex": MAX_CORNERS // 2}
-    parts = [corners for corners, _ in coacd.run_coacd(mesh, threshold=threshold, **limits)]
+    parts = [corners for corners, _ in coacd.run_coacd(mesh, threshold=_CONCAVE, **limits)]
     if not 1 <= len(parts) <= max_parts:
-        raise UserError(f"falls into {len(parts)} convex parts; max_parts is {max_parts}: choose a larger threshold")
+        raise UserError(f"falls into {len(parts)} convex parts; at most {max_parts} are made: make it simpler")
     return parts
 
 
@@ -96,8 +97,8 @@ def _is_convex(mesh: trimesh.Trimesh) -> bool:
     return bool(mesh.is_watertight and mesh.volume > _CONVEX * ConvexHull(mesh.vertices).volume)
 
 
-def cut_bytes(data: bytes, kind: str, max_parts: str, threshold: str) -> bytes:
+def cut_bytes(data: bytes, kind: str, max_parts: str) -> bytes:
     """Return what `cut_mesh` does as an .npz file."""
     stream = io.BytesIO()
-    np.savez_compressed(stream, **cut_mesh(data, kind, int(max_parts), float(threshold)))
+    np.savez_compressed(stream, **cut_mesh(data, kind, int(max_parts)))
     return stream.getvalue()

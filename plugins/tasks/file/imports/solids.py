@@ -5,11 +5,8 @@ Covered by `tests/plugins/tasks/file/imports/test_mesh.py`.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -22,16 +19,14 @@ from core.errors import UserError
 from core.geometry import Array, Mesh
 from core.robot.meshes import kept
 from core.scene import Color
-from core.support.scratch import temporary_folder
+from core.support.files import read_untrusted
+from core.support.sandbox import isolated
 from plugins.tasks.file.imports.convex import cut_bytes
 
 KINDS = (".glb", ".obj", ".stl")
 MAX_MB = 64
 MAX_PARTS = 32
-THRESHOLD = 0.05
-LIMIT_S = 600
 _LARGEST_M = 5.0
-REFUSED = "refused: "  # before what `plugins.tasks.file.imports.sandbox` has against a file
 
 
 @dataclass(frozen=True)
@@ -59,23 +54,23 @@ def read_inside(file: Path, folder: Path, kind: str, max_mb: float = MAX_MB) -> 
     """
     try:
         there = file.resolve()
-        if not there.is_relative_to(folder.resolve()):
-            raise UserError(f"{kind} {file} is not in folder {folder}; put it there, or give folder=")
-        if not there.is_file():
-            raise UserError(f"there is no {kind} {file}")
-        if (size := there.stat().st_size) > max_mb * 1e6:
-            raise UserError(f"{kind} {file} has {size / 1e6:.0f} MB; at most {max_mb:g} MB are read")
-        return there.read_bytes()
+        inside = there.is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError) as error:  # a name with a zero byte, links in a circle
         raise UserError(f"{kind} {str(file)[:200]!r} can't be read: {error}") from error
+    if not inside:
+        raise UserError(f"{kind} {file} is not in folder {folder}; put it there, or give folder=")
+    try:
+        return read_untrusted(there, int(max_mb * 1e6))
+    except UserError as error:
+        raise UserError(f"{kind} {error}") from error
 
 
 def load_solid(
     file: Path,
     folder: Path,
     scale: Sequence[float] = (1.0, 1.0, 1.0),
-    max_parts: int = MAX_PARTS,
-    threshold: float = THRESHOLD,
+    *,
+    drawn_only: bool = False,
     turn: Array | None = None,
 ) -> MeshSolid:
     """Read a mesh file, and cut it into convex parts unless it was cut before.
@@ -84,8 +79,7 @@ def load_solid(
         file: OBJ, STL or GLB.
         folder: where it must lie.
         scale: of x, y and z.
-        max_parts: at most; with 1 the part is the convex hull, with 0 the mesh is only drawn.
-        threshold: of CoACD, 0.01 to 1: how concave a part may be.
+        drawn_only: without convex parts.
         turn: (3, 3) a rotation, before the scale.
 
     Raises:
@@ -93,7 +87,8 @@ def load_solid(
     """
     if file.suffix.lower() not in KINDS:
         raise UserError(f"mesh {file} is of no kind that is read: {', '.join(KINDS)}; export it as one of them")
-    found = _cut(read_inside(file, folder, "mesh"), file.suffix.lower()[1:], max_parts, threshold, str(file))
+    data, kind = read_inside(file, folder, "mesh"), file.suffix.lower()[1:]
+    found = _cut(data, kind, 0 if drawn_only else MAX_PARTS, str(file))
     change = np.diag(np.asarray(scale, dtype=np.float64)) @ (np.eye(3) if turn is None else turn)
     flip = -1 if np.linalg.det(change) < 0 else 1
     drawn = []
@@ -121,8 +116,8 @@ def _hull(corners: Array) -> Mesh:
 
 
 @lru_cache(maxsize=64)
-def _cut(data: bytes, kind: str, max_parts: int, threshold: float, name: str) -> dict[str, Array]:
-    words = [kind, str(max_parts), str(threshold)]
+def _cut(data: bytes, kind: str, max_parts: int, name: str) -> dict[str, Array]:
+    words = [kind, str(max_parts)]
     key = " ".join([*words, ""]).encode() + data
     file = kept("imports", "npz", key, lambda: isolated(cut_bytes, f"mesh {name}", data, *words))
     try:
@@ -130,34 +125,3 @@ def _cut(data: bytes, kind: str, max_parts: int, threshold: float, name: str) ->
             return dict(found)
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise UserError(f"what mesh {name} was cut into can't be read; delete {file}") from error
-
-
-def isolated(function: Callable[..., bytes], what: str, data: bytes, *words: str) -> bytes:
-    """Call a module's function with untrusted data, and words, in a process of its own (`sandbox.py`).
-
-    Raises:
-        UserError: the function raises one, takes too long, or ends otherwise; it begins with ``what``.
-    """
-    with temporary_folder() as folder:
-        out = Path(folder) / "made"
-        called = ["plugins.tasks.file.imports.sandbox", function.__module__, function.__name__, *words, str(out)]
-        try:
-            done = subprocess.run(  # noqa: S603  # our own module
-                [sys.executable, "-P", "-m", *called],
-                input=data,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
-                timeout=LIMIT_S,
-                cwd=folder,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in sys.path)},
-                check=False,
-            )
-        except subprocess.TimeoutExpired as error:
-            mend = "reduce its triangles, or cut it into convex pieces yourself"
-            raise UserError(f"{what} takes more than {LIMIT_S:g} s to read; {mend}") from error
-        last = " ".join(done.stderr.decode("utf-8", "replace").splitlines()[-1:])
-        if last.startswith(REFUSED):
-            raise UserError(f"{what} {last.removeprefix(REFUSED)}")
-        if done.returncode or not out.exists():
-            raise UserError(f"{what} can't be read: the process ended with {done.returncode} {last[:200]}; repair it")
-        return out.read_bytes()

@@ -17,7 +17,7 @@ from core.robot.description import RESERVED
 from core.scene import Body, Geom, Joint
 from core.values.descriptions import Description, RobotJoint, RobotLink, RobotShape
 from core.values.urdf import MAX_BYTES, read_description, read_xml
-from plugins.tasks.file.imports.bodies import Imported, heavy_body, still_body
+from plugins.tasks.file.imports.bodies import Imported, joined_body
 from plugins.tasks.file.imports.solids import KINDS, load_solid, read_inside
 
 _READ = ("link", "joint", "material")
@@ -126,10 +126,10 @@ class _UrdfBodies:
         visuals = [geom for link, place in links for shape in link.visuals for geom in self._drawn(shape, place)]
         collisions = [geom for link, place in links for shape in link.collisions for geom in self._solid(shape, place)]
         name = self._prefix + head
-        if fixed:
-            return still_body(name, pose, visuals, collisions, self._friction) if visuals or collisions else None
-        weights = [link.inertial.placed(place) for link, place in links]
-        return heavy_body(name, pose, weights, visuals, collisions, self._friction, self._notes)
+        if fixed and not (visuals or collisions):
+            return None
+        mass = None if fixed else sum(link.inertial.mass for link, _ in links)
+        return joined_body(name, pose, mass, visuals, collisions, self._friction)
 
     def _drawn(self, shape: RobotShape, place: Pose) -> list[Geom]:
         if not isinstance(shape.shape, Path):
@@ -137,7 +137,7 @@ class _UrdfBodies:
         if shape.shape.suffix.lower() not in KINDS:
             self._notes.append(f"left out: what is drawn of {shape.shape.name}; {', '.join(KINDS)} are read")
             return []
-        solid = load_solid(shape.shape, self._folder, shape.scale, max_parts=0)
+        solid = load_solid(shape.shape, self._folder, shape.scale, drawn_only=True)
         return [Geom(mesh, place @ shape.origin.pose, own or shape.color or _GREY) for mesh, own in solid.drawn]
 
     def _solid(self, shape: RobotShape, place: Pose) -> list[Geom]:

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.scene import Scene
+from core.support import sandbox
 from plugins.conformance.worlds import FAR, GRAVITY
 from plugins.tasks.file import mjcf
 from plugins.tasks.file.building import with_starts
 from plugins.tasks.file.files import Files
-from plugins.tasks.file.imports import solids
 from plugins.tasks.file.mjcf import read_mjcf
 from tests.engines import every_simulator
 from tests.plugins.tasks.file.imports.conftest import called
@@ -169,7 +169,7 @@ ASSET = "<asset><mesh name='a' file='{}'/></asset>"
         (MESH, ASSET.format("/etc/passwd.stl"), "is not in folder"),
         (MESH, ASSET.format("../a.obj"), "is not in folder"),
         (MESH, "<compiler meshdir='/etc'/>" + ASSET.format("a.obj"), "is not in folder"),
-        (MESH, ASSET.format("https://x.org/a.obj"), "no mesh"),
+        (MESH, ASSET.format("https://x.org/a.obj"), "No such file"),
         (MESH, ASSET.format("a.xml"), "no kind that is read"),
         (MESH, "", "mesh 'a' not found"),
         ("<geom size='nan'/>", "", "nan size"),
@@ -210,7 +210,7 @@ def test_wild_input_is_read_or_refused(tmp_path_factory, body, before):
 
 def test_the_compiler_is_a_process_of_its_own(tmp_path, monkeypatch):
     """What it finds, what it refuses, and its crash come back."""
-    monkeypatch.setattr(mjcf, "isolated", solids.isolated)
+    monkeypatch.setattr(mjcf, "isolated", sandbox.isolated)
     written(tmp_path, '<body><freejoint/><geom size="0.1" mass="2"/></body>')
     assert Files(tmp_path).bodies("model.xml", "", fixed=True).bodies[0].mass == pytest.approx(2)
     with pytest.raises(UserError, match="size 0 must be positive"):

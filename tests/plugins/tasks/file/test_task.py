@@ -18,7 +18,8 @@ from plugins.conformance.suites import SUITES, examine
 from plugins.new.scenes import write_scene
 from plugins.tasks.file.task import FileTask
 from tests.engines import every_simulator, simulator
-from tests.plugins.tasks.file.mistakes import GOOD
+from tests.panda import on_panda
+from tests.plugins.tasks.file.test_mistakes import GOOD
 
 URDF = """<robot name="lever"><link name="base"/><link name="arm"><inertial><mass value="1"/>
 <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>
@@ -37,14 +38,14 @@ def task_of(folder, text, variation="none"):
 
 
 def test_the_scaffold_keeps_the_rules_for_tasks(scaffold):
-    verdicts = list(examine("task", FileTask(scaffold)))
+    verdicts = list(examine("task", on_panda(FileTask(scaffold))))
     assert [v for v in verdicts if v.problem is not None] == []
     assert len(verdicts) == len(SUITES["task"])
 
 
 @every_simulator
 def test_the_scaffold_is_simulated_and_drawn(scaffold, engine):
-    task = FileTask(scaffold, "near")
+    task = on_panda(FileTask(scaffold, "near"))
     still = JointTrajectory(np.zeros(1), arm_of(task.robot).home_for(task.home)[None], np.zeros(1))
     (outcome,) = simulator(engine).rollout(task, [Rollout(Tool(), still, 1, settle_s=0.2, hold_s=0.2)])
     assert outcome.error is None
@@ -145,5 +146,5 @@ def test_files_are_read_once(tmp_path):
     task = task_of(tmp_path, text, "near")
     (tmp_path / "brick.stl").unlink()
     assert task.scene(3)["ball"].mass == 0.2
-    with pytest.raises(UserError, match=r"there is no mesh"):
+    with pytest.raises(UserError, match=r"mesh .*can't be read: No such file"):
         FileTask(str(tmp_path / "scene.yaml"))
