@@ -18,41 +18,18 @@ from typing import Any, ClassVar, Protocol, TypeVar, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from core.design import TIE, Candidate, DesignError, Evaluation, Tool
-from core.design import Budget as Budget
-from core.design import Trial as Trial
+from core.design import TIE, Budget, Candidate, DesignError, Evaluation, Tool, Trial
 from core.errors import UsageError, UserError
-from core.scene import View as View
-from core.task import Task as Task
-from core.values.jobs import JointTrajectory as JointTrajectory
-from core.values.jobs import Outcome as Outcome
-from core.values.jobs import Perception as Perception
-from core.values.jobs import Pushes as Pushes
-from core.values.jobs import Recording as Recording
-from core.values.jobs import Rollout as Rollout
-from core.values.jobs import RolloutSettings as RolloutSettings
-from core.values.jobs import World as World
-from core.values.materials import PAPER as PAPER
-from core.values.materials import Material as Material
-from core.values.messages import Estimate as Estimate
-from core.values.messages import Message as Message
-from core.values.messages import Picture as Picture
-from core.values.messages import Reply as Reply
-from core.values.messages import Text as Text
-from core.values.numbers import Numbers as Numbers
-from core.values.numbers import Variable
-from core.values.observations import Contact as Contact
-from core.values.observations import Observation as Observation
-from core.values.plans import ActionPlan as ActionPlan
-from core.values.plans import Anchor as Anchor
-from core.values.plans import Seen as Seen
-from core.values.plans import Tempo as Tempo
-from core.values.plans import Waypoints as Waypoints
-from core.values.robots import ISO_9409_1_50 as ISO_9409_1_50
-from core.values.robots import Flange as Flange
-from core.values.robots import Gripper as Gripper
-from core.values.robots import Robot as Robot
-from core.values.spending import Spending as Spending
+from core.scene import View
+from core.task import Task
+from core.values.jobs import JointTrajectory, Outcome, Perception, Pushes, Recording, Rollout, RolloutSettings, World
+from core.values.materials import PAPER, Material
+from core.values.messages import Estimate, Message, Picture, Reply, Text
+from core.values.numbers import Numbers, Variable
+from core.values.observations import Contact, Observation
+from core.values.plans import ActionPlan, Anchor, Seen, Tempo, Waypoints
+from core.values.robots import ISO_9409_1_50, Flange, Gripper, Robot
+from core.values.spending import Spending
 
 Image = npt.NDArray[np.uint8]
 A = TypeVar("A")
@@ -384,3 +361,12 @@ class Executor(ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+__all__ = ["ActionRepresentation", "Brief", "Designer", "Evaluate", "EvolutionStrategy", "Executor", "Fitness"]
+__all__ += ["VLM", "GivenTools", "Request", "Simulator", "ToolRepresentation"]
+__all__ += ["Budget", "Task", "Trial", "View"]  # of core.design, core.task and core.scene; what follows of core.values
+__all__ += ["JointTrajectory", "Outcome", "Perception", "Pushes", "Recording", "Rollout", "RolloutSettings", "World"]
+__all__ += ["ActionPlan", "Anchor", "Contact", "Numbers", "Observation", "Seen", "Tempo", "Waypoints"]
+__all__ += ["ISO_9409_1_50", "PAPER", "Flange", "Gripper", "Material", "Robot"]
+__all__ += ["Estimate", "Message", "Picture", "Reply", "Spending", "Text"]

@@ -77,6 +77,10 @@ class Task(ABC):
         it gets what happened in between too (`Trace`).
         """
 
+    def reward_in_words(self) -> list[str]:
+        """Describe the reward in lines, for a model that can't read it in `source`; none of one in Python."""
+        return []
+
     def source(self) -> str:
         """Return the text of the file that defines the task."""
         return inspect.getsource(sys.modules[type(self).__module__])

@@ -29,7 +29,7 @@ from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text
 from core.robot.extents import outline
 from core.robot.trajectory import plan_motion
-from core.scene import Body, describe_goals
+from core.scene import Body
 from core.support.text import short_numbers
 
 SUFFIX = ".md.j2"
@@ -195,7 +195,7 @@ class PromptComposer:
             "action_rules": brief.actions.instructions(brief).strip(),
             "tool_rules": representation.instructions(brief).strip(),
             "task_source": task_source(task).rstrip("\n"),
-            "goals": describe_goals(task.goals, task.every) if task.language != "python" else [],
+            "goals": task.reward_in_words(),
             "layout": layout_table(task, brief.scene_seed),
             "vocabulary": f"{class_source(Task, *TASK)}\n\n{class_source(Body, *BODY)}",
             "helpers": helpers(task),

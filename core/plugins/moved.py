@@ -68,6 +68,7 @@ MOVED = {
     "core.robot.urdf.Shape": "core.values.descriptions.RobotShape",
     "core.robot.visuals": "core.robot.meshes",
     "core.robots": "core.values.robots",
+    "core.scene.describe_goals": "core.task.Task.reward_in_words",
     "core.scratch": "core.support.scratch",
     "core.search.teams": "core.search.agent_groups",
     "core.search.unseen": "core.search.holdout",

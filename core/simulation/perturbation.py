@@ -31,7 +31,7 @@ class Perturbed(Task):
     def __init__(self, task: Task, ranges: PerturbationRange, draw: int) -> None:
         # Class attributes of the wrapped task; an attribute of the object hides the class's.
         seen = ("name", "description", "goals", "every", "home", "camera", "success_reward", "hold_s", "variations")
-        names = (*seen, "variation", "_robot")
+        names = (*seen, "variation", "robot")
         vars(self).update({name: getattr(task, name) for name in names})
         self._task = task
         self._ranges = ranges

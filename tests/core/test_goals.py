@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.geometry import Pose
-from core.goals import describe_goals, goals_reward, needs_trace
+from core.goals import goals_reward, needs_trace
 from core.scene import Body, Box, Goal, Joint, Scene, State, Trace
 
 RED = (1, 0, 0, 1)
@@ -224,17 +224,3 @@ def test_what_must_not_be_touched():
         assert reward((goal, Goal(untouched=("cube",))), end, touched, every) == 0
         assert reward((goal, Goal(untouched=("cube",), max_force_n=4)), end, touched, every) == 1
         assert reward((goal, Goal(untouched=("cube",), max_force_n=2)), end, touched, every) == 0
-
-
-def test_goals_are_described_in_plain_words():
-    goals = (
-        Goal(joint="drawer", to=0.2, by_s=3, name="open"),
-        Goal(("cube", "other"), place=(0.7, None, 0), at="mark", any=True, after="open", rest=True),
-        Goal(untouched=("leaf",), max_force_n=5, keep=("other",)),
-    )
-    first, second, third, formula, count = describe_goals(goals, every=True)
-    assert first == "0. open: joint drawer must get to 0.2 m or rad; by 3 s after the motion begins"
-    assert "cube or other must get to (0.7, any y, 0) in the frame of mark; must end at rest; after goal open" in second
-    assert "must not press harder than 5 N on leaf" in third
-    assert "1 - d / d0" in formula
-    assert "mean" in count

@@ -6,7 +6,7 @@ import pytest
 
 from core.design import Tool
 from core.errors import UsageError, UserError
-from core.interfaces import Budget, EvolutionStrategy, Executor, GivenTools, Simulator, Task
+from core.interfaces import Budget, EvolutionStrategy, GivenTools, Simulator, Task
 from core.scene import Scene, table
 
 
@@ -39,16 +39,6 @@ class Bare(GivenTools):
         return Tool()
 
 
-class Here(Executor):
-    closed = False
-
-    def map(self, function, chunks):
-        return ((chunk, function(chunk)) for chunk in chunks)
-
-    def close(self):
-        self.closed = True
-
-
 def test_a_tasks_source_is_its_file():
     assert Stand().source() == Path(__file__).read_text()
 
@@ -72,10 +62,3 @@ def test_a_tie_is_a_finite_number(tie):
     assert Random(None, budget).tie == EvolutionStrategy.tie
     with pytest.raises(UsageError, match=f"evolution.tie must be 0 or greater, got {tie}"):
         Random(None, budget, tie)
-
-
-def test_an_executor_is_closed_after_its_block():
-    with Here() as executor:
-        assert list(executor.map(sum, [[1, 2]])) == [([1, 2], 3)]
-        assert not executor.closed
-    assert executor.closed

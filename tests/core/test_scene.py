@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.geometry import Box, Cylinder, Mesh, Pose, Sphere
-from core.scene import Body, Geom, Goal, Scene, State, floor, table
+from core.scene import Body, Geom, Scene, State, floor, table
 
 RED = (1, 0, 0, 1)
 
@@ -77,14 +77,6 @@ def test_a_mesh_weighs_as_its_convex_hull():
     np.testing.assert_allclose(tensor(inertia), np.diag(box_moments(2, 0.1, 0.2, 0.3)), atol=1e-9)
 
 
-def test_what_is_only_seen_weighs_nothing():
-    part = Geom(Box((0.1, 0.1, 0.1)))
-    ornament = Geom(Box((1, 1, 1)), Pose(np.array([5.0, 0, 0])))
-    inertia = Body("body", Pose(), 1.0, (part, ornament), (part,)).inertia()
-    np.testing.assert_allclose(inertia.frame.position, 0, atol=1e-12)
-    np.testing.assert_allclose(inertia.moments, box_moments(1, 0.1, 0.1, 0.1))
-
-
 # --- bodies and scenes ------------------------------------------------------------------------------------------
 
 
@@ -132,12 +124,6 @@ def test_the_table_has_its_top_at_zero():
     np.testing.assert_allclose(np.min(low, axis=0), [-0.15, -0.5, -0.625])
 
 
-@pytest.mark.parametrize("height", [-0.625, 0.0])
-def test_the_floor_has_its_face_at_its_height(height):
-    (slab,) = floor(height).collisions
-    assert slab.pose.position[2] + slab.shape.size[2] / 2 == pytest.approx(height)
-
-
 # --- states -----------------------------------------------------------------------------------------------------
 
 
@@ -177,12 +163,6 @@ def test_stacked_states_are_worlds_along_a_new_first_axis():
         np.testing.assert_array_equal(worlds.linear_velocity("a")[i], one.linear_velocities[0])
 
 
-def test_stacks_stack():
-    films = State.stack([State.stack([state(0), state(1)]), State.stack([state(2), state(3)])])
-    assert films.position("a").shape == (2, 2, 3)
-    np.testing.assert_array_equal(films.position("a")[1, 0], state(2).position("a"))
-
-
 def test_states_of_other_bodies_cannot_be_stacked():
     for states in ([state(0), state(0, ("b", "a"))], []):
         with pytest.raises(ValueError, match="same bodies"):
@@ -208,11 +188,3 @@ def test_a_completed_state_has_the_places_of_what_does_not_move():
 def test_a_body_that_the_state_does_not_speak_of():
     with pytest.raises(KeyError, match="no body 'c' that moves in the state; there are: a, b"):
         state(0).position("c")
-
-
-def test_goals_are_a_place_or_a_distance():
-    assert Goal(("cube",), place=(1, None, 0)).place == (1, None, 0)
-    assert Goal(("cube",), away=0.1).away == 0.1
-    for wrong in ({}, {"place": (0, 0, 0), "away": 0.1}):
-        with pytest.raises(ValueError, match="needs either place or away"):
-            Goal(("cube",), **wrong)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.scene import State
-from tasks.move_ball import RADIUS, START, TARGET, MoveBall
+from tasks.move_ball import TARGET, MoveBall
 
 TASK = MoveBall()
 BEFORE = TASK.scene(0).state()
@@ -20,15 +20,6 @@ def reward(*ends):
         for place, velocity in ends
     ]
     return TASK.reward(State.stack([BEFORE] * len(states)), State.stack(states)).tolist()
-
-
-def test_the_scene():
-    ball = TASK.scene(0)["ball"]
-    assert (RADIUS, START, TARGET) == (0.08, (0.6, 0.3, 0.08), (0.6, -0.3, 0.08))
-    assert ball.mass == 1
-    assert ball.collisions[0].shape.radius == 0.08
-    assert ball.rolling_friction > 0
-    np.testing.assert_allclose(TASK.scene(0)["mark"].pose.position, [0.6, -0.3, 0])
 
 
 def test_the_reward_is_the_fraction_of_the_way():

@@ -4,10 +4,7 @@
 
 import hashlib
 import itertools
-import json
 import math
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -41,7 +38,6 @@ TASKS = [name for name, benchmark in OFFERED.items() if benchmark == "robotoolbe
 HARD = [name for name, benchmark in OFFERED.items() if benchmark == "hardtoolbench"]
 MOVING = {"StopCart"}  # in which things move by themselves
 PROTOCOL = node(load("evaluate", ["protocol=varied"]).rollout, RolloutSettings)
-RANDOM_LAYOUT = {"CleanTable", "GatherSpheres", "SnatchCookie", "TurkeyLegs"}
 
 # n_agent, n_tool, n_action, k_top, reward_save, n_iteration
 PAPER = {
@@ -59,7 +55,6 @@ PAPER = {
 
 every_task = pytest.mark.parametrize("name", TASKS)
 every_task_of_both = pytest.mark.parametrize("name", [*TASKS, *HARD])
-LONG = {"GatherSpheres", "TurkeyLegs"}  # rollouts of seconds
 
 VARIATIONS = ("near", "wide")
 OTHERS = ("pybullet", "sapien")
@@ -84,10 +79,6 @@ def idle(name, engine):
 
 
 # --- what a task says of itself ---------------------------------------------------------------------------------
-
-
-def test_there_are_tasks():
-    assert {"BringCube", "OneBook"} <= set(TASKS)
 
 
 @every_task_of_both
@@ -161,12 +152,6 @@ def layout(name, seed, variation="none"):
     return digest.hexdigest()
 
 
-@every_task
-def test_only_random_layouts_look_at_the_seed(name):
-    layouts = {layout(name, seed) for seed in range(4)}
-    assert len(layouts) == (4 if name in RANDOM_LAYOUT else 1)
-
-
 @every_task_of_both
 @pytest.mark.parametrize("variation", VARIATIONS)
 def test_a_variation_draws_all_that_it_names(name, variation, monkeypatch):
@@ -182,16 +167,6 @@ def test_a_variation_draws_all_that_it_names(name, variation, monkeypatch):
 def test_a_variation_that_a_task_does_not_have():
     with pytest.raises(UserError, match=r"no variation 'far' in the task BringCube.*near, none, wide"):
         installed().create("task", "BringCube", variation="far")
-
-
-@pytest.mark.slow
-def test_a_seed_gives_the_same_scene_in_every_process():
-    code = (
-        "import json; from tests.tasks.test_tasks import TASKS, layout;"
-        "print(json.dumps({name: [layout(name, 0), layout(name, 3)] for name in TASKS}))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert json.loads(done.stdout) == {name: [layout(name, 0), layout(name, 3)] for name in TASKS}
 
 
 @every_task_of_both

@@ -16,6 +16,7 @@ from core.scene import Scene, State, Trace
 from core.values.layouts import NONE
 from plugins.tasks.file import building, files, tree
 from plugins.tasks.file import spec as schema
+from plugins.tasks.file.words import describe_goals
 
 VARYING = ("bodies", "imports", "marks", "joints")
 
@@ -117,6 +118,9 @@ class FileTask(Task):
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
         """Compute the reward that the goals stand for."""
         return core_goals.goals_reward(self, start, end, trace)
+
+    def reward_in_words(self) -> list[str]:
+        return describe_goals(self.goals, self.every)
 
     def source(self) -> str:
         return self._text

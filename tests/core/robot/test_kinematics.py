@@ -5,9 +5,7 @@ from hypothesis import strategies as st
 
 from core.errors import UserError
 from core.geometry import Pose
-from core.plugins import installed
 from core.robot import kinematics
-from core.robot.kinematics import arm_of
 from tests.panda import ARM, HOME_JOINTS
 
 seeds = st.integers(0, 2**32 - 1)
@@ -66,28 +64,9 @@ def test_whatever_is_asked_for_limits_hold_and_the_miss_is_told_truthfully(xyz, 
     )  # never worse than the seed
 
 
-@pytest.mark.parametrize("x", [0.9, 1.2, 2.0])
-def test_out_of_reach_the_arm_comes_close(x):
-    pose = Pose.xyz_rpy((x, 0, 0.333))
-    solution = ARM.inverse(pose, ARM.home)
-    reach = 0.9  # of the flange from the shoulder, about
-    assert solution.error_m > 1e-3
-    assert solution.error_m < x - reach + 0.15
-
-
-def test_a_seed_beyond_the_limits_is_no_harm():
-    solution = ARM.inverse(Pose.xyz_rpy((0.5, 0, 0.4)), np.full(7, 100.0))
-    assert within_limits(solution.joints)
-
-
 def test_a_home_out_of_reach():
     with pytest.raises(UserError, match=r"robot panda can't reach the task's home \(2, 0, 0\), by 1\.\d\d\d m"):
         ARM.home_for(Pose.xyz_rpy((2, 0, 0)))
-
-
-def test_one_arm_per_process():
-    one, other = (installed().create("robot", "panda") for _ in range(2))
-    assert arm_of(one) is arm_of(other)
 
 
 @pytest.mark.slow

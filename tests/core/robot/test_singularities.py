@@ -89,7 +89,3 @@ def test_from_knot_to_knot_no_joint_turns_by_more_than_the_limit(arm):
     assert np.abs(np.diff(kept, axis=0)).max() <= arm.jump_rad + 1e-12
     assert 0.001 < errors[:, 1].max() < 0.2
     assert errors[-1].max() < 1e-3, "behind the singularity it is back on its way"
-
-
-def test_an_arm_with_a_spare_joint_needs_no_limit():
-    assert arm_of(installed().create("robot", "panda")).jump_rad == np.inf

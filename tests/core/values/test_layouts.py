@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from core.errors import UsageError
 from core.scene import Goal
-from core.values.layouts import Draw, around, describe_ranges
+from core.values.layouts import Draw, around
 from tasks.dislodge_cube import DislodgeCube
 
 RANGES = {**around("cube", (0.5, 0.1, 0.0), 0.1, 0.2), "cube.mass": (1.0, 2.0)}
@@ -22,12 +22,6 @@ def test_a_number_is_in_its_range_and_depends_on_seed_and_name_alone(seed):
 def test_what_has_no_range_keeps_its_value():
     pose = Draw({"cube.y": (3.0, 3.0)}, 0).pose("cube", (1.0, 2.0, 0.5))
     assert (*pose.position, *pose.rpy) == (1.0, 3.0, 0.5, 0.0, 0.0, 0.0)
-
-
-def test_ranges_in_words():
-    assert describe_ranges({"cube.x": (0.85, 1.05), "cube.mass": (0.5, 1.5)}) == (
-        "cube.x from 0.85 to 1.05, cube.mass from 0.5 to 1.5"
-    )
 
 
 def test_a_task_without_variations_takes_none_alone():

@@ -2,7 +2,6 @@
 
 import json
 import re
-import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from core.design import Component, Tool
 from core.designs.reading import load_designs, read_designs
 from core.designs.rules import SpawnRules
 from core.errors import UsageError, UserError
-from core.evaluate import evaluate
 from core.geometry import Box, Capsule, Cylinder, Mesh, Pose, Sphere
 from core.plugins import installed
 from core.search.orchestration import run
@@ -63,12 +61,6 @@ def test_a_box_is_weighed_by_its_walls_and_infill():
 def test_no_component_weighs_more_than_solid_or_less_than_its_infill(shape, infill, wall_mm):
     volume = Material("m", 1000, infill, wall_mm).volume_of(shape)
     assert infill * shape.volume * (1 - 1e-9) <= volume <= shape.volume * (1 + 1e-9)
-
-
-def test_walls_of_other_shapes_count_by_their_area():
-    ball = Sphere(0.05)
-    thin = Material("m", 1000, 0.01, 0.1).volume_of(ball) - 0.01 * ball.volume
-    assert thin == pytest.approx(0.99 * ball.area * 1e-4)
 
 
 def test_paper_leaves_a_tool_as_it_is():
@@ -130,18 +122,6 @@ def test_a_configuration_without_a_material_means_paper():
     assert tool_part(OmegaConf.create({"tool": {"name": "urdf"}})).create().material == PAPER
 
 
-def test_the_solution_of_bring_cube_in_pla():
-    tried = {}
-    for name in ("paper", "pla"):
-        words = ["task=BringCube", f"designs={SOLUTION}", f"material={name}", "executor.workers=1"]
-        (tried[name],) = evaluate(load("evaluate", words))
-    assert tried["paper"].candidate.tool.mass == pytest.approx(0.025)
-    assert tried["pla"].candidate.tool.mass == pytest.approx(0.555, abs=1e-3)
-    assert tried["pla"].status == "ok"
-    assert tried["pla"].reward > 0.9
-    assert tried["pla"].reward != tried["paper"].reward  # its weight is simulated
-
-
 def test_a_given_tool_is_weighed():
     words = ["task=BringCube", "tool=rlbench", "material=pla", "executor.workers=1"]
     representation = tool_part(load("evaluate", words)).create()
@@ -182,16 +162,3 @@ def test_a_stored_run_is_read_with_its_material(ran):
     assert configured([f"designs={folder}"]).material.infill == 0.3
     assert configured([f"designs={folder}", "material=steel"]).material == load("evaluate", ["material=steel"]).material
     assert configured([f"designs={folder}", "material.infill=1"]).material.infill == 1
-
-
-def test_a_run_of_before_is_of_paper(ran, tmp_path):
-    """Its configuration has no material."""
-    folder = tmp_path / "run"
-    folder.mkdir()
-    (folder / "run.sqlite").write_bytes((ran[0] / "run.sqlite").read_bytes())
-    with sqlite3.connect(folder / "run.sqlite") as database:
-        ((config,),) = database.execute("SELECT config FROM run").fetchall()
-        config = {key: value for key, value in json.loads(config).items() if key != "material"}
-        database.execute("UPDATE run SET config = ?, checksum = NULL", [json.dumps(config)])
-    database.close()
-    assert configured([f"designs={folder}"]).material == load("evaluate", []).material

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry import Box, Capsule, Compound, Cylinder, Mesh, Sphere
+from core.geometry import Box, Capsule, Compound, Cylinder, Sphere
 from core.values.shapes import resized
 from plugins.conformance.shapes import bowl, prism
 
@@ -41,10 +41,3 @@ def test_what_is_round_stays_round(shape):
 
 def test_a_capsule_is_at_least_its_ends():
     assert resized(Capsule(0.1, 0.1), (0.2, 0.2, 0.1)).length > 0
-
-
-def test_equal_meshes():
-    assert prism(5, 0.1, 0.2) == prism(5, 0.1, 0.2)
-    assert hash(bowl(0.1, 0.01)) == hash(bowl(0.1, 0.01))
-    assert prism(5, 0.1, 0.2) != prism(5, 0.1, 0.3)
-    assert prism(5, 0.1, 0.2) != Mesh(prism(5, 0.1, 0.2).vertices, prism(5, 0.1, 0.2).faces[::-1])

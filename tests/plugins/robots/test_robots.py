@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from core.errors import UserError
 from core.geometry import Pose
 from core.plugins import RobotPart, installed
 from core.robot.kinematics import arm_of
@@ -38,18 +37,6 @@ def test_home_is_the_tasks(name):
     robot = RobotPart("robot", name, base=BASES.get(name, (0.0,) * 4)).create()
     arm = arm_of(robot)
     assert np.abs(arm.home_for(HOME) - arm.home).max() < 1e-3
-
-
-def test_the_shortest_arm_needs_another_place():
-    with pytest.raises(UserError, match=r"robot z1 can't reach the task's home .* place it elsewhere with robot.base"):
-        arm_of(installed().create("robot", "z1")).home_for(HOME)
-
-
-def test_mass_of_what_is_dropped_is_dropped():
-    """Kinova's hand and fingers weigh 1 kg; the disc in their place a tenth."""
-    links = installed().create("robot", "kinova").description.links
-    assert not [link for link in links if "finger" in link]
-    assert links["j2s6s200_link_6"].inertial.mass == pytest.approx(0.098, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", NAMES)

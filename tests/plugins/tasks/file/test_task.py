@@ -14,9 +14,11 @@ from core.geometry import Box, Capsule, Mesh
 from core.interfaces import JointTrajectory, Rollout
 from core.plugins import TaskPart
 from core.robot.kinematics import arm_of
+from core.scene import Goal
 from plugins.conformance.suites import SUITES, examine
 from plugins.new.scenes import write_scene
 from plugins.tasks.file.task import FileTask
+from plugins.tasks.file.words import describe_goals
 from tests.engines import every_simulator, simulator
 from tests.panda import on_panda
 from tests.plugins.tasks.file.test_mistakes import GOOD
@@ -148,3 +150,17 @@ def test_files_are_read_once(tmp_path):
     assert task.scene(3)["ball"].mass == 0.2
     with pytest.raises(UserError, match=r"mesh .*can't be read: No such file"):
         FileTask(str(tmp_path / "scene.yaml"))
+
+
+def test_goals_are_described_in_plain_words():
+    goals = (
+        Goal(joint="drawer", to=0.2, by_s=3, name="open"),
+        Goal(("cube", "other"), place=(0.7, None, 0), at="mark", any=True, after="open", rest=True),
+        Goal(untouched=("leaf",), max_force_n=5, keep=("other",)),
+    )
+    first, second, third, formula, count = describe_goals(goals, every=True)
+    assert first == "0. open: joint drawer must get to 0.2 m or rad; by 3 s after the motion begins"
+    assert "cube or other must get to (0.7, any y, 0) in the frame of mark; must end at rest; after goal open" in second
+    assert "must not press harder than 5 N on leaf" in third
+    assert "1 - d / d0" in formula
+    assert "mean" in count
