@@ -73,11 +73,6 @@ class Trace:
         found: Array = np.where(self.contact(body, by), self.times, np.inf).min(axis=-1)
         return found
 
-    def last_s(self, body: str, by: str | None = None) -> Array:
-        """Find when a body was last touched, s, (...); -inf: never."""
-        found: Array = np.where(self.contact(body, by), self.times, -np.inf).max(axis=-1)
-        return found
-
     def force_n(self, body: str, by: str | None = None) -> Array:
         """Find the largest mean normal force between a body and one other thing, N, (...); the tool is one thing.
 

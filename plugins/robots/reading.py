@@ -64,7 +64,7 @@ class ArmSettings:
 
     Attributes:
         path: a URDF file, or one whose name ends in ``.xacro``.
-        home: joints (J,) from the base on, or by name, radians; there the flange looks down.
+        home: joints (J,) from the base on, radians; there the flange looks down.
         flange: the link that bears tools; None: the only one that bears no other link.
         title: as people call it; empty: the name in the description.
         mount_rpy: how the mount is turned in the flange's frame, radians; None: by right angles, so that its axes at
@@ -79,7 +79,7 @@ class ArmSettings:
     """
 
     path: Path
-    home: list[float] | dict[str, float]
+    home: list[float]
     flange: str | None = None
     title: str = ""
     mount_rpy: tuple[float, float, float] | None = None
@@ -93,12 +93,7 @@ class ArmSettings:
 
 
 def read_robot(
-    path: Path,
-    home: Sequence[float] | Mapping[str, float],
-    flange: str | None = None,
-    *,
-    name: str = "urdf",
-    **settings: Any,
+    path: Path, home: Sequence[float], flange: str | None = None, *, name: str = "urdf", **settings: Any
 ) -> Robot:
     """Make a robot of a file. Its base is the only link that has no parent.
 
@@ -113,7 +108,7 @@ def read_robot(
         UserError: the file or something in it can't be used; says what, where, and how to mend it.
     """
     path = path.expanduser().absolute()
-    chosen = ArmSettings(path, dict(home) if isinstance(home, Mapping) else list(home), flange, **settings)
+    chosen = ArmSettings(path, list(home), flange, **settings)
     description = read_description(
         _text(path, chosen.arguments or {}), path, tuple(chosen.without or ()), taken=RESERVED
     )
@@ -228,17 +223,10 @@ def _limit(joint: RobotJoint, name: str, unit: str) -> float:
     return value
 
 
-def _home(home: Sequence[float] | Mapping[str, float], arm: Sequence[RobotJoint]) -> tuple[float, ...]:
-    names = [joint.name for joint in arm]
-    if isinstance(home, Mapping):
-        for name in home:
-            if name not in names:
-                raise choices("joint", name, names, "home")
-        if missing := [name for name in names if name not in home]:
-            raise UsageError(f"home lacks {', '.join(missing)}")
-        home = [home[name] for name in names]
+def _home(home: Sequence[float], arm: Sequence[RobotJoint]) -> tuple[float, ...]:
     if len(home) != len(arm):
-        raise UsageError(f"home has {len(home)} numbers for {len(arm)} joints: {', '.join(names)}")
+        names = ", ".join(joint.name for joint in arm)
+        raise UsageError(f"home has {len(home)} numbers for {len(arm)} joints: {names}")
     for value, joint in zip(home, arm, strict=True):
         lower, upper = joint.range
         if not lower <= value <= upper:

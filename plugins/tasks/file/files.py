@@ -35,7 +35,6 @@ class Files:
         Raises:
             UserError: it can't be used.
         """
-        self._check(name)
         if Path(name).suffix.lower() in HOLDING:
             raise UserError(f"{name} holds bodies of its own; name it under imports, not as the shape of a body")
         if (name, scale) not in self._read:
@@ -49,7 +48,6 @@ class Files:
         Raises:
             UserError: it can't be used.
         """
-        self._check(name)
         file, kind = self.folder / name, Path(name).suffix.lower()
         if kind not in HOLDING:
             raise UserError(f"{name} is no {', '.join(HOLDING)}; a mesh is the `file` of a body, not an import")
@@ -67,11 +65,3 @@ class Files:
         self._read[key] = found
         for note in found.notes:
             _warn_once(f"{self.folder / str(key[0])}: {note}")
-
-    def _check(self, name: str) -> None:
-        try:
-            inside = (self.folder / name).resolve().is_relative_to(self.folder.resolve())
-        except (OSError, ValueError, RuntimeError) as error:  # a zero byte, links in a circle
-            raise UserError(f"{name!r} can't be a file's name: {error}") from error
-        if not inside:
-            raise UserError(f"{name} is not in the scene's folder; put it there")

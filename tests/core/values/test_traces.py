@@ -66,7 +66,6 @@ def test_what_touches_a_body_and_when(body, by, instants):
     assert ONE.touched(body, by) == bool(instants)
     assert ONE.touching_at_end(body, by) == (3 in instants)
     assert ONE.first_s(body, by) == (instants[0] / 25 if instants else np.inf)
-    assert ONE.last_s(body, by) == (instants[-1] / 25 if instants else -np.inf)
     assert not NEVER.touched(body, by)
     many = both()
     assert many.touched(body, by).tolist() == [bool(instants), False]

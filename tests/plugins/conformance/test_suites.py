@@ -18,6 +18,7 @@ from core.scene import Body, Box, Goal, Scene, Sphere, floor, goals_reward, tabl
 from plugins.conformance import command as conformance
 from plugins.conformance.suites import SUITES, examine, subject
 from plugins.conformance.worlds import GREY
+from tests.panda import on_panda
 
 PARTS = [("task", name) for name in installed().ready("task")]
 PARTS += [("tool", name) for name in installed().names("tool")]
@@ -41,7 +42,7 @@ def test_built_in_parts_conform(kind, name):
 
 
 def test_a_task_whose_reward_reads_a_trace_conforms():
-    problems = {verdict.check: verdict.problem for verdict in examine("task", Grasp())}
+    problems = {verdict.check: verdict.problem for verdict in examine("task", on_panda(Grasp()))}
     assert {check: problem for check, problem in problems.items() if problem is not None} == {}
 
 

@@ -90,9 +90,8 @@ def test_packages_are_found_in_ros_paths(changed, file, monkeypatch, tmp_path):
     changed(change)
 
 
-def test_home_by_name_and_a_flange_that_is_the_only_end(file):
-    by_name = {f"joint_{n}": value for n, value in reversed(list(enumerate(HOME, 1)))}
-    assert read_robot(file, by_name) == read_robot(file, HOME, FLANGE)
+def test_a_flange_that_is_the_only_end(file):
+    assert read_robot(file, HOME) == read_robot(file, HOME, FLANGE)
 
 
 def test_a_mount_turned_by_hand(changed):

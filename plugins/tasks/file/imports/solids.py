@@ -58,7 +58,7 @@ def read_inside(file: Path, folder: Path, kind: str, max_mb: float = MAX_MB) -> 
     except (OSError, ValueError, RuntimeError) as error:  # a name with a zero byte, links in a circle
         raise UserError(f"{kind} {str(file)[:200]!r} can't be read: {error}") from error
     if not inside:
-        raise UserError(f"{kind} {file} is not in folder {folder}; put it there, or give folder=")
+        raise UserError(f"{kind} {file} is not in folder {folder}; put it there")
     try:
         return read_untrusted(there, int(max_mb * 1e6))
     except UserError as error:

@@ -72,7 +72,7 @@ def test_a_link_that_leads_out_of_the_folder_is_not_followed(file, tmp_path_fact
     outside.write_bytes(b"solid")
     (file.parent / "ball.stl").symlink_to(outside)
     text = GOOD.replace("sphere: {radius: 0.04}", "file: ball.stl")
-    assert refused(file, text) == "line 15: bodies[2]: ball.stl is not in the scene's folder; put it there"
+    assert "ball.stl is not in folder" in refused(file, text)
 
 
 @pytest.fixture(scope="module")
