@@ -13,6 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from core.errors import UsageError, UserError
+from core.support.files import read_untrusted
 from core.support.secrets import holds_secret, is_secret_name
 from core.support.text import clean
 
@@ -110,12 +111,11 @@ def read_stored_yaml(file: Path) -> dict[str, Any]:
     if file.is_symlink() or file.parent.is_symlink():
         raise UserError(f"{file} is a link, which is not followed")
     try:
-        with file.open("rb") as stream:
-            text = stream.read(MAX_BYTES + 1).decode()
-        if len(text) > MAX_BYTES or any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
+        text = read_untrusted(file, MAX_BYTES).decode()
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
             raise UserError(f"{file} can't be used: it is too large")  # a few aliases may unfold to gigabytes
         config = OmegaConf.to_container(OmegaConf.create(text))
-    except (OmegaConfBaseException, yaml.YAMLError, OSError, ValueError, RecursionError) as error:
+    except (OmegaConfBaseException, yaml.YAMLError, ValueError, RecursionError) as error:
         why = str(error).strip().partition("\n")[0]
         raise UserError(f"{file} can't be used: {clean(why, 200)}") from error
     if not isinstance(config, dict):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-import stat
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
@@ -58,9 +57,10 @@ _REFUSALS = {
 }
 # What runs write, as patterns; a folder comes before what is in it.
 _WRITTEN = (
-    *("run.sqlite*", "run.lock", "result.json*", "scene.png", "recording.rrd"),
+    *("run.sqlite*", "run.lock", "result.json*", "scene.png", "recording.rrd", "task.*"),
     *(f"{name}{below}" for name in (".hydra", "requests", "replies", "best") for below in ("", "/*", "/*/*")),
 )
+MOST_BYTES = 4_000_000_000  # of a store
 _PATIENCE_S = 10.0  # with another process that has the file open, such as a SQLite shell
 _sound: set[object] = set()  # the states of files that this process has checked
 
@@ -94,8 +94,7 @@ def refuse_links(folder: Path) -> None:
     """
     for name in _WRITTEN:
         for path in folder.glob(name):
-            kind = path.lstat().st_mode
-            if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
+            if path.is_symlink() or not (path.is_file() or path.is_dir()):
                 raise UserError(f"{path} is a link or a device, and a run writes only within its folder; remove it")
 
 
@@ -109,13 +108,15 @@ def reading(folder: Path) -> Iterator[sqlite3.Connection]:
         UserError: the folder holds no store, or it can't be read or is damaged; raised for the statements within as
             well.
     """
-    file = folder / FILE
-    if not file.is_file():
-        raise UserError(f"{folder} holds no run: there is no {FILE} in it")
-    log, index = (file.with_name(f"{FILE}-{what}") for what in ("wal", "shm"))
-    if any(path.is_symlink() for path in (file, log, index)):
-        raise UserError(f"{file} is a link, which is not followed")
+    file, log, index = (folder / name for name in (FILE, f"{FILE}-wal", f"{FILE}-shm"))
     try:
+        if not (file.exists() or file.is_symlink()):
+            raise UserError(f"{folder} holds no run: there is no {FILE} in it")
+        for path in (file, log, index):
+            if path.is_symlink() or (path.exists() and not path.is_file()):
+                raise UserError(f"{path} is a link or a device, which is not read")
+            if (mark := file_mark(path)) is not None and mark.size > MOST_BYTES:
+                raise UserError(f"{path} has {mark.size / 1e9:.1f} GB; at most {MOST_BYTES / 1e9:g} GB are read")
         with tempfile.TemporaryDirectory() as scratch:
             at, mode = file, "mode=ro"
             if not log.exists():

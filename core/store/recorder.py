@@ -29,8 +29,8 @@ from core.hooks import hookimpl
 from core.interfaces import Picture, Reply, Request, Task, Text
 from core.store.database import FILE, SCHEMA_VERSION, Database, writing
 from core.store.progress import FIGURES, StoredProgress, digest
-from core.store.rows import dump_details, dump_plan
-from core.support.files import write_whole
+from core.store.rows import MAX_BYTES, dump_details, dump_plan
+from core.support.files import read_untrusted, write_whole
 from core.support.secrets import scrub
 
 _log = logging.getLogger(__name__)
@@ -146,7 +146,7 @@ class RunStore:
         with writing(self.folder):
             if not file.exists():
                 _write(file, text)
-            elif file.read_text(encoding="utf-8") != text:
+            elif read_untrusted(file, MAX_BYTES) != text.encode():
                 what = f"the file of the task {task.name} has changed since the run in {self.folder} began"
                 raise UserError(f"{what}; put it back from {file}, or begin a new run")
 

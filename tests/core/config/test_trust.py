@@ -1,6 +1,7 @@
 """No key gets into a run's files, and nothing in another's run is resolved, followed or called."""
 
 import itertools
+import os
 import shutil
 from pathlib import Path
 
@@ -150,8 +151,12 @@ def test_hydras_file_of_a_run_is_read_within_limits(tmp_path):
     laughs += "".join(f"{b}: &{b} [{','.join([f'*{a}'] * 9)}]\n" for a, b in itertools.pairwise("abcdefghi"))
     for text in (laughs, "a: 1\n" * 50_000, "[" * 5000, "- 1", "a: ${", "\x00", "a: {"):
         file.write_text(text)
-        with pytest.raises(UserError, match="can't be used"):
+        with pytest.raises(UserError, match=r"can't be used|are read"):
             read_stored_yaml(file)
+    file.unlink()
+    os.mkfifo(file)
+    with pytest.raises(UserError, match="is no regular file"):
+        read_stored_yaml(file)
     secret = tmp_path / "secret.yaml"
     secret.write_text("a: 1")
     file.unlink()

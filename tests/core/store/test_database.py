@@ -1,14 +1,16 @@
 """Reading a store that another process writes, that a killed process left, or that can't be written."""
 
 import json
+import os
 import shutil
 
 import pytest
 
 from core.errors import UserError
 from core.plugins import installed
-from core.store.database import FILE, Database, reading
+from core.store.database import FILE, MOST_BYTES, Database, reading
 from core.store.reader import stored_config
+from core.store.recorder import RunStore
 from plugins.results.pages.runs import read_run
 from plugins.transfer import configured
 from tests.core.run_folders import write_run
@@ -90,3 +92,26 @@ def test_a_statement_that_fails_is_one_line_too(tmp_path):
     folder = write_run(tmp_path / "run")
     with pytest.raises(UserError, match=r"run.sqlite can't be read: no such table: songs"), reading(folder) as database:
         database.execute("SELECT * FROM songs")
+
+
+@pytest.mark.parametrize("name", [FILE, f"{FILE}-wal", f"{FILE}-shm", "task.yaml", "replies/g0-a0.txt"])
+def test_a_pipe_in_a_run_folder_is_not_waited_for(tmp_path, name):
+    """Whoever opened it would wait without end."""
+    folder = write_run(tmp_path / "run")
+    (folder / name).unlink(missing_ok=True)
+    os.mkfifo(folder / name)
+    if name.startswith(FILE):
+        for read in (rewards, stored_config):
+            with pytest.raises(UserError, match=f"{name} is a link or a device"):
+                read(folder)
+    with pytest.raises(UserError, match=f"{name} is a link or a device"):
+        RunStore.open(folder)
+
+
+def test_a_store_that_is_too_large_is_not_read(tmp_path):
+    folder = write_run(tmp_path / "run")
+    with (folder / FILE).open("r+b") as file:
+        file.truncate(MOST_BYTES + 1)  # sparse
+    for read in (rewards, RunStore.open):
+        with pytest.raises(UserError, match=r"run\.sqlite has 4\.0 GB; at most 4 GB are read"):
+            read(folder)
