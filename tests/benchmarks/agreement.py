@@ -1,7 +1,7 @@
 """Do engines agree? ``python -m tests.benchmarks.agreement sims=pybullet,sapien designs=100 tasks=BringCube,OneBook``.
 
 For every task the same designs in every engine: the rank correlation of their rewards, and how many of the good ones
-stay good. Results are kept in ``folder`` and not measured again; ``page=docs/agreement.md`` writes the table there.
+stay good. Results are kept in ``folder`` and not measured again;
 """
 
 from __future__ import annotations
@@ -9,21 +9,18 @@ from __future__ import annotations
 import itertools
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from core.designs.rules import SpawnRules
-from core.plugins import installed
 from core.simulation.robustness import engines
 from core.support.cli import arguments, command
 from tests.benchmarks import measuring
-from tests.benchmarks.loosening import loosened
 from tests.benchmarks.measuring import kept_share, mean, number, share
 
 USAGE = (
     "usage: python -m tests.benchmarks.agreement [sims=NAME,NAME,...] [tasks=NAME,...] [designs=N] [by=NAME] [seed=N] "
-    "[workers=N] [folder=DIR] [page=FILE.md] [estimate=true] [loose=true]"
+    "[workers=N] [folder=DIR]"
 )
 
 CORRELATIONS = ("rank_correlation", "of_first_sampling", "of_offspring")
@@ -31,9 +28,8 @@ CORRELATIONS = ("rank_correlation", "of_first_sampling", "of_offspring")
 
 @dataclass
 class Settings:
-    """``by``: the engine that the designs are evolved in, by default the first of ``sims``. ``estimate``: only print
-    how long it will take. ``loose``: their tools are made round, and the heads hang on joints (`loosening`); the table
-    goes to a place of its own.
+    """``by``: the engine that the designs are evolved in, by default the first of ``sims``, which may have settings, as
+    ``{name: pybullet, time_step: 0.004}``.
     """
 
     sims: list[Any] = field(default_factory=lambda: ["pybullet", "sapien"])
@@ -43,9 +39,6 @@ class Settings:
     seed: int = 0
     workers: int | None = None
     folder: str = "measured"
-    page: str | None = None
-    estimate: bool = False
-    loose: bool = False
 
 
 def main() -> None:
@@ -53,17 +46,11 @@ def main() -> None:
     names, sims, folder = measuring.tasks(given.tasks), engines(given.sims), Path(given.folder)
     designer = engines([given.by])[given.by] if given.by is not None else next(iter(sims.values()))
     workers = measuring.workers(given.workers)
-    measuring.estimate(names, sims, designer, given.designs, workers, folder)
-    if given.estimate:
-        return
     rows = []
     with measuring.executor(workers) as executor:
         for name in names:
             designs = measuring.designs(name, given.designs, designer.name, given.seed, workers, folder)
-            kept = folder
-            if given.loose:
-                designs, kept = loose(designs), folder / "loose"
-            records = {shown: measuring.rewards(designs, sim, shown, executor, kept) for shown, sim in sims.items()}
+            records = {shown: measuring.rewards(designs, sim, shown, executor, folder) for shown, sim in sims.items()}
             for one, other in itertools.combinations(sims, 2):
                 row = measuring.compare(records[one]["rewards"], records[other]["rewards"], designs.first)
                 rows.append({"task": name, "engines": [one, other], **row})
@@ -73,16 +60,6 @@ def main() -> None:
     )
     measuring.save(folder / "agreement.json", rows)
     sys.stdout.write(table)
-    if given.page is not None:
-        measuring.write_page(Path(given.page), "loose" if given.loose else "agreement", table)
-
-
-def loose(designs: measuring.Designs) -> measuring.Designs:
-    """Return the designs that can be made loose, so made."""
-    first = dict(zip((candidate.key for candidate in designs.candidates), designs.first, strict=True))
-    spawn = SpawnRules(installed().create("task", designs.task), designs.seed)
-    made = loosened(designs.candidates, spawn, designs.seed)
-    return replace(designs, candidates=made, first=tuple(first[candidate.key] for candidate in made))
 
 
 def markdown(one: str, other: str, rows: Sequence[dict[str, Any]]) -> str:

@@ -2,7 +2,7 @@
 
 Each task's reference solution, and designs of the embedded designer, are tried with the search for penetrations and for
 self-collision and without, in turns. All times are processor time of one thread, the smallest of ``repeats``, so that
-other work on the machine matters little. ``page=docs/performance_explained.md`` writes the table there.
+other work on the machine matters little.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import core.simulation.rollout
 from core.design import Candidate
@@ -24,10 +23,7 @@ from core.support.cli import arguments, command
 from tests.benchmarks import measuring, throughput
 from tests.benchmarks.clocked import Clock
 
-USAGE = (
-    "usage: python -m tests.benchmarks.checks [tasks=NAME,...] [sim=NAME] [tools=N] [plans=N] [repeats=N] [seed=N] "
-    "[page=FILE.md]"
-)
+USAGE = "usage: python -m tests.benchmarks.checks [tasks=NAME,...] [sim=NAME] [tools=N] [plans=N] [repeats=N] [seed=N] "
 
 PENETRATION = ("findings", "sample_hz", "thinnest")  # and the sampling that it needs
 SELF_COLLISION = "find_self_collision"
@@ -43,7 +39,6 @@ class Settings:
     plans: int = 4
     repeats: int = 5
     seed: int = 0
-    page: str | None = None
 
 
 @dataclass(frozen=True)
@@ -77,8 +72,6 @@ def main() -> None:
         measuring.console.print(line(*rows[-1]), highlight=False)
     table = markdown(rows)
     sys.stdout.write(table)
-    if given.page is not None:
-        measuring.write_page(Path(given.page), "checks", table)
 
 
 def chunks(name: str, given: Settings) -> list[list[Candidate]]:

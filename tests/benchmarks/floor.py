@@ -5,7 +5,7 @@ down: the bare hand is driven down to the table. sweep: it is swept through a bo
 directions; the best of these. random: ``count`` tools, chains of boxes or boxes on the fingers, with a few waypoints
 beside, in and beyond such a body; every other plan is anchored to it. All but these see the layout exactly.
 
-Rewards are kept in ``folder``, task by task. ``page=FILE.md`` gets the table. Run by hand.
+Rewards are kept in ``folder``, task by task.  Run by hand.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from tests.benchmarks.layouts import Trial
 
 USAGE = (
     "usage: python -m tests.benchmarks.floor [tasks=NAME,...] [count=N] [sim=NAME] [protocol=NAME] [workers=N] "
-    "[folder=DIR] [page=FILE.md]"
+    "[folder=DIR]"
 )
 DIRECTIONS, AWAY_M, DRAWS = 8, 0.25, 200
 
@@ -52,7 +52,6 @@ class Settings:
     protocol: str = "varied"
     workers: int = 1
     folder: str = "floor"
-    page: str | None = None
 
 
 def main() -> None:
@@ -74,8 +73,6 @@ def main() -> None:
             measuring.console.print(rows[-1], highlight=False)
     table = "\n".join([*rows, ""])
     sys.stdout.write(table)
-    if given.page is not None:
-        measuring.write_page(Path(given.page), "floor", table)
 
 
 def row(task: str, rewards: dict[str, float]) -> str:

@@ -27,7 +27,7 @@ from core.support.cli import command
 from plugins.fitness.layouts.fitness import UNSEEN
 from tests.benchmarks import layouts, measuring
 from tests.benchmarks.floor import DIRECTIONS, anchored, sweeps
-from tests.benchmarks.neighbours import HARD
+from tests.benchmarks.layouts import HARD
 
 USAGE = (
     "usage: python -m tests.benchmarks.given anchored|literal|bare|nothing [tasks=NAME,...] [folder=DIR] [floor=DIR]"

@@ -28,7 +28,7 @@ from tests.benchmarks import clocked, measuring, throughput
 
 USAGE = (
     "usage: python -m tests.benchmarks.gpu [tasks=NAME,...] [worlds=N,N,...] [device=cuda] [tools=N] [plans=N] "
-    "[agreement=N] [penetration=NAME] [seed=N] [output=FILE.json] [page=FILE.md]"
+    "[agreement=N] [penetration=NAME] [seed=N] [output=FILE.json]"
 )
 
 CLOSE = 0.05  # two engines' rewards, no further apart
@@ -49,7 +49,6 @@ class Settings:
     penetration: str = "forbid"
     seed: int = 0
     output: str = "gpu.json"
-    page: str | None = None
 
 
 def main() -> None:
@@ -73,8 +72,6 @@ def main() -> None:
     measuring.save(Path(given.output), {**found, "machine": throughput.machine()})
     table = markdown(device, rows, agreements)
     sys.stdout.write(f"{table}{given.output}\n")
-    if given.page is not None:
-        measuring.write_page(Path(given.page), "gpu", table)
 
 
 def measured(

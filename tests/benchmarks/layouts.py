@@ -3,7 +3,6 @@
 solutions: the anchored solutions in unseen layouts of each engine, and the same tools with literal plans in the last
 engine; with noise in what the plans see, if asked. Literal plans are what the anchored ones come to in the task's usual
 layout. cost: the time of a rollout with anchored plans against literal ones, and of several layouts against one.
-``page=docs/layouts.md`` writes a table there.
 """
 
 from __future__ import annotations
@@ -34,10 +33,11 @@ from tests.benchmarks import measuring
 
 USAGE = (
     "usage: python -m tests.benchmarks.layouts solutions|cost [tasks=NAME,...] [sims=NAME,...] [layouts=N] "
-    "[position=METRES] [yaw=RADIANS] [material=NAME] [repeats=N] [workers=N] [folder=FOLDER] [page=FILE.md]"
+    "[position=METRES] [yaw=RADIANS] [material=NAME] [repeats=N] [workers=N] [folder=FOLDER]"
 )
 TASKS = Path(__file__).parents[1] / "tasks"
 SOLUTIONS = {file.stem: file for place in ("anchored", "hardtoolbench") for file in (TASKS / place).glob("*.json")}
+HARD = sorted(name for name, file in SOLUTIONS.items() if file.parent.name == "hardtoolbench")
 
 
 @dataclass
@@ -55,7 +55,6 @@ class Settings:
     repeats: int = 5
     workers: int = 2
     folder: str = "layouts"
-    page: str | None = None
 
 
 def main() -> None:
@@ -67,9 +66,6 @@ def main() -> None:
             given.tasks = given.tasks or sorted(SOLUTIONS)
             table = solutions(given) if what == "solutions" else cost(given)
             sys.stdout.write(table)
-            mark = "noise" if what == "solutions" and given.position + given.yaw > 0 else what
-            if given.page is not None:
-                measuring.write_page(Path(given.page), mark, table)
         case _:
             raise UsageError(USAGE)
 

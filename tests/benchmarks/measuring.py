@@ -12,7 +12,7 @@ import os
 import tempfile
 import time
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -146,10 +146,6 @@ def population(count: int) -> dict[str, int]:
     return {"n_agent": math.ceil(SPARE * half / (n_tool * n_action)), "n_tool": n_tool, "n_action": n_action}
 
 
-def rollouts_to_design(count: int) -> int:
-    return math.prod(population(count).values()) * (N_ITERATION + 1)
-
-
 def _designed(task: str, count: int, by: str, seed: int, workers: int) -> dict[str, Any]:
     words = [f"task={task}", f"sim={by}", f"seed={seed}", "film=false", "listener=[]", "vlm=offline", "tool=urdf"]
     words += [f"budget.{key}={value}" for key, value in population(count).items()]
@@ -234,41 +230,6 @@ def rewards(of: Designs, sim: PluginPart, shown: str, executor: Executor, folder
     return record
 
 
-def measured(task: str, sim: PluginPart, folder: Path) -> bool:
-    """Report whether the folder has the rewards of this engine."""
-    file = folder / "rewards" / f"{task}.json"
-    engine = {"name": sim.name, **dict(sim.settings)}
-    return file.exists() and any(record["engine"] == engine for record in json.loads(file.read_text()))
-
-
-def estimate(
-    names: Sequence[str], sims: Mapping[str, PluginPart], by: PluginPart, count: int, workers: int, folder: Path
-) -> None:
-    """Print how long the missing rollouts will take, estimated from each task's reference solution. The time to invent
-    designs is not included.
-    """
-    total = 0.0
-    plugins = installed()
-    for name in names:
-        file = SOLUTIONS / f"{name}.json"
-        missing = [(shown, sim, count) for shown, sim in sims.items() if not measured(name, sim, folder)]
-        if not (folder / "designs" / f"{name}.json").exists():
-            missing.append((f"designing in {by.name}", by, rollouts_to_design(count)))
-        if not missing or not file.exists():
-            continue
-        spawn = SpawnRules(plugins.create("task", name), 0)
-        solution = read_designs(load_designs(file), plugins.create("tool", "urdf"), spawn)[:1]
-        seconds = []
-        for _, sim, n in missing:
-            (evaluation,) = Timed(Evaluator(PluginPart("task", name), sim))(solution)
-            seconds.append(evaluation.figures["cpu_s"] * n / workers)
-        total += sum(seconds)
-        parts = ", ".join(f"{shown} {s:.0f} s" for (shown, _, _), s in zip(missing, seconds, strict=True))
-        console.print(f"{name}: rollouts of about {sum(seconds):.0f} s ({parts})", highlight=False, soft_wrap=True)
-    if total:
-        console.print(f"all: rollouts of about {total / 60:.1f} min with {workers} workers", highlight=False)
-
-
 # --- comparing --------------------------------------------------------------------------------------------------
 
 
@@ -331,20 +292,3 @@ def save(file: Path, content: Any) -> None:
     new = file.with_suffix(".new")
     new.write_text(json.dumps(content, indent=1) + "\n")
     new.replace(file)
-
-
-def write_page(page: Path, name: str, table: str) -> None:
-    """Put a table between ``<!-- NAME -->`` and ``<!-- end of NAME -->``.
-
-    Raises:
-        UserError: the page can't be read, or has no such place.
-    """
-    begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
-    try:
-        text = page.read_text(encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"can't read {page}: {error.strerror}") from error
-    if begin not in text or end not in text:
-        raise UserError(f"{page} has no place for the table: {begin} and {end}")
-    before, after = text[: text.index(begin)], text[text.index(end) :]
-    page.write_text(f"{before}{begin}\n{table}{after}", encoding="utf-8")

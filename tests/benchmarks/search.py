@@ -1,7 +1,7 @@
 """How good are strategies at equal cost? ``python -m tests.benchmarks.search methods=vlmgineer,refined seeds=10``.
 
 Every method is run on every task with every seed: the same designer, and at most the same number of rollouts. Runs are
-kept in ``folder``; what was stopped goes on where it was. ``page=docs/search.md`` gets the table, and
+kept in ``folder``; what was stopped goes on where it was. , and
 ``vlmgineer report FOLDER`` shows all else: curves, intervals, task by task.
 """
 
@@ -25,7 +25,7 @@ from tests.benchmarks import measuring
 
 USAGE = (
     "usage: python -m tests.benchmarks.search [methods=NAME,...] [tasks=NAME,...] [seeds=N] [agents=N] [layouts=N] "
-    "[also=[WORD,...]] [workers=N] [folder=DIR] [page=FILE.md]"
+    "[also=[WORD,...]] [workers=N] [folder=DIR]"
 )
 BASE = ["vlm=offline", "sim=mujoco", "budget=quick"]
 VARIED = ["action=anchored", "task.variation=wide", "fitness=layouts", "fitness.unseen=0"]
@@ -54,7 +54,6 @@ class Settings:
     also: list[str] = field(default_factory=list)
     workers: int = 2
     folder: str = "search"
-    page: str | None = None
 
 
 def main() -> None:
@@ -70,8 +69,6 @@ def main() -> None:
             pass
     table = markdown({method: results(folder / method) for method in given.methods})
     sys.stdout.write(table)
-    if given.page is not None:
-        measuring.write_page(Path(given.page), "search", table)
 
 
 def run(method: str, task: str, seed: int, given: Settings) -> None:
