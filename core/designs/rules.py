@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
-from core.designs.stiffness import bending, corners
+from core.designs.stiffness import Beams, corners
 from core.designs.tool_joints import check_joints
 from core.designs.weight import check_weight, mass_limit
 from core.errors import UserError
@@ -152,7 +152,7 @@ def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
 def _check_stiffness(tool: Tool, joints: dict[str, Array], material: Material) -> None:
     of = "even of steel" if material.density_kg_m3 is None else f"of {material.name}"
     most = material.strength_pa
-    for name, (bend, stress) in bending(tool, joints, material).items():
+    for name, (bend, stress) in Beams(tool, joints, material).bending().items():
         if bend > MAX_BEND_M_N:
             raise DesignError(
                 f"component {name!r} is not rigid: {of}, 1 N would bend it by {1000 * bend:.3g} mm, from the "

@@ -21,7 +21,7 @@ import numpy as np
 
 from core.design import Tool
 from core.designs.rules import check_contacts
-from core.designs.stiffness import Load, Stressed, compliance, stresses
+from core.designs.stiffness import Beams
 from core.designs.weight import GRAVITY
 from core.errors import UserError
 from core.geometry import Array, Pose, mass_properties
@@ -31,6 +31,7 @@ from core.scene import Scene
 from core.solids.tracks import robot_tracks
 from core.values.materials import Material
 from core.values.robots import Robot
+from plugins.results.workshop.loads import Load, Stressed, stresses
 
 if TYPE_CHECKING:
     from plugins.results.workshop.motion import Sampled
@@ -103,7 +104,8 @@ def contact_loads(
         raise UserError(
             "an engine of sims measures how hard the tool is pushed, but not where (Recording.pushes); name others"
         )
-    joints, masses = check_contacts(tool, robot), {body.name: body.mass for body in scene.free}
+    masses = {body.name: body.mass for body in scene.free}
+    beams = Beams(tool, check_contacts(tool, robot), material)
     parts = _Parts(robot, tool, recording)
     found = []
     for sample in _hardest(recording, forces, pushes, parts):
@@ -113,7 +115,7 @@ def contact_loads(
             own = [Load(name, *parts.on(sample, pushes.points[i], pushes.forces[i])) for i in mine]
             if own and name in masses:
                 hardest = max(own, key=lambda load: np.linalg.norm(load.force))
-                soft = compliance(tool, joints, material, hardest.component, hardest.point)
+                soft = beams.bend(hardest.component, hardest.point)[0]
                 most = _struck(recording.times, values, sample, min(masses[name], tool.mass), soft)
                 share = min(1.0, most / max(values[sample], 1e-9))
                 own = [load._replace(force=share * load.force) for load in own]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from core.design import Tool
-from core.designs.stiffness import Load
 from core.geometry import Box
 from core.values.materials import Material
+from plugins.results.workshop.loads import Load
 from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.sheet import figures
 from plugins.results.workshop.strength import strength

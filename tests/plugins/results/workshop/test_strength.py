@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from core.design import Component, Tool
-from core.designs.stiffness import Load
 from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Pushes, Recording
 from core.plugins import installed
 from core.robot.frames import link_frames
 from core.values.materials import Material
+from plugins.results.workshop.loads import Load
 from plugins.results.workshop.motion import Sampled
 from plugins.results.workshop.strength import contact_loads, strength, weights
 from tests.panda import PANDA
