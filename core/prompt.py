@@ -5,7 +5,6 @@ without a request to a model.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -97,42 +96,18 @@ def elites_of(
 ) -> tuple[list[Evaluation], list[Evaluation]]:
     """The best plan of each tool in ``cfg.designs``, at most ``cfg.budget.k_top`` of them, the best first; and all.
 
-    Where a strategy states its ``reward`` (and perhaps ``distance_m``), that counts for its first plan; the others are
-    tried.
-
     Raises:
         UserError: the file can't be used, or nothing in it can be tried.
     """
-    document: Any = load_designs(Path(cfg.designs))
-    candidates = read_designs(document, representation, SpawnRules(task, cfg.seed))
-    stated = {number: _stated(strategy, number, cfg.designs) for number, strategy in enumerate(document["strategies"])}
-    evaluations = [
-        Evaluation(candidate, "ok", *figures)
-        for candidate in candidates
-        if (figures := stated[candidate.strategy]) is not None and candidate.action == 0 and candidate.problem is None
-    ]
-    unknown = [candidate for candidate in candidates if stated[candidate.strategy] is None]
-    evaluations += try_all(cfg, unknown, fitness) if unknown else []
+    candidates = read_designs(load_designs(Path(cfg.designs)), representation, SpawnRules(task, cfg.seed))
+    evaluations = try_all(cfg, candidates, fitness)
     best: dict[int, Evaluation] = {}
     for evaluation in best_first(evaluations):
         best.setdefault(evaluation.candidate.strategy, evaluation)
     if not best:
-        reasons = [c.problem for c in candidates if c.problem] + [e.reason for e in evaluations if e.reason]
-        raise UserError(f"{cfg.designs}: none of its designs can be an elite; the first reason: {reasons[0]}")
+        reason = next(e.reason for e in evaluations if e.reason)
+        raise UserError(f"{cfg.designs}: none of its designs can be an elite; the first reason: {reason}")
     return list(best.values())[: cfg.budget.k_top], evaluations
-
-
-def _stated(strategy: object, number: int, file: str) -> tuple[float, float] | None:
-    """The reward and distance (nan: not stated) that a strategy of a designs file states."""
-    if not isinstance(strategy, dict) or strategy.get("reward") is None:
-        return None
-    for name, most in {"reward": 1.0, "distance_m": math.inf}.items():
-        figure = strategy.get(name)
-        wrong = isinstance(figure, bool) or not isinstance(figure, int | float) or not 0 <= figure <= most
-        if figure is not None and wrong:
-            raise UserError(f"{file}: strategy {number + 1}: {name} can't be {figure!r}")
-    distance = strategy.get("distance_m")
-    return float(strategy["reward"]), float(distance) if distance is not None else math.nan
 
 
 def reckon(cfg: DictConfig, request: Request) -> tuple[str, Estimate]:

@@ -55,7 +55,7 @@ MISTAKES = [
     ("run", ["-m", "resume=nowhere"], "-m resume=nowhere: resume=RUN_DIR goes on with one run, such as a sweep's"),
     ("evaluate", [], "no designs file given; usage: "),
     ("evaluate", ["--designs", "x"], "can't read '--designs'; usage: "),
-    ("evaluate", ["designs=missing.json"], "no designs file missing.json"),
+    ("evaluate", ["designs=missing.json"], "designs file missing.json: there is no such file"),
     ("evaluate", ["designs=malformed.json"], "malformed.json is malformed JSON at line 2, column 3"),
     ("evaluate", ["designs=empty.json"], "empty.json: 'strategies' is empty"),
     ("evaluate", [f"designs={SOLUTION}", "output=."], "can't write"),

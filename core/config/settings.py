@@ -31,7 +31,6 @@ class PromptSettings:
             ``top``; empty: none.
         feedback: what is shown of elites: tool and reward (``paper``), also the plan and what was observed of its
             rollout, and a line for each candidate of the last generation (``numbers``), or also a picture (``full``).
-        elite_characters: the length of the text of all elites, beyond which those of the lowest ranks are shortened.
         generation_characters: the length of the lines of the last generation's candidates, beyond which some are left
             out.
         repair: ask once more, with the reason, if a reply can't be read.
@@ -48,7 +47,6 @@ class PromptSettings:
     file: str | None = None
     views: list[str] = field(default_factory=lambda: ["camera"])
     feedback: str = "paper"
-    elite_characters: int = 100_000
     generation_characters: int = 12_000
     repair: bool = False
     check: bool = False

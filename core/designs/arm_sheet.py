@@ -36,50 +36,28 @@ class Segment(NamedTuple):
 
 
 class FingerSheet(NamedTuple):
-    """A finger of the open gripper, as the tool mount has it.
+    """A finger of the open gripper, as the tool mount has it."""
 
-    Attributes:
-        name: of its link.
-        origin: of its frame.
-        axes: where its x, y and z point.
-        below: how far below the mount it ends, metres.
-    """
-
-    name: str
-    origin: str
-    axes: tuple[str, ...]
-    below: str
+    name: str  # of its link
+    origin: str  # of its frame
+    axes: tuple[str, ...]  # where its x, y and z point
+    below: str  # how far below the mount it ends, metres
 
 
 class ArmSheet(NamedTuple):
-    """The arm's facts for templates.
+    """The arm's facts for templates."""
 
-    Attributes:
-        at: where its base stands, x, y and z; empty at the world's origin.
-        yaw: how the base is turned; empty if it is not.
-        reach: a table.
-        limits: what binds at the reach's inner edge, if anything does.
-        turns: how far it turns by roll, pitch and yaw at home.
-        joints: their values at home.
-        speed: a sentence.
-        exactness: sentences; empty if it was not measured.
-        around: a table of the links around the mount at home, in its frame.
-        clear: whether all of these but the gripper are above the mount.
-        bearers: the links among these that a rigid tool may overlap.
-        fingers: those of the gripper.
-    """
-
-    at: str
-    yaw: str
-    reach: str
-    limits: str
-    turns: str
-    joints: str
-    speed: str
-    exactness: str
-    around: str
-    clear: bool
-    bearers: tuple[str, ...]
+    at: str  # where its base stands, x, y and z; empty at the world's origin
+    yaw: str  # how the base is turned; empty if it is not
+    reach: str  # a table
+    limits: str  # what binds at the reach's inner edge, if anything does
+    turns: str  # how far it turns by roll, pitch and yaw at home
+    joints: str  # their values at home
+    speed: str  # a sentence
+    exactness: str  # sentences; empty if it was not measured
+    around: str  # a table of the links around the mount at home, in its frame
+    clear: bool  # whether all of these but the gripper are above the mount
+    bearers: tuple[str, ...]  # the links among these that a rigid tool may overlap
     fingers: tuple[FingerSheet, ...]
 
 

@@ -30,6 +30,7 @@ from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSett
 from core.robot.extents import outline
 from core.robot.trajectory import plan_motion
 from core.scene import Body
+from core.support.files import read_text
 from core.support.text import short_numbers
 
 SUFFIX = ".md.j2"
@@ -65,7 +66,7 @@ class PromptComposer:
         self.settings = settings = settings or PromptSettings()
         self.rollout = rollout or RolloutSettings()
         self.tie, self.judged = tie, judged.strip()
-        for name in ("elite_characters", "generation_characters", "critic"):
+        for name in ("generation_characters", "critic"):
             if getattr(settings, name) < 0:
                 raise UsageError(f"prompt.{name} must be 0 or greater, got {getattr(settings, name)}")
         if settings.feedback not in FEEDBACK:
@@ -137,23 +138,14 @@ class PromptComposer:
         texts = tuple(self._render(part, values) for part in self.settings.system)
         return [Message("system", texts)] if texts else []
 
-    def repair(self, request: Request, reply: Reply, problem: str) -> tuple[Message, ...]:
+    def ask_again(self, request: Request, reply: Reply, part: str, **values: str) -> tuple[Message, ...]:
         """Compose the messages of ``request``, the reply, and a request to correct it.
 
-        Raises:
-            UserError: the template fails.
-        """
-        return self._ask_again(request, reply, REPAIR, {"problem": problem})
-
-    def check(self, request: Request, reply: Reply, findings: str) -> tuple[Message, ...]:
-        """Compose the messages of ``request``, the reply, and what was found about its designs.
+        By `REPAIR` it is a ``problem`` that is to be mended, by `CHECK` the ``findings`` about the reply's designs.
 
         Raises:
             UserError: the template fails.
         """
-        return self._ask_again(request, reply, CHECK, {"findings": findings})
-
-    def _ask_again(self, request: Request, reply: Reply, part: str, values: dict[str, Any]) -> tuple[Message, ...]:
         message = Message("user", (self._render(part, {**values, "brief": request.brief}),))
         text = reply.text[:MAX_REPEATED]
         answer = [Message("assistant", (Text(text),))] if text.strip() else []
@@ -168,14 +160,6 @@ class PromptComposer:
         # Numbers are all that plans for a given tool differ in.
         numbers = numbers or given is not None or self.settings.feedback != "paper"
         last = () if self.settings.feedback == "paper" else last_generation(brief.tried)
-        elites, shortened = elites_text(
-            brief.elites,
-            representation,
-            brief.task,
-            numbers=numbers,
-            budget=self.settings.elite_characters,
-            tried=brief.tried,
-        )
         return {
             "given": given,
             "bare": bare,
@@ -209,11 +193,10 @@ class PromptComposer:
             "schema": json.dumps(answer_schema(brief), ensure_ascii=False, separators=(",", ":")) if schema else "",
             "tie": f"{self.tie:g}",
             "judged": self.judged,
-            "elites": elites,
+            "elites": elites_text(brief.elites, representation, task, numbers=numbers),
             "observed": any(elite.observation is not None for elite in brief.elites),
             "critiques": critiques_text(brief),
             "candidates": generation_lines(last, self.settings.generation_characters),
-            "shortened": shortened,
             "detailed": any(combined_figures(elite, brief.task) for elite in brief.elites),
             "solved": any(elite.reward >= 1 - self.tie for elite in brief.elites),
             "other_kind": any(e.candidate.tool and e.candidate.tool.gripper != brief.gripper for e in brief.elites),
@@ -303,14 +286,8 @@ def _read_idea(file: str | None, *, wanted: bool) -> str | None:
         return None
     if not wanted:
         raise UsageError(f"prompt.file={file} is not used by this prompt; add prompt=human")
-    try:
-        text = re.sub(r"<!--.*?-->", "", Path(file).read_bytes().decode("utf-8-sig"), flags=re.DOTALL).strip()
-    except FileNotFoundError as error:
-        raise UserError(f"prompt.file={file}: there is no such file") from error
-    except OSError as error:
-        raise UserError(f"prompt.file={file} can't be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"prompt.file={file} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
+    text = read_text(Path(file), f"prompt.file={file}")
+    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL).strip()
     if not text:
         raise UserError(f"prompt.file={file} is empty; describe the tool and its motion")
     if len(text) > MAX_IDEA:

@@ -1,7 +1,4 @@
-"""Write elites for a prompt, shortened where they would exceed its budget.
-
-Covered by `tests/core/designs/test_composer.py`.
-"""
+"""Write elites for a prompt. Covered by `tests/core/designs/test_composer.py`."""
 
 from __future__ import annotations
 
@@ -18,7 +15,6 @@ from core.interfaces import Task, ToolRepresentation
 from core.support.text import clean
 
 _LONGEST = 240  # characters of a description
-_NAMES = {"id", "reward", "strategy_name", "tool_name", "gripper"}  # of an elite that is too long
 
 
 def elites_text(
@@ -27,31 +23,17 @@ def elites_text(
     task: Task,
     *,
     numbers: bool,
-    budget: int,
-    tried: Sequence[Evaluation] = (),
-) -> tuple[str, bool]:
-    """Write elites as JSON; report whether some had to be shortened to keep within ``budget`` characters.
+) -> str:
+    """Write elites as JSON, each list of numbers on one line.
 
-    With ``numbers`` each has its plan, what was observed of its rollout, and the rewards of its other plans among
-    ``tried``. The last is shortened first, to its id, reward and names.
+    With ``numbers`` each has its plan, and what was observed of its rollout.
     """
-    entries = [_entry(elite, representation, task, tried if numbers else None) for elite in elites]
-    text = _json(entries)
-    shortened = len(text) > budget
-    for entry, elite in zip(reversed(entries), reversed(elites), strict=True):
-        if len(text) <= budget:
-            break
-        count = len(elite.candidate.tool.components) if elite.candidate.tool else 0
-        for key in entry.keys() - _NAMES:
-            del entry[key]
-        entry["left_out"] = f"{count} components, too long to be shown"
-        text = _json(entries)
-    return text, shortened
+    entries = [_entry(elite, representation, task, numbers) for elite in elites]
+    text = json.dumps(entries, indent=1, ensure_ascii=False)
+    return re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
 
 
-def _entry(
-    elite: Evaluation, representation: ToolRepresentation, task: Task, tried: Sequence[Evaluation] | None
-) -> dict[str, Any]:
+def _entry(elite: Evaluation, representation: ToolRepresentation, task: Task, numbers: bool) -> dict[str, Any]:
     candidate, design = elite.candidate, dump_design(elite.candidate, representation)
     assert candidate.tool is not None
     left_out = {"action_description", "action_sets", *representation.dump(candidate.tool)}
@@ -64,11 +46,11 @@ def _entry(
     data |= representation.abridge(candidate.tool)
     if figures := combined_figures(elite, task):
         data["details"] = _figures(figures)
-    if tried is None:
+    if not numbers:
         return data
     data |= {"action_plan": _figures(candidate.plan.dump()), "distance_m": _rounded(elite.distance_m)}
-    if elite.observation is not None:
-        return data | elite_feedback(elite, tried) | {"warnings": list(elite.warnings)}
+    if elite.shown is not None and elite.observation is not None:
+        return data | elite_feedback(elite.shown, elite.observation) | {"warnings": list(elite.warnings)}
     return data | {
         "moved_m": {name: _rounded(moved) for name, moved in elite.moved_m.items()},
         "missed_m": _rounded(elite.ik_error_m),
@@ -76,12 +58,6 @@ def _entry(
         "lag_rad": _rounded(elite.tracking_error_rad),
         "warnings": list(elite.warnings),
     }
-
-
-def _json(value: object) -> str:
-    """Indented JSON, with each list of numbers on one line."""
-    text = json.dumps(value, indent=1, ensure_ascii=False)
-    return re.sub(r"\[\n([^][{}\"]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
 
 
 def _figures(value: Any) -> Any:

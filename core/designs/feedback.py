@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import zip_longest
@@ -141,19 +142,10 @@ def poor_layouts(evaluation: Evaluation, task: Task) -> list[dict[str, Any]]:
     return shown
 
 
-def elite_feedback(elite: Evaluation, tried: Iterable[Evaluation]) -> dict[str, Any]:
-    """Describe an elite's rollout beyond its reward; ``tried``: among them are its tool's other plans."""
-    own = elite.candidate.key
-    plans = [e for e in tried if e.candidate.key[:3] == own[:3] and e.candidate.key != own]
-    described: dict[str, Any] = {}
-    if plans:
-        plans.sort(key=lambda e: e.candidate.key)
-        described["other_plans"] = [f"{e.reward:.2f} {outcome_of(e)}" for e in plans]
-    seen = elite.observation
-    if elite.shown is None or seen is None:
-        return described
-    described["trial"] = _where(elite.shown)
-    described |= {"result": _result(seen), "moved": dict(_moves(seen, 2 * _BODIES))}
+def elite_feedback(trial: Trial, seen: Observation) -> dict[str, Any]:
+    """Describe what was observed of an elite's trial."""
+    described: dict[str, Any] = {"trial": _where(trial), "result": _result(seen)}
+    described["moved"] = dict(_moves(seen, 2 * _BODIES))
     wrong = {name: offset for name, offset in seen.errors.items() if any(part is not None for part in offset)}
     worst = sorted(wrong, key=lambda name: -max(abs(part) for part in wrong[name] if part is not None))
     described["error_m"] = {name: list(wrong[name]) for name in worst[: 2 * _BODIES]}
@@ -265,15 +257,8 @@ def _ids(group: Sequence[Evaluation]) -> str:
 
 
 def _summary(rest: Sequence[Evaluation]) -> str:
-    kinds: dict[str, list[float]] = {}
-    for evaluation in rest:
-        kinds.setdefault(outcome_of(evaluation), []).append(evaluation.reward)
-    counts = []
-    for name, rewards in sorted(kinds.items(), key=lambda item: -len(item[1])):
-        low, high = f"{min(rewards):.2f}", f"{max(rewards):.2f}"
-        span = "" if high == "0.00" else f" (reward {low})" if low == high else f" (reward {low} to {high})"
-        counts.append(f"{len(rewards)} {name}{span}")
-    return f"{len(rest)} candidates: {', '.join(counts)}"
+    counts = Counter(map(outcome_of, rest)).most_common()
+    return f"{len(rest)} candidates: {', '.join(f'{count} {name}' for name, count in counts)}"
 
 
 def _point(point: Sequence[float]) -> str:

@@ -21,6 +21,7 @@ from core.designs.rules import SpawnRules, check_tool, given_tool
 from core.errors import UserError
 from core.interfaces import ActionRepresentation, Robot, ToolRepresentation, Waypoints
 from core.plugins import describe_part
+from core.support.files import read_text
 from core.support.text import clean, kind, shorten
 
 MAX_NAME = 200
@@ -313,24 +314,17 @@ def load_designs(path: Path) -> object:
     Raises:
         UserError: the file can't be read, or holds no designs document.
     """
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except FileNotFoundError as error:
-        raise UserError(f"no designs file {path}; give the path of a JSON file of strategies") from error
-    except OSError as error:
-        raise UserError(f"designs file {path} can't be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"designs file {path} is not UTF-8 text (byte {error.start}); save it as UTF-8 JSON") from error
+    text, what = read_text(path, f"designs file {path}"), f"designs file {path}"
     try:
         document: object = _DECODER.decode(text)
         _strategies(document)
     except json.JSONDecodeError as error:
         where = f"line {error.lineno}, column {error.colno}"
-        raise UserError(f"designs file {path} is malformed JSON at {where}: {error.msg}; {_EXPECTED}") from error
+        raise UserError(f"{what} is malformed JSON at {where}: {error.msg}; {_EXPECTED}") from error
     except DesignError as error:
-        raise UserError(f"designs file {path}: {error}") from error
+        raise UserError(f"{what}: {error}") from error
     except (ValueError, RecursionError) as error:
-        raise UserError(f"designs file {path} can't be read as JSON: {_reason(error)}") from error
+        raise UserError(f"{what} can't be read as JSON: {_reason(error)}") from error
     return document
 
 

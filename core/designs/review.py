@@ -56,7 +56,7 @@ def _strategy(number: int, candidates: list[Candidate], task: Task, seed: int, s
 
 
 def _plan(candidate: Candidate, task: Task, seed: int, settings: RolloutSettings) -> list[str]:
-    """Describe the motion of a plan: how long it takes, which waypoints it misses, and how low the tool gets."""
+    """Describe the motion of a plan: how long it takes, and which waypoints it misses."""
     robot = task.robot
     try:
         plan = resolve(candidate.plan, task, seed, settings)
@@ -74,9 +74,6 @@ def _plan(candidate: Candidate, task: Task, seed: int, settings: RolloutSettings
     targets, fingers = motion.trajectory.sample(motion.arrivals)
     there = JointTrajectory(motion.arrivals, targets, fingers)
     found += _reach(robot, plan.poses, there, motion)
-    if tool is not None and tool.components:
-        lowest = _lowest(place_components(robot, tool, there))
-        found.append(f"lowest point of the tool at each waypoint: z = {', '.join(lowest)}")
     return found
 
 
@@ -88,7 +85,7 @@ def _reach(robot: Robot, plan: Array, there: JointTrajectory, motion: Motion) ->
     missed_rad = np.asarray(turned.magnitude())
     found = [
         f"waypoint {k + 1} is missed by {missed_m[k] * 1000:.0f} mm and {missed_rad[k]:.2f} rad, "
-        f"the end-effector gets to {_vector(positions[k])}"
+        f"the end-effector gets to ({', '.join(f'{value:.3f}' for value in positions[k])})"
         for k in np.flatnonzero((missed_m > REACHED_M) | (missed_rad > REACHED_RAD))
     ]
     found = found or [f"every waypoint is reached within {REACHED_M * 1000:g} mm and {REACHED_RAD:g} rad"]
@@ -110,20 +107,6 @@ def place_components(robot: Robot, tool: Tool, motion: JointTrajectory) -> dict[
     return points
 
 
-def _lowest(placed: dict[str, Array]) -> list[str]:
-    """The lowest point of all components at each instant, with the name of the component where it changes."""
-    heights = {name: points[:, :, 2].min(axis=1) for name, points in placed.items()}
-    names = [min(heights, key=lambda name: heights[name][k]) for k in range(len(next(iter(heights.values()))))]
-    return [
-        f"{heights[name][k]:.3f}" + (f" ({name})" if k == 0 or names[k - 1] != name else "")
-        for k, name in enumerate(names)
-    ]
-
-
 def _space(points: Array) -> str:
     low, high = points.min(axis=0), points.max(axis=0)
     return ", ".join(f"{a:.3f} to {b:.3f}" for a, b in zip(low + 0.0, high + 0.0, strict=True))
-
-
-def _vector(position: Array) -> str:
-    return "(" + ", ".join(f"{value:.3f}" for value in position) + ")"

@@ -12,7 +12,7 @@ import pluggy
 
 from core.config.settings import Sampling
 from core.design import Candidate, DesignError, Evaluation, Tool
-from core.designs.composer import PromptComposer, answer_schema
+from core.designs.composer import CHECK, REPAIR, PromptComposer, answer_schema
 from core.designs.feedback import last_generation, most_instructive
 from core.designs.planning import NO_PLAN, guarded
 from core.designs.reading import dump_design, parse_reply, read_designs
@@ -214,7 +214,7 @@ class ModelDesigner:
                 candidates = self._read(request.brief, reply)
             except DesignError as error:
                 if repair and request.id not in first:
-                    messages = self.prompts.repair(request, reply, str(error))
+                    messages = self.prompts.ask_again(request, reply, REPAIR, problem=str(error))
                     again.append(replace(request, id=f"{request.id}-repair", messages=messages))
                 else:
                     yield from self._unusable(request, f"the reply can't be read: {error}", first)
@@ -223,7 +223,7 @@ class ModelDesigner:
                 yield from self._unusable(request, f"the model gave no answer: {reply.error}", first)
             elif self.prompts.settings.check and request.id not in first:
                 found = review(candidates, self.task, self.seed, self.prompts.rollout)
-                messages = self.prompts.check(request, reply, found)
+                messages = self.prompts.ask_again(request, reply, CHECK, findings=found)
                 again.append(replace(request, id=f"{request.id}-check", messages=messages))
                 first[again[-1].id] = candidates
             else:

@@ -35,6 +35,22 @@ def file_mark(file: Path) -> FileMark | None:
     return FileMark(status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
 
 
+def read_text(file: Path, what: str) -> str:
+    """Read a text in UTF-8; ``what`` names the file in an error.
+
+    Raises:
+        UserError: it can't be read, or is no such text.
+    """
+    try:
+        return file.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError as error:
+        raise UserError(f"{what}: there is no such file") from error
+    except OSError as error:
+        raise UserError(f"{what} can't be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{what} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
+
+
 def write_whole(file: Path, data: bytes, *, shared: bool = False) -> None:
     """Write a file so that no reader gets half of it, whenever the process ends. A link in its place is replaced.
 

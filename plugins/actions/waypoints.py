@@ -18,22 +18,22 @@ DIGITS = 5  # hundredths of a millimetre
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 
+_POSES = (
+    "- An action plan is a list of waypoints. Each waypoint is exactly 6 numbers, `[x, y, z, roll, pitch, yaw]`: "
+    "the pose of the\n  frame `tool_mount` (the end-effector) in the world."
+)
+_GRIP = (
+    "- An action plan is a list of waypoints. Each waypoint is exactly 7 numbers, "
+    "`[x, y, z, roll, pitch, yaw, grip]`: the pose\n  of the frame `tool_mount` (the end-effector) in the world, and "
+    "the fingers."
+)
+
 
 class WaypointActions(ActionRepresentation):
     """Lists of 6 numbers, or of 7 with the gripper."""
 
     def instructions(self, brief: Brief) -> str:
-        if not brief.gripper:
-            return (
-                "- An action plan is a list of waypoints. Each waypoint is exactly 6 numbers, "
-                "`[x, y, z, roll, pitch, yaw]`: the pose of the\n"
-                "  frame `tool_mount` (the end-effector) in the world."
-            )
-        return (
-            "- An action plan is a list of waypoints. Each waypoint is exactly 7 numbers, "
-            "`[x, y, z, roll, pitch, yaw, grip]`: the pose\n"
-            "  of the frame `tool_mount` (the end-effector) in the world, and the fingers."
-        )
+        return _GRIP if brief.gripper else _POSES
 
     def schema(self, *, gripper: bool) -> dict[str, Any]:
         count = len(WAYPOINT) if gripper else len(WAYPOINT) - 1

@@ -28,11 +28,11 @@ def text_of(request):
 
 @pytest.fixture(scope="module")
 def designs(tmp_path_factory):
-    """Two tools: one that says what it earned, one that leaves it to be tried, with a poor and a good plan."""
+    """Three tools: one that does nothing, one with a poor and a good plan, and one that can't be read."""
     (good,) = json.loads(SOLUTION.read_text())["strategies"]
     idle = [[0.5, 0, 0.5, 0, 0, 0]]
-    document = [good | {"reward": 0.5, "distance_m": 1.5, "tool_name": "stated"}]
-    document += [good | {"action_sets": [idle, *good["action_sets"]], "tool_name": "tried"}]
+    document = [good | {"action_sets": [idle], "tool_name": "idle"}]
+    document += [good | {"action_sets": [idle, *good["action_sets"]], "tool_name": "good"}]
     document += [good | {"tool_urdf": "<link/>", "tool_name": "broken"}]
     file = tmp_path_factory.mktemp("designs") / "designs.json"
     file.write_text(json.dumps({"strategies": document}))
@@ -75,9 +75,9 @@ def test_evolution_shows_what_the_designs_earned(designs, kinds):
     request = composed("prompt=evolve", f"designs={designs}", f"task.tool_kinds=[{kinds}]")
     block = re.search(r"## The elites\n.*?```json\n(.*?)```", text_of(request), re.DOTALL)
     first, second = json.loads(block[1])
-    assert (first["tool_name"], first["id"]) == ("tried", "g0-a0-s1-p1")
+    assert (first["tool_name"], first["id"]) == ("good", "g0-a0-s1-p1")
     assert first["reward"] > 0.95
-    assert (second["tool_name"], second["reward"]) == ("stated", 0.5)
+    assert (second["tool_name"], second["reward"]) == ("idle", 0.0)
     assert request.id == "g1-a0"
     assert ("of the other kind" in text_of(request)) == (kinds == "gripper")
 
@@ -120,7 +120,7 @@ def test_elites_are_at_most_k_top_and_may_be_drawn(designs):
     ("overrides", "reason"),
     [
         (["prompt=evolve"], "this prompt evolves elites, and there are none"),
-        (["designs=missing.json"], "no designs file missing.json"),
+        (["designs=missing.json"], "designs file missing.json: there is no such file"),
         (["prompt=human"], "prompt.file is empty"),
         (["prompt.views=[camera,back]"], r"no view 'back'"),
         (["agent=-1"], "agent must be 0 or greater"),
@@ -135,20 +135,11 @@ def test_mistakes(overrides, reason):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        ({"reward": 1.5}, "strategy 1: reward can't be 1.5"),
-        ({"reward": "high"}, "strategy 1: reward can't be 'high'"),
-        ({"reward": 0.5, "distance_m": -1}, "strategy 1: distance_m can't be -1"),
-        ({"tool_urdf": "<link/>"}, "none of its designs can be an elite; the first reason: "),
-    ],
-)
-def test_designs_that_make_no_elites(change, reason, tmp_path):
+def test_designs_that_make_no_elites(tmp_path):
     (good,) = json.loads(SOLUTION.read_text())["strategies"]
     file = tmp_path / "designs.json"
-    file.write_text(json.dumps({"strategies": [good | change]}))
-    with pytest.raises(UserError, match=re.escape(reason)):
+    file.write_text(json.dumps({"strategies": [good | {"tool_urdf": "<link/>"}]}))
+    with pytest.raises(UserError, match=re.escape("none of its designs can be an elite; the first reason: ")):
         composed(f"designs={file}")
 
 

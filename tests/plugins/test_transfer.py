@@ -229,7 +229,7 @@ def test_a_run_with_a_given_tool_can_be_read_back(tmp_path):
     ("words", "said"),
     [
         ([], "no designs given; usage: "),
-        (["designs=missing.json"], "no designs file missing.json"),
+        (["designs=missing.json"], "designs file missing.json: there is no such file"),
         ([f"designs={ROOT / 'docs'}"], "holds no run: there is no run.sqlite in it"),
         ([f"designs={SOLUTION}", "sims=[pybullet,bullet]"], r"no sim 'bullet' \(did you mean 'pybullet'\?\)"),
         ([f"designs={SOLUTION}", "robots=[panda,pandas]"], r"no robot 'pandas' \(did you mean 'panda'\?\)"),

@@ -455,7 +455,7 @@ def test_files_that_hold_no_designs(tmp_path, content, reason):
 
 
 def test_files_that_are_not_there(tmp_path):
-    with pytest.raises(UserError, match=r"no designs file .*missing.json"):
+    with pytest.raises(UserError, match=r"designs file .*missing.json: there is no such file"):
         load_designs(tmp_path / "missing.json")
     with pytest.raises(UserError, match="can't be read: Is a directory"):
         load_designs(tmp_path)

@@ -10,7 +10,7 @@ from core.config.compose import load
 from core.design import Component, DesignError, Tool
 from core.designs.composer import as_markdown
 from core.designs.rules import check_tool
-from core.designs.stiffness import bending
+from core.designs.stiffness import Beams
 from core.designs.weight import check_weight, describe_weight, flange_moment, moment_limit
 from core.geometry import Box, Pose
 from core.plugins import installed
@@ -117,7 +117,7 @@ def test_what_is_hollow_bends_and_breaks_as_its_walls_do():
     """A section of 20 mm with walls of 2 mm, filled to a fifth."""
     joints = {"a": np.zeros(3)}
     materials = SOLID, replace(SOLID, infill=0.2, wall_mm=2.0)
-    solid, hollow = (bending(bar(0.2, 0.02), joints, made_of)["a"] for made_of in materials)
+    solid, hollow = (Beams(bar(0.2, 0.02), joints, made_of).bending()["a"] for made_of in materials)
     share = 1 - 0.8 * (16 / 20) ** 4
     assert hollow == pytest.approx(np.array(solid) / share)
     assert solid == pytest.approx((4 * 0.2**3 / (2.5e9 * 0.02**4), 6 * 0.2 / 0.02**3), rel=0.02)
@@ -128,8 +128,8 @@ def test_a_joint_in_one_point_with_the_parents_is_no_beam():
     plate = box("plate", (0, 0, 0), (0.05, 0.05, 0.001))
     rod = box("rod", (0, 0, -0.05), (0.02, 0.02, 0.1), parent="plate")
     joints = {"plate": np.zeros(3), "rod": np.zeros(3)}
-    alone = bending(rigid(replace(rod, parent="tool_mount")), {"rod": np.zeros(3)}, SOLID)["rod"]
-    assert bending(rigid(plate, rod), joints, SOLID)["rod"] == pytest.approx(alone)
+    alone = Beams(rigid(replace(rod, parent="tool_mount")), {"rod": np.zeros(3)}, SOLID).bending()["rod"]
+    assert Beams(rigid(plate, rod), joints, SOLID).bending()["rod"] == pytest.approx(alone)
 
 
 def test_paper_bends_as_steel():
