@@ -41,17 +41,12 @@ class Clearance:
     arm_to: Mapping[str, Array]
     tool_to: Mapping[str, Array]
 
-    def courses(self) -> list[tuple[str, str, Array]]:
-        """List what comes near what, with the distances (T,); the nearest first."""
-        every = [("arm", "itself", self.itself)]
-        every += [
-            (what, to, of) for what, by in (("arm", self.arm_to), ("tool", self.tool_to)) for to, of in by.items()
-        ]
-        return sorted(every, key=lambda course: float(course[2].min()))
-
     def rows(self) -> list[tuple[str, str, float, float]]:
         """List what came nearest: what, to what, metres, and when; the nearest first."""
-        return [(what, to, float(of.min()), float(self.times[of.argmin()])) for what, to, of in self.courses()]
+        pairs = {("arm", "itself"): self.itself, **{("arm", name): gaps for name, gaps in self.arm_to.items()}}
+        pairs |= {("tool", name): gaps for name, gaps in self.tool_to.items()}
+        rows = [(*names, float(gaps.min()), float(self.times[gaps.argmin()])) for names, gaps in pairs.items()]
+        return sorted(rows, key=lambda row: row[2])
 
 
 def clearance(scene: Scene, robot: Robot, tool: Tool, recording: Recording) -> Clearance:
@@ -105,12 +100,12 @@ def torques(robot: Robot, tool: Tool, motion: Sampled) -> Array:
     return found + inertia
 
 
-def margins(robot: Robot, tool: Tool, motion: Sampled, torque: Array) -> list[dict[str, Any]]:
+def margins(robot: Robot, tool: Tool, motion: Sampled) -> list[dict[str, Any]]:
     """Compare a motion with the arm's limits, joint by joint: distance to the nearer end of its range, and shares."""
     arm = arm_of(robot)
     room = np.minimum(motion.positions - arm.lower, arm.upper - motion.positions).min(axis=0)
     velocity, acceleration = motion.loads(arm)
-    effort = np.abs(torque).max(axis=0)
+    effort = np.abs(torques(robot, tool, motion)).max(axis=0)
     return [
         {
             "joint": name,

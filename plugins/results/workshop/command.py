@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from omegaconf import MISSING, DictConfig, OmegaConf
@@ -27,12 +27,11 @@ from core.store.artifacts import save_design
 from core.store.reader import chosen_designs, config_for
 from core.support.cli import folders_and_overrides, print_table, say, write_bytes
 from core.values.materials import Material
-from plugins.results.workshop.clearance import NEAR_M, Clearance, clearance, margins, torques
+from plugins.results.workshop.clearance import NEAR_M, Clearance, clearance, margins
 from plugins.results.workshop.motion import Sampled, approach, cut, sample, to_csv, to_json
 from plugins.results.workshop.payload import payload
 from plugins.results.workshop.printing import Check
 from plugins.results.workshop.programs import write_programs
-from plugins.results.workshop.readback import check_files
 from plugins.results.workshop.replay import PlayedMotion, play
 from plugins.results.workshop.ros import PACKAGE, write_package
 from plugins.results.workshop.settings import Fit, Printer
@@ -40,15 +39,13 @@ from plugins.results.workshop.sheet import write_sheet
 from plugins.results.workshop.texts import filled
 from plugins.results.workshop.tool import PrintedTool, make_tool, write_lists, write_tool
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 USAGE = (
     "usage: vlmgineer export RUN_FOLDER | designs=FILE task=NAME [output=DIR] [sims=[NAME,...]] [rate_hz=1000] "
     "[speed=1] [start=[RADIANS,...]] [KEY=VALUE ...]"
 )
 SLOW = 0.2  # of the speed: the first run on the arm
-LINES = 8  # the nearest things, in the figure and in the checklist
+SAME_REWARD = 0.02
+LINES = 8  # the nearest things, in the checklist
 
 
 @dataclass
@@ -90,7 +87,7 @@ class Export:
     payload: dict[str, Any]
     contact_s: float | None
     printed: PrintedTool
-    read_back: dict[str, float]  # rewards, with the tool's files
+    mounted: dict[str, float]  # rewards with what fixes the tool to the arm
     verdicts: tuple[Check, ...]
 
     def figures(self) -> dict[str, Any]:
@@ -103,7 +100,7 @@ class Export:
             "slower_than_simulated": self.motion.slower,
             "first_contact_s": self.contact_s,
             "rewards": {engine: replay.reward for engine, replay in self.replays.items()},
-            "rewards_read_back": self.read_back,
+            "rewards_mounted": self.mounted,
             "problems": {engine: list(replay.problems) for engine, replay in self.replays.items()},
             "joints": self.limits,
             "nearest": [dict(zip(("what", "to", "metres", "seconds"), row, strict=True)) for row in nearest],
@@ -142,12 +139,11 @@ def export(cfg: DictConfig) -> Export:
         return play(task, sims[engine].create(), of, motion, scene, cfg.seed, settings)
 
     replays = {name: replay(name, tool) for name in sims}
-    verdicts, read = list[Check](), dict[str, float]()
+    verdicts, mounted = list[Check](), dict[str, float]()
     if solid.parts:
         solid = write_tool(solid, output / "tool")
-        simulated = {name: found.reward for name, found in replays.items()}
-        check, read = check_files(solid, output / "tool", simulated, lambda engine, of: replay(engine, of).reward)
-        solid = replace(solid, checks=(check, *solid.checks))
+        mounted = {name: replay(name, built).reward for name in sims}
+        solid = replace(solid, checks=(same_reward(replays, mounted), *solid.checks))
         write_lists(solid, output / "tool")
         verdicts = write_sheet(solid, tool, robot, scene, motion, replays, output)
     shown = next(iter(replays.values()))
@@ -157,9 +153,9 @@ def export(cfg: DictConfig) -> Export:
         before = cut(planned.trajectory, planned.arrivals, contact_s / motion.slower, arm)
         if before is not None:
             moves["trajectory_before_contact"] = sample(before, arm, cfg.rate_hz, min(SLOW, cfg.speed))
-    near, effort = clearance(scene, robot, tool, shown.recording), torques(robot, built, motion)
-    limits, load = margins(robot, built, motion, effort), payload(robot, built)
-    made = Export(task, candidate, motion, replays, near, limits, load, contact_s, solid, read, tuple(verdicts))
+    near = clearance(scene, robot, tool, shown.recording)
+    limits, load = margins(robot, built, motion), payload(robot, built)
+    made = Export(task, candidate, motion, replays, near, limits, load, contact_s, solid, mounted, tuple(verdicts))
     for name, move in moves.items():
         write_bytes(output / "motion" / f"{name}.csv", to_csv(move, robot.arm_joints).encode())
         text = json.dumps(to_json(move, robot.arm_joints))
@@ -168,31 +164,15 @@ def export(cfg: DictConfig) -> Export:
     write_programs(robot, made.payload, moves, output / "programs")
     save_design(candidate, representation, robot, planned, output / "design")
     write_bytes(output / "figures.json", (json.dumps(made.figures(), indent=2) + "\n").encode())
-    plot(made, effort).savefig(output / "motion.png", dpi=120)
     write_bytes(output / "CHECKLIST.md", checklist(made, moves).encode())
     return made
 
 
-def plot(made: Export, effort: Any) -> Figure:
-    """Draw distances, speeds and torques over time."""
-    from plugins.results.pages.figure import new_figure
-
-    figure = new_figure(8.0, 8.0)
-    axes, arm, times = figure.subplots(3, 1, sharex=True), arm_of(made.task.robot), made.motion.times
-    for what, to, of in made.clearance.courses()[:LINES]:
-        axes[0].plot(made.clearance.times, 1000 * of, label=f"{what} to {to}", lw=1)
-    axes[0].set_ylabel("distance (mm)")
-    axes[0].legend(fontsize=6, ncols=3)
-    for ax, values, limits, label in (
-        (axes[1], made.motion.velocities, arm.velocity_limits, "share of the velocity limit"),
-        (axes[2], effort, arm.effort_limits, "share of the torque limit"),
-    ):
-        for values_of, limit, name in zip(values.T, limits, made.task.robot.arm_joints, strict=True):
-            ax.plot(times, values_of / limit if limit > 0 else 0 * values_of, label=name, lw=1)
-        ax.set_ylabel(label)
-        ax.legend(fontsize=6, ncols=4)
-    axes[2].set_xlabel("time (s)")
-    return figure
+def same_reward(replays: Mapping[str, PlayedMotion], mounted: Mapping[str, float]) -> Check:
+    """Compare what the tool earns with its plate or sleeves with what it earns without, by engine."""
+    rows = [f"{reward:.3f} for {replays[name].reward:.3f} in {name}" for name, reward in mounted.items()]
+    same = all(abs(reward - replays[name].reward) <= SAME_REWARD for name, reward in mounted.items())
+    return Check("mounted", same, f"with its mount it earns {', '.join(rows)}")
 
 
 def checklist(made: Export, moves: Mapping[str, Sampled]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +18,9 @@ from core.support.cli import write_bytes
 from core.values.materials import Material
 from core.values.robots import Robot
 from plugins.results.pages.figure import FigurePage
-from plugins.results.pages.page import data_address, render
 from plugins.results.workshop.payload import payload
 from plugins.results.workshop.printing import LAYER_S, Check, PrintedPart
-from plugins.results.workshop.sheet_drawing import HEADS, draw_page, draw_views, lines, table
+from plugins.results.workshop.sheet_drawing import draw_page
 from plugins.results.workshop.strength import Strength, measured
 from plugins.results.workshop.verdicts import carried, printable, strong
 
@@ -91,11 +90,6 @@ def write_sheet(
     """
     said = figures(tool, robot, made, measured(tool, robot, made.material, scene, motion, replays))
     page = FigurePage("sheet", said["tool"], "", lambda: draw_page(tool, robot, said))
-    views = replace(page, paint=lambda: draw_views(tool, robot, said))
     write_bytes(folder / "sheet.pdf", page.render("pdf", titled=False))
-    drawing = data_address(views.render("svg", titled=False), "svg+xml")
-    text: dict[str, Any] = {"lines": lines(said), "heads": HEADS, "rows": table(said)}
-    html = render("sheet.html.j2", folder, title=f"{said['tool']}: sheet", said=said, drawing=drawing, **text)
-    write_bytes(folder / "sheet.html", html.encode())
     write_bytes(folder / "sheet.json", (json.dumps(said, indent=2) + "\n").encode())
     return [Check(**verdict) for verdict in said["verdicts"]]

@@ -30,6 +30,7 @@ SCALES = (0.2, 0.5, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12, 15, 20)  # millimetre
 ROWS, VERDICTS, NUMBERED = 14, 9, 26
 _EDGE = np.deg2rad(20.0)  # between two faces, above which their edge is drawn
 _CELL, _ROOM = (92.0, 66.0), (24.0, 20.0)  # of a view on paper, and of it for dimensions and the title, mm
+_CORNER = (12.0, 136.0)  # the lower left one of the views, mm
 # Title; which axes go right, up, and toward the reader, and with which sign.
 VIEWS = (
     ("from the side", np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])),
@@ -75,7 +76,8 @@ def table(said: Mapping[str, Any]) -> list[tuple[list[str], bool]]:
 
 def draw_page(tool: Tool, robot: Robot, said: Mapping[str, Any]) -> Figure:
     """Draw the whole sheet on A4."""
-    figure = _paper(A4_MM)
+    figure = new_figure(A4_MM[0] / 25.4, A4_MM[1] / 25.4)
+    figure.set_layout_engine("none")
     page = figure.add_axes((0, 0, 1, 1))
     page.set(xlim=(0, A4_MM[0]), ylim=(0, A4_MM[1]))
     page.axis("off")
@@ -83,7 +85,7 @@ def draw_page(tool: Tool, robot: Robot, said: Mapping[str, Any]) -> Figure:
     page.text(12, 277.5, f"{said['robot']}; {said['material']}", fontsize=8, color=SOFT, va="center")
     verdict, color = ("ready to make", GREEN) if said["ready"] else ("not to be made as it is", RED)
     page.text(198, 284, verdict, fontsize=11, fontweight="bold", color=color, ha="right", va="center")
-    _views(figure, page, tool, robot, said, (12.0, 136.0))
+    _views(figure, page, tool, robot, said)
     at = 130.0
     for line in lines(said):
         at = _write(page, 12, at, line, 8, 125)
@@ -99,22 +101,6 @@ def draw_page(tool: Tool, robot: Robot, said: Mapping[str, Any]) -> Figure:
         at = _write(page, 12, at, f"and {len(shown) - VERDICTS} more, {failing} of which fail", 7.5, 132, SOFT)
     _table(page, at - 3, table(said))
     _write(page, 12, 13, said["how"], 6, 170, SOFT)
-    return figure
-
-
-def draw_views(tool: Tool, robot: Robot, said: Mapping[str, Any]) -> Figure:
-    """Draw the views alone."""
-    figure = _paper((190.0, 138.0))
-    page = figure.add_axes((0, 0, 1, 1))
-    page.set(xlim=(0, 190), ylim=(0, 138))
-    page.axis("off")
-    _views(figure, page, tool, robot, said, (2.0, 1.0))
-    return figure
-
-
-def _paper(size_mm: tuple[float, float]) -> Figure:
-    figure = new_figure(size_mm[0] / 25.4, size_mm[1] / 25.4)
-    figure.set_layout_engine("none")
     return figure
 
 
@@ -138,10 +124,8 @@ def _table(page: Axes, at: float, rows: Sequence[tuple[Sequence[str], bool]]) ->
         )
 
 
-def _views(
-    figure: Figure, page: Axes, tool: Tool, robot: Robot, said: Mapping[str, Any], corner: tuple[float, float]
-) -> None:
-    """Draw three views to one scale and a picture, in cells from the ``corner`` at the lower left, mm."""
+def _views(figure: Figure, page: Axes, tool: Tool, robot: Robot, said: Mapping[str, Any]) -> None:
+    """Draw three views to one scale and a picture, in four cells."""
     held = as_held(tool, robot)
     solids = [(component.name, solid.apply_scale(1000.0)) for component, solid in held]
     numbers = {part["name"]: number for number, part in enumerate(said["parts"], start=1)}
@@ -151,10 +135,10 @@ def _views(
     center = np.average([solid.center_mass for _, solid in solids], axis=0, weights=weights)
     wanted = max(float((np.ptp(points @ axes[:2].T, axis=0) / room).max()) for _, axes in VIEWS)
     scale = next((scale for scale in SCALES if scale >= wanted), wanted)
-    width, height = page.get_xlim()[1], page.get_ylim()[1]
+    (left, bottom), (width, height) = _CORNER, A4_MM
     cells = [(0, 1), (1, 1), (0, 0), (1, 0)]
     for (title, axes), (column, row) in zip(VIEWS, cells, strict=False):
-        x, y = corner[0] + column * (_CELL[0] + 2), corner[1] + row * (_CELL[1] + 2)
+        x, y = left + column * (_CELL[0] + 2), bottom + row * (_CELL[1] + 2)
         ax = figure.add_axes((x / width, y / height, _CELL[0] / width, _CELL[1] / height))
         flat = points @ axes[:2].T
         low, high = flat.min(axis=0), flat.max(axis=0)
@@ -167,7 +151,7 @@ def _views(
         for mark, at in (("+", np.zeros(3)), ("x", center)):
             ax.plot(*(axes[:2] @ at), mark, color=RED, ms=4, mew=0.7)
         page.text(x, y + _CELL[1] - 1, title, fontsize=7, color=SOFT, va="top")
-    x, y = corner[0] + _CELL[0] + 2, corner[1]
+    x, y = left + _CELL[0] + 2, bottom
     ax = figure.add_axes((x / width, y / height, _CELL[0] / width, (_CELL[1] - 6) / height))
     ax.imshow(draw(painted(tool, robot), 736, 480))
     ax.axis("off")

@@ -34,13 +34,13 @@ from plugins.results.workshop.printing import (
     widened,
 )
 from plugins.results.workshop.settings import Fit, Printer
-from plugins.results.workshop.solid import Placed, Workpiece, to_mesh, union
+from plugins.results.workshop.solid import Placed, Workpiece, manifold, to_mesh, union
 from plugins.results.workshop.step import NO_STEP, can_write_step, write_step
 from plugins.results.workshop.texts import filled
 from plugins.results.workshop.verdicts import printable
 
 EXACT_MM = 0.1  # by which the solid may differ from what was simulated
-SAME_REWARD = 0.02
+SAME_FILE = 0.001  # of its volume, by which a part read back from its file may differ
 SAME_WEIGHT = 0.2
 _NOTHING_MM3 = 1.0
 
@@ -268,13 +268,23 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
     files = {made.file(number): part for number, part in enumerate(made.parts)}
     for name, part in files.items():
         write_bytes(folder / name, to_stl(part))
+    most = max(_difference(folder / name, part) for name, part in files.items())
+    read = Check("files read back", most <= SAME_FILE, f"STL files differ from the parts by up to {most:.2%} in volume")
     write_bytes(folder / "tool.3mf", to_3mf(made.parts))
     (folder / "tool.step").unlink(missing_ok=True)
     missing = write_step({name: part.solid for name, part in files.items()}, folder / "tool.step")
     checks = [Check("STEP", False, f"{name} can't be modelled") for name in missing]
-    made = replace(made, checks=(*checks, *made.checks), step=can_write_step() and len(missing) < len(files))
+    made = replace(made, checks=(read, *checks, *made.checks), step=can_write_step() and len(missing) < len(files))
     write_lists(made, folder)
     return made
+
+
+def _difference(file: Path, part: PrintedPart) -> float:
+    """Measure what a part and its file don't share, as a share of the part; 1 or more where the file isn't closed."""
+    import trimesh
+
+    read, whole = manifold(trimesh.load_mesh(file).apply_transform(part.to_mount)), part.solid.body
+    return float(((read - whole).volume() + (whole - read).volume()) / whole.volume())
 
 
 def write_lists(made: PrintedTool, folder: Path) -> None:

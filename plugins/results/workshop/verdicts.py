@@ -33,7 +33,8 @@ _MENDS = {  # by how the name of a check begins; the first counts
     "apart": "leave a gap between them",
     "STEP": "mill it from its STL file",
     "weight": "simulate it with material= what it is printed of",
-    "files read back": "move components away from the mount, and leave more room where the motion is tight",
+    "mounted": "move components away from the mount, and leave more room where the motion is tight",
+    "files read back": "write them again; if it stays, thicken what is thinner than a nozzle",
 }
 
 

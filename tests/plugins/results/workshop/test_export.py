@@ -43,9 +43,9 @@ def test_the_motion_earns_what_was_simulated(made):
     assert max(joint["torque_share"] for joint in figures["joints"]) < 1
 
 
-def test_the_tool_is_written_and_earns_the_same_by_its_files(made):
+def test_the_tool_is_written_and_earns_the_same_with_its_mount(made):
     folder, found = made
-    assert found.read_back["mujoco"] == pytest.approx(found.replays["mujoco"].reward, abs=0.02)
+    assert found.mounted["mujoco"] == pytest.approx(found.replays["mujoco"].reward, abs=0.02)
     assert found.payload["mass_kg"] == pytest.approx(found.printed.mounted.mass, abs=1e-5)
     assert found.printed.mounted.mass > found.candidate.tool.mass
     names = {file.name for file in (folder / "tool").iterdir()}
@@ -207,7 +207,6 @@ def test_reports_what_is_near_and_the_limits(made):
     checklist = (folder / "CHECKLIST.md").read_text()
     assert checklist.count("- [ ]") == 8
     assert f"{found.payload['mass_kg']:g} kg" in checklist
-    assert (folder / "motion.png").stat().st_size > 10_000
 
 
 def test_before_contact_nothing_is_touched(made):

@@ -137,6 +137,15 @@ def test_a_slicer_slices_every_part(written, tmp_path):
         assert (tmp_path / "out.gcode").read_text().count("\nG1 ") > 1000
 
 
+def test_a_file_that_is_not_the_part_is_said(written, tmp_path, monkeypatch):
+    def scaled(part):
+        return part.mesh.copy().apply_scale(1.01).export(file_type="stl")
+
+    monkeypatch.setattr("plugins.results.workshop.tool.to_stl", scaled)
+    (fault,) = write_tool(written[1], tmp_path).faults
+    assert fault.startswith("files read back: STL files differ from the parts by up to 9.6")
+
+
 def test_what_joints_move_is_made_and_what_is_missing_is_said():
     made = make_tool(tongs(), PANDA, Material(), Printer(), Fit())
     assert [part.link for part in made.parts] == ["tool", "left", "right"]
