@@ -72,7 +72,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial of a candidate: a rollout in one engine and one scene, or what is known without one.
+    """One trial of a candidate: a rollout in one engine and one scene.
 
     Attributes:
         engine: its name, as the fitness shows it.
@@ -81,7 +81,6 @@ class Trial:
         status: as that of an `Evaluation`.
         reward: what it earned; 0 where it was rejected or failed.
         reason: why, as that of an `Evaluation`.
-        simulated: False: its outcome was known without a rollout (`core.simulation.clearance`).
         touch_m: see `Observation.touch_m`; None: not observed, or nothing was touched.
         observation: of several trials only the one that is shown has it.
     """
@@ -92,7 +91,6 @@ class Trial:
     status: Status = "ok"
     reward: float = 0.0
     reason: str = ""
-    simulated: bool = True
     touch_m: float | None = None
     observation: Observation | None = None
 
@@ -161,21 +159,20 @@ class Evaluation:
 
     @property
     def rollouts(self) -> int:
-        """The number of its trials that were simulated."""
+        """The number of its rollouts."""
         return count_rollouts(self.status, self.trials, self.same_as)
 
     @property
     def unneeded(self) -> int:
-        """The number of rollouts that were not needed: trials that were known without one, and those left out."""
-        known = sum(not trial.simulated for trial in self.trials)
-        return known + (self.planned - len(self.trials) if self.planned is not None else 0)
+        """The number of rollouts that were not needed: those of trials left out."""
+        return self.planned - len(self.trials) if self.planned is not None else 0
 
 
 def count_rollouts(status: str, trials: Sequence[Trial], same_as: str | None) -> int:
-    """Count the trials of an `Evaluation` that were simulated; none of what was not tried."""
+    """Count the rollouts of an `Evaluation`; none of what was not tried."""
     if same_as is not None or status == "rejected":
         return 0
-    return sum(trial.simulated and trial.status != "rejected" for trial in trials) if trials else 1
+    return sum(trial.status != "rejected" for trial in trials) if trials else 1
 
 
 @dataclass(frozen=True)

@@ -325,6 +325,9 @@ class Evaluate(Protocol):
         """Return one evaluation for each candidate, in order."""
 
 
+Raced = tuple[list[Candidate], list[Evaluation] | Exception]
+
+
 class Fitness(Evaluate, ABC):
     """The rule that turns a candidate's rollouts into one evaluation. It is picklable, and called in workers.
 
@@ -339,6 +342,21 @@ class Fitness(Evaluate, ABC):
     def unseen(self) -> Mapping[str, Sequence[Evaluate]]:
         """Return what a run tries its best candidate on at the end, by engine: trials that the search never sees."""
         return {}
+
+    @property
+    def races(self) -> bool:
+        """Whether the candidates of a generation compete while they are tried, by `race`."""
+        return False
+
+    def race(
+        self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
+    ) -> Iterator[Raced]:
+        """Yield candidates with their evaluations, or with what went wrong, as `Executor.map` does.
+
+        Those of a generation compete with each other and with those of ``earlier``, which is called after all of
+        ``chunks`` were read.
+        """
+        raise NotImplementedError
 
 
 class Executor(ABC):

@@ -43,7 +43,7 @@ from core.values.layouts import describe_ranges
 from docs import prompt_page
 from docs.diagrams import DRAWINGS
 from plugins.conformance import facts
-from plugins.fitness.layouts.fitness import UNSEEN
+from plugins.fitness.layouts import UNSEEN
 from tests.benchmarks import layouts
 from tests.panda import on_panda
 from tests.plugins.actions.test_strike import Strike, swing

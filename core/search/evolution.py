@@ -16,12 +16,11 @@ from core.design import Candidate, DesignError, Evaluation, Tool
 from core.designs.rules import check_tool
 from core.errors import LimitReached, UserError, fault
 from core.events import INTERRUPTED, Generation, Result
-from core.interfaces import Budget, EvolutionStrategy, Executor, Robot
+from core.interfaces import Budget, EvolutionStrategy, Executor, Fitness, Raced, Robot
 from core.plugins import describe_part, installed
 from core.plugins.blame import PluginError
 from core.search.dispatch import CHUNK
 from core.search.duplicates import NearDuplicates
-from core.simulation.racing import SeveralTrials
 from core.support.text import shorten
 from core.support.threads import run_in_thread
 
@@ -182,10 +181,8 @@ class Trials:
         if self._waiting:
             raise UserError(f"{describe_part(self._executor)}: map gave no result for {len(self._waiting)} candidates")
 
-    def _attempt(
-        self, chunks: Iterable[list[Candidate]]
-    ) -> Iterator[tuple[list[Candidate], list[Evaluation] | Exception]]:
-        if isinstance(self._evaluate, SeveralTrials) and self._evaluate.races:
+    def _attempt(self, chunks: Iterable[list[Candidate]]) -> Iterator[Raced]:
+        if isinstance(self._evaluate, Fitness) and self._evaluate.races:
             return self._evaluate.race(chunks, self._executor, self._so_far)
         return self._executor.map(self._evaluate, chunks)
 

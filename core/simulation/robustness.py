@@ -68,7 +68,7 @@ def perturbed(evaluator: Evaluator, perturbation: PerturbationRange, draw: int) 
     of = evaluator.task
     robot = of.robot if isinstance(of, TaskPart) else None
     task = PerturbedPart(of.kind, of.name, of.settings, robot, perturbation, draw)
-    return CheckedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings, evaluator.clearance)
+    return CheckedEvaluator(task, evaluator.sim, evaluator.seed, evaluator.settings)
 
 
 def engines(
@@ -153,7 +153,6 @@ def worst(
         warnings=(*shown.warnings, *failures),
         trials=tuple(made),
         combined=True,
-        saved_s=sum(evaluation.saved_s for evaluation in (*tried[lowest], *others)),
     )
 
 

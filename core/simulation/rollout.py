@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -19,7 +18,6 @@ from core.plugins.blame import PluginError, describe_failure
 from core.robot.tempo import plan_task_motion
 from core.robot.trajectory import Motion
 from core.scene import Scene, State, Trace
-from core.simulation.clearance import Idle, find_idle
 from core.simulation.observing import observe
 from core.solids.contacts import Contacts, find_contacts, make_trace
 from core.solids.penetration import Explosion, Finding, findings_of_each
@@ -34,9 +32,7 @@ from core.values.traces import TRACE_HZ
 class Evaluator:
     """Evaluate candidates in one engine, with one layout of a task and one way to execute plans.
 
-    Calling it with a batch of candidates returns their evaluations, in order. It is small, hashable and picklable. What
-    keeps ``clearance`` metres from all that can move is not simulated, where the reward is then 0 (`find_idle`); None:
-    all is simulated.
+    Calling it with a batch of candidates returns their evaluations, in order. It is small, hashable and picklable.
 
     Raises:
         PluginError: the code of the task or the simulator raised something; names the plugin.
@@ -46,7 +42,6 @@ class Evaluator:
     sim: PluginPart[Simulator]
     seed: int = 0
     settings: RolloutSettings = field(default_factory=RolloutSettings)
-    clearance: float | None = None
 
     @property
     def batch(self) -> int:
@@ -64,11 +59,7 @@ class Evaluator:
     def __call__(self, candidates: Sequence[Candidate]) -> list[Evaluation]:
         try:
             task, simulator = self.made()
-            foresight = None
-            if self.clearance is not None and any(candidate.problem is None for candidate in candidates):
-                idle = _idle(self.task, self.sim, self.seed, self.settings.settle_s, self.settings.hold_s)
-                foresight = None if idle is None else (idle, self.clearance)
-            found = evaluate_batch(task, simulator, candidates, self.seed, self.settings, foresight)
+            found = evaluate_batch(task, simulator, candidates, self.seed, self.settings)
         except (UserError, MemoryError):
             raise
         except RAISED as error:  # a plugin's code may raise anything
@@ -102,12 +93,6 @@ def _simulator(part: PluginPart[Simulator]) -> Simulator:
     return part.create()
 
 
-@lru_cache(maxsize=256)
-def _idle(task: PluginPart[Task], sim: PluginPart[Simulator], seed: int, settle_s: float, hold_s: float) -> Idle | None:
-    """Find out once per process what a layout is while the robot rests."""
-    return find_idle(_task(task), _simulator(sim), seed, RolloutSettings(settle_s=settle_s, hold_s=hold_s))
-
-
 def prepare(
     task: Task,
     candidate: Candidate,
@@ -139,7 +124,6 @@ class _Attempt:
         motion: its plan in this layout.
         job: what the simulator plays.
         warnings: what is to be said of it so far.
-        saved_s: the processor time that was saved, seconds; None: it is simulated.
         outcome: what the simulator made of it.
         findings: what was unphysical.
         contacts: those of its recording; None: they are not needed, or there is no recording of finite states.
@@ -150,7 +134,6 @@ class _Attempt:
     motion: Motion
     job: Rollout
     warnings: tuple[str, ...] = ()
-    saved_s: float | None = None
     outcome: Outcome | None = None
     findings: Sequence[Finding] = ()
     contacts: Contacts | None = None
@@ -165,19 +148,13 @@ def evaluate_batch(
     candidates: Sequence[Candidate],
     seed: int,
     settings: RolloutSettings,
-    foresight: tuple[Idle, float] | None = None,
 ) -> list[Evaluation]:
-    """Try each candidate and return their evaluations, in order. One call of the task's reward covers all worlds.
-
-    What touches nothing is not simulated, if there is ``foresight``: what the layout is while the robot rests, and the
-    least clearance in metres.
-    """
-    batch = _Batch(task, task.scene(seed), seed, settings, foresight)
+    """Try each candidate and return their evaluations, in order. One call of the task's reward covers all worlds."""
+    batch = _Batch(task, task.scene(seed), seed, settings)
     steps = [batch.planned(candidate) for candidate in candidates]
     attempts = [step for step in steps if isinstance(step, _Attempt)]
-    simulated = [attempt for attempt in attempts if attempt.outcome is None]
-    outcomes = _outcomes(simulator, task, [attempt.job for attempt in simulated])
-    for attempt, outcome in zip(simulated, outcomes, strict=True):
+    outcomes = _outcomes(simulator, task, [attempt.job for attempt in attempts])
+    for attempt, outcome in zip(attempts, outcomes, strict=True):
         attempt.outcome = outcome
     judged = dict(zip(map(id, attempts), batch.judged(attempts), strict=True))
     return [judged[id(step)] if isinstance(step, _Attempt) else step for step in steps]
@@ -191,7 +168,6 @@ class _Batch:
     scene: Scene
     seed: int
     settings: RolloutSettings
-    foresight: tuple[Idle, float] | None
 
     @property
     def _checks(self) -> bool:
@@ -218,24 +194,11 @@ class _Batch:
             problem = f"{warnings[0]}; {met.mend}" if self._forbids else None
         if problem is not None:
             return Evaluation(candidate, "rejected", reason=problem)
-        return self._foreseen(_Attempt(candidate, job.tool, motion, job, warnings))
-
-    def _foreseen(self, attempt: _Attempt) -> _Attempt:
-        """Add the outcome of what touches nothing; else what the simulator has to record."""
-        robot, job = self.task.robot, attempt.job
-        if self.foresight is not None and (untouched := self.foresight[0].foresee(robot, job, self.foresight[1])):
-            idle, clearance_m = self.foresight
-            film = idle.film(robot, job) if self.settings.observe else None
-            said = f"not simulated: it keeps {clearance_m:g} m or more from all that can move"
-            attempt.outcome = replace(untouched, tracking_error_rad=math.nan, recording=film, warnings=(said,))
-            attempt.saved_s = idle.share * (job.settle_s + job.trajectory.duration + job.hold_s)
-            return attempt
         if self._checks or self.settings.observe:
             job = replace(job, record_hz=sample_hz(robot, job.tool, job.trajectory, thinnest(self.scene)))
         if self.task.reads_trace:
             job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
-        attempt.job = job
-        return attempt
+        return _Attempt(candidate, job.tool, motion, job, warnings)
 
     def judged(self, attempts: Sequence[_Attempt]) -> list[Evaluation]:
         """Check what was played, and reward it."""
@@ -252,7 +215,7 @@ class _Batch:
             films = {
                 number: (attempt.tool, attempt.outcome.recording)
                 for number, attempt in enumerate(attempts)
-                if attempt.saved_s is None and attempt.outcome is not None and attempt.outcome.recording is not None
+                if attempt.outcome is not None and attempt.outcome.recording is not None
             }
             for number, found in findings(self.scene, self.task.robot, films).items():
                 if isinstance(found, Explosion):
@@ -303,7 +266,6 @@ class _Batch:
                 moved_m=dict(zip(starts.names, moved, strict=True)),
                 warnings=(*attempt.warnings, *motion.slowdowns(), *outcome.warnings),
                 trials=(self._trial(attempt, reward),),
-                saved_s=attempt.saved_s or 0.0,
             )
             if not 0.0 <= reward <= 1.0:
                 reason = f"task {self.task.name}: the reward {reward} is not in [0, 1]"
@@ -312,10 +274,10 @@ class _Batch:
 
     def _trial(self, attempt: _Attempt, reward: float) -> Trial:
         if not self.settings.observe or attempt.contacts is None or attempt.outcome is None:
-            return Trial(simulated=attempt.saved_s is None)
+            return Trial()
         earned = reward if 0.0 <= reward <= 1.0 else 0.0
         seen = observe(self.task, self.scene, attempt.motion, attempt.outcome, earned, attempt.contacts)
-        return Trial(simulated=attempt.saved_s is None, touch_m=seen.touch_m, observation=seen)
+        return Trial(touch_m=seen.touch_m, observation=seen)
 
 
 def findings(

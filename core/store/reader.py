@@ -108,7 +108,7 @@ class StoredEvaluation:
 
     @property
     def rollouts(self) -> int:
-        """The number of its trials that were simulated."""
+        """The number of its rollouts."""
         return count_rollouts(self.status, self.details.trials, self.details.same_as)
 
     def of(self, candidate: Candidate) -> Evaluation:

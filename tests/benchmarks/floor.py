@@ -30,7 +30,7 @@ from core.plugins import installed
 from core.robot.extents import extents_at_home
 from core.support.cli import arguments, command
 from plugins.executors.local import LocalExecutor
-from plugins.fitness.layouts.fitness import UNSEEN
+from plugins.fitness.layouts import UNSEEN
 from tests.benchmarks import measuring
 from tests.benchmarks.absurd import random_start
 from tests.benchmarks.layouts import Trial

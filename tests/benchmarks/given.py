@@ -24,7 +24,7 @@ from core.errors import UsageError
 from core.interfaces import RolloutSettings, Waypoints
 from core.plugins import installed
 from core.support.cli import command
-from plugins.fitness.layouts.fitness import UNSEEN
+from plugins.fitness.layouts import UNSEEN
 from tests.benchmarks import layouts, measuring
 from tests.benchmarks.floor import DIRECTIONS, anchored, sweeps
 from tests.benchmarks.layouts import HARD

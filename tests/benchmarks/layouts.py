@@ -28,7 +28,7 @@ from core.simulation.robustness import CheckedEvaluator
 from core.simulation.rollout import Evaluator
 from core.support.cli import command
 from plugins.executors.local import LocalExecutor
-from plugins.fitness.layouts.fitness import UNSEEN, Layouts
+from plugins.fitness.layouts import UNSEEN, Layouts
 from tests.benchmarks import measuring
 
 USAGE = (

@@ -38,7 +38,6 @@ class Settings:
     tools: int = 4
     plans: int = 2
     layouts: int = 3
-    clearance: float | None = 0.05
     stop_below: float | None = None
     stop_behind: float | None = 1.5
     first: int = 0
@@ -101,7 +100,7 @@ def table(found: Sequence[Measured]) -> str:
 
 def measure(task: str, seed: int, given: Settings) -> Measured:
     """Try one population in full and in stages; what the engine needs once is made before."""
-    stages = {"clearance": given.clearance, "stop_below": given.stop_below, "stop_behind": given.stop_behind}
+    stages = {"stop_below": given.stop_below, "stop_behind": given.stop_behind}
     words = [
         f"task={task}",
         f"sim={given.sim}",

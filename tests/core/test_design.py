@@ -160,7 +160,6 @@ def test_of_equal_distances_the_higher_reward_goes_first_and_none_is_the_longest
 
 
 THREE = (Trial("mujoco", reward=0.1), Trial("mujoco", reward=0.2), Trial("sapien"))
-FORESEEN = Trial("mujoco", simulated=False)
 REFUSED = Trial("mujoco", status="rejected")
 
 
@@ -174,10 +173,7 @@ REFUSED = Trial("mujoco", status="rejected")
         ("ok", THREE, {}, 3, 0),
         ("ok", (*THREE, REFUSED), {}, 3, 0),
         ("ok", THREE, {"same_as": "g0-a0-s0-p0"}, 0, 0),
-        ("ok", (FORESEEN,), {}, 0, 1),
-        ("ok", (*THREE, FORESEEN), {}, 3, 1),
         ("ok", THREE, {"planned": 6}, 3, 3),
-        ("ok", (*THREE[:2], FORESEEN), {"planned": 6}, 2, 4),
     ],
 )
 def test_rollouts_of_an_evaluation(status, trials, more, count, unneeded):

@@ -44,7 +44,7 @@ def test_a_result_is_of_all_generations():
 
 def test_what_equal_candidates_share_is_saved_once():
     assert not any(Result((Generation(0, (evaluation(0, 0.7),)),), 1.0).saved)
-    one = replace(evaluation(0, 0.7), trials=(Trial(simulated=False),) * 2, saved_s=1.5)
+    one = replace(evaluation(0, 0.7), trials=(Trial(),), planned=3, saved_s=1.5)
     same = replace(one, candidate=evaluation(1, 0.0).candidate)
     near = replace(one, same_as="g0-a0-s0-p0")
     other = replace(one, candidate=Candidate(Tool(), np.ones((1, 6)), 0, 3))

@@ -27,7 +27,7 @@ from core.robot.solids import Obstacles, body_solids
 from core.scene import State
 from core.simulation.rollout import evaluate_batch
 from core.values.layouts import Draw
-from plugins.fitness.layouts.fitness import UNSEEN
+from plugins.fitness.layouts import UNSEEN
 from tests.benchmarks import layouts
 from tests.engines import every_simulator, simulator
 from tests.panda import ARM, FINGER_OPEN

@@ -246,7 +246,7 @@ def costs(results: Results) -> Table:
         )
     note = (
         "Tokens and dollars are sums over the runs, of the replies that report them; empty where none does. Saved are, "
-        "over all runs, the rollouts that were foreseen or that candidates stopped before, with an estimate of their "
+        "over all runs, the rollouts that candidates stopped before, with an estimate of their "
         "processor time. Near-duplicates got the evaluation of another candidate."
     )
     return Table("costs", "Time and money", head, tuple(rows), note)

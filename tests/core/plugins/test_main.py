@@ -28,12 +28,13 @@ def test_python_m_core_plugins_lists_every_part(capsys, monkeypatch):
 def test_what_is_switched_off_is_not_imported_and_is_reported(tmp_path):
     code = "import core.plugins.__main__ as c, sys; c.main([]); sys.exit('tasks' in sys.modules)"
     words = [sys.executable, "-c", code]
-    env = os.environ | {"VLMGINEER_PLUGINS": "robust"}
+    env = os.environ | {"VLMGINEER_PLUGINS": "fitness"}
     done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     listed = [line.split()[:2] for line in done.stdout.splitlines()[1:-1]]
-    assert listed == [["fitness", "robust"], *(["command", name] for name in sorted(COMMANDS))]
-    assert done.stdout.splitlines()[-1] == "VLMGINEER_PLUGINS=robust: other plugins are not loaded"
+    own = [["fitness", name] for name in ("layouts", "nominal", "robust")]
+    assert sorted(listed) == sorted([*own, *(["command", name] for name in COMMANDS)])
+    assert done.stdout.splitlines()[-1] == "VLMGINEER_PLUGINS=fitness: other plugins are not loaded"
 
 
 def check(monkeypatch, found, *words):

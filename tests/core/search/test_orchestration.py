@@ -6,7 +6,7 @@ import pytest
 
 from core import Experiment
 
-SAVING = ["fitness=robust", "fitness.sims=[mujoco]", "fitness.seeds=[1,2]", "fitness.clearance=0.05"]
+SAVING = ["fitness=robust", "fitness.sims=[mujoco]", "fitness.seeds=[1,2]"]
 SAVING += ["fitness.stop_below=0.99", "prompt.feedback=full", "budget.reward_save=-1", "budget.k_top=10"]
 SMALL = ["budget.n_agent=1", "budget.n_tool=2", "budget.n_action=2", "budget.n_iteration=1", "executor.workers=1"]
 

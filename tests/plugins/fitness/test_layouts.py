@@ -23,7 +23,7 @@ from core.plugins import installed
 from core.search.evolution import evaluate_all
 from core.search.orchestration import resume, run
 from core.simulation.rollout import Evaluator, PluginPart
-from plugins.fitness.layouts.fitness import UNSEEN, worst_quarter
+from plugins.fitness.layouts import UNSEEN, worst_quarter
 from plugins.results.pages.runs import read_run
 
 QUICK = RolloutSettings(segment_s=0.2, settle_s=0.05, hold_s=0.1)

@@ -6,7 +6,7 @@ from core.config.compose import load, part
 
 
 def test_nominal_is_the_default_and_passes_on_what_the_evaluator_says():
-    assert load("config", []).fitness == {"name": "nominal", "clearance": None}
+    assert load("config", []).fitness == {"name": "nominal"}
     nominal = part("fitness", OmegaConf.create({"name": "nominal"})).create(
         evaluator=lambda candidates: [f"evaluation of {c}" for c in candidates]
     )

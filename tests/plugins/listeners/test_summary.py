@@ -95,7 +95,7 @@ def test_what_the_model_took(capsys):
 
 
 def test_what_was_saved(capsys):
-    more = {"trials": (Trial(simulated=False),) * 3, "saved_s": 1.6}
+    more = {"trials": (Trial(),), "planned": 4, "saved_s": 1.6}
     assert "3 rollouts saved, about 2 s of processor time\n" in summary(capsys, [0.5], more=more)
     assert "1 near-duplicate of earlier candidates not tried\n" in summary(
         capsys, [0.5], more=more | {"same_as": "g0-a0-s0-p0"}

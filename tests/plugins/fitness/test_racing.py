@@ -10,11 +10,8 @@ from hypothesis import strategies as st
 from core.design import Candidate, Evaluation, Tool, Trial, best_first
 from core.errors import UsageError
 from core.interfaces import Executor
-from core.simulation.racing import Stops, foreseeing, lead, race, try_in_turn
-from core.simulation.rollout import Evaluator, PluginPart
-from plugins.fitness.layouts.fitness import COMBINE
-
-EVALUATOR = Evaluator(PluginPart("task", "BringCube"), PluginPart("sim", "mujoco"))
+from plugins.fitness.layouts import COMBINE
+from plugins.fitness.racing import SeveralTrials, Stops, lead
 
 
 def candidates(count):
@@ -37,8 +34,7 @@ def table(rewards, calls=None):
 
 def staged(rewards, combine="mean", calls=None, **stops):
     count = len(next(iter(rewards.values()))[0])
-    tried = try_in_turn(candidates(count), table(rewards, calls), COMBINE[combine][0], Stops(**stops))
-    return [of.combined(COMBINE[combine][0], "layout") for of in tried]
+    return SeveralTrials(table(rewards, calls), COMBINE[combine][0], Stops(**stops), "layout")(candidates(count))
 
 
 def test_it_stops_as_soon_as_it_cannot_exceed_the_threshold():
@@ -80,7 +76,7 @@ def test_the_threshold_changes_nothing_of_what_exceeds_it(one, other, below, com
 
 
 def test_no_candidates_and_all_stopped():
-    assert try_in_turn([], table({"a": [[]]}), np.mean, Stops()) == []
+    assert SeveralTrials(table({"a": [[]]}), np.mean, Stops(), "layout")([]) == []
     calls = []
     assert all(e.stopped for e in staged({"a": [[0.0, 0.0], [1.0, 1.0]]}, calls=calls, below=0.5))
     assert calls == [2]
@@ -89,17 +85,9 @@ def test_no_candidates_and_all_stopped():
 def raced(rewards, chunks, combine="mean", earlier=(), order=None, calls=None, **stops):
     """Race ``chunks`` of numbers of candidates; results arrive in a random ``order``."""
     many = candidates(sum(map(len, chunks)))
-    executor, found = Arriving(order), {}
-    evaluators, how = table(rewards, calls), COMBINE[combine][0]
-    for chunk, result in race(
-        [[many[number] for number in chunk] for chunk in chunks],
-        executor,
-        evaluators,
-        how,
-        Stops(**stops),
-        lambda: earlier,
-        lambda every: [tried.combined(how, "layout") for tried in every],
-    ):
+    fitness, found = SeveralTrials(table(rewards, calls), COMBINE[combine][0], Stops(**stops), "layout"), {}
+    numbered = [[many[number] for number in chunk] for chunk in chunks]
+    for chunk, result in fitness.race(numbered, Arriving(order), lambda: earlier):
         if isinstance(result, Exception):
             found |= {c.action: result for c in chunk}
         else:
@@ -197,9 +185,8 @@ def test_a_chunk_that_fails_leaves_the_race_alone():
     many = candidates(3)
     first = table({"a": [[0.9, 0.9, 0.1]]})["a"][0]
     evaluators = {"a": [first, lambda chunk: broken(chunk) if many[1] in chunk else first(chunk)]}
-    found = list(
-        race([[many[0]], many[1:]], Arriving(), evaluators, np.mean, Stops(behind=0.5), tuple, lambda every: every)
-    )
+    fitness = SeveralTrials(evaluators, np.mean, Stops(behind=0.5), "layout")
+    found = list(fitness.race([[many[0]], many[1:]], Arriving(), tuple))
     assert [(chunk, str(result)) for chunk, result in found if isinstance(result, Exception)] == [([many[1]], "lost 1")]
     assert [chunk for chunk, result in found if not isinstance(result, Exception)] == [[many[2]], [many[0]]]
 
@@ -211,37 +198,18 @@ def test_what_was_rejected_goes_on_since_it_may_fit_another_layout():
     evaluators = table({"a": [[1.0, 1.0], [1.0, 1.0]]})
     evaluators["a"].insert(0, rejected)
     better = replace(raced({"a": [[0.9], [0.9], [0.9]]}, [[0]])[0], candidate=replace(candidates(1)[0], agent=1))
-    found = list(
-        race(
-            [candidates(2)],
-            Arriving(),
-            evaluators,
-            np.mean,
-            Stops(behind=0.25),
-            lambda: [better],
-            lambda every: [tried.combined(np.mean) for tried in every],
-        )
-    )
-    ((_, evaluations),) = found
+    fitness = SeveralTrials(evaluators, np.mean, Stops(behind=0.25), "change")
+    ((_, evaluations),) = fitness.race([candidates(2)], Arriving(), lambda: [better])
     assert [(len(e.trials), e.planned) for e in evaluations] == [(2, 3)] * 2
 
 
-@pytest.mark.parametrize("settings", [{"below": 1.0}, {"below": -0.1}, {"below": float("nan")}])
-def test_a_wrong_threshold_is_reported(settings):
-    with pytest.raises(UsageError, match=r"fitness.stop_below must be null, or from 0 to below 1, got"):
-        Stops(**settings)
-
-
 @pytest.mark.parametrize("behind", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_wrong_lead_is_reported(behind):
+@pytest.mark.parametrize("below", [1.0, -0.1, float("nan")])
+def test_a_wrong_threshold_or_lead_is_reported(below, behind):
+    with pytest.raises(UsageError, match=r"fitness.stop_below must be null, or from 0 to below 1, got"):
+        Stops(below=below)
     with pytest.raises(UsageError, match=r"fitness.stop_behind must be null, or above 0, got"):
         Stops(behind=behind)
-
-
-def test_a_clearance_that_is_too_small_is_reported():
-    with pytest.raises(UsageError, match=r"fitness.clearance must be null, or at least 0.02 m, got 0.01"):
-        foreseeing(EVALUATOR, 0.01)
-    assert foreseeing(EVALUATOR, 0.05).clearance == 0.05
 
 
 def test_the_prompt_says_when_a_plan_is_given_up():

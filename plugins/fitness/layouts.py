@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from core.design import Evaluation
 from core.errors import UsageError, choices
 from core.interfaces import Simulator, Task
 from core.plugins import PluginPart
-from core.simulation.racing import SeveralTrials, Stops, Tried, foreseeing
 from core.simulation.robustness import CheckedEvaluator, engines, mean
 from core.simulation.rollout import Evaluator
 from core.values.layouts import NONE, describe_ranges
+from plugins.fitness.racing import SeveralTrials, Stops
 
 UNSEEN = 1_000_000  # the first seed of the layouts that no search sees; the same ones for all runs
 _MOST_SEED = UNSEEN - 1_000  # of a run, whose designer may look at some layouts more
@@ -44,8 +43,7 @@ class Layouts(SeveralTrials):
         sims: see `core.simulation.robustness.engines`; none: the run's engine.
         unseen: how many other layouts the best candidate is tried in at the end.
         unseen_sims: the engines for those, with their own settings; none: the engines of the search.
-        clearance: see `core.simulation.racing.foreseeing`; not in the unseen ones.
-        stop_below: see `core.simulation.racing.Stops`, as for ``stop_behind``.
+        stop_below: see `plugins.fitness.racing.Stops`, as for ``stop_behind``.
 
     Raises:
         UserError: a setting or an engine that can't be used, or a task whose layouts are all the same.
@@ -59,7 +57,6 @@ class Layouts(SeveralTrials):
         sims: list[str | dict[str, Any]] = [],  # noqa: B006 - read as a configuration's default
         unseen: int = 20,
         unseen_sims: list[str | dict[str, Any]] = [],  # noqa: B006
-        clearance: float | None = None,
         stop_below: float | None = None,
         stop_behind: float | None = None,
     ) -> None:
@@ -81,12 +78,8 @@ class Layouts(SeveralTrials):
         self._sims = engines(sims, evaluator.sim) if sims else {evaluator.sim.name: evaluator.sim}
         self._unseen_sims = engines(unseen_sims) if unseen_sims else self._sims
         self._seeds = range(evaluator.seed, evaluator.seed + layouts)
-        evaluators = {
-            engine: [foreseeing(evaluate, clearance) for evaluate in of]
-            for engine, of in self._in_layouts(self._seeds, self._sims).items()
-        }
         how, self._counts = COMBINE[combine]
-        super().__init__(evaluators, how, Stops(stop_below, stop_behind))
+        super().__init__(self._in_layouts(self._seeds, self._sims), how, Stops(stop_below, stop_behind), "layout")
 
     def _in_layouts(
         self, seeds: Sequence[int], sims: Mapping[str, PluginPart[Simulator]]
@@ -114,15 +107,12 @@ class Layouts(SeveralTrials):
             f"first; at the end the best plan is tried in {self._unseen} others{elsewhere}.{drawn} Lengths are in "
             f"metres, angles in radians, masses in kilograms. What counts is {self._counts}{lowest}; a "
             "layout where the trial fails counts 0. So tool and plan must fit layouts that differ by as much as that."
-            f"{self._stops.instructions()}"
+            f"{self.stops.instructions()}"
         )
 
     def unseen(self) -> dict[str, list[Evaluator]]:
         seeds = range(UNSEEN, UNSEEN + self._unseen)
         return self._in_layouts(seeds, self._unseen_sims) if self._unseen else {}
-
-    def combined(self, every: Sequence[Tried]) -> list[Evaluation]:
-        return [tried.combined(self._combine, "layout") for tried in every]
 
 
 def _alike(task: Task, seed: int) -> bool:

@@ -6,20 +6,14 @@ from collections.abc import Sequence
 
 from core.design import Candidate, Evaluation
 from core.interfaces import Fitness
-from core.simulation.racing import foreseeing
 from core.simulation.rollout import Evaluator
 
 
 class Nominal(Fitness):
-    """The reward in the run's engine, in the scene as the task has it.
+    """The reward in the run's engine, in the scene as the task has it."""
 
-    Args:
-        evaluator: tries candidates.
-        clearance: see `core.simulation.racing.foreseeing`.
-    """
-
-    def __init__(self, evaluator: Evaluator, clearance: float | None = None) -> None:
-        self._evaluator = foreseeing(evaluator, clearance)
+    def __init__(self, evaluator: Evaluator) -> None:
+        self._evaluator = evaluator
 
     @property
     def batch(self) -> int:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from core.config.settings import PerturbationRange
-from core.design import Evaluation
-from core.simulation.racing import SeveralTrials, Stops, Tried, foreseeing
 from core.simulation.robustness import check_draws, engines, mean, perturbed
 from core.simulation.rollout import Evaluator
+from plugins.fitness.racing import SeveralTrials, Stops
 
 
 class Robust(SeveralTrials):
@@ -21,8 +19,7 @@ class Robust(SeveralTrials):
         sims: see `core.simulation.robustness.engines`.
         seeds: of the perturbations; each costs a rollout in each engine.
         perturbation: the ranges of the perturbations.
-        clearance: see `core.simulation.racing.foreseeing`.
-        stop_below: see `core.simulation.racing.Stops`, as for ``stop_behind``.
+        stop_below: see `plugins.fitness.racing.Stops`, as for ``stop_behind``.
 
     Raises:
         UserError: an engine or a seed that can't be used.
@@ -34,23 +31,21 @@ class Robust(SeveralTrials):
         sims: list[str | dict[str, Any]] = ["pybullet", "sapien"],  # noqa: B006 - read as a configuration's default
         seeds: list[int] = [0, 1, 2],  # noqa: B006
         perturbation: PerturbationRange = PerturbationRange(),  # noqa: B008
-        clearance: float | None = None,
         stop_below: float | None = None,
         stop_behind: float | None = None,
     ) -> None:
         check_draws(seeds)
-        evaluator = foreseeing(evaluator, clearance)
         evaluators = {
             name: [perturbed(replace(evaluator, sim=sim), perturbation, seed) for seed in seeds]
             for name, sim in engines(sims, evaluator.sim).items()
         }
-        super().__init__(evaluators, mean, Stops(stop_below, stop_behind))
+        super().__init__(evaluators, mean, Stops(stop_below, stop_behind), "change")
         self._draws, self._perturbation = len(seeds), perturbation
 
     def instructions(self) -> str:
-        one, most = len(self._evaluators) == 1, self._perturbation
+        one, most = len(self.evaluators) == 1, self._perturbation
         times = f"{self._draws} times" if self._draws > 1 else "once"
-        where = f"{'the engine' if one else 'each of the engines'} {', '.join(self._evaluators)}"
+        where = f"{'the engine' if one else 'each of the engines'} {', '.join(self.evaluators)}"
         counts = "the mean of its rewards" if one else "the lowest of the engines' mean rewards"
         return (
             f"A plan is tried with its tool {times} in {where}, each time in a scene that differs a little, "
@@ -58,8 +53,5 @@ class Robust(SeveralTrials):
             f"are moved by up to {most.position:g} m along x and along y and turned by up to {most.yaw:g} rad about z, "
             f"masses differ by up to {most.mass:.0%}, friction by up to {most.friction:.0%}. "
             f"What counts is {counts}; a trial that fails counts 0. So leave margins."
-            f"{self._stops.instructions()}"
+            f"{self.stops.instructions()}"
         )
-
-    def combined(self, every: Sequence[Tried]) -> list[Evaluation]:
-        return [tried.combined() for tried in every]
