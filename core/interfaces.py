@@ -343,20 +343,14 @@ class Fitness(Evaluate, ABC):
         """Return what a run tries its best candidate on at the end, by engine: trials that the search never sees."""
         return {}
 
-    @property
-    def races(self) -> bool:
-        """Whether the candidates of a generation compete while they are tried, by `race`."""
-        return False
-
     def race(
         self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
-    ) -> Iterator[Raced]:
-        """Yield candidates with their evaluations, or with what went wrong, as `Executor.map` does.
+    ) -> Iterator[Raced] | None:
+        """Yield what `Executor.map` would, of candidates that compete; None: they don't compete.
 
-        Those of a generation compete with each other and with those of ``earlier``, which is called after all of
-        ``chunks`` were read.
+        They do so with each other, and with those of ``earlier``, which is called after all of ``chunks`` were read.
         """
-        raise NotImplementedError
+        return None
 
 
 class Executor(ABC):

@@ -23,9 +23,9 @@ def install(package: Path, into: Path) -> Path:
 
 
 def without(missing: list[str], arguments: list[str], folder: Path, **environment: str) -> subprocess.CompletedProcess:
-    """Run a command in a process that can't import ``missing``, nor can those that it starts; there is no Vulkan."""
+    """Run a command in a process that can't import ``missing``, nor can those that it starts."""
     lines = [f"sys.modules[{name!r}] = None\n" for name in missing]
     (folder / "sitecustomize.py").write_text("import sys\n" + "".join(lines))
-    environment = {**os.environ, "PYTHONPATH": str(folder), "VK_ICD_FILENAMES": "/nowhere.json", **environment}
+    environment = {**os.environ, "PYTHONPATH": str(folder), **environment}
     command = [sys.executable, "-m", *arguments]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)

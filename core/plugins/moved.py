@@ -79,6 +79,7 @@ MOVED = {
     "core.simulation.gaps": "core.solids.gap_bounds",
     "core.simulation.penetration": "core.solids.penetration",
     "core.simulation.racing": "plugins.fitness.racing",
+    "core.simulation.rendering": "plugins.simulators.rendering",
     "core.simulation.sampling": "core.solids.record_rate",
     "core.simulation.solids": "core.solids.bodies",
     "core.simulation.staging": "plugins.fitness.racing",

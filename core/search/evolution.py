@@ -182,9 +182,10 @@ class Trials:
             raise UserError(f"{describe_part(self._executor)}: map gave no result for {len(self._waiting)} candidates")
 
     def _attempt(self, chunks: Iterable[list[Candidate]]) -> Iterator[Raced]:
-        if isinstance(self._evaluate, Fitness) and self._evaluate.races:
-            return self._evaluate.race(chunks, self._executor, self._so_far)
-        return self._executor.map(self._evaluate, chunks)
+        raced = None
+        if isinstance(self._evaluate, Fitness):
+            raced = self._evaluate.race(chunks, self._executor, self._so_far)
+        return self._executor.map(self._evaluate, chunks) if raced is None else raced
 
     def _so_far(self) -> list[Evaluation]:
         with self._lock:

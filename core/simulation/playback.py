@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from core.geometry import Array
-from core.interfaces import JointTrajectory, Outcome, Pushes, Recording, Rollout, World
+from core.interfaces import JointTrajectory, Outcome, Recording, Rollout, World
 from core.scene import State
 
 LAG_EVERY = 10  # steps between two measurements of the arm's lag
@@ -36,18 +35,6 @@ class Launching(World, Protocol):
         """Give bodies their velocities, and begin the time of drives."""
 
 
-@runtime_checkable
-class Following(World, Protocol):
-    """A world that takes the targets of many steps at once, which is faster."""
-
-    def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
-        """Take one step each time the iterator is advanced, S in all.
-
-        Targets are arm (S, J), fingers (S,), speeds (S, J) and finger speeds (S,), as for `step`.
-        """
-        ...
-
-
 def play(world: World, job: Rollout) -> Outcome:
     """Play a job: settle, move, hold."""
     trajectory, dt = job.trajectory, world.time_step
@@ -61,12 +48,11 @@ def play(world: World, job: Rollout) -> Outcome:
     note = world.note if isinstance(world, Noting) else lambda: (*world.joints(), world.state())
     start = begin_motion(world) if settle == 0 else None
     reached: list[Array] = []
-    steps = _steps(world, arm, fingers, speeds, finger_speeds)
-    for k in range(len(times)):
+    for k, order in enumerate(zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True)):
         if every and k % every == 0:
             instants.append(float(times[k]))
             notes.append(note())
-        next(steps)
+        world.step(*order)
         if k == settle - 1:
             start = begin_motion(world)
         if k >= settle and k % LAG_EVERY == 0:
@@ -88,15 +74,6 @@ def begin_motion(world: World) -> State:
     if isinstance(world, Launching):
         world.launch()
     return world.state()
-
-
-def _steps(world: World, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
-    if isinstance(world, Following):
-        yield from world.follow(arm, fingers, speeds, finger_speeds)
-        return
-    for order in zip(arm, fingers.tolist(), speeds, finger_speeds.tolist(), strict=True):
-        world.step(*order)
-        yield
 
 
 def schedule(job: Rollout, dt: float) -> tuple[int, Array]:
@@ -125,47 +102,3 @@ def _read(world: World, notes: Sequence[Any]) -> tuple[Array, Array, State]:
         return world.read(notes)
     arms, fingers, states = zip(*notes, strict=True)
     return np.array(arms), np.array(fingers), State.stack(states)
-
-
-Thing = tuple[int, str]  # a rank, and a name; the robot's things have rank -1, bodies theirs in the scene
-TOOL: Thing = (-1, "tool")
-
-
-class Impulses:
-    """The normal impulses since a world began, of each two things that touched; an engine adds those of each step.
-
-    Those on the tool are also kept with their points.
-    """
-
-    def __init__(self) -> None:
-        self._sums: dict[tuple[str, str], float] = {}
-        self._noted: list[dict[tuple[str, str], float]] = []
-        self._pushes: list[tuple[int, str, Sequence[float], Array]] = []
-
-    def add(self, one: Thing, other: Thing, impulse: float) -> None:
-        """Add the impulse of a contact, N s; contacts within the robot or a body don't count."""
-        (rank, first), (others_rank, second) = sorted((one, other))
-        if impulse > 0 and others_rank > rank:
-            self._sums[first, second] = self._sums.get((first, second), 0.0) + impulse
-
-    def push(self, one: Thing, other: Thing, point: Sequence[float], impulse: Array) -> None:
-        """Add the impulse on ``one`` (3,), N s, of a contact at a point in the world, if one of the two is the tool."""
-        for (rank, name), (others_rank, body), sign in ((one, other, 1.0), (other, one, -1.0)):
-            if (rank, name) == TOOL and others_rank > rank:
-                self._pushes.append((len(self._noted), body, point, sign * impulse))
-
-    def note(self) -> None:
-        """Note the sums at an instant of the recording."""
-        self._noted.append(dict(self._sums))
-
-    def measured(self, recording: Recording) -> Recording:
-        """Add the mean forces between instants to a recording, see `core.interfaces.Recording`."""
-        spans, forces = np.diff(recording.times), {}
-        for pair in self._sums:
-            sums = np.array([noted.get(pair, 0.0) for noted in self._noted])
-            forces[pair] = np.append(0.0, np.diff(sums) / spans)
-        samples, bodies, points, impulses = zip(*self._pushes, strict=True) if self._pushes else ((),) * 4
-        at = np.array(samples, dtype=np.int64)
-        pushes = np.reshape(impulses, (-1, 3)) / np.append(np.inf, spans)[at, None]
-        made = Pushes(at, np.array(bodies, dtype=np.str_), np.reshape(points, (-1, 3)), pushes)
-        return replace(recording, forces=forces, pushes=made)

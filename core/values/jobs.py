@@ -1,7 +1,7 @@
 """Define what a simulator takes and returns: joint trajectories, rollouts, recordings and outcomes.
 
 Plugins import all of it from `core.interfaces`. Covered by `tests/core/robot/test_trajectory.py` and
-`tests/core/simulation/test_rendering.py`.
+`tests/plugins/simulators/test_rendering.py`.
 """
 
 from __future__ import annotations

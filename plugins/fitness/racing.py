@@ -202,11 +202,12 @@ class SeveralTrials(Fitness):
             tried.tried.setdefault(engine, []).append(evaluation)
             tried.seconds += seconds
 
-    @property
-    def races(self) -> bool:
-        return self.stops.behind is not None
-
     def race(
+        self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
+    ) -> Iterator[Raced] | None:
+        return None if self.stops.behind is None else self._race(chunks, executor, earlier)
+
+    def _race(
         self, chunks: Iterable[list[Candidate]], executor: Executor, earlier: Callable[[], Iterable[Evaluation]]
     ) -> Iterator[Raced]:
         """Try all candidates in a first trial, those that do not stop in a second one, and so on."""

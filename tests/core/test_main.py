@@ -39,7 +39,9 @@ def test_every_command_is_listed_with_a_line(tmp_path):
 
 def test_a_run_needs_no_other_command(tmp_path, monkeypatch):
     """Of the plugins only those that the run names; core's own commands are always there."""
-    monkeypatch.setenv("VLMGINEER_PLUGINS", "robotoolbench,robots,mujoco,offline,tools,actions,sampling,fitness,local")
+    monkeypatch.setenv(
+        "VLMGINEER_PLUGINS", "robotoolbench,robots,simulators,offline,tools,actions,sampling,fitness,local"
+    )
     assert listed(call(tmp_path)) == sorted(COMMANDS)
     done = call(tmp_path, *TINY, "sim=mujoco", "evolution=sampling", "hydra.run.dir=run")
     assert done.returncode == 0, done.stderr

@@ -19,10 +19,10 @@ from core.interfaces import Image, Task
 from core.robot.description import assemble
 from core.robot.meshes import link_visuals
 from core.scene import Camera, Color, State
-from core.simulation.rendering import Renderer, joint_positions
 from core.values.robots import Robot
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element, add_geom
+from plugins.simulators.rendering import Renderer, joint_positions
 
 _SPECK = trimesh.creation.box((0.001, 0.001, 0.001)).export(file_type="stl")  # stands for collision meshes
 _OFF = ("disable", "disabled", "off", "false", "0")  # of MUJOCO_GL, as in MuJoCo's own package

@@ -9,9 +9,9 @@ from core.design import Tool
 from core.errors import UsageError, check_positive
 from core.interfaces import Outcome, Rollout, Task
 from core.robot.trajectory import at_home
-from core.simulation.rendering import DrawingSimulator
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
 from plugins.simulators.mujoco.world import Stepped, World, compiled, weighed
+from plugins.simulators.rendering import DrawingSimulator
 
 MAX_TIME_STEP = 0.005
 _KEPT = 4  # worlds: most batches have one tool
@@ -27,7 +27,7 @@ class MuJoCoSimulator(DrawingSimulator):
             much higher rate, sliding bodies hop. With rolling friction a quarter of it is used.
     """
 
-    renderer, stand_in = MuJoCoRenderer, "pybullet"
+    renderer = MuJoCoRenderer
 
     def __init__(self, time_step: float = 0.0025, tracking_rate: float = 50.0, slip_rate: float = 200.0) -> None:
         check_positive("sim.", time_step=time_step, tracking_rate=tracking_rate, slip_rate=slip_rate)

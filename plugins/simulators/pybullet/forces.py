@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from core.simulation.playback import TOOL, Impulses, Thing
+from plugins.simulators.forces import TOOL, Impulses, Thing
 from plugins.simulators.pybullet.engine import pybullet as p
 
 

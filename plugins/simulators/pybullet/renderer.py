@@ -12,10 +12,10 @@ from core.design import Tool
 from core.geometry import Array, Box, Pose
 from core.interfaces import Image, Task
 from core.scene import Camera, Geom, State
-from core.simulation.rendering import Renderer, joint_positions
 from plugins.simulators.pybullet.bodies import facets_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.world import joint_numbers, load_robot, robot_file
+from plugins.simulators.rendering import Renderer, joint_positions
 
 _NEAR_M, _FAR_M = 0.02, 10.0
 _AWAY_M = 400.0  # so far, a metre in depth changes sizes by a quarter of a percent

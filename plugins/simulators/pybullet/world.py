@@ -19,9 +19,9 @@ from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
 from core.robot.description import assembled, joint_name, write
 from core.scene import Inertia, Scene, State
-from core.simulation.playback import Thing
 from core.values.descriptions import RobotLink
 from core.values.robots import Robot
+from plugins.simulators.forces import Thing
 from plugins.simulators.pybullet.bodies import PreparedBody, inertial, text_file
 from plugins.simulators.pybullet.engine import pybullet as p
 from plugins.simulators.pybullet.forces import Forces

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -11,26 +11,23 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import Tool
-from core.geometry import Color, Pose, Shape
+from core.geometry import Pose, Shape
 from core.robot.description import assembled, merged
 from core.scene import Inertia
-from core.values.descriptions import RobotJoint, RobotShape, Weight
+from core.values.descriptions import RobotJoint, Weight
 from core.values.robots import Robot
-
-_PALE: Color = (0.9, 0.9, 0.9, 1.0)  # of shapes without a material
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedShape:
-    """A collision or visual shape at a pose in rigidly joined links; ``part`` is its own link in the description.
+    """A collision shape at a pose in rigidly joined links; ``part`` is its own link in the description.
 
-    A mesh file collides as its convex hull, and is drawn in its own colours.
+    A mesh file collides as its convex hull.
     """
 
     shape: Shape | Path
     pose: Pose
     part: str
-    color: Color
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +51,6 @@ class ArticulationLink:
     joint: AxisJoint | None
     inertia: Inertia
     collisions: tuple[PlacedShape, ...]
-    visuals: tuple[PlacedShape, ...]
 
 
 @lru_cache(maxsize=16)
@@ -67,29 +63,18 @@ def robot_links(robot: Robot, tool: Tool) -> tuple[ArticulationLink, ...]:
     made = []
     for name in order:
         links = [(arm.links[part], pose) for part, (head, pose) in parts.items() if head == name]
-        collisions = tuple(_placed(shape, pose, link.name) for link, pose in links for shape in link.collisions)
-        visuals = tuple(_placed(shape, pose, link.name) for link, pose in links for shape in link.visuals)
+        collisions = tuple(
+            PlacedShape(shape.shape, pose @ shape.origin.pose, link.name)
+            for link, pose in links
+            for shape in link.collisions
+        )
         inertia = _inertia([link.inertial.placed(pose) for link, pose in links if link.inertial.mass > 0])
         parent, joint = None, None
         if name in arm.joints:
             head, pose = parts[arm.joints[name].parent]
             parent, joint = order.index(head), _along_x(arm.joints[name], pose)
-        made.append(ArticulationLink(name, parent, joint, inertia, collisions, visuals))
+        made.append(ArticulationLink(name, parent, joint, inertia, collisions))
     return tuple(made)
-
-
-def place(links: Sequence[ArticulationLink], joints: Mapping[str, float]) -> list[Pose]:
-    """Compute the poses of links in the base for joint values by name; the others are at 0."""
-    poses: list[Pose] = []
-    for link in links:
-        if link.joint is None or link.parent is None:
-            poses.append(Pose())
-            continue
-        along = np.array([joints.get(link.joint.joint.name, 0.0), 0.0, 0.0])
-        slides = link.joint.joint.kind == "prismatic"
-        moved = Pose(along) if slides else Pose.from_rotation(np.zeros(3), Rotation.from_rotvec(along))
-        poses.append(poses[link.parent] @ link.joint.in_parent @ moved @ link.joint.in_child.inverse())
-    return poses
 
 
 def _along_x(joint: RobotJoint, parent: Pose) -> AxisJoint:
@@ -105,7 +90,3 @@ def _inertia(weights: Sequence[Weight]) -> Inertia:
     moments, axes = np.linalg.eigh(whole)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     return Inertia(mass, Pose.from_rotation(center, Rotation.from_matrix(axes)), moments)
-
-
-def _placed(shape: RobotShape, link: Pose, part: str) -> PlacedShape:
-    return PlacedShape(shape.shape, link @ shape.origin.pose, part, shape.color or _PALE)

@@ -7,7 +7,7 @@ from typing import Any
 from core.design import Tool
 from core.interfaces import Robot
 from core.scene import Scene
-from core.simulation.playback import TOOL, Impulses, Thing
+from plugins.simulators.forces import TOOL, Impulses, Thing
 from plugins.simulators.sapien.description import robot_links
 
 

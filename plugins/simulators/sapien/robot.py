@@ -107,21 +107,11 @@ class ArticulatedArm:
         start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * (len(joints) - self._arm))]
         self._articulation.qpos = start
 
-    def orders(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> list[list[float]]:
-        """Make the orders that `drive` takes, one list for each of S steps.
-
-        Given are the joints' targets (S, J), finger openings (S,), and the speeds at which they are approached.
-        """
+    def drive(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
+        """Set the drives for the next step: targets (J,), a finger opening, and the speeds of their approach."""
+        orders: list[float] = (arm + self._ahead * speeds).tolist()
         if self._gripper:
-            count = self._fingers
-            arm, speeds = (
-                np.column_stack([arm, *[fingers] * count]),
-                np.column_stack([speeds, *[finger_speeds] * count]),
-            )
-        orders: list[list[float]] = (arm + self._ahead * speeds).tolist()
-        return orders
-
-    def drive(self, orders: list[float]) -> None:
+            orders += [fingers + self._ahead * finger_speed] * self._fingers
         if self._pull:
             values, speeds = self._articulation.qpos, self._articulation.qvel
             for i, joint in self._pull:

@@ -11,10 +11,9 @@ from core.errors import UsageError, check_positive
 from core.interfaces import Outcome, Robot, Rollout, Task
 from core.robot.trajectory import at_home
 from core.simulation.playback import play
-from core.simulation.rendering import DrawingSimulator
 from core.support.scratch import intact, temporary_folder
+from plugins.simulators.rendering import DrawingSimulator
 from plugins.simulators.sapien.bodies import Weighed
-from plugins.simulators.sapien.renderer import SapienRenderer
 from plugins.simulators.sapien.world import Settings, World
 
 MAX_TIME_STEP = 0.02
@@ -28,8 +27,6 @@ class SapienSimulator(DrawingSimulator):
         solver_iterations: position iterations of the contact solver, per step.
         tracking_rate: how fast a joint converges to its target, 1/s.
     """
-
-    renderer, stand_in = SapienRenderer, "pybullet"
 
     def __init__(self, time_step: float = 0.005, solver_iterations: int = 10, tracking_rate: float = 50.0) -> None:
         self._settings = Settings(time_step, solver_iterations, tracking_rate)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from core.design import Tool
 from core.geometry import Array
@@ -79,18 +77,12 @@ class World:
 
     def step(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         """Drive the joints to targets (J,) and a finger opening, approached at these speeds, for one time step."""
-        next(self.follow(arm[None], np.array([fingers]), speeds[None], np.array([finger_speed])))
-
-    def follow(self, arm: Array, fingers: Array, speeds: Array, finger_speeds: Array) -> Iterator[None]:
-        """See `core.simulation.playback.Following`."""
-        for orders in self._robot.orders(arm, fingers, speeds, finger_speeds):
-            self._robot.drive(orders)
-            self._joints.act()
-            self._system.step()
-            self._bodies.stepped()
-            if self.forces:
-                self.forces.add_step()
-            yield
+        self._robot.drive(arm, fingers, speeds, finger_speed)
+        self._joints.act()
+        self._system.step()
+        self._bodies.stepped()
+        if self.forces:
+            self.forces.add_step()
 
     def launch(self) -> None:
         """See `core.simulation.playback.Launching`."""

@@ -87,7 +87,8 @@ def raced(rewards, chunks, combine="mean", earlier=(), order=None, calls=None, *
     many = candidates(sum(map(len, chunks)))
     fitness, found = SeveralTrials(table(rewards, calls), COMBINE[combine][0], Stops(**stops), "layout"), {}
     numbered = [[many[number] for number in chunk] for chunk in chunks]
-    for chunk, result in fitness.race(numbered, Arriving(order), lambda: earlier):
+    executor = Arriving(order)
+    for chunk, result in fitness.race(numbered, executor, lambda: earlier) or executor.map(fitness, numbered):
         if isinstance(result, Exception):
             found |= {c.action: result for c in chunk}
         else:

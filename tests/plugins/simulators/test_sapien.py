@@ -11,15 +11,11 @@ from core.errors import UsageError
 from core.geometry import Box, Pose, Sphere
 from core.interfaces import Rollout
 from core.plugins import installed
-from core.robot.trajectory import plan_motion
 from core.scene import Body, Drive, Joint, Latch, table
-from core.simulation.playback import play
 from plugins.conformance.worlds import (
     BARE,
     GRAVITY,
     GREY,
-    HAND,
-    HOME,
     Bodies,
     cube,
     end,
@@ -33,39 +29,12 @@ from plugins.conformance.worlds import (
 
 pytest.importorskip("sapien", exc_type=ImportError)
 
-from plugins.simulators.sapien.bodies import Weighed
-from plugins.simulators.sapien.description import place, robot_links
-from plugins.simulators.sapien.world import Settings, World
-from tests.packages import without
-from tests.panda import ARM, PANDA
+from plugins.simulators.sapien.description import robot_links
+from tests.panda import PANDA
 
 
 def sapien(**settings):
     return installed().create("sim", "sapien", settings)
-
-
-@pytest.mark.parametrize("tool", [BARE, HAND])
-def test_orders_given_one_by_one_or_all_at_once_do_the_same(tmp_path, tool):
-    class Stepped:
-        """The world without `core.simulation.playback.Following`."""
-
-        def __init__(self, world):
-            self.time_step, self.step, self.joints, self.state = world.time_step, world.step, world.joints, world.state
-
-    plan, scene = (
-        [[0.6, 0.2, 0.3, 0, 0.3, 0, 1.0], [0.6, 0, 0.05, 0, 0, 0.5, 0.3]],
-        Bodies(table(), cube(at=(0.6, 0, 0.05))),
-    )
-    job = Rollout(tool, plan_motion(np.array(plan), HOME, ARM).trajectory, settle_s=0.1, hold_s=0.2, record_hz=25.0)
-    worlds = [
-        World(tmp_path, Weighed(scene.scene(0)), PANDA, tool, job.trajectory, Settings(0.005, 10, 50.0))
-        for _ in range(2)
-    ]
-    one, other = play(worlds[0], job), play(Stepped(worlds[1]), job)
-    assert one.tracking_error_rad == other.tracking_error_rad > 0
-    np.testing.assert_array_equal(one.recording.arm, other.recording.arm)
-    np.testing.assert_array_equal(one.recording.states.positions, other.recording.states.positions)
-    np.testing.assert_array_equal(one.end.angular_velocities, other.end.angular_velocities)
 
 
 # --- surfaces ---------------------------------------------------------------------------------------------------
@@ -101,20 +70,6 @@ def test_restitutions_are_told_apart():
 # --- the robot --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("tool", [BARE, HAND, stick(0.3, mass=1.0)], ids=["bare", "hand", "stick"])
-def test_links_weigh_what_the_description_says(tool):
-    """Few links, the same mass and the same kinematics: joints anywhere put the flange where Pinocchio has it."""
-    links = robot_links(PANDA, tool)
-    assert len(links) == (10 if tool.gripper else 8)
-    assert sum(link.inertia.mass for link in links) == pytest.approx(17 + 0.7 * tool.gripper + tool.mass, abs=1.0)
-    rng = np.random.default_rng(3)
-    for _ in range(5):
-        joints = rng.uniform(ARM.lower, ARM.upper)
-        poses = place(links, {f"panda_joint{i + 1}": q for i, q in enumerate(joints)})
-        flange = poses[7] @ Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4))
-        np.testing.assert_allclose(flange.matrix, ARM.forward(joints).matrix, atol=1e-9)
-
-
 def test_the_mounted_tool_adds_its_inertia():
     heavy = Tool((Component("block", "tool_mount", Pose(np.array([0, 0, -0.1])), Box((0.1, 0.1, 0.2)), mass=2.0),))
     bare, loaded = robot_links(PANDA, BARE)[7].inertia, robot_links(PANDA, heavy)[7].inertia
@@ -122,17 +77,6 @@ def test_the_mounted_tool_adds_its_inertia():
     in_link = Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4)).apply([0, 0, -0.1])
     centre = (bare.mass * bare.frame.position + 2 * in_link) / loaded.mass
     np.testing.assert_allclose(loaded.frame.position, centre, atol=1e-9)
-
-
-# --- pictures ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_render_says_who_drew(tmp_path):
-    pytest.importorskip("pybullet")
-    done = without([], ["core", "render", "sim=sapien", "width=32", "height=24"], tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("scene.png\ndrawn by pybullet's renderer: SAPIEN's own renderer needs Vulkan")
 
 
 # --- joints of the scene ----------------------------------------------------------------------------------------

@@ -94,24 +94,16 @@ def test_fingers_stay_as_far_from_the_middle(engine):
 # --- pictures, and missing packages -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("engine", "library", "ground", "tool"),
-    [("sapien", "SAPIEN", (), None), ("mujoco", "MuJoCo", (floor(),), stick(0.3))],
-    ids=["sapien", "mujoco"],
-)
-def test_its_own_renderer_sees_what_pybullets_sees(engine, library, ground, tool):
+def test_mujocos_renderer_sees_what_pybullets_sees():
     """The same camera and scene: edges of the cube, the table and the arm are at the same pixels."""
-    task = Bodies(*ground, table(), cube(at=(0.7, 0, 0.1), side=0.2))
-    own = made(engine)
+    task, own = Bodies(floor(), table(), cube(at=(0.7, 0, 0.1), side=0.2)), made("mujoco")
     ours, theirs = (
-        sim.render(task, tool=tool, width=160, height=120).astype(float).mean(axis=-1)
+        sim.render(task, tool=stick(0.3), width=160, height=120).astype(float).mean(axis=-1)
         for sim in (own, simulator("pybullet"))
     )
     if "pybullet" in own.drawn_by:
-        pytest.skip(
-            f"{own.drawn_by}; for example Debian's libegl1, or Mesa's lavapipe 24.3 or newer, has what it needs"
-        )
-    assert own.drawn_by.startswith(f"{library}'s renderer on ")
+        pytest.skip(f"{own.drawn_by}; for example Debian's libegl1 has what it needs")
+    assert own.drawn_by.startswith("MuJoCo's renderer on ")
     assert np.corrcoef(ours.ravel(), theirs.ravel())[0, 1] > 0.8
 
 
@@ -119,7 +111,7 @@ def test_its_own_renderer_sees_what_pybullets_sees(engine, library, ground, tool
 @pytest.mark.parametrize(
     ("engine", "missing", "refusal"),
     [
-        ("sapien", ["pybullet"], "SAPIEN's own renderer needs Vulkan"),
+        ("sapien", ["pybullet"], "the engine draws nothing itself, and pybullet's can't stand in"),
         ("mujoco", ["pybullet", "OpenGL"], "MuJoCo's own renderer needs OpenGL"),
     ],
 )

@@ -12,11 +12,11 @@ import numpy as np
 from core.errors import UsageError, UserError
 from core.interfaces import Outcome, Recording, Rollout, Task
 from core.simulation.playback import record_every, schedule
-from core.simulation.rendering import DrawingSimulator
 from plugins.simulators.mujoco.batched.models import ModelFigures, Played, Size, figures, model
 from plugins.simulators.mujoco.shapes import Element
 from plugins.simulators.mujoco.simulator import MuJoCoSimulator
 from plugins.simulators.mujoco.world import Joints, weighed
+from plugins.simulators.rendering import DrawingSimulator
 
 if TYPE_CHECKING:
     from plugins.simulators.mujoco.batched.worlds import Worlds
@@ -41,7 +41,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
     """
 
     batch: ClassVar[int] = 2048
-    renderer, stand_in = MuJoCoSimulator.renderer, MuJoCoSimulator.stand_in
+    renderer = MuJoCoSimulator.renderer
 
     def __init__(
         self,

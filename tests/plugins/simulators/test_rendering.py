@@ -7,8 +7,8 @@ from core.errors import NoPicture
 from core.interfaces import Simulator
 from core.plugins import Offer, installed
 from core.scene import Camera, table
-from core.simulation.rendering import DrawingSimulator, Renderer
 from plugins.conformance.worlds import HOME, Bodies, cube
+from plugins.simulators.rendering import DrawingSimulator, Renderer
 from tests.panda import ARM, FINGER_OPEN
 
 TASK = Bodies(table(), cube(at=(0.6, 0.0, 0.05)))

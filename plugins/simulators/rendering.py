@@ -66,13 +66,13 @@ class Renderer(ABC):
 
 
 class DrawingSimulator(Simulator):
-    """Draw with the engine's own renderer or, if it is not available here, with another simulator.
+    """Draw with the engine's own renderer or, if it has none or none here, with another simulator.
 
     The first picture decides which; ``drawn_by`` names it.
     """
 
-    renderer: ClassVar[type[Renderer]]  # raises NoPicture with the reason if it can't be made
-    stand_in: ClassVar[str]  # the other simulator's name
+    renderer: ClassVar[type[Renderer] | None] = None  # raises NoPicture with the reason if it can't be made
+    stand_in: ClassVar[str] = "pybullet"  # the other simulator's name
     _drawer: Renderer | Simulator | None = None
 
     def render(self, task: Task, **view: Unpack[View]) -> Image:
@@ -87,14 +87,18 @@ class DrawingSimulator(Simulator):
         return self._drawer.render(task, **view)
 
     def _choose(self) -> Renderer | Simulator:
-        try:
-            own = self.renderer()
-        except NoPicture as missing:
+        missing = "the engine draws nothing itself"
+        if self.renderer is not None:
             try:
-                other = installed().create(SIMULATOR, self.stand_in)
-            except UserError as reason:
-                raise NoPicture(f"{missing}, and {self.stand_in}'s can't stand in for it: {reason}") from missing
-            self.drawn_by = f"{self.stand_in}'s renderer: {missing}"
-            return other
-        self.drawn_by = own.name
-        return own
+                own = self.renderer()
+            except NoPicture as error:
+                missing = str(error)
+            else:
+                self.drawn_by = own.name
+                return own
+        try:
+            other = installed().create(SIMULATOR, self.stand_in)
+        except UserError as reason:
+            raise NoPicture(f"{missing}, and {self.stand_in}'s can't stand in for it: {reason}") from reason
+        self.drawn_by = f"{self.stand_in}'s renderer: {missing}"
+        return other
