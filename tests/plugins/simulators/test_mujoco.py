@@ -1,23 +1,19 @@
 """Test what MuJoCo alone has: worlds, contacts, servos, the renderer. Settings are in test_settings.py."""
 
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from core.design import Candidate, Component, Tool
-from core.designs.reading import load_designs, read_designs
-from core.designs.rules import SpawnRules
+from core.design import Component, Tool
 from core.errors import NoPicture
 from core.geometry import Box, Cylinder, Pose, Sphere
-from core.interfaces import JointTrajectory, Outcome, Rollout, RolloutSettings
+from core.interfaces import JointTrajectory, Outcome, Rollout
 from core.plugins import installed
 from core.scene import Body, table
 from core.simulation.playback import play
-from core.simulation.rollout import prepare
 from plugins.conformance.worlds import (
     BARE,
     GRAVITY,
@@ -40,11 +36,10 @@ pytest.importorskip("mujoco")
 
 import mujoco as mj
 
-from plugins.simulators.mujoco.moving import Moving
 from plugins.simulators.mujoco.renderer import MuJoCoRenderer
-from plugins.simulators.mujoco.world import Joints, Stepped, compiled
+from plugins.simulators.mujoco.world import compiled
 from tests.packages import without
-from tests.panda import ARM, ARM_JOINTS, FINGER_JOINTS, FINGER_OPEN, HOME_JOINTS, PANDA
+from tests.panda import FINGER_OPEN, HOME_JOINTS, PANDA
 
 ROOT = Path(__file__).parents[3]
 
@@ -142,28 +137,6 @@ def test_a_world_that_explodes_is_an_error_and_nothing_else(tmp_path, monkeypatc
     assert capfd.readouterr() == ("", "")
 
 
-def test_timers_stand_still_in_a_rollout_and_run_again_after_it():
-    sim, made = mujoco(), model(cube(at=(0.6, 0, 0.5)))
-    data = mj.MjData(made)
-    sim.rollout(Bodies(cube(at=(0.6, 0, 0.5))), [Rollout(BARE, still(), hold_s=0.01)])
-    (world,) = sim._worlds.values()
-    assert world._data.time > 0
-    assert world._data.timer[mj.mjtTimer.mjTIMER_STEP].duration == 0 or sys.platform == "win32"
-    mj.mj_step(made, data)
-    assert data.timer[mj.mjtTimer.mjTIMER_STEP].duration > 0
-
-
-def test_worlds_are_made_once_and_not_kept_for_ever():
-    sim, task = mujoco(), Bodies(table(), cube(at=(0.6, 0, 0.05)))
-    tools = [stick(0.1 + 0.01 * i) for i in range(10)]
-    jobs = [Rollout(tool, still(), hold_s=0.01) for tool in tools for _ in range(3)]
-    sim.rollout(task, jobs)
-    assert 0 < len(sim._worlds) < 10
-    kept = dict(sim._worlds)
-    sim.rollout(task, jobs[-3:])
-    assert dict(sim._worlds) == kept
-
-
 # --- contacts ---------------------------------------------------------------------------------------------------
 
 
@@ -255,55 +228,7 @@ def test_what_sleeps_wakes_when_it_is_touched():
     np.testing.assert_allclose(end(outcome).position("far"), [0.6, 0.4, 0.05], atol=1e-4)
 
 
-@pytest.mark.parametrize("name", ["GatherSpheres", "TurkeyLegs"])
-def test_sparse_factors_give_the_accelerations_of_dense_ones(name):
-    """MuJoCo 4.0.0 had a fault in them, which our scenes did not meet; see its changelog, 4.0.1."""
-    task = installed().create("task", name)
-    designs = load_designs(ROOT / f"tests/tasks/solutions/{name}.json")
-    candidate: Candidate = read_designs(designs, installed().create("tool", "urdf"), SpawnRules(task, 0))[0]
-    _, job = prepare(task, candidate, 0, RolloutSettings())
-    scene = task.scene(0)
-    made = compiled(PANDA, scene, {body.name: body.inertia() for body in scene.free}, job.tool, 0.0025, 50.0, 100.0)
-    joints = Joints.of(PANDA, job.tool, made)
-    world, dt = Stepped(made, Moving(scene, made), job.trajectory, joints), made.opt.timestep
-    compared = 0
-    for k in range(int((job.trajectory.duration + 0.2) / dt)):
-        arms, fingers = job.trajectory.sample(np.array([k * dt]))
-        world.step(arms[0], fingers[0], np.zeros(7), 0.0)
-        if k % 200 or world._data.ncon < 20:
-            continue
-        found = []
-        for jacobian in (mj.mjtJacobian.mjJAC_SPARSE, mj.mjtJacobian.mjJAC_DENSE):
-            made.opt.jacobian = jacobian
-            data = mj.MjData(made)
-            data.qpos[:], data.qvel[:], data.ctrl[:] = world._data.qpos, world._data.qvel, world._data.ctrl
-            mj.mj_forward(made, data)
-            found.append(data.qacc.copy())
-        made.opt.jacobian = mj.mjtJacobian.mjJAC_SPARSE
-        np.testing.assert_allclose(found[0], found[1], atol=1e-6 * np.abs(found[1]).max())
-        compared += 1
-        if compared == 4:
-            break
-    assert compared >= 3
-
-
 # --- the robot --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("tool", [BARE, HAND, stick(0.3, mass=1.0)], ids=["bare", "hand", "stick"])
-def test_links_weigh_what_the_description_says(tool):
-    """Few links, the same mass and the same kinematics: joints anywhere put the flange where Pinocchio has it."""
-    made = model(tool=tool)
-    assert made.nbody == (10 if tool.gripper else 8)
-    assert made.body_mass.sum() == pytest.approx(17 + 0.7 * tool.gripper + tool.mass, abs=1.0)
-    assert [made.joint(i).name for i in range(made.njnt)] == [*ARM_JOINTS, *(FINGER_JOINTS if tool.gripper else ())]
-    data, rng = mj.MjData(made), np.random.default_rng(3)
-    for _ in range(5):
-        data.qpos[:7] = rng.uniform(ARM.lower, ARM.upper)
-        mj.mj_kinematics(made, data)
-        body = data.body("panda_link7")
-        flange = Pose(body.xpos, body.xquat) @ Pose.xyz_rpy((0, 0, 0.107), (math.pi, 0, -math.pi / 4))
-        np.testing.assert_allclose(flange.matrix, ARM.forward(data.qpos[:7]).matrix, atol=1e-6)
 
 
 def test_the_mounted_tool_adds_its_inertia():

@@ -29,7 +29,7 @@ pytest.importorskip("mujoco_warp")
 import mujoco as mj
 import warp
 
-from plugins.simulators.mujoco.batched import models, simulator, worlds
+from plugins.simulators.mujoco.batched import models, simulator
 from plugins.simulators.mujoco.world import Joints, compiled
 from tests.commands import python_m
 from tests.panda import FINGER_OPEN, PANDA
@@ -134,40 +134,18 @@ def shared_of(scene, tool):
     return models.figures(made, scene, Joints.of(PANDA, tool, made)).shared
 
 
-def test_tools_with_other_joints_are_in_other_batches():
+def test_tools_with_other_joints_or_numbers_of_boxes_and_with_a_gripper_are_in_other_batches():
     scene = Bodies(table()).scene(0)
-    tools = [hinged(0.0, joint) for joint in (hinge(), hinge(), hinge(lower=-1.0), hinge(stiffness=0.1))]
-    assert len({shared_of(scene, tool) for tool in tools}) == 3
-
-
-def test_tools_with_other_numbers_of_boxes_and_with_a_gripper_are_in_other_batches():
-    scene = Bodies(table()).scene(0)
-    post = stick(0.1).components[0]
+    jointed = [hinged(0.0, joint) for joint in (hinge(), hinge(), hinge(lower=-1.0), hinge(stiffness=0.1))]
+    assert len({shared_of(scene, tool) for tool in jointed}) == 3
     knobs = [
         Component(f"knob{i}", "stick", Pose(np.array([0.0, 0.0, 0.01 * i])), Box((0.03, 0.03, 0.005))) for i in range(5)
     ]
-    tools = [stick(0.1), stick(0.2), BARE, Tool((post, *knobs)), HAND]
+    tools = [stick(0.1), stick(0.2), BARE, Tool((*stick(0.1).components, *knobs)), HAND]
     shared = [shared_of(scene, tool) for tool in tools]
     assert shared[0] == shared[1] == shared[2]
     assert len({*shared}) == 3
     assert [models.slots(tool) for tool in tools] == [4, 4, 4, 8, 4]
-
-
-def test_no_more_worlds_at_once_than_there_is_memory_for(monkeypatch):
-    small = installed().create("sim", "mujoco_warp", {"device": "cpu"})
-    jobs = [Rollout(stick(0.1), still(), hold_s=0.01 * i) for i in range(5)]
-    whole = [bits(outcome) for outcome in small.rollout(Bodies(cube()), jobs)]
-    made = next(iter(small._batches.values()))
-    each = (
-        simulator._WORKING
-        * worlds.Worlds(
-            small._model(Bodies(cube()), jobs[0]), replace(made.size, worlds=1), warp.get_device("cpu")
-        ).nbytes()
-    )
-    monkeypatch.setattr(simulator, "_ON_THE_PROCESSOR", 2.5 * each)
-    small._batches.clear()
-    assert [bits(outcome) for outcome in small.rollout(Bodies(cube()), jobs)] == whole
-    assert max(key[1].worlds for key in small._batches) == 2
 
 
 def test_contacts_that_find_no_room_are_given_more(warped):

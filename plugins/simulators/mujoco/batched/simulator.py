@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -24,9 +23,6 @@ if TYPE_CHECKING:
 _KEPT_BATCHES = 8
 _KEPT_FIGURES = 4096  # some kilobytes each
 _MOST_CONTACTS = 8192  # in a world; beyond that something else is wrong
-_SHARE = 0.8  # share of a GPU's free memory that a batch may take
-_WORKING = 2.0  # memory while stepping, as a multiple of that between steps
-_ON_THE_PROCESSOR = 2**30  # bytes
 
 
 class MuJoCoWarpSimulator(DrawingSimulator):
@@ -34,7 +30,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
 
     Args:
         device: ``cuda``, ``cuda:1`` and so on, or ``cpu``.
-        worlds: the largest number at once; fewer if the device's memory is too small.
+        worlds: the largest number at once; too many for the device's memory are tried in smaller batches.
         time_step: seconds.
         tracking_rate: how fast a joint converges to its target, 1/s.
         slip_rate: how fast friction stops slow slip, 1/s, as in `sim=mujoco`.
@@ -59,7 +55,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
         from plugins.simulators.mujoco.batched import engine  # needs the extra packages
         from plugins.simulators.mujoco.batched import worlds as many
 
-        self._device, self._processor = engine.device(device), engine.device("cpu")
+        self._device = engine.device(device)
         self._make = many.Worlds
         self._figures: OrderedDict[tuple[Task, int, str], ModelFigures] = OrderedDict()
         self._contacts: dict[str, int] = {}  # capacity, by digest
@@ -124,10 +120,7 @@ class MuJoCoWarpSimulator(DrawingSimulator):
                 waiting = again + waiting
 
     def _batch(self, task: Task, jobs: Sequence[Rollout], of: ModelFigures) -> Worlds:
-        """Make worlds for the first of the jobs, as many as fit into memory.
-
-        Sizes are rounded up to powers of two, so that few are made.
-        """
+        """Make worlds for the first of the jobs. Sizes are rounded up to powers of two, so that few are made."""
         frames = [self._steps(job) // every + 1 for job in jobs if (every := record_every(job, self._rates[0]))]
         size = Size(
             min(_up(len(jobs)), self.worlds),
@@ -135,28 +128,13 @@ class MuJoCoWarpSimulator(DrawingSimulator):
             _up(max(len(job.trajectory.times) for job in jobs)),
             self._contacts.get(of.shared) or _up(32 + 4 * len(of.names) + len(of.geom_xpos)),
         )
-        known = next((key for key in self._batches if key == (of.shared, size)), None)
-        if known is None:
-            compiled = self._model(task, jobs[0])
-            size = self._cut(compiled, size)
-            known = of.shared, size
-            if known not in self._batches:
-                self._batches[known] = self._make(compiled, size, self._device)
-                if len(self._batches) > _KEPT_BATCHES:
-                    self._batches.popitem(last=False)
+        known = of.shared, size
+        if known not in self._batches:
+            self._batches[known] = self._make(self._model(task, jobs[0]), size, self._device)
+            if len(self._batches) > _KEPT_BATCHES:
+                self._batches.popitem(last=False)
         self._batches.move_to_end(known)
         return self._batches[known]
-
-    def _cut(self, compiled: Element, size: Size) -> Size:
-        """Reduce the number of worlds to what fits into memory; other batches are dropped if need be."""
-        each = _WORKING * self._make(compiled, replace(size, worlds=1), self._processor).nbytes()
-        if self._free() < each * size.worlds:
-            self._batches.clear()
-        return replace(size, worlds=max(1, min(size.worlds, int(self._free() / each))))
-
-    def _free(self) -> float:
-        """Count the bytes that a batch may take."""
-        return _SHARE * self._device.free_memory if self._device.is_cuda else _ON_THE_PROCESSOR
 
     def _outcome(self, job: Rollout, of: ModelFigures, played: Played) -> Outcome:
         if played.crowded:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import fields, is_dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -60,10 +59,6 @@ class Worlds:
             # Otherwise rows beyond the capacity would be written past its end.
             self._model.callback.contactfilter = self._leave_out
             self._graph: Any = None
-
-    def nbytes(self) -> int:
-        """Count the bytes held on the device between steps."""
-        return sum(array.capacity for array in _arrays(vars(self)))
 
     def play(self, figures: Sequence[ModelFigures], jobs: Sequence[Rollout]) -> list[Played]:
         """Play one job in each world; at most `Size.worlds` jobs, of trajectories and recordings that fit the size."""
@@ -188,13 +183,3 @@ def _rows(compiled: Element, contacts: int) -> int:
 def _assign(array: Any, values: Array) -> None:
     scalar = getattr(array.dtype, "_wp_scalar_type_", array.dtype)  # the type of a vector's components
     array.assign(np.ascontiguousarray(values, dtype=warp.dtype_to_numpy(scalar)))
-
-
-def _arrays(part: Any) -> Iterator[Any]:
-    """Yield Warp's arrays in a dictionary or a dataclass, nested ones included."""
-    items = part.items() if isinstance(part, dict) else [(f.name, getattr(part, f.name)) for f in fields(part)]
-    for _, value in items:
-        if isinstance(value, warp.array):
-            yield value
-        elif is_dataclass(value) and not isinstance(value, type):
-            yield from _arrays(value)
