@@ -11,11 +11,11 @@ import numpy as np
 
 from core.design import DesignError
 from core.designs.planning import look
-from core.interfaces import VLM, ActionRepresentation, Brief, Perception, Reply, Request, Seen
+from core.interfaces import VLM, ActionRepresentation, Brief, Perception, Reply, Request
 from plugins.vlms.offline.evolve import Elite, breed, elites_with, offspring_plans
 from plugins.vlms.offline.invent import Layout, Workshop
 from plugins.vlms.offline.plans import turn_of
-from plugins.vlms.offline.scene_analysis import NothingToMove, SceneAnalysis
+from plugins.vlms.offline.scene_analysis import NothingToMove
 from plugins.vlms.offline.tools import recognize
 
 _LAYOUTS, _DRAWN = 4, 32  # others in which an anchored plan is checked, the most unlike of so many
@@ -43,15 +43,14 @@ def answer(brief: Brief) -> dict[str, Any]:
     """The document for one brief.
 
     Raises:
-        NothingToMove: see `SceneAnalysis.of`.
+        NothingToMove: see `SceneAnalysis`.
         DesignError: plans can't be written as the brief asks.
     """
-    layout, others = Layout.of(brief), list[Layout]()
+    layout, others = Layout(brief), list[Layout]()
     if brief.task.ranges and type(brief.actions).anchor is not ActionRepresentation.anchor:
         if (turn := turn_of(layout.analysis, layout.seen)) is not None:
-            seen = Seen({name: turn @ pose for name, pose in layout.seen.poses.items()})
-            layout = replace(layout, analysis=SceneAnalysis.of(brief, turn), seen=seen)
-        others = [Layout.of(other) for other in _unlike(brief)]
+            layout = Layout(brief, turn)
+        others = [Layout(other) for other in _unlike(brief)]
     workshop = Workshop(brief, layout, others)
     elites = elites_with(brief.elites, brief.gripper, layout.seen)
     strategies = [_strategy(workshop, elites) for _ in range(brief.n_tool)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -49,23 +48,21 @@ class Use(NamedTuple):
     anchors: Sequence[Anchor]
 
 
-@dataclass(frozen=True, eq=False)
 class Layout:
-    """A layout of the task: its analysis, the poses that a plan sees of it, and the rules for tools in it."""
+    """A layout of the task: its analysis, the poses that a plan sees of it, and the rules for tools in it.
 
-    analysis: SceneAnalysis
-    seen: Seen
-    spawn: SpawnRules
+    With a ``turn``, analysis and poses are moved by it.
+    """
 
-    @classmethod
-    def of(cls, brief: Brief) -> Layout:
+    def __init__(self, brief: Brief, turn: Pose | None = None) -> None:
         """Read a brief.
 
         Raises:
-            NothingToMove: see `SceneAnalysis.of`.
+            NothingToMove: see `SceneAnalysis`.
         """
-        seen = look(brief.task, brief.scene_seed, Perception())
-        return cls(SceneAnalysis.of(brief), seen, SpawnRules(brief.task, brief.scene_seed))
+        seen = look(brief.task, brief.scene_seed, Perception()).poses
+        self.seen = Seen(seen if turn is None else {name: turn @ pose for name, pose in seen.items()})
+        self.analysis, self.spawn = SceneAnalysis(brief, turn), SpawnRules(brief.task, brief.scene_seed)
 
 
 class Workshop:

@@ -144,10 +144,10 @@ def turn_of(analysis: SceneAnalysis, seen: Seen) -> Pose | None:
 
     None: they are not taken along its axes, or there is nothing to turn.
     """
-    goal = analysis.goals[0]
+    goal, reference = analysis.groups[0][0]
     things = [analysis.things[name] for name in goal.bodies]
     name = analysis.container(things[:1] if goal.any else things)
-    if name is None and len(things) == 1 and analysis.references[0] in (None, goal.bodies[0]):
+    if name is None and len(things) == 1 and reference in (None, goal.bodies[0]):
         (name,) = goal.bodies
     yaw = 0.0 if name is None else -float(seen.poses[name].rpy[2])
     base = Pose(analysis.space.base)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,9 +14,9 @@ from scipy.spatial import ConvexHull
 
 from core.geometry import Array, Box, Cylinder, Mesh, Pose, Shape
 from core.interfaces import Brief
-from core.scene import Body, Goal, Scene
+from core.scene import Body, Goal
 from plugins.vlms.offline.boxes import Boxes, axes_of, overlaps
-from plugins.vlms.offline.workspace import Workspace, workspace_of
+from plugins.vlms.offline.workspace import workspace_of
 
 Flags = npt.NDArray[np.bool_]
 
@@ -214,57 +214,42 @@ class Errand:
         return np.zeros(3)
 
 
-@dataclass(frozen=True, eq=False)
 class SceneAnalysis:
     """Bodies with collision shapes by name, the goals, the end-effector's home, and the arm's workspace.
 
-    Goals are in the world; ``references`` names what each one's place was given by. ``groups`` are the numbers of those
-    that must be reached together. ``turned``: the world's axes are those of what the bodies are taken by. ``cache``
-    keeps what was found out about bodies.
+    ``groups`` are the goals that must be reached together, in the world, each with what its place was given by.
+    ``cache`` keeps what was found out about bodies.
     """
 
-    things: dict[str, Thing]
-    goals: tuple[Goal, ...]
-    home: Pose
-    space: Workspace
-    references: tuple[str | None, ...]
-    groups: tuple[list[int], ...]
-    scene: Scene
-    turned: bool = False
-    cache: dict[Hashable, object] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, brief: Brief, turn: Pose | None = None) -> SceneAnalysis:
+    def __init__(self, brief: Brief, turn: Pose | None = None) -> None:
         """Read a brief. For a task without goals, the goal is to move its first free body.
 
-        With a ``turn`` everything but the robot is moved by it.
+        With a ``turn`` everything but the robot is moved by it, so that the world's axes are those of what the bodies
+        are taken by.
 
         Raises:
             NothingToMove: there are no goals and all bodies are fixed.
         """
-        task, scene, home = brief.task, brief.task.scene(brief.scene_seed), brief.task.home
+        task, scene, self.home = brief.task, brief.task.scene(brief.scene_seed), brief.task.home
         if turn is not None:
-            home = turn @ home
+            self.home = turn @ self.home
             scene = replace(scene, bodies=tuple(replace(body, pose=turn @ body.pose) for body in scene.bodies))
-        wholes = [(number, whole.at, whole.within(scene).spread()) for number, whole in enumerate(task.goals)]
-        parts = [(number, reference, part) for number, reference, spread in wholes for part in spread if part.bodies]
-        if not parts:
+        groups = dict[int, list[tuple[Goal, str | None]]]()
+        for number, goal in enumerate(task.goals):
+            parts = [(part, goal.at) for part in goal.within(scene).spread() if part.bodies]
+            groups.setdefault(0 if task.every else number, []).extend(parts)
+        self.groups = [group for group in groups.values() if group]
+        if not self.groups:
             if not scene.free:
                 raise NothingToMove("the task has no goals and no body that can move; give it a Goal")
-            parts = [(0, None, Goal((scene.free[0].name,), away=0.2))]
-        groups = dict[int, list[int]]()
-        for number, (whole, *_) in enumerate(parts):
-            groups.setdefault(0 if task.every else whole, []).append(number)
-        return cls(
-            things={body.name: Thing.of(body) for body in scene.bodies if body.collisions},
-            goals=tuple(goal for *_, goal in parts),
-            home=home,
-            space=workspace_of(task.robot),
-            references=tuple(reference for _, reference, _ in parts),
-            groups=tuple(groups.values()),
-            scene=scene,
-            turned=turn is not None,
-        )
+            self.groups = [[(Goal((scene.free[0].name,), away=0.2), None)]]
+        self.things = {body.name: Thing.of(body) for body in scene.bodies if body.collisions}
+        self.scene, self.space, self.turned = scene, workspace_of(task.robot), turn is not None
+        self.cache: dict[Hashable, object] = {}
+
+    @property
+    def goals(self) -> list[Goal]:
+        return [goal for group in self.groups for goal, _ in group]
 
     @cached_property
     def boxes(self) -> Boxes:
@@ -277,10 +262,9 @@ class SceneAnalysis:
         scattered body gets its own.
         """
         group = self.groups[int(rng.integers(len(self.groups)))] if len(self.groups) > 1 else self.groups[0]
-        return [errand for number in group for errand in self._errands(number, rng, alone)]
+        return [errand for goal, reference in group for errand in self._errands(goal, reference, rng, alone)]
 
-    def _errands(self, number: int, rng: np.random.Generator, alone: bool) -> list[Errand]:
-        goal = self.goals[number]
+    def _errands(self, goal: Goal, reference: str | None, rng: np.random.Generator, alone: bool) -> list[Errand]:
         things = [self.things[name] for name in goal.bodies]
         if goal.any and len(things) > 1:
             things = [self._easiest(things, rng)]
@@ -290,7 +274,6 @@ class SceneAnalysis:
         else:
             lanes = [[things[i]] for i in rng.permutation(len(things))] if alone else _lanes(things, goal, rng)
         shifts = [_shift(Errand(lane, np.zeros(3), self), goal, rng) for lane in lanes]
-        reference = self.references[number]
         return [Errand(lane, shift, self, goal, reference, alone) for lane, shift in zip(lanes, shifts, strict=True)]
 
     def _easiest(self, things: list[Thing], rng: np.random.Generator) -> Thing:
