@@ -20,6 +20,7 @@ def run_in_thread(function: Callable[[], object], ended: Callable[[Exception | N
             raised = error
         except BaseException as error:
             raised = RuntimeError(f"{type(error).__name__} ended the thread {name!r}: {error}")
+            raised = raised.with_traceback(error.__traceback__)  # which shows whose code it was
             raised.__cause__ = error
         ended(raised)
 

@@ -1,5 +1,6 @@
 """The command ``vlmgineer``: it lists the commands, runs them, and does not import from the working directory."""
 
+import importlib
 import json
 import subprocess
 import sys
@@ -8,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from core.__main__ import dispatch_words
+from core.errors import UserError
 from core.plugins import installed
 from core.plugins.own_commands import COMMANDS
 
@@ -35,6 +38,36 @@ def test_every_command_is_listed_with_a_line(tmp_path):
     assert listed(done) == installed().names("command")
     files = [file for file in (ROOT / "core").rglob("*.py") if "    command(main)\n" in file.read_text()]
     assert set(COMMANDS) == {file.stem if file.stem != "__main__" else file.parent.name for file in files}
+
+
+def test_a_command_may_end_the_process_and_a_part_that_it_makes_may_not(tmp_path, monkeypatch):
+    tasks = """
+import core.hooks, tests.faults
+
+class Leaving(tests.faults.Slide):
+    def scene(self, seed):
+        raise SystemExit(0)
+
+tasks = core.hooks.hookimpl(lambda: {"Leaving": Leaving})
+"""
+    commands = """
+import sys, core.hooks, core.plugins
+
+def leave(words):
+    words and core.plugins.installed().create("task", words[0]).scene(0)
+    sys.exit(3)
+
+commands = core.hooks.hookimpl(lambda: {"leave": core.hooks.Command("leave", leave)})
+"""
+    monkeypatch.setattr(installed(), "offers", dict(installed().offers))
+    monkeypatch.syspath_prepend(tmp_path)
+    for name, text in (("leaving_tasks", tasks), ("leaving_commands", commands)):
+        (tmp_path / f"{name}.py").write_text(text)
+        installed().register(importlib.import_module(name), name, "leaving-parts")
+    with pytest.raises(SystemExit, match="3"):
+        dispatch_words(["leave"])
+    with pytest.raises(UserError, match="task 'Leaving' of leaving-parts raised SystemExit: 0"):
+        dispatch_words(["leave", "Leaving"])
 
 
 def test_a_run_needs_no_other_command(tmp_path, monkeypatch):

@@ -49,6 +49,8 @@ class Model(toys.ToyModel):
     def complete(self, requests):
         if self.breaks == "complete":
             raise LookupError("no answer")
+        if self.breaks == "leave":
+            raise SystemExit(0)
         return super().complete(requests)
 
 
@@ -164,11 +166,15 @@ def test_an_interrupt_passes_through_a_listener(jitter, tmp_path):
     ("settings", "blamed"),
     [
         ({"vlm": {"breaks": "complete"}}, "vlm 'jitter' of jitter-parts raised LookupError: no answer"),
+        (
+            {"vlm": {"breaks": "leave"}},
+            "vlm 'jitter' of jitter-parts raised RuntimeError: SystemExit ended the thread 'replies': 0",
+        ),
         ({"vlm": {}, "evolution": "jitter"}, "evolution 'jitter' of jitter-parts raised LookupError: no idea"),
     ],
 )
 def test_of_several_parts_in_a_module_the_one_that_raised_is_named(jitter, tmp_path, settings, blamed):
-    with pytest.raises(LookupError) as caught:
+    with pytest.raises((LookupError, RuntimeError)) as caught:
         come_to(tmp_path, **settings)
     named, then = caught.value.__notes__
     assert named == blamed
