@@ -89,18 +89,6 @@ def test_the_nominal_reward_is_what_evaluate_says_and_workers_change_nothing(tmp
 
 
 @pytest.mark.slow
-def test_two_engines_that_were_written_independently():
-    pytest.importorskip("pybullet")
-    pytest.importorskip("sapien")
-    (design,) = transfer(settings([f"designs={SOLUTION}", "seeds=[3]", "executor.workers=1"]))["designs"]
-    assert list(design["engines"]) == ["pybullet", "sapien"]
-    pybullet, sapien = design["engines"].values()
-    assert pybullet["nominal"] != sapien["nominal"]
-    assert pybullet["nominal"] == pytest.approx(sapien["nominal"], abs=0.05)
-    assert design["robust"] == min(pybullet["mean"], sapien["mean"]) > 0.9
-
-
-@pytest.mark.slow
 def test_no_spread_no_difference():
     words = [f"designs={SOLUTION}", "sims=[pybullet]", "seeds=[1]", "executor.workers=1"]
     (design,) = transfer(settings([*words, *(f"perturbation.{k}=0" for k in ("position", "yaw", "mass", "friction"))]))[
@@ -185,13 +173,6 @@ def test_the_best_of_a_run_under_the_runs_own_conditions(ran):
     found = transfer(cfg)["designs"]
     assert [design["design"] for design in found] == [e.candidate.id for e in tried[:3]]
     assert [design["engines"]["pybullet"]["nominal"] for design in found] == [e.reward for e in tried[:3]]
-
-
-@pytest.mark.slow
-def test_what_the_command_line_says_goes_before_what_the_run_had(ran):
-    words = [f"designs={ran[0]}", "sims=[pybullet]", "task=BringCube", "seed=1", "rollout.hold_s=2"]
-    cfg = configured(words)
-    assert (cfg.task.name, cfg.seed, cfg.rollout.hold_s, cfg.rollout.speed) == ("BringCube", 1, 2.0, 0.95)
 
 
 @pytest.mark.slow

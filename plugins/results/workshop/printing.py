@@ -1,4 +1,4 @@
-"""Lay solids on a printer's plate, check them and estimate how they print. Lengths are millimetres, as for slicers."""
+"""Lay solids on a printer's plate, check and weigh them. Lengths are millimetres, as for slicers."""
 
 from __future__ import annotations
 
@@ -27,10 +27,6 @@ PLA_G_PER_CM3 = 1.24  # density of polylactide, data sheets of filaments
 # least that does it. A design may have gaps of up to 1 mm (`core.designs.rules`), so that 0.5 mm is enough.
 WELDS_MM = (0.01, 0.05, 0.1, 0.25, 0.5)
 
-LAYER_S = 4.0  # for each layer, besides the plastic: a guess
-FILAMENT_MM = 1.75
-_STEEP = math.sqrt(0.5)  # a face that looks down by more than 45 degrees overhangs
-
 _SAMPLES = 3000  # points at which walls are measured
 _SKIN_MM = 1e-4  # a hit nearer than this is the face where the ray began
 _SLIVER_MM2 = 1e-3  # smaller faces have no reliable direction
@@ -52,16 +48,6 @@ class Check(NamedTuple):
         return f"{self.name}: {self.found}" + (f"; {self.mend}" if self.passed is False and self.mend else "")
 
 
-@dataclass(frozen=True)
-class PrintEstimate:
-    """How a part prints, roughly; ``overhang_share`` is that of its surface, without supports."""
-
-    mass_g: float
-    hours: float
-    filament_m: float
-    overhang_share: float
-
-
 @dataclass(frozen=True, eq=False)
 class PrintedPart:
     """A solid to print.
@@ -73,7 +59,7 @@ class PrintedPart:
         mesh: as it lies on the plate, centred, its lowest point at 0.
         to_mount: (4, 4) from the mesh to the frame of its mount, millimetres.
         weld_mm: by how much its sides were moved out.
-        estimate: how it prints, with walls and infill of its material; without a density it is solid PLA.
+        mass_g: with walls and infill of its material; without a density it is solid PLA.
         checks: what was checked.
     """
 
@@ -83,7 +69,7 @@ class PrintedPart:
     mesh: trimesh.Trimesh
     to_mount: Array
     weld_mm: float
-    estimate: PrintEstimate
+    mass_g: float
     checks: tuple[Check, ...]
 
     @property
@@ -116,7 +102,7 @@ def print_part(
         Check("walls", wall >= printer.min_wall_mm, walls),
         Check("fits the plate", fits, f"{size} mm as it lies, the plate is {room} mm"),
     )
-    return PrintedPart(name, link, solid, lying, back, weld_mm, estimate(lying, material, printer), checks)
+    return PrintedPart(name, link, solid, lying, back, weld_mm, weight_g(lying, material), checks)
 
 
 def grown(components: Sequence[Component], tool: Tool, by: float) -> list[Placed]:
@@ -239,21 +225,10 @@ def to_3mf(parts: Sequence[PrintedPart]) -> bytes:
     return data
 
 
-def estimate(mesh: trimesh.Trimesh, material: Material, printer: Printer) -> PrintEstimate:
-    """Estimate how a mesh prints as it lies.
-
-    The hours are roughly those of the plastic at `Printer.flow_mm3_s`, and `LAYER_S` for each layer.
-    """
-    plastic = 1e9 * material.volume_of(Mesh(np.asarray(mesh.vertices) / 1000, np.asarray(mesh.faces)))  # mm^3
-    layers = math.ceil(float(mesh.extents[2]) / printer.layer_mm)
-    hangs = np.asarray(mesh.face_normals)[:, 2] < -_STEEP
-    hangs &= np.asarray(mesh.triangles)[:, :, 2].max(axis=1) > _SKIN_MM
-    return PrintEstimate(
-        mass_g=plastic * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3) * 1e-6,
-        hours=(plastic / printer.flow_mm3_s + LAYER_S * layers) / 3600,
-        filament_m=plastic / (math.pi / 4 * FILAMENT_MM**2) / 1000,
-        overhang_share=float(mesh.area_faces[hangs].sum() / mesh.area),
-    )
+def weight_g(mesh: trimesh.Trimesh, material: Material) -> float:
+    """Weigh a mesh, in grams."""
+    metres = Mesh(np.asarray(mesh.vertices) / 1000, np.asarray(mesh.faces))
+    return 1000 * material.volume_of(metres) * (material.density_kg_m3 or 1000 * PLA_G_PER_CM3)
 
 
 def grams(parts: Sequence[PrintedPart]) -> float:

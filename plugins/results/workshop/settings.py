@@ -11,8 +11,7 @@ from core.errors import UsageError, check_positive
 class Printer:
     """A printer. The defaults are a Prusa MK4's; lengths are millimetres.
 
-    ``plate_mm``: its build volume (x, y, z). ``min_wall_mm``: two lines. ``flow_mm3_s``: of plastic, on average, for an
-    estimate of the time.
+    ``plate_mm``: its build volume (x, y, z). ``min_wall_mm``: two lines.
 
     Raises:
         UsageError: a number that is not positive, or not three lengths.
@@ -21,16 +20,12 @@ class Printer:
     plate_mm: list[float] = field(default_factory=lambda: [250.0, 210.0, 220.0])
     min_wall_mm: float = 0.8
     name: str = "mk4"
-    nozzle_mm: float = 0.4
-    layer_mm: float = 0.2
-    flow_mm3_s: float = 8.0
 
     def __post_init__(self) -> None:
         if len(self.plate_mm) != 3:
             raise UsageError(f"plate_mm must be three lengths (x, y, z), got {list(self.plate_mm)}")
         check_positive("plate_mm.", **dict(zip("xyz", self.plate_mm, strict=True)))
-        lengths = ("min_wall_mm", "nozzle_mm", "layer_mm", "flow_mm3_s")
-        check_positive("", **{name: getattr(self, name) for name in lengths})
+        check_positive("", min_wall_mm=self.min_wall_mm)
 
 
 @dataclass

@@ -15,11 +15,10 @@ from core.design import Tool
 from core.designs.weight import flange_moment
 from core.scene import Scene
 from core.support.cli import write_bytes
-from core.values.materials import Material
 from core.values.robots import Robot
 from plugins.results.pages.figure import FigurePage
 from plugins.results.workshop.payload import payload
-from plugins.results.workshop.printing import LAYER_S, Check, PrintedPart
+from plugins.results.workshop.printing import Check
 from plugins.results.workshop.sheet_drawing import draw_page
 from plugins.results.workshop.strength import Strength, measured
 from plugins.results.workshop.verdicts import carried, printable, strong
@@ -29,18 +28,7 @@ if TYPE_CHECKING:
     from plugins.results.workshop.replay import PlayedMotion
     from plugins.results.workshop.tool import PrintedTool
 
-HOW = (
-    f"Print time: plastic at {{flow:g}} mm³/s and {LAYER_S:g} s for each layer of {{layer:g}} mm, no supports. "
-    "Strength: forces of the rollout where they act, on beams; without notches, layers, axial forces and fatigue."
-)
-
-
-def printed(part: PrintedPart, material: Material) -> dict[str, Any]:
-    """Say how a part prints; mass, time and filament only for walls with infill."""
-    how = asdict(part.estimate)
-    if not (material.density_kg_m3 and material.wall_mm):
-        how = {"overhang_share": how["overhang_share"]}
-    return {"name": part.name, "size_mm": np.round(part.mesh.extents, 2).tolist()} | how
+HOW = "Strength: forces of the rollout where they act, on beams; without notches, layers, axial forces and fatigue."
 
 
 def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Strength]) -> dict[str, Any]:
@@ -65,12 +53,15 @@ def figures(tool: Tool, robot: Robot, made: PrintedTool, strengths: Sequence[Str
         "center_m": load["center_m"],
         "frame": load["frame"],
         "moment_nm": flange_moment(made.mounted, robot),
-        "pieces": [printed(part, material) for part in made.parts],
+        "pieces": [
+            {"name": part.name, "size_mm": np.round(part.mesh.extents, 2).tolist(), "mass_g": round(part.mass_g, 2)}
+            for part in made.parts
+        ],
         "parts": sorted(components, key=lambda part: part.get("safety") or math.inf),
         "least_safety": min((row.safety for row in strengths if row.safety is not None), default=None),
         "verdicts": [verdict._asdict() for verdict in verdicts],
         "ready": all(verdict.passed is not False for verdict in verdicts),
-        "how": HOW.format(flow=made.printer.flow_mm3_s, layer=made.printer.layer_mm),
+        "how": HOW,
     }
 
 

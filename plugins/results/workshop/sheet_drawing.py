@@ -51,10 +51,7 @@ def lines(said: Mapping[str, Any]) -> list[str]:
     ]
     for piece in said["pieces"]:
         size = " × ".join(f"{side:.0f}" for side in piece["size_mm"])
-        found.append(f"{piece['name']}: {size} mm as it lies; {piece['overhang_share']:.0%} of its surface overhangs")
-        if "hours" in piece:
-            made = f"{piece['hours']:.1f} h, {piece['filament_m']:.1f} m of filament, {piece['mass_g']:.0f} g"
-            found.append(f"{piece['name']} prints in about {made}")
+        found.append(f"{piece['name']}: {size} mm as it lies; {piece['mass_g']:.0f} g")
     return found
 
 

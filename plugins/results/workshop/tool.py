@@ -6,7 +6,7 @@ import itertools
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from plugins.results.workshop.cutting import Dovetails, cut
 from plugins.results.workshop.hinges import make_hinges
 from plugins.results.workshop.mounting import Mount, at_flange, on_finger, weighed
 from plugins.results.workshop.printing import (
-    LAYER_S,
     WELDS_MM,
     Check,
     PrintedPart,
@@ -79,7 +78,7 @@ class PrintedTool:
                 "of": part.link,
                 "size_mm": np.round(part.mesh.extents, 2).tolist(),
                 "volume_cm3": round(part.volume_cm3, 3),
-                **{name: round(value, 4) for name, value in asdict(part.estimate).items()},
+                "mass_g": round(part.mass_g, 4),
                 "to_mount": np.round(part.to_mount, 6).tolist(),
                 "checks": _as_data(part.checks),
             }
@@ -88,10 +87,7 @@ class PrintedTool:
         return {
             "printer": vars(self.printer),
             "material": self.material.name if self.material.density_kg_m3 else "pla, solid",
-            "estimate": f"hours, roughly: plastic at flow_mm3_s, and {LAYER_S:g} s a layer; no supports",
-            "total": {
-                name: round(math.fsum(part[name] for part in parts), 3) for name in ("mass_g", "volume_cm3", "hours")
-            },
+            "mass_g": round(math.fsum(part.mass_g for part in self.parts), 3),
             "parts": parts,
             "joints": [str(joint) for joint in self.joints],
             "hardware": list(self.hardware),
@@ -172,7 +168,7 @@ def make_tool(tool: Tool, robot: Robot, material: Material, printer: Printer, fi
     hardware += hinges.hardware
     mounted = replace(tool, components=(*tool.components, *added))
     if parts:
-        printed, simulated = math.fsum(part.estimate.mass_g for part in parts), 1000 * mounted.mass
+        printed, simulated = math.fsum(part.mass_g for part in parts), 1000 * mounted.mass
         said = f"printed it weighs {printed:.0f} g, in simulation {simulated:.0f} g"
         checks.append(Check("weight", abs(printed - simulated) <= SAME_WEIGHT * printed, said))
     return PrintedTool(tuple(parts), tuple(checks), tuple(joints), tuple(hardware), mounted, material, printer)

@@ -20,9 +20,7 @@ from core.geometry import Box, Pose
 from core.interfaces import RolloutSettings, Waypoints
 from core.plugins import ToolPart
 from core.prompt import compose
-from core.search.orchestration import run
 from core.simulation.rollout import Evaluator, PluginPart
-from core.store.database import reading
 from core.values.materials import Material
 
 PLA = Material("pla", 1240, 0.2, 1.2, young_pa=2.5e9, strength_pa=26e6)
@@ -140,18 +138,3 @@ def test_the_prompt_names_the_constraints():
     paper = fitness(moving_ball(), material=vars(Material())).instructions()
     assert paper.startswith("What counts is the reward of one rollout.")
     assert "Strength" not in paper
-
-
-@pytest.mark.slow
-def test_a_run_finds_what_can_be_made(tmp_path):
-    words = ["task=MoveBall", "material=pla", "fitness=buildable", "fitness.plate_mm=[400,400,400]", "sim=mujoco"]
-    words += ["budget.n_agent=1", "budget.n_tool=3", "budget.n_action=2", "budget.n_iteration=0", "executor.workers=1"]
-    result = run(load("config", [*words, "film=false", "listener=[]"]), tmp_path / "run")
-    with reading(tmp_path / "run") as database:
-        rows = database.execute("SELECT status, reward, reason, details FROM evaluations").fetchall()
-    assert len(rows) == 6
-    for row in rows:
-        judged = json.loads(row["details"]).get("figures")
-        assert row["reward"] == 0 or judged["safety_factor"] >= 2
-        assert row["reward"] == 0 or not row["reason"]
-    assert result.best.reward == max(row["reward"] for row in rows) > 0

@@ -17,7 +17,3 @@ def test_a_box_below_the_flange():
     assert np.diag(found["inertia_kg_m2"]) == pytest.approx([2 / 12 * 0.05, 2 / 12 * 0.05, 2 / 12 * 0.02], rel=1e-6)
     assert found["moment_nm"] == pytest.approx(2 * 9.80665 * 0.1, rel=1e-4)
     assert found["share_of_payload"] == pytest.approx(2 / 3, rel=1e-4)
-
-
-def test_a_bare_hand_has_none():
-    assert payload(PANDA, Tool(gripper=True))["mass_kg"] == 0

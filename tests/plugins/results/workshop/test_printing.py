@@ -9,7 +9,6 @@ import trimesh
 from core.design import Component, Tool
 from core.errors import UsageError
 from core.geometry import Box, Capsule, Cylinder, Pose, Sphere
-from plugins.conformance.joints import tongs
 from plugins.conformance.shapes import bowl, prism
 from plugins.results.workshop.printing import grams, lay, thinnest, to_3mf
 from plugins.results.workshop.settings import Printer
@@ -92,15 +91,6 @@ def test_walls(thickness_mm, well):
     assert found(piece, "walls").startswith(f"thinnest {thickness_mm:.2f} mm")
 
 
-def test_two_thin_sheets_on_each_other_make_a_wall():
-    sheets = [
-        box("a", "tool_mount", (0, 0, 0), (0.05, 0.05, 0.0005)),
-        box("b", "a", (0, 0, 0.0005), (0.05, 0.05, 0.0005)),
-    ]
-    (piece,) = pieces(tool(*sheets), WIDE)
-    assert found(piece, "walls").startswith("thinnest 1.00 mm")
-
-
 def test_the_thickness_of_known_solids():
     assert thinnest(trimesh.creation.box((10, 20, 3))) == pytest.approx(3)
     pipe = trimesh.creation.annulus(r_min=8, r_max=10, height=30, sections=96)
@@ -167,15 +157,6 @@ def test_attachments_of_a_gripper_are_two_pieces():
     assert back.extents[0] == pytest.approx(sum(piece.mesh.extents[0] for piece in made) + 10)
 
 
-def test_what_a_joint_moves_is_a_piece_of_its_own():
-    made = pieces(tongs(), Printer())
-    assert [piece.name for piece in made] == ["tool", "left", "right"]
-    assert all(piece.mesh.is_volume and piece.mesh.body_count == 1 for piece in made)
-    back = trimesh.load_scene(io.BytesIO(to_3mf(made)), file_type="3mf")
-    assert sorted(back.geometry) == ["left", "right", "tool"]
-    assert all(mesh.is_volume for mesh in back.geometry.values())
-
-
 def test_solids_of_every_form_are_closed():
     shapes = Cylinder(0.01, 0.1), Capsule(0.01, 0.1), Sphere(0.02), prism(5, 0.02, 0.1), bowl(0.03, 0.003)
     for shape in shapes:
@@ -183,10 +164,6 @@ def test_solids_of_every_form_are_closed():
         (piece,) = pieces(tool(component), WIDE)
         assert piece.mesh.is_volume
         assert piece.volume_cm3 == pytest.approx(1e6 * shape.volume, rel=0.02)
-
-
-def test_the_bare_hand_is_nothing_to_print():
-    assert pieces(Tool(gripper=True), Printer()) == []
 
 
 @pytest.mark.parametrize(
