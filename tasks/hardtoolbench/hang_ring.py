@@ -16,6 +16,7 @@ SECTION, AXIAL = 0.01, 0.012  # of the ring, along its radius and its axis
 PIECES = 16
 INNER = (0.034, 0.046)  # inner radius of the ring, m
 SWINGS = 0.1  # m/s; a ring that hangs may sway a little
+SINKS = 0.002  # m; an engine may let the ring sink so far into its peg
 STEEL, WOOD, GREEN = (0.48, 0.50, 0.54, 1.0), (0.66, 0.47, 0.29, 1.0), (0.25, 0.62, 0.35, 1.0)
 RED = (0.80, 0.20, 0.17, 1.0)
 
@@ -88,16 +89,15 @@ class HangRing(Task):
         return Scene((*bodies, ring(hanging, inner, draw("ring.mass", 0.2))))
 
     def reward(self, start: State, end: State, trace: Trace | None = None) -> Array:
-        """Up to 0.15 on the way to the second peg, 0.6 around it, 1 if let go and at rest; nothing for a ring touched
-        by hand or arm, or one that fell."""
+        """Up to 0.15 on the way to the second peg, 0.6 with the peg through the ring's hole, 1 if let go and at rest;
+        nothing for a ring touched by hand or arm, or one that fell."""
         assert trace is not None
-        root, along = end.position("peg_b"), rotate(end.quaternion("peg_b"), np.array([-1.0, 0.0, 0.0]))
-        middle, axis = end.position("ring"), rotate(end.quaternion("ring"), np.array([1.0, 0.0, 0.0]))
-        slope = (along * axis).sum(axis=-1)
-        reach = ((middle - root) * axis).sum(axis=-1) / np.where(np.abs(slope) < 0.1, np.inf, slope)
-        beside = np.linalg.norm(root + reach[..., None] * along - middle, axis=-1)  # from the peg's upper edge
-        around_it = (reach > 0) & (reach < PEG) & (beside < INNER[1] + 0.005) & (np.abs(slope) > 0.5)
+        root, middle = end.position("peg_b"), end.position("ring")
+        reach, beside, slope = self.crossing(end, "peg_b")
+        inner = np.clip(self.crossing(start, "peg_a")[1], *INNER)  # at the start it hangs by its inner radius
+        around_it = (reach > 0) & (reach < PEG) & (beside < inner + SINKS) & (np.abs(slope) > 0.5)
 
+        along = rotate(end.quaternion("peg_b"), np.array([-1.0, 0.0, 0.0]))
         there = root + HANGS * along - [0.0, 0.0, np.mean(INNER)]
         left, whole = (np.linalg.norm(at - there, axis=-1) for at in (middle, start.position("ring")))
         up = middle[..., 2] > np.minimum(root[..., 2], start.position("peg_a")[..., 2]) - 0.08
@@ -111,3 +111,13 @@ class HangRing(Task):
                 clean &= ~flags.any(axis=-1)
         reward: Array = np.where(around_it & up, hangs, partial) * clean
         return reward
+
+    @staticmethod
+    def crossing(state: State, peg: str) -> tuple[Array, Array, Array]:
+        """Where the line of a peg's upper face crosses the ring's plane: how far from the peg's root and from the
+        ring's middle, m, and the cosine of the angle between peg and ring's axis, (...) each."""
+        root, along = state.position(peg), rotate(state.quaternion(peg), np.array([-1.0, 0.0, 0.0]))
+        middle, axis = state.position("ring"), rotate(state.quaternion("ring"), np.array([1.0, 0.0, 0.0]))
+        slope = (along * axis).sum(axis=-1)
+        reach = ((middle - root) * axis).sum(axis=-1) / np.where(np.abs(slope) < 0.1, np.inf, slope)
+        return reach, np.linalg.norm(root + reach[..., None] * along - middle, axis=-1), slope

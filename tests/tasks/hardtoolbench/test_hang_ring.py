@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.scene import Pose, Trace
-from tasks.hardtoolbench.hang_ring import HANGS, HangRing
+from tasks.hardtoolbench.hang_ring import HANGS, SECTION, HangRing
 
 TASK = HangRing(variation="wide")
 SCENE = TASK.scene(3)
@@ -47,6 +47,18 @@ def test_a_ring_beside_the_peg_earns_little(at):
 def test_a_ring_across_the_peg_or_on_the_table_does_not_hang():
     assert reward(HANGING, (0.0, 0.0, np.pi / 2)) < 0.16
     assert reward((-HANGS, 0.0, -0.15)) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_ring_that_stands_on_the_peg_or_is_held_above_it_does_not_hang(seed):
+    """The peg must go through the hole of this layout's ring, which is up to 12 mm smaller than that of others."""
+    scene = TASK.scene(seed)
+    inner, start = TASK.draw(seed)("ring.inner", 0.04), scene.state()
+    for height, hangs in ((-inner, True), (-inner - 0.0015, True), (inner + SECTION, False), (inner + 0.005, False)):
+        pose = scene["peg_b"].pose @ Pose.xyz_rpy((-HANGS, 0.0, height))
+        end = replace(start, positions=pose.position[None], quaternions=pose.quaternion[None])
+        touching = {("body", "ring", "peg_b"): np.array([False, True])}
+        assert (float(TASK.reward(start, end, Trace.of(start, end, touching=touching))) == 1.0) == hangs, height
 
 
 def test_the_way_to_the_second_peg_counts():
