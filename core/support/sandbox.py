@@ -22,8 +22,10 @@ MEMORY = 8_000_000_000  # bytes of addresses
 _REFUSED = "refused: "
 
 
-def isolated(function: Callable[..., bytes], what: str, data: bytes, *words: str) -> bytes:
-    """Call a module's function with untrusted data, and words, in a process of its own with a limit on memory.
+def isolated(
+    function: Callable[..., bytes], what: str, data: bytes, *words: str, limit_s: float | None = None
+) -> bytes:
+    """Call a module's function with untrusted data, and words, in a process of its own, with limits on memory and time.
 
     Raises:
         UserError: the function raises one, takes too long, or ends otherwise; it begins with ``what``.
@@ -37,14 +39,14 @@ def isolated(function: Callable[..., bytes], what: str, data: bytes, *words: str
                 input=data,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
-                timeout=LIMIT_S,
+                timeout=limit_s or LIMIT_S,
                 cwd=folder,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in sys.path)},
                 check=False,
             )
         except subprocess.TimeoutExpired as error:
-            mend = "reduce its triangles, or cut it into convex pieces yourself"
-            raise UserError(f"{what} takes more than {LIMIT_S:g} s to read; {mend}") from error
+            mend = "make it smaller, a mesh by fewer triangles or by cutting it into convex pieces yourself"
+            raise UserError(f"{what} takes more than {limit_s or LIMIT_S:g} s to read; {mend}") from error
         last = " ".join(done.stderr.decode("utf-8", "replace").splitlines()[-1:])
         if last.startswith(_REFUSED):
             raise UserError(f"{what} {last.removeprefix(_REFUSED)}")

@@ -15,6 +15,7 @@ import numpy as np
 from core.geometry import Array, Pose, Vector, frozen_array
 
 MAX_FORCE = 1e4  # N or N m, of any spring, latch or drive in a scene
+MAX_POSITION = 1e3  # m or rad
 
 _INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 
@@ -126,13 +127,15 @@ class Joint:
             )
         if math.isfinite(self.lower) != math.isfinite(self.upper):
             raise ValueError(f"{where}: give both ends of its range, or neither")
+        if self.limited and max(-self.lower, self.upper) > MAX_POSITION:
+            raise ValueError(f"{where}: its range {self.lower:g}..{self.upper:g} must be within {MAX_POSITION:g} of 0")
         if self.kind == "hinge" and self.limited and self.upper - self.lower >= 2 * math.pi:
             raise ValueError(f"{where}: its range must be less than a whole turn, or leave it out")
         for name in ("damping", "friction", "stiffness"):
             if not 0 <= getattr(self, name) <= MAX_FORCE:
                 raise ValueError(f"{where}: {name} must be from 0 to {MAX_FORCE:g}, got {getattr(self, name)}")
-        if not (math.isfinite(self.rest) and math.isfinite(self.start)):
-            raise ValueError(f"{where}: rest and start must be numbers")
+        if not (abs(self.rest) <= MAX_POSITION and abs(self.start) <= MAX_POSITION):
+            raise ValueError(f"{where}: rest and start must be numbers up to {MAX_POSITION:g}")
         if self.kind == "ball" and (self.limited or self.start or self.rest or self.latches or self.drive):
             raise ValueError(f"{where}: a ball has no range, start, rest, latches or drive")
         if self.drive is not None and (self.latches or self.stiffness or self.friction):

@@ -13,7 +13,8 @@ from core.geometry import Box, Pose, Shape
 from core.scene import Body, Geom, Scene, floor, table
 from core.values.joints import Placement
 from plugins.tasks.file.files import Files
-from plugins.tasks.file.spec import HEAVIEST, LIGHTEST, BodySpec, ImportSpec, SceneSpec, ShapeSpec, rgba
+from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST
+from plugins.tasks.file.spec import BodySpec, ImportSpec, SceneSpec, ShapeSpec, rgba
 from plugins.tasks.file.tree import Tree, Where
 
 GREY = "#b3b3b3"

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import tostring
+from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -31,8 +31,10 @@ try:
 except (ImportError, RuntimeError) as error:  # it reads MUJOCO_GL when it is imported
     raise UserError(f"MuJoCo reads MJCF files, but can't be imported ({error}): pip install 'mujoco>=4,<5'") from error
 
+LIMIT_S = 60
 MAX_DEPTH = 64
 MAX_BODIES = 500
+MAX_ELEMENTS = 20_000  # with all copies of a replicate
 _READ = {"compiler", "default", "asset", "mesh", "material", "worldbody"}
 _READ |= {"body", "frame", "replicate", "inertial", "joint", "freejoint", "geom"}
 _MESHES = (".obj", ".stl", ".msh")
@@ -65,7 +67,7 @@ def read_mjcf(file: str | Path, *, pose: Pose | None = None, prefix: str = "", f
     """
     file, left = Path(file).expanduser().absolute(), Counter[str]()
     try:
-        made = isolated(compile_model, "the model", _packed(file, folder or file.parent, left))
+        made = isolated(compile_model, "the model", _packed(file, folder or file.parent, left), limit_s=LIMIT_S)
         model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": made})
         return _Reading(model, prefix, left).read(pose or Pose())
     except (UserError, ValueError, RuntimeError) as error:  # the last is Qhull's, of what is flat
@@ -92,11 +94,15 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
     root = read_xml(read_inside(file, folder, "MJCF", MAX_BYTES / 1e6), file)
     if root.tag != "mujoco":
         raise UserError(f"it is no MJCF: its root is <{clean(root.tag, 40)}> instead of <mujoco>")
-    waiting, included = [(root, 0)], {file.resolve()}
+    waiting, included, total = [(root, 0, 1)], {file.resolve()}, 0
     while waiting:
-        element, depth = waiting.pop()
+        element, depth, copies = waiting.pop()
+        copies *= _copies(element)
+        total += copies
         if depth > MAX_DEPTH:
             raise UserError(f"elements are nested more than {MAX_DEPTH} deep")
+        if total > MAX_ELEMENTS:
+            raise UserError(f"there are more than {MAX_ELEMENTS} elements, with all copies; leave some out")
         children, element[:] = [*reversed(element)], []
         while children:
             child = children.pop()
@@ -108,13 +114,13 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
                 children += reversed(read_xml(read_inside(other, folder, "MJCF", MAX_BYTES / 1e6), other))
             elif child.tag in _READ and child.get("type") not in ("hfield", "sdf"):
                 element.append(child)
-                waiting.append((child, depth + 1))
+                waiting.append((child, depth + 1, copies))
             else:
                 left[clean(f"{child.tag} {child.get('type', '')}", 40)] += 1
     options = {key: value for compiler in root.iter("compiler") for key, value in compiler.items()}
     meshes = file.parent / options.get("meshdir", options.get("assetdir", ""))
     for element in root.iter():
-        for key in ("assetdir", "meshdir", "texturedir", "texture"):
+        for key in ("assetdir", "meshdir", "texturedir", "texture", "builtin"):
             element.attrib.pop(key, None)
     stream, names = io.BytesIO(), dict[Path, str]()
     with zipfile.ZipFile(stream, "w") as archive:
@@ -128,6 +134,20 @@ def _packed(file: Path, folder: Path, left: Counter[str]) -> bytes:
             mesh.attrib |= {"name": mesh.get("name", path.stem), "file": names[path], "maxhullvert": str(MAX_CORNERS)}
         archive.writestr("model.xml", tostring(root))
     return stream.getvalue()
+
+
+def _copies(element: Element) -> int:
+    """Return how many copies an element makes of what it holds.
+
+    Raises:
+        UserError: they are too many.
+    """
+    if element.tag != "replicate":
+        return 1
+    count = element.get("count", "").strip()
+    if not re.fullmatch("[0-9]{1,3}", count) or int(count) > MAX_BODIES:
+        raise UserError(f"a replicate has count={clean(count, 20)}; it must be a number up to {MAX_BODIES}")
+    return int(count)
 
 
 class _Reading:

@@ -22,6 +22,7 @@ from core.errors import choices
 from core.geometry import Capsule, Cylinder, Sphere
 from core.scene import Camera, Color, Goal, Joint
 from core.values.layouts import NONE
+from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST, LONGEST_M, MAX_FRICTION
 from plugins.tasks.file.tree import Tree, Where
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
@@ -39,10 +40,9 @@ WORDS = {
     "string_pattern_mismatch": "must be a name of letters, digits and '_', a letter first",
     "json_invalid": "it holds a character that is no text, such as half of a pair; leave it out",
 }
-LIGHTEST, HEAVIEST = 1e-5, 1e4  # kg
 
-Length = Annotated[float, Field(gt=0, le=20)]
-Coordinate = Annotated[float, Field(ge=-20, le=20)]
+Length = Annotated[float, Field(gt=0, le=LONGEST_M)]
+Coordinate = Annotated[float, Field(ge=-LONGEST_M, le=LONGEST_M)]
 Place = tuple[Coordinate, Coordinate, Coordinate]
 Wanted = tuple[Coordinate | None, Coordinate | None, Coordinate | None]
 Angle = Annotated[float, Field(ge=-3600, le=3600)]
@@ -148,7 +148,7 @@ class BodySpec(ShapeSpec):
     mass: Annotated[float, Field(ge=LIGHTEST, le=HEAVIEST)] | None = None
     density: Annotated[float, Field(ge=1, le=3e4)] | None = None
     fixed: bool | None = None
-    friction: Annotated[float, Field(ge=0, le=10)] = 0.5
+    friction: Annotated[float, Field(ge=0, le=MAX_FRICTION)] = 0.5
     rolling_friction: Annotated[float, Field(ge=0, le=1)] = 0.0
     restitution: Annotated[float, Field(ge=0, le=1)] = 0.0
     velocity: Rates = (0.0, 0.0, 0.0)

@@ -14,9 +14,8 @@ from core.geometry import Array, Pose
 from core.interfaces import Task
 from core.scene import Scene, State, Trace
 from core.values.layouts import NONE
-from plugins.tasks.file import building, files, tree
+from plugins.tasks.file import building, files, tree, words
 from plugins.tasks.file import spec as schema
-from plugins.tasks.file.words import describe_goals
 
 VARYING = ("bodies", "imports", "marks", "joints")
 
@@ -120,7 +119,7 @@ class FileTask(Task):
         return core_goals.goals_reward(self, start, end, trace)
 
     def reward_in_words(self) -> list[str]:
-        return describe_goals(self.goals, self.every)
+        return words.describe_goals(self.goals, self.every)
 
     def source(self) -> str:
         return self._text

@@ -5,8 +5,11 @@ Covered by `tests/plugins/tasks/file/imports/test_urdf.py` and `tests/plugins/ta
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from core.errors import UserError
 from core.geometry import Mesh, Pose
@@ -14,6 +17,9 @@ from core.scene import Body, Geom, Joint, Scene
 
 MAX_SHAPES = 2000
 MAX_DRAWN = 2_000_000  # triangles
+LIGHTEST, HEAVIEST = 1e-5, 1e4  # kg
+LONGEST_M, MAX_FRICTION = 20.0, 10.0
+_NAME, _RENAME = re.compile(r"[A-Za-z0-9_.-]{1,96}"), "its name is not of letters, digits, '_', '.' or '-'; rename it"
 
 
 @dataclass(frozen=True)
@@ -27,10 +33,33 @@ class Imported:
     def __post_init__(self) -> None:
         shapes = [geom.shape for body in self.bodies for geom in (*body.visuals, *body.collisions)]
         faces = sum(len(shape.faces) for shape in shapes if isinstance(shape, Mesh))
+        for body in self.bodies:
+            _check(body)
+        for joint in self.joints:
+            if not _NAME.fullmatch(joint.name):
+                raise UserError(f"joint {joint.name[:64]!r}: {_RENAME}")
         if len(shapes) > MAX_SHAPES or faces > MAX_DRAWN:
             limits = f"at most {MAX_SHAPES} and {MAX_DRAWN}"
             raise UserError(f"there are {len(shapes)} shapes of {faces} triangles; {limits} are read: leave some out")
         Scene(self.bodies, self.joints)
+
+
+def _check(body: Body) -> None:
+    """Refuse what a scene file may not say of a body either.
+
+    Raises:
+        UserError: says which number, or its name.
+    """
+    where = f"body {body.name[:64]!r}"
+    if not _NAME.fullmatch(body.name):
+        raise UserError(f"{where}: {_RENAME}")
+    if not 0 <= body.friction <= MAX_FRICTION:
+        raise UserError(f"{where} has a friction of {body.friction:.3g}; 0 to {MAX_FRICTION:g} are read")
+    for geom in (*body.visuals, *body.collisions):
+        size, place = geom.shape.bounds[1], (body.pose @ geom.pose).position
+        if not (size.max() <= LONGEST_M and np.abs(place).max() <= LONGEST_M):
+            far = f"a shape of {size.max():.3g} m at {np.abs(place).max():.3g} m from the origin"
+            raise UserError(f"{where} has {far}; at most {LONGEST_M:g} m are read")
 
 
 def joined_body(
@@ -43,6 +72,8 @@ def joined_body(
     """
     if mass is not None and not mass > 0:
         raise UserError(f"body {name!r} moves, but has no mass; give it one")
+    if mass is not None and not LIGHTEST <= mass <= HEAVIEST:
+        raise UserError(f"body {name!r} has {mass:.3g} kg; {LIGHTEST:g} to {HEAVIEST:g} kg are read")
     if mass is not None and not collisions:
         raise UserError(f"body {name!r} moves, but has no collision shape; repeat what is drawn as one")
     return Body(name, pose, mass or 0.0, tuple(visuals or collisions), tuple(collisions), friction)

@@ -102,6 +102,10 @@ def test_meshes_of_its_folder_are_read(tmp_path):
     ("text", "message"),
     [
         ("<", "malformed"),
+        (link("a&#10;b"), "is not 1 to 64 letters"),
+        (link("a") + link("b", mass=1e5) + joint("j", "floating", "a", "b"), "'b' has 1e.05 kg"),
+        (link("a", BOX.replace("0.2", "100000")), "'a' .* 20 m"),
+        (cabinet('<limit lower="0" upper="900000"/>'), "its range"),
         (link("a", mesh("/etc/passwd")), "no kind"),
         (link("a", mesh("../outside.stl")), "is not in folder"),
         (link("a", mesh("http://x.org/a.stl")), "http:// is not read"),
