@@ -26,7 +26,7 @@ from plugins.tasks.file.imports.bodies import HEAVIEST, LIGHTEST, LONGEST_M, MAX
 from plugins.tasks.file.tree import Tree, Where
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
-MAX_BODIES, MAX_PARTS, MAX_IMPORTS, MAX_GOALS, MAX_RANGES = 100, 100, 20, 50, 200
+MAX_BODIES, MAX_PARTS, MAX_IMPORTS, MAX_GOALS, MAX_RANGES, MAX_VARIATIONS = 100, 100, 20, 50, 200, 20
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _LIST, _OBJECT = "must be a list, such as [0, 0, 0.1]", "must be an object of keys and values, such as {radius: 0.1}"
 WORDS = {
@@ -215,7 +215,9 @@ class SceneSpec(_Spec):
         Camera, _made(Camera, position=Place, target=Place, fov_deg=Fov, height_m=Length | None), AfterValidator(_looks)
     ] = Camera()
     variations: Annotated[
-        dict[Name, Annotated[dict[str, Range], Field(min_length=1, max_length=MAX_RANGES)]], AfterValidator(_named)
+        dict[Name, Annotated[dict[str, Range], Field(min_length=1, max_length=MAX_RANGES)]],
+        Field(max_length=MAX_VARIATIONS),
+        AfterValidator(_named),
     ] = {}
 
 

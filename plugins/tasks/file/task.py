@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Sequence
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -104,11 +106,27 @@ class FileTask(Task):
                 except (LookupError, TypeError, ValueError):
                     hint = "a range needs a number that is written in the file, such as bodies.cup.position.x"
                     raise self._tree.error(where, f"there is no such number; {hint}") from None
-                for number in (low, high):
-                    try:
-                        self._with({path: number})
-                    except UserError as error:
-                        raise self._tree.error(where, f"{number:g} can't be: {error}") from error
+            for end in (0, 1):
+                self._check_numbers(name, [(path, span[end]) for path, span in ranges.items()])
+
+    def _check_numbers(self, variation: str, numbers: Sequence[tuple[str, float]]) -> None:
+        """Refuse numbers that can't be in one scene, by the first that can't be with those before it.
+
+        Raises:
+            UserError: says which.
+        """
+
+        def problem(count: int) -> UserError | None:
+            try:
+                self._with(dict(numbers[:count]))
+            except UserError as error:
+                return error
+            return None
+
+        if problem(len(numbers)) is not None:  # few scenes are built, whatever the number of ranges
+            first = bisect_left(range(len(numbers)), True, key=lambda number: problem(number + 1) is not None)
+            path, number = numbers[first]
+            raise self._tree.error(("variations", variation, path), f"{number:g} can't be: {problem(first + 1)}")
 
     @property
     def reads_trace(self) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from core.errors import UserError
+from core.support.files import read_untrusted
 from core.support.text import clean
 
 MAX_BYTES = 100_000
@@ -61,14 +62,11 @@ class Tree:
             UserError: it can't be read.
         """
         try:
-            with file.open("rb") as stream:
-                text = stream.read(MAX_BYTES + 1).decode()
-        except OSError as error:
-            raise UserError(f"scene file {file} can't be read: {error.strerror}") from error
+            text = read_untrusted(file, MAX_BYTES).decode()
         except UnicodeDecodeError as error:
             raise UserError(f"{file} is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
-        if len(text) > MAX_BYTES:
-            raise UserError(f"{file} is too large: at most {MAX_BYTES} bytes are read")
+        except UserError as error:
+            raise UserError(f"scene file {error}") from error
         return text, cls(file, text)
 
     def error(self, where: Where, message: str) -> UserError:

@@ -1,5 +1,6 @@
 """A scene file with a mistake gives one line that says where it is; any other text does no harm."""
 
+import os
 import random
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from hypothesis import strategies as st
 
 from core.errors import UserError
 from core.values.layouts import NONE
+from plugins.tasks.file import building
+from plugins.tasks.file.building import build_scene
 from plugins.tasks.file.task import FileTask
 from plugins.tasks.file.tree import MAX_BYTES
 
@@ -52,7 +55,6 @@ def test_a_mistake_gives_one_line(file, old, new, line):
         ("", ": a scene is an object of keys and values"),
         ("- a\n- b\n", ": a scene is an object of keys and values"),
         (f"{GOOD}---\nname: Second\n", "line 41: this is no YAML: but found another document"),
-        ("a: " + "x" * MAX_BYTES, " is too large: at most 100000 bytes are read"),
     ],
 )
 def test_what_is_no_scene_is_refused(file, text, line):
@@ -62,9 +64,35 @@ def test_what_is_no_scene_is_refused(file, text, line):
 def test_a_file_that_is_not_there_or_no_text_is_named(file):
     with pytest.raises(UserError, match=r"scene file my_scene.yaml can't be read: No such file"):
         FileTask(file.name)
+    file.write_bytes(b"x" * (MAX_BYTES + 1))
+    with pytest.raises(UserError, match=r"my_scene.yaml has 0.1 MB; at most 0.1 MB are read"):
+        FileTask(file.name)
     file.write_bytes(b"name: \xff")
     with pytest.raises(UserError, match=r"my_scene.yaml is not UTF-8 text \(byte 6\)"):
         FileTask(file.name)
+
+
+def test_a_pipe_or_an_odd_name_is_refused_at_once(file):
+    os.mkfifo(file)
+    with pytest.raises(UserError, match=r"my_scene.yaml is no regular file"):
+        FileTask(file.name)
+    with pytest.raises(UserError, match=r"'my\\x00scene' can't be a file's name: embedded null byte"):
+        FileTask("my\0scene")
+    (file.parent / "pipe.stl").symlink_to(file)
+    file.with_name("scene.yaml").write_text(GOOD.replace("sphere: {radius: 0.04}", "file: pipe.stl"))
+    with pytest.raises(UserError, match=r"bodies.2.: mesh .*my_scene.yaml is no regular file"):
+        FileTask("scene.yaml")
+
+
+def test_variations_are_few_and_built_twice_each(file, monkeypatch):
+    """A file of 100 kB had room for 3,150 ranges, each of which built the scene twice."""
+    ranges = [f"  v{n}: {{bodies.ball.position.x: [0, 1], bodies.ball.mass: [1, 2]}}\n" for n in range(20)]
+    assert "at most 20 items" in refused(file, GOOD.replace("  near:", f"{''.join(ranges)}  near:"))
+    built = []
+    monkeypatch.setattr(building, "build_scene", lambda *given: built.append(1) or build_scene(*given))
+    file.write_text(GOOD.replace("  near:", f"{''.join(ranges[:19])}  near:"))
+    assert len(FileTask(file.name).variations) == 20
+    assert len(built) == 1 + 2 * 20
 
 
 def test_a_link_that_leads_out_of_the_folder_is_not_followed(file, tmp_path_factory):
