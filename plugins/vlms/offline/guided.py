@@ -1,22 +1,25 @@
-"""Heads with strokes of their own, which follow from what holds a body: a joint, an enclosure, a container; or from how
-it is to be turned.
+"""Heads with strokes of their own, which follow from what holds a body, or from how it is to be turned.
 
-Rods push a body along its joint; hooks pull it there, or out of an enclosure, and then push it to its goal; a lip turns
-it over its opposite edge; a fork takes a loose container by its handles, and turns it over.
+Rays through the scene find where a rod gets, to push a body along its joint, and where tines get under a body, to lift
+it off what it stands in, or to turn it over its opposite edge. A fork takes a loose container by its handles, and turns
+it over.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from typing import Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
+from scipy.ndimage import minimum_filter
 from scipy.spatial.transform import Rotation
 
 from core.geometry import Array, Pose
 from core.values.joints import Placement
-from plugins.vlms.offline.boxes import axes_of
-from plugins.vlms.offline.heads import SIDES, Head, Piece, box
-from plugins.vlms.offline.openings import Contact, frame_of, pulled, pushed, under, way_out
+from plugins.vlms.offline.boxes import Boxes, axes_of
+from plugins.vlms.offline.heads import SIDES, Head, box
 from plugins.vlms.offline.plans import Path
 from plugins.vlms.offline.scene_analysis import UP, Errand
 
@@ -26,16 +29,163 @@ _QUARTERS: list[float] = (np.arange(4) * np.pi / 2).tolist()
 _BACK_M = 0.018  # a fork's plate and crossbar, from the flange ahead
 _LIP_M = 0.004  # thickness of a fork's channels
 
+_GRID_M, _MOST_RAYS = 0.003, 50  # between rays, and how many lie side by side
+_AROUND_M = 0.04  # how far beside the bodies rays pass
+_HALF_M = (0.01, 0.007, 0.004)  # of what may fit through an opening, the stoutest first
+
+Stroke = Callable[[Path, np.random.Generator], str]
 Motion = Sequence[Pose]  # of a body: displacements in the world, one after another
 
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _kept(find: Callable[Concatenate[Errand, P], R]) -> Callable[Concatenate[Errand, P], R]:
+    @wraps(find)
+    def look(errand: Errand, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        key = (find.__name__, *map(id, errand.things), repr((args, kwargs)))
+        cache = errand.analysis.cache
+        if key not in cache:
+            cache[key] = find(errand, *args, **kwargs)
+        return cast(R, cache[key])
+
+    return look
+
+
+def frame_of(way: Array) -> Pose:
+    """Return the turn of a frame whose x points along ``way`` (3,), its y horizontal."""
+    x, y, z = way / np.linalg.norm(way)
+    yaw = np.arctan2(y, x) if np.hypot(x, y) > 1e-6 else 0.0
+    return Pose.xyz_rpy((0.0, 0.0, 0.0), (0.0, -np.arcsin(np.clip(z, -1.0, 1.0)), yaw))
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A point (3,) of a body where a rod of half width ``half`` gets, and how long it must be to stay outside."""
+
+    point: Array
+    half: float
+    length: float
+
+
+class _Rays:
+    """Parallel rays through a scene, on a grid (U, V) around an errand's bodies, along x of ``turn``."""
+
+    def __init__(self, errand: Errand, way: Array) -> None:
+        self.turn = frame_of(way)
+        points = self.turn.inverse().apply(errand.points)
+        lower, upper = points.min(axis=0) - _AROUND_M, points.max(axis=0) + _AROUND_M
+        counts = np.minimum(np.ceil((upper - lower)[1:] / _GRID_M).astype(int), _MOST_RAYS)
+        self.axes = [np.linspace(lower[i + 1], upper[i + 1], counts[i]) for i in range(2)]
+        self.steps = [float(axis[1] - axis[0]) for axis in self.axes]
+        self.near, far = self._crossings(errand.boxes)
+        self.other_near, other_far = self._crossings(errand.others)
+        self.all = np.concatenate([self.near, self.other_near], axis=-1), np.concatenate([far, other_far], axis=-1)
+
+    def _crossings(self, boxes: Boxes) -> tuple[Array, Array]:
+        """Compute where each ray enters and leaves each box, (U, V, N); inf and -inf: it misses the box."""
+        back = self.turn.rotation.as_matrix().T
+        axes, centers = np.einsum("ij,njk->nik", back, boxes.axes), boxes.centers @ back.T
+        u, v = np.meshgrid(*self.axes, indexing="ij")
+        starts = np.stack([np.zeros_like(u), u, v], axis=-1)
+        inside = np.einsum("nik,uvni->uvnk", axes, starts[:, :, None] - centers)
+        slopes = np.where(np.abs(axes[:, 0]) < 1e-9, 1e-9, axes[:, 0])  # of a ray, along each of a box's axes
+        one, other = (-boxes.halves - inside) / slopes, (boxes.halves - inside) / slopes
+        near, far = np.minimum(one, other).max(axis=-1), np.maximum(one, other).min(axis=-1)
+        missed = near >= far
+        return np.where(missed, np.inf, near), np.where(missed, -np.inf, far)
+
+    def window(self, half: float) -> tuple[int, ...]:
+        """Return how many rays are within ``half`` of one, along both axes."""
+        return tuple(2 * int(np.ceil(half / step)) + 1 for step in self.steps)
+
+    def point(self, u: int, v: int, depth: float) -> Array:
+        return self.turn.apply([depth, self.axes[0][u], self.axes[1][v]])
+
+    def outside(self) -> Array:
+        """Compute for each ray where the obstacles begin that are near it, (U, V)."""
+        nearest: Array = minimum_filter(self.other_near.min(axis=-1, initial=np.inf), self.window(0.025))
+        return nearest
+
+
+@_kept
+def pushed(errand: Errand, way: Array, pole: Array | None = None) -> list[Contact]:
+    """Find where a rod can push the bodies along ``way``, the best first.
+
+    That is in the middle; with a ``pole`` (2, 3), a point of an axis that they turn about, and its direction, it is
+    where they go the farthest along the way.
+    """
+    rays = _Rays(errand, way)
+    hit, blocked, outside = rays.near.min(axis=-1), rays.other_near.min(axis=-1, initial=np.inf), rays.outside()
+    for half in _HALF_M:
+        free = minimum_filter(blocked, rays.window(half + 0.002)) > hit + 0.01
+        contacts = []
+        for u, v in np.argwhere(np.isfinite(hit) & free).tolist():
+            point, length = rays.point(u, v, hit[u, v]), float(np.clip(hit[u, v] - outside[u, v], 0.0, 0.4))
+            across = np.linalg.norm(np.cross(way, point - errand.center))
+            away = across if pole is None else -np.cross(pole[1], point - pole[0]) @ way
+            contacts.append((float(away), Contact(point, half, length)))
+        if contacts:
+            return [contact for _, contact in sorted(contacts, key=lambda one: one[0])[: max(1, len(contacts) // 6)]]
+    return []
+
+
+@dataclass(frozen=True, eq=False)
+class Under:
+    """Where two tines get under bodies along a heading.
+
+    They are ``apart`` on each side of the line through ``rear`` (3,), which is where the bodies begin, at the height of
+    their underside. Below it there is a gap ``room``, up to ``depth`` ahead.
+    """
+
+    heading: float
+    rear: Array
+    apart: float
+    room: float
+    depth: float
+
+    @property
+    def worth(self) -> float:
+        return min(self.depth, 0.06) + min(self.apart, 0.05) + self.room + float(self.rear[2])
+
+
+@_kept
+def under(errand: Errand, heading: float, tine: float) -> Under | None:
+    """Find where tines ``tine`` wide get under the bodies along a heading: high, wide apart, and far ahead."""
+    rays = _Rays(errand, UP)
+    near, far = rays.all
+    ahead, side = (axis[:2] for axis in axes_of(heading))
+    u, v = np.meshgrid(*rays.axes, indexing="ij")
+    places = rays.turn.apply(np.stack([np.zeros_like(u), u, v], axis=-1))[..., :2] - errand.center[:2]
+    along, across = places @ ahead, np.abs(places @ side)
+    found = list[Under]()
+    levels = np.unique(rays.near[np.isfinite(rays.near)].round(3))
+    for level in levels[:: -max(1, len(levels) // 12)]:
+        low = np.abs(rays.near - level).min(axis=-1) < 0.0015  # an underside at this height
+        for room in (0.02, 0.012, 0.006):
+            full = ((near < level - 0.0016) & (far > level - room)).any(axis=-1)
+            for apart in np.arange(0.0, float(across[low].max(initial=0.0)) + 1e-9, 2 * min(rays.steps)):
+                lane = np.abs(across - apart) < tine / 2 + min(rays.steps)
+                if not (lane & low).any():
+                    continue
+                rear = float(along[lane & low].min())
+                stop = float(along[lane & full & (along > rear - _AROUND_M)].min(initial=1.0))
+                front = float(along[lane & low & (along < stop)].max(initial=rear))
+                if stop > rear and front - rear > 0.008:
+                    at = np.array([*(errand.center[:2] + rear * ahead), level])
+                    found.append(Under(heading, at, float(apart), room, front - rear))
+    return max(found, key=lambda one: one.worth) if found else None
+
+
 def suits(errand: Errand) -> bool:
-    """Report whether the errand's only body hangs from a joint, is to be turned, or is shut in."""
-    if errand.goal is None or len(errand.things) > 1:
+    """Report whether the errand's only body hangs from a joint, is to be turned, or stands in or around another."""
+    goal = errand.goal
+    if goal is None or len(errand.things) > 1:
         return False
-    if errand.goal.joint is not None or _turn(errand) is not None:
-        return True
-    return errand.covered and errand.length > 0.03 and errand.blocked(errand.shift * [1.0, 1.0, 0.0])
+    lower, upper = errand.others.bounds
+    held = (lower < errand.upper - 0.003) & (upper > errand.lower + 0.003)
+    return goal.joint is not None or _turn(errand) is not None or bool(held.all(axis=1).any())
 
 
 def guided(errand: Errand, rng: np.random.Generator) -> Head | None:
@@ -43,10 +193,8 @@ def guided(errand: Errand, rng: np.random.Generator) -> Head | None:
     assert errand.goal is not None
     if errand.goal.joint is not None:
         return mover(errand, rng)
-    if (turn := _turn(errand)) is not None:
-        return tipper(errand, turn, rng)
-    out = way_out(errand)
-    return None if out is None else drawer(errand, out, rng)
+    turn = _turn(errand)
+    return carrier(errand, rng) if turn is None else tipper(errand, turn, rng)
 
 
 def _turn(errand: Errand) -> tuple[Array, float] | None:
@@ -62,6 +210,51 @@ def _turn(errand: Errand) -> tuple[Array, float] | None:
     return axis, angle
 
 
+def _choose_under(errand: Errand, headings: Sequence[float], width: float, rng: np.random.Generator) -> Under | None:
+    """Choose at random among the places that are worth most; None: there is none."""
+    places = [place for heading in headings if (place := under(errand, heading, width)) is not None]
+    good = [place for place in places if place.worth > max(other.worth for other in places) - 0.03]
+    return good[int(rng.integers(len(good)))] if good else None
+
+
+def _tines(kind: str, spot: Under, width: float, thick: float, depth: float, stroke: Stroke) -> Head:
+    """Two tines ahead of a wall, or a wide one; their upper faces are at z = 0."""
+    across = 2 * spot.apart + width
+    pieces = [box("wall", -0.004, 0.0, 0.015 - thick, (0.008, across, 0.03))]
+    for number, side in enumerate((1.0, -1.0) if spot.apart > width / 2 else (0.0,), start=1):
+        size = (depth + 0.008, width, thick)
+        pieces.append(box(f"tine_{number}", (depth - 0.008) / 2, side * spot.apart, -thick / 2, size))
+    return Head(kind, "guided", tuple(pieces), np.array([0.0, 0.0, 0.03 - thick]), depth, across, stroke=stroke)
+
+
+def carrier(errand: Errand, rng: np.random.Generator) -> Head | None:
+    """Tines that lift a body out of what it stands in, carry it over, and lower it at the goal."""
+    width, high = 0.009, 0.2 * UP
+    if any(errand.blocked(high, start, step=0.006) for start in (np.zeros(3), errand.shift + 0.004 * UP)):
+        return None
+    if (spot := _choose_under(errand, _QUARTERS, width, rng)) is None:
+        return None
+    ahead = axes_of(spot.heading)[0]
+    gap = rng.uniform(0.01, 0.02)
+    depth = gap + min(spot.depth, float(np.ptp(errand.points @ ahead)))
+
+    def stroke(path: Path, rng: np.random.Generator) -> str:
+        inside = spot.rear - gap * ahead - 0.001 * UP
+        path.enter(errand, spot.heading, inside - (depth + 0.02) * ahead, inside)
+        path.hold()
+        lifted, goal = inside + 0.001 * UP, inside + 0.001 * UP + errand.shift
+        over = [
+            np.array([*place[:2], max(lifted[2], goal[2]) + 0.2 + rng.uniform(0.0, 0.03)]) for place in (lifted, goal)
+        ]
+        for place in (lifted, *over, goal, goal - rng.uniform(0.004, 0.012) * UP):
+            length = float(np.linalg.norm(place - path.poses[-1].position))
+            path.stroke(place, spot.heading, 0.15 if length > 0.02 else 1.0)
+        path.go(spot.heading, path.poses[-1].position - (depth + 0.02) * ahead, touch=True)
+        return "gets tines under the body, lifts it off, carries it over, lowers it and leaves"
+
+    return _tines("tines", spot, width, min(0.008, spot.room / 2), depth, stroke)
+
+
 def tipper(errand: Errand, turn: tuple[Array, float], rng: np.random.Generator) -> Head | None:
     """A lip that raises a body by one side, and turns it about its opposite edge."""
     axis, angle = turn
@@ -69,11 +262,8 @@ def tipper(errand: Errand, turn: tuple[Array, float], rng: np.random.Generator) 
     if np.linalg.norm(axis) > 0.2:
         x, y, _ = np.cross(axis, UP)
         headings = [float(np.arctan2(y, x))]
-    places = [place for heading in headings if (place := under(errand, heading, width)) is not None]
-    good = [place for place in places if place.worth > max(other.worth for other in places) - 0.03]
-    if not good:
+    if (spot := _choose_under(errand, headings, width, rng)) is None:
         return None
-    spot = good[int(rng.integers(len(good)))]
     ahead, thick = axes_of(spot.heading)[0], min(0.008, 0.6 * spot.room)
     grip = min(spot.depth * rng.uniform(0.5, 0.9), 0.04)
     gap = rng.uniform(0.006, 0.015)
@@ -94,11 +284,7 @@ def tipper(errand: Errand, turn: tuple[Array, float], rng: np.random.Generator) 
         path.go(spot.heading, path.poses[-1].position - 0.06 * ahead + 0.02 * UP, touch=True)
         return f"raises one side by a lip, and turns the body about its other edge by {np.degrees(most):.0f} degrees"
 
-    pieces = [box("wall", -0.004, 0.0, 0.015 - thick, (0.008, 2 * spot.apart + width, 0.03))]
-    for number, side in enumerate((1.0, -1.0) if spot.apart > width / 2 else (0.0,), start=1):
-        size = (depth + 0.008, width, thick)
-        pieces.append(box(f"tine_{number}", (depth - 0.008) / 2, side * spot.apart, -thick / 2, size))
-    return Head("lip", "guided", tuple(pieces), np.array([0.0, 0.0, 0.03 - thick]), depth, width, stroke=stroke)
+    return _tines("lip", spot, width, thick, depth, stroke)
 
 
 def _joint_way(errand: Errand, rng: np.random.Generator) -> tuple[Array, Array | None, Motion] | None:
@@ -130,13 +316,9 @@ def mover(errand: Errand, rng: np.random.Generator) -> Head | None:
         return None
     way, pole, motion = known
     contacts = pushed(errand, way, pole)
-    if not contacts or rng.random() < 0.2:
-        contacts = pulled(errand, way) or contacts
     if not contacts:
         return None
     contact = contacts[int(rng.integers(len(contacts)))]
-    if contact.aside.any():
-        return _hooked(errand, contact, way, motion, rng)
     length, thick = contact.length + rng.uniform(0.04, 0.07), 2 * contact.half
 
     def stroke(path: Path, rng: np.random.Generator) -> str:
@@ -148,70 +330,6 @@ def mover(errand: Errand, rng: np.random.Generator) -> Head | None:
 
     pieces = (box("rod", -length / 2, 0.0, 0.0, (length, thick, thick)),)
     return Head("rod", "guided", pieces, np.array([0.006 - length, 0.0, 0.0]), 0.0, thick, stroke=stroke)
-
-
-def drawer(errand: Errand, out: Array, rng: np.random.Generator) -> Head | None:
-    """A hook that draws a body ``out`` (3,) of an enclosure, and then pushes it to the goal."""
-    way = out / np.linalg.norm(out)
-    contacts = pulled(errand, way)
-    if not contacts:
-        return None
-    contact = contacts[int(rng.integers(len(contacts)))]
-    out = out + way * rng.uniform(0.02, 0.06)
-    count = int(np.ceil(np.linalg.norm(out) / _STEP_M))
-    motion = [Pose(share * out) for share in np.linspace(0.0, 1.0, count + 1)[1:]]
-    left = (errand.shift - out) * np.array([1.0, 1.0, 0.0])
-    return _hooked(errand, contact, way, motion, rng, left if np.linalg.norm(left) > 0.01 else None)
-
-
-def _hooked(
-    errand: Errand, contact: Contact, way: Array, motion: Motion, rng: np.random.Generator, then: Array | None = None
-) -> Head:
-    """A hook that enters beside the body, gets behind it and pulls; ``then`` (3,) is the way that is left."""
-    turn, half = frame_of(way), contact.half
-    toe = turn.inverse().apply(contact.aside)
-    far = max(contact.length, float(np.ptp(errand.points @ way)))
-    length = far + rng.uniform(0.02, 0.05) + 0.02
-
-    def stroke(path: Path, rng: np.random.Generator) -> str:
-        beside = contact.point - contact.aside * (1 + 0.003 / np.linalg.norm(contact.aside))
-        path.enter(errand, turn, beside + way * (far + 0.03), beside, contact.point)
-        end = path.follow(motion)
-        if then is not None:
-            points = errand.points + motion[-1].position + rng.uniform(0.0, 0.012) * way
-            _nudge(path, end, toe / 2, np.abs(toe) / 2 + half, points, then, rng)
-        return "gets behind the body through the opening, and pulls it along the way that it is free to go"
-
-    along = toe / np.linalg.norm(toe)
-    offset, ends = -along * contact.off, (-along * (contact.off + half), toe)
-    middle, size = (ends[0] + ends[1]) / 2, np.abs(ends[1] - ends[0])
-    _, wide, high = np.where(size > 1e-6, size, 2 * half).tolist()
-    pieces: tuple[Piece, ...] = (
-        box("rod", length / 2 - 0.006, offset[1], offset[2], (length, 2 * half, 2 * half)),
-        box("toe", -0.003, middle[1], middle[2], (0.006, wide, high)),
-    )
-    hold = np.array([length - 0.012, offset[1], offset[2] + half - 0.002])
-    return Head("hook", "guided", pieces, hold, 0.0, 2 * half, stroke=stroke)
-
-
-def _nudge(
-    path: Path, head: Pose, middle: Array, halves: Array, points: Array, shift: Array, rng: np.random.Generator
-) -> None:
-    """Lift the head over a body of ``points``, and push it by the toe (middle, half sides) along a shift."""
-    length = float(np.hypot(*shift[:2]))
-    way = np.array([*shift[:2], 0.0]) / length
-    turn = head.rotation.as_matrix()
-    reach, drop = float(np.abs(turn.T @ way) @ halves), float(np.abs(turn.T @ UP) @ halves)
-    lower, upper = points.min(axis=0), points.max(axis=0)
-    center = (lower + upper) / 2
-    behind = center + way * (float((points @ way).min() - center @ way) - reach - 0.008)
-    behind[2] = lower[2] + drop + 0.004
-    behind = behind - turn @ middle
-    start = head.position + head.rotation.apply([-0.02, 0.0, 0.0])  # away from the body
-    over = [np.array([*place[:2], upper[2] + 2 * drop + 0.03]) for place in (start, behind)]
-    end = behind + way * (length + 0.008) * rng.normal(1.0, 0.03)
-    pushes = np.linspace(behind, end, max(2, int(length / 0.08)) + 1)[1:]
-    path.go(head, start, *over, behind, *pushes, end - 0.03 * way, touch=True)
 
 
 def handles(errand: Errand) -> tuple[Errand, float, float] | None:

@@ -7,8 +7,7 @@ import pytest
 
 from core.plugins import installed
 from core.simulation.rollout import RolloutSettings, evaluate_batch
-from plugins.vlms.offline.guided import guided, suits
-from plugins.vlms.offline.openings import frame_of, pulled, pushed, under, way_out
+from plugins.vlms.offline.guided import frame_of, guided, pushed, suits, under
 from plugins.vlms.offline.scene_analysis import UP
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.plugins.vlms.test_offline import analysis, brief, candidates
@@ -18,7 +17,8 @@ NAMES = sorted(path.stem for path in SCENES.glob("*.yaml"))
 
 
 def scene(name):
-    return installed().create("task", "file", file=str(SCENES / f"{name}.yaml"))
+    file = SCENES / f"{name}.yaml"
+    return installed().create("task", "file", file=str(file)) if file.exists() else installed().create("task", name)
 
 
 def errand(task):
@@ -42,16 +42,6 @@ def test_a_plunger_is_pushed_down_the_well():
     assert not pushed(errand(scene("press_plunger")), np.array([1.0, 0.0, 0.0]))
 
 
-def test_a_puck_is_pulled_out_of_the_opening_alone():
-    puck = errand(scene("empty_pocket"))
-    way = way_out(puck)
-    assert way[1] > 0.1
-    assert not way[[0, 2]].any()
-    found = pulled(puck, np.array([0.0, 1.0, 0.0]))
-    assert {round(float(contact.point[1]), 2) for contact in found} == {-0.18}  # behind it
-    assert not pulled(puck, np.array([-1.0, 0.0, 0.0]))
-
-
 def test_a_plate_is_taken_where_it_stands_out():
     plate = errand(scene("turn_plate"))
     at = under(plate, 0.0, 0.016)
@@ -59,7 +49,7 @@ def test_a_plate_is_taken_where_it_stands_out():
     assert under(plate, np.pi, 0.016) is None
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, "InsertPlug"])
 def test_every_scene_has_its_stroke(name):
     found = errand(scene(name))
     assert suits(found)
@@ -72,7 +62,7 @@ def test_what_lies_free_needs_none_of_these_strokes(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "least"), [("empty_pocket", 0.4), ("press_plunger", 0.95), ("turn_plate", 0.95)])
+@pytest.mark.parametrize(("name", "least"), [("press_plunger", 0.95), ("turn_plate", 0.95), ("InsertPlug", 0.95)])
 def test_fresh_designs_earn(name, least):
     task, sim = scene(name), installed().create("sim", "mujoco")
     designs = candidates(brief(task, n_tool=4, n_action=1, seed=3))
