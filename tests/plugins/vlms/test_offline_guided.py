@@ -7,7 +7,8 @@ import pytest
 
 from core.plugins import installed
 from core.simulation.rollout import RolloutSettings, evaluate_batch
-from plugins.vlms.offline.guided import frame_of, guided, pushed, suits, under
+from plugins.vlms.offline.guided import guided, suits
+from plugins.vlms.offline.openings import frame_of, pushed, under
 from plugins.vlms.offline.scene_analysis import UP
 from tests.benchmarks.measuring import SOLUTIONS
 from tests.plugins.vlms.test_offline import analysis, brief, candidates
