@@ -6,11 +6,10 @@ import queue
 import threading
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import partial
 from math import fsum
-from typing import Any
-
-import pluggy
+from typing import Any, NamedTuple
 
 from core.config.compose import listed, part
 from core.design import Evaluation
@@ -27,13 +26,11 @@ from plugins.vlms.ensemble.dealing import Dealer
 _LONGEST = 150  # characters of a label
 
 
-@dataclass(frozen=True)
-class Member:
-    """A model, its name as in ``vlm=NAME``, and those of the run's events that are its own."""
+class Member(NamedTuple):
+    """A model, and its name as in ``vlm=NAME``."""
 
     vlm: VLM
     name: str
-    events: pluggy.PluginManager = field(default_factory=event_hub)
 
 
 class Ensemble(VLM):
@@ -73,13 +70,14 @@ class Ensemble(VLM):
         if any(isinstance(vlm, Ensemble) for vlm in made):
             raise UsageError("vlm.members: an ensemble can't be a member of one; name its members here")
         self._members: dict[str, Member] = {}
+        self._events = event_hub()
         seen: Counter[str] = Counter()
         for vlm, name in zip(made, names, strict=True):
             vlm.share(limits)
             seen[vlm.model] += 1
             label = clean(vlm.model, _LONGEST) + (f" ({seen[vlm.model]})" if seen[vlm.model] > 1 else "")
             self._members[label] = Member(vlm, name)
-            add_listener(self._members[label].events, vlm, "vlm")
+            add_listener(self._events, vlm, label)
         self.model = f"ensemble of {', '.join(self._members)}"
         self.takes_schema = all(vlm.takes_schema for vlm in made)
         able = {label: member.name for label, member in self._members.items() if member.vlm.criticises}
@@ -129,17 +127,17 @@ class Ensemble(VLM):
         arrived: queue.SimpleQueue[tuple[str, Reply | Exception | None]] = queue.SimpleQueue()
         stop = threading.Event()
 
-        def start(label: str) -> None:
-            def receive() -> None:
-                for reply in self._members[label].vlm.complete(hands[label]):
-                    arrived.put((label, reply))
-                    if stop.is_set():
-                        return
+        def receive(label: str) -> None:
+            for reply in self._members[label].vlm.complete(hands[label]):
+                arrived.put((label, reply))
+                if stop.is_set():
+                    return
 
-            run_in_thread(receive, lambda error: arrived.put((label, error)), label)
+        def ended(label: str, error: Exception | None) -> None:
+            arrived.put((label, error))
 
         for label in hands:
-            start(label)
+            run_in_thread(partial(receive, label), partial(ended, label), label)
         try:
             waiting = len(hands)
             while waiting:
@@ -159,26 +157,24 @@ class Ensemble(VLM):
 
     @hookimpl
     def run_started(self, run: Run) -> None:
-        for member in self._members.values():
-            member.events.hook.run_started(run=run)
+        self._events.hook.run_started(run=run)
 
     @hookimpl
     def generation_started(self, index: int) -> None:
-        for member in self._members.values():
-            member.events.hook.generation_started(index=index)
+        self._events.hook.generation_started(index=index)
 
     @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
         """Pass a reply on to the member that gave it, by its label: a resumed run repeats those that are stored."""
         if reply.model in self._members:
-            self._members[reply.model].events.hook.reply_received(request=request, reply=reply)
+            others = [self._events.get_plugin(label) for label in self._members if label != reply.model]
+            self._events.subset_hook_caller("reply_received", others)(request=request, reply=reply)
             if not request.critique:
                 self._replies[request.brief.generation, request.brief.agent].append(reply)
 
     @hookimpl
     def candidate_evaluated(self, evaluation: Evaluation) -> None:
-        for member in self._members.values():
-            member.events.hook.candidate_evaluated(evaluation=evaluation)
+        self._events.hook.candidate_evaluated(evaluation=evaluation)
 
     @hookimpl
     def generation_finished(self, generation: Generation) -> None:
@@ -192,15 +188,12 @@ class Ensemble(VLM):
             free = any(reply.error is None and not reply.cost_usd for reply in replies)
             cost = None if free else fsum(reply.cost_usd or 0.0 for reply in replies)
             self._dealer.hear(replies[-1].model, earned.get(agent, 0.0), cost)
-        for member in self._members.values():
-            member.events.hook.generation_finished(generation=generation)
+        self._events.hook.generation_finished(generation=generation)
 
     @hookimpl
     def run_finished(self, run: Run, result: Result) -> None:
-        for member in self._members.values():
-            member.events.hook.run_finished(run=run, result=result)
+        self._events.hook.run_finished(run=run, result=result)
 
     @hookimpl
     def run_ended(self) -> None:
-        for member in self._members.values():
-            member.events.hook.run_ended()
+        self._events.hook.run_ended()

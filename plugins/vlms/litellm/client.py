@@ -22,7 +22,7 @@ from core.interfaces import Estimate, Message, Picture, Reply, Request, Text
 from core.search.replies import checked
 from core.support.secrets import is_secret_name
 from core.support.text import clean, kind
-from plugins.vlms.litellm.transport import BadAnswer, transport
+from plugins.vlms.litellm.transport import OPENAI, BadAnswer, sender, transport
 
 _log = logging.getLogger(__name__)
 
@@ -36,6 +36,9 @@ _OTHER_KEYS = {
     "huggingface": ("HF_TOKEN",),
     "replicate": ("REPLICATE_API_TOKEN",),
 }
+
+_LIKE_OPENAI = ("aiohttp_openai", "custom_openai")  # beside those that LiteLLM lists
+_UNUSUAL = {"cometapi": "COMETAPI_KEY", "lambda_ai": "LAMBDA_API_KEY", "meta_llama": "LLAMA_API_KEY"}  # names of keys
 
 # Read by LiteLLM when it is imported: its tables come from the package, not from the network, and no .env file is read.
 _AT_IMPORT = {
@@ -85,6 +88,11 @@ def _price(litellm: ModuleType, model: str) -> tuple[float, float] | None:
     return (float(prices[0]), float(prices[1])) if prices[0] and prices[1] else None
 
 
+def _registered(provider: str) -> Any:
+    """LiteLLM's record of a provider that speaks OpenAI's protocol; None: it has none."""
+    return importlib.import_module("litellm.llms.openai_like.json_loader").JSONProviderRegistry.get(provider)
+
+
 class Client:
     """Calls ``model``; see `LanguageModel` for the settings.
 
@@ -95,7 +103,7 @@ class Client:
     def __init__(self, model: str, api_base: str | None, timeout_s: float, max_output_tokens: int | None) -> None:
         self._litellm = load()
         try:
-            self._bare, self._provider, *_ = self._litellm.get_llm_provider(model, api_base=api_base)
+            self._bare, self._provider, key, _ = self._litellm.get_llm_provider(model, api_base=api_base)
         except self._litellm.BadRequestError as error:
             raise UserError(
                 f"vlm.model={model}: LiteLLM knows no such provider; write provider/model, "
@@ -105,7 +113,7 @@ class Client:
         given = {"max_tokens": max_output_tokens, "api_base": api_base}
         self._settings: dict[str, Any] = {"timeout": timeout_s + 1.0, "num_retries": 0, "max_retries": 0}
         self._settings |= {name: value for name, value in given.items() if value is not None}
-        missing = self._missing_keys()
+        missing = self._missing_keys() if key is None else []
         if missing and api_base is None:
             raise UserError(f"vlm.model={model} needs an API key; set the environment variable {' or '.join(missing)}")
         if missing:
@@ -140,8 +148,20 @@ class Client:
         # Other credentials (AWS, Google Cloud) may be in files that only the provider's own library reads.
         missing = self._litellm.validate_environment(self.model)["missing_keys"]
         missing = sorted(name for name in missing if name.endswith("_API_KEY"))
+        if not missing and self._provider not in OPENAI and self._speaks_openai():
+            missing = [self._variable()]  # LiteLLM would send OpenAI's key in its place
         given = any(map(os.environ.get, (*missing, *_OTHER_KEYS.get(self._provider, ()))))
         return [] if given else missing  # of Azure, LiteLLM names the key if only the address is missing
+
+    def _speaks_openai(self) -> bool:
+        listed = self._litellm.openai_compatible_providers
+        return self._provider in (*listed, *_LIKE_OPENAI) or _registered(self._provider) is not None
+
+    def _variable(self) -> str:
+        """The name of the variable for the provider's key, as LiteLLM reads it."""
+        registered = _registered(self._provider)
+        usual = f"{self._provider.upper().replace('-', '_')}_API_KEY"
+        return registered.api_key_env if registered is not None else _UNUSUAL.get(self._provider, usual)
 
     def _accepts(self, **parameter: Any) -> bool:
         parameter |= {"model": self._bare, "custom_llm_provider": self._provider, "drop_params": False}
@@ -187,6 +207,7 @@ class Client:
             }
         sees_schema = with_schema and self._provider not in _LOCAL  # those use it as a grammar alone
         messages = render(request.messages if sees_schema else explained(request))
+        sender.provider = self._provider
         try:
             response = self._litellm.completion(model=self.model, messages=messages, drop_params=True, **settings)
         except Exception as error:

@@ -13,7 +13,6 @@ from core.errors import LimitReached, UsageError, UserError, check_positive
 from core.hooks import hookimpl
 from core.interfaces import VLM, Estimate, Reply, Request, Spending
 from core.support.threads import run_in_thread
-from plugins.vlms.litellm.cache import Cache
 from plugins.vlms.litellm.client import Client, estimate
 from plugins.vlms.litellm.failures import explain, pause, unanswered, within
 
@@ -35,12 +34,9 @@ class LanguageModel(VLM):
         max_cost_usd: no further call is made once calls have cost this much; None: no limit.
         max_tokens_total: no further call is made once prompts and answers together have this many tokens; None: no
             limit.
-        cache: keep replies on disk, and reuse them for equal requests.
-        cache_dir: folder of the cache; None: ``vlmgineer/replies`` in the user's cache folder.
 
     Raises:
-        UserError: LiteLLM does not know the provider, or finds no API key; a cost limit without a known price; a cache
-            folder that can't be made.
+        UserError: LiteLLM does not know the provider, or finds no API key; a cost limit without a known price.
     """
 
     takes_schema = True
@@ -54,8 +50,6 @@ class LanguageModel(VLM):
     max_output_tokens: int | None = None
     max_cost_usd: float | None = None
     max_tokens_total: int | None = None
-    cache: bool = False
-    cache_dir: str | None = None
 
     def __post_init__(self) -> None:
         if not self.model:
@@ -71,8 +65,6 @@ class LanguageModel(VLM):
         self.share(Spending(self.max_cost_usd, self.max_tokens_total))
         self._pace = Pace(self.requests_per_minute)
         self._answered: set[str] = set()  # ids of requests, in this process
-        settings = {"model": self.model, "api_base": self.api_base, "max_output_tokens": self.max_output_tokens}
-        self._cache = Cache(self.cache_dir, settings) if self.cache else None
 
     @classmethod
     def estimate(cls, request: Request, model: str) -> Estimate:
@@ -90,9 +82,7 @@ class LanguageModel(VLM):
     @hookimpl
     def reply_received(self, request: Request, reply: Reply) -> None:
         """Count what a resumed run had already spent towards its limits."""
-        # Neither from the cache nor a failed call.
-        paid = reply.cost_usd != 0.0 and (reply.error is None or reply.prompt_tokens is not None)
-        if request.id not in self._answered and paid:
+        if request.id not in self._answered and (reply.error is None or reply.prompt_tokens is not None):
             self._spend(request, reply)
 
     def _spend(self, request: Request, reply: Reply) -> None:
@@ -118,8 +108,7 @@ class LanguageModel(VLM):
                 except queue.Empty:
                     return
                 try:
-                    cached = self._cache.get(request) if self._cache is not None else None
-                    results.put(cached or self._answer(request, stop))
+                    results.put(self._answer(request, stop))
                 except LimitReached as limit:
                     results.put(limit)
                 except Exception as error:
@@ -171,10 +160,7 @@ class LanguageModel(VLM):
                 stop.wait(wait_s)
             else:
                 self._spend(request, reply)
-                reply = self._judged(reply, finish)
-                if self._cache is not None and reply.error is None:
-                    self._cache.put(request, reply)
-                return reply
+                return self._judged(reply, finish)
 
     def _failed(self, request: Request, error: Exception, after: str = "") -> Reply:
         return Reply(request.id, "", self.model, error=explain(error) + after, unanswered=unanswered(error))

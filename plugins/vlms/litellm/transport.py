@@ -1,9 +1,13 @@
-"""Send HTTP requests for LiteLLM: no redirect is followed, and an answer is bounded while it arrives."""
+"""Send HTTP requests for LiteLLM: OpenAI's key goes to no other provider, no redirect is followed, and an answer is
+bounded while it arrives.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import re
+import threading
 import time
 import zlib
 from collections.abc import Iterator
@@ -17,7 +21,18 @@ MAX_BYTES = 2**25  # of an answer, unpacked
 LONGEST_ERROR = 10_000  # bytes
 MAX_ITEMS = 100_000  # of lists and objects in an answer, outside of its texts
 
+OPENAI = ("openai", "text-completion-openai")  # providers that OPENAI_API_KEY is for, at any address
+
 _STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)  # linear, closed or not
+
+
+class _Sender(threading.local):
+    """The provider that a thread's requests are for."""
+
+    provider = ""
+
+
+sender = _Sender()
 
 
 class BadAnswer(Exception):
@@ -46,8 +61,10 @@ class _Transport(httpx.BaseTransport):
         """Send the request.
 
         Raises:
-            BadAnswer: the answer is a redirect, too large, or packed in another way than asked for.
+            BadAnswer: the answer is a redirect, too large, or packed in another way than asked for; or OpenAI's key
+                would go to another provider.
         """
+        _keep_openai(request)
         for name, value in request.headers.items():
             if is_secret_name(name):
                 remember(value)
@@ -64,6 +81,22 @@ class _Transport(httpx.BaseTransport):
         hop = ("content-encoding", "content-length", "transfer-encoding")
         headers = [(name, value) for name, value in answer.headers.multi_items() if name not in hop]
         return httpx.Response(answer.status_code, headers=headers, content=content, request=request)
+
+
+def _keep_openai(request: httpx.Request) -> None:
+    """Take what is OpenAI's out of requests to others, since LiteLLM puts it into all that lack something of their own.
+
+    Raises:
+        BadAnswer: it is the key.
+    """
+    host, own = request.url.host, sender.provider in OPENAI
+    if own and f".{host}".endswith(".openai.com"):
+        return
+    for name in [name for name in request.headers if name.startswith("openai-")]:
+        del request.headers[name]
+    key = os.environ.get("OPENAI_API_KEY")
+    if key and not own and any(key in value for value in request.headers.values()):
+        raise BadAnswer(f"OPENAI_API_KEY would go to {host}; set the variable of {sender.provider or 'that provider'}")
 
 
 def _refuse_redirect(answer: httpx.Response) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import os
-import stat
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -21,11 +19,13 @@ from core.events import Run
 from core.hooks import hookimpl
 from core.interfaces import VLM, Picture, Reply, Request
 from core.support.cli import say
-from core.support.files import FileMark, file_mark, write_whole
+from core.support.files import FileMark, file_mark, read_untrusted, write_whole
 
 REPLIES = ("reply.json", "reply.md")
 SKIP = "skip"
 MAX_BYTES = 20_000_000  # of a reply
+CHECKS = 10  # an incomplete reply is read when its file has not changed at this many
+OLD_S = 5.0  # or for this many seconds
 
 _HELP = (
     f"Mend the file or replace it: it is read again when it changes. To skip this request, put a file named {SKIP} "
@@ -44,16 +44,15 @@ class Mailbox(VLM):
     Args:
         folder: folder of the requests; empty: ``mailbox`` in the run's folder.
         poll_s: seconds between two checks for replies.
-        quiet_s: an incomplete reply is checked when its file has not changed for this many seconds.
     """
 
     model = "mailbox (answered by hand)"
 
-    def __init__(self, folder: str = "", poll_s: float = 0.5, quiet_s: float = 5.0) -> None:
-        check_positive("vlm.", poll_s=poll_s, quiet_s=quiet_s)
+    def __init__(self, folder: str = "", poll_s: float = 0.5) -> None:
+        check_positive("vlm.", poll_s=poll_s)
         self._folder = Path(folder or "mailbox")
         self._own = bool(folder)
-        self._poll_s, self._quiet_s = poll_s, quiet_s
+        self._poll_s = poll_s
 
     @hookimpl
     def run_started(self, run: Run) -> None:
@@ -66,7 +65,7 @@ class Mailbox(VLM):
         Raises:
             UserError: the folder can't be written, or has a reply to another request.
         """
-        waiting = [Letter(request, self._folder / request.id, self._quiet_s) for request in requests]
+        waiting = [Letter(request, self._folder / request.id) for request in requests]
         for letter in waiting:
             letter.post()
         announced = False
@@ -91,16 +90,14 @@ class Mailbox(VLM):
 
 @dataclass(eq=False)
 class Letter:
-    """One request and its folder. By file, it keeps what `file_mark` gave at the last check and at a refusal.
+    """One request and its folder. By file, it keeps what `file_mark` gave last, and at how many checks.
 
     Others may write to the folder: nothing is written or read through a link.
     """
 
     request: Request
     folder: Path
-    quiet_s: float
-    _last: dict[str, tuple[FileMark, float]] = field(default_factory=dict)  # and when it was first seen
-    _refused: dict[str, FileMark] = field(default_factory=dict)
+    _checks: dict[str, tuple[FileMark | None, int]] = field(default_factory=dict)
 
     def post(self) -> None:
         """Write the request, if it is not there yet.
@@ -111,7 +108,7 @@ class Letter:
         text = "\n".join(as_markdown(message) for message in self.request.messages)
         prompt = self.folder / "prompt.md"
         try:
-            if _holds(prompt, text.encode()):
+            if _holds(prompt, text):
                 return
             if prompt.exists() and any((self.folder / name).exists() for name in (*REPLIES, SKIP)):
                 raise UserError(f"{self.folder} has a reply to a different request; move it away, or change vlm.folder")
@@ -135,29 +132,26 @@ class Letter:
 
     def _read(self, name: str) -> str | None:
         """The text of one file, if it is new, complete and usable."""
-        file = self.folder / name
-        mark = file_mark(file)
-        if mark is None or mark.size == 0 or mark == self._refused.get(name):
-            return None
-        now = time.monotonic()
-        known, since = self._last.get(name, (None, now))
-        self._last[name] = mark, since if known == mark else now
+        mark = file_mark(self.folder / name)
+        last, checks = self._checks.get(name, (None, 0))
         # By its date too, so that a reply of an earlier session is read at once. A date may lie in the future.
-        quiet = time.time() - mark.modified_ns / 1e9 >= self.quiet_s or (known == mark and now - since >= self.quiet_s)
-        if known != mark and not quiet:  # perhaps still being written
+        old = mark is not None and time.time() - mark.modified_ns / 1e9 >= OLD_S
+        checks = checks + 1 if mark == last else CHECKS if old else 0
+        self._checks[name] = mark, checks
+        if mark is None or mark.size == 0 or checks not in (1, CHECKS):  # perhaps still being written, or refused
             return None
-        text, complete, usable = "", False, False
+        complete, usable = False, False
         try:
-            text = _load(file)
+            text = _load(self.folder / name)
             complete, usable, problems = judge(self.request, text)
         except DesignError as error:
             problems = [str(error)]
-        if not complete and not quiet:
+        if not complete and checks < CHECKS:
             return None
+        self._checks[name] = mark, CHECKS
         if usable:
             self._write_problems(f"{name} is accepted; these of its designs will be rejected:", problems)
             return text
-        self._refused[name] = mark
         self._write_problems(f"{name} can't be used:", problems, _HELP)
         _say(f"{self.request.id}: {name} can't be used; {self.folder / 'problem.md'} says why")
         return None
@@ -198,42 +192,26 @@ def _write(file: Path, data: bytes) -> None:
 
 
 def _load(file: Path) -> str:
-    """Read a file's text.
+    """Read a file's text, but not through a link, which may lead anywhere.
 
     Raises:
         DesignError: it can't be read.
     """
+    if file.parent.is_symlink() or file.is_symlink():
+        raise DesignError("it is a link; put the file itself there")
     try:
-        data = _bytes(file, MAX_BYTES + 1)
-    except OSError as error:
-        raise DesignError(f"it can't be read: {error.strerror}") from error
-    if len(data) > MAX_BYTES:
-        raise DesignError(f"it has {file.lstat().st_size} bytes; at most {MAX_BYTES} are allowed")
-    try:
-        return data.decode("utf-8-sig")
+        return read_untrusted(file, MAX_BYTES).decode("utf-8-sig")
+    except UserError as error:
+        raise DesignError(str(error)) from error
     except UnicodeDecodeError as error:
         raise DesignError(f"it is not UTF-8 text (byte {error.start}); save it as UTF-8") from error
 
 
-def _holds(file: Path, data: bytes) -> bool:
+def _holds(file: Path, text: str) -> bool:
     try:
-        return _bytes(file, len(data) + 1) == data
-    except OSError:  # missing, or something that `_write` replaces
+        return _load(file) == text
+    except DesignError:  # missing, or something that `_write` replaces
         return False
-
-
-def _bytes(file: Path, most: int) -> bytes:
-    """Read up to ``most`` bytes of a plain file: a pipe could be waited for, and a link lead anywhere."""
-    if file.parent.is_symlink() or file.is_symlink():
-        raise OSError(errno.ELOOP, "it is a link; put the file itself there")
-    handle = os.open(file, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
-    try:
-        if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise OSError(errno.EINVAL, "it is no plain file")
-        with os.fdopen(handle, "rb", closefd=False) as stream:
-            return stream.read(most)
-    finally:
-        os.close(handle)
 
 
 def _say(text: str) -> None:

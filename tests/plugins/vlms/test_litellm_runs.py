@@ -2,7 +2,6 @@
 
 import base64
 import json
-import re
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -10,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from core.config.compose import load
-from core.search.orchestration import run
-from tests.commands import python_m
+from core.errors import UserError
+from core.search.orchestration import resume, run
 from tests.plugins.vlms.asking import KEYS
 from tests.plugins.vlms.servers import Reset, Say, Send, Stall, document, serving
 
@@ -101,7 +100,7 @@ FAULTS = [
 ]
 
 
-def test_faults_cost_their_own_candidates_and_show_no_key(tmp_path):
+def test_faults_cost_their_own_candidates_and_show_no_key(tmp_path, capfd):
     """Each agent meets another fault. Expected counts: two candidates for each answer, one rejection for each missing
     answer, and a candidate and a rejection for the answer that was cut off.
     """
@@ -115,64 +114,50 @@ def test_faults_cost_their_own_candidates_and_show_no_key(tmp_path):
         acts = FAULTS[seeds.index(seed)]
         return acts[min(tries[seed], len(acts)) - 1]
 
-    words = [
-        *("vlm=gemini", "vlm.timeout_s=8", "vlm.retries=1", "executor.workers=1", "film=false", "budget.n_tool=2"),
-        *(f"budget.n_agent={len(FAULTS)}", "budget.n_action=1", "budget.n_iteration=0", "hydra.run.dir=run"),
-    ]
+    small = [*COMMON, "budget.n_tool=2", f"budget.n_agent={len(FAULTS)}", "budget.n_action=1", "budget.n_iteration=0"]
     with serving(script) as server:
-        done = command(tmp_path, *words, f"vlm.api_base={server.url}")
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
-    assert "planted" not in done.stdout + done.stderr
+        model = ["vlm=gemini", "vlm.timeout_s=2", "vlm.retries=1", f"vlm.api_base={server.url}"]
+        run(load("config", [*model, *small, "listener=[progress,summary]"]), tmp_path / "run")
+    shown = "".join(capfd.readouterr())
+    assert "Traceback" not in shown
+    assert "planted" not in shown
     assert not secrets_in(tmp_path)
     assert len(seeds) == len(FAULTS)
     (generation,) = result(tmp_path / "run")["generations"]
     lost = 7
-    assert (generation["n_candidates"], generation["n_rejected"], generation["n_failed"]) == (
-        4 * 2 + 2 + lost,
-        lost + 1,
-        0,
-    )
+    counts = generation["n_candidates"], generation["n_rejected"], generation["n_failed"]
+    assert counts == (4 * 2 + 2 + lost, lost + 1, 0)
     assert generation["best_reward"] > 0.95
     with closing(sqlite3.connect(tmp_path / "run" / "run.sqlite")) as database:
         reasons = [row[0] for row in database.execute("SELECT reason FROM evaluations WHERE status = 'rejected'")]
     for reason in (
-        *("no answer within 8 s (after 2 tries)", "safety filter blocked", "the reply is empty", "AuthenticationError"),
+        *("no answer within 2 s (after 2 tries)", "safety filter blocked", "the reply is empty", "AuthenticationError"),
         *("no JSON object", "the strategy is cut off or malformed"),
     ):
         assert any(reason in shown for shown in reasons), (reason, reasons)
-    run(
-        load("config", ["vlm=replay", f"vlm.run={tmp_path / 'run'}", *words[3:-1], "listener={}"]),
-        tmp_path / "replayed",
-    )
+    run(load("config", ["vlm=replay", f"vlm.run={tmp_path / 'run'}", *small]), tmp_path / "replayed")
     assert result(tmp_path / "replayed") == result(tmp_path / "run")
 
 
-def command(folder, *words, **environment):
-    return python_m(folder, "core.run", *words, PYTHONPATH=str(ROOT), **environment)
-
-
 def test_a_run_that_reaches_its_limit_ends_well_and_resumes_with_a_higher_one(tmp_path):
+    folder = tmp_path / "run"
     words = [*COMMON, "budget.n_agent=4", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
     with serving(lambda call: Say(json.dumps({"strategies": [SOLUTION]}))) as server:
         model = ["vlm=gemini", f"vlm.api_base={server.url}", "vlm.concurrency=1"]
-        first = command(tmp_path, *model, *words, "vlm.max_tokens_total=1500", "hydra.run.dir=run")
-        assert first.returncode == 0, first.stderr
+        first = run(load("config", [*model, *words, "vlm.max_tokens_total=1500"]), folder)
         assert len(server.calls) == 2
         message = "vlm.max_tokens_total=1500 is reached: 2014 tokens are used; 2 of 4 requests are left without a reply"
-        assert message in first.stderr
-        assert "python -m core.run resume=" in first.stderr
-        assert re.search(r"best reward (0\.99|1\.0)", first.stdout)
-        assert (tmp_path / "run" / "best" / "design.json").is_file()
-        refused = command(tmp_path, "resume=run", "vlm.max_tokens_total=null")
-        assert refused.returncode == 1
-        assert refused.stderr == (
-            f"error: the run leads to {server.url}, with what it sends, keys included; if you trust that, repeat it: "
-            f"vlm.api_base={server.url}\n"
+        assert message in first.stopped
+        assert first.best.reward > 0.95
+        assert (folder / "best" / "design.json").is_file()
+        with pytest.raises(UserError) as refused:
+            resume(folder, ["vlm.max_tokens_total=null"])
+        assert str(refused.value) == (
+            f"the run leads to {server.url}, with what it sends, keys included; if you trust that, repeat it: "
+            f"vlm.api_base={server.url}"
         )
         assert len(server.calls) == 2
-        second = command(tmp_path, "resume=run", "vlm.max_tokens_total=null", f"vlm.api_base={server.url}")
-    assert second.returncode == 0, second.stderr
+        resume(folder, ["vlm.max_tokens_total=null", f"vlm.api_base={server.url}"])
     assert len({call.body["generationConfig"]["seed"] for call in server.calls}) == len(server.calls) == 4
     (generation,) = result(tmp_path / "run")["generations"]
     assert (generation["n_candidates"], generation["n_rejected"]) == (4, 0)
@@ -182,12 +167,7 @@ OUTAGES = [
     [Send('{"error": {"message": "overloaded"}}', 503)],
     [Send('{"error": {"message": "slow down"}}', 429)],
     [Send('{"error": {"message": "revoked"}}', 401)],
-    [
-        Send(
-            '{"error": {"code": 400, "message": "API key expired. Renew it.", "status": "INVALID_ARGUMENT"}}',
-            400,
-        )
-    ],
+    [Send('{"error": {"code": 400, "message": "API key expired. Renew it.", "status": "INVALID_ARGUMENT"}}', 400)],
     [Send('{"error": {"message": "no such model"}}', 404)],
     [Send("", 302, (("Location", "https://example.com/"),))],
     [Reset()],
@@ -208,32 +188,25 @@ def test_a_provider_that_is_down_ends_the_run_and_what_it_did_not_answer_is_aske
         return acts[0]
 
     words = [*COMMON, f"budget.n_agent={len(OUTAGES) + 1}", "budget.n_tool=1", "budget.n_action=1"]
-    words += ["budget.n_iteration=0", "vlm.retries=0", "hydra.run.dir=run"]
+    words += ["budget.n_iteration=0", "vlm.retries=0"]
+    folder, ended = tmp_path / "run", "the model answered no request of generation 0: .*core.run resume=.*run$"
     with serving(script) as server:
         again = f"vlm.api_base={server.url}"
-        nowhere = command(tmp_path, "vlm=gemini", "vlm.api_base=http://127.0.0.1:9", *words)
-        first = command(tmp_path, "resume=run", "vlm.timeout_s=8", again)
+        with pytest.raises(UserError, match=ended):
+            run(load("config", ["vlm=gemini", "vlm.api_base=http://127.0.0.1:9", *words]), folder)
+        with pytest.raises(UserError, match=ended):
+            resume(folder, ["vlm.timeout_s=2", again])
         asked = len(server.calls)
         down = False
-        second = command(tmp_path, "resume=run", again)
-        assert len(server.calls) - asked == len(OUTAGES)
-        third = command(tmp_path, "resume=run", again)
-        assert len(server.calls) - asked == len(OUTAGES)
-    for done in (nowhere, first):
-        assert (done.returncode, done.stdout) == (1, "")
-        (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-        assert line.startswith("error: the model answered no request of generation 0: ")
-        assert re.search(r"; to go on: python -m core.run resume=\S*run$", line)
-        assert "Traceback" not in done.stderr
+        for _ in range(2):
+            resume(folder, [again])
+            assert len(server.calls) - asked == len(OUTAGES)
     assert asked == len(OUTAGES) + 1
-    assert f"there; {len(OUTAGES)} requests without an answer are sent again" in second.stderr
-    assert second.returncode == third.returncode == 0, second.stderr
-    (generation,) = result(tmp_path / "run")["generations"]
+    (generation,) = result(folder)["generations"]
     assert (generation["n_candidates"], generation["n_rejected"]) == (len(OUTAGES) + 1, 1)
-    assert "has come to its end" in third.stdout
 
 
-def test_a_gateway_that_repeats_the_key_leaves_it_nowhere(tmp_path):
+def test_a_gateway_that_repeats_the_key_leaves_it_nowhere(tmp_path, monkeypatch, capfd):
     """The key ends in a line break; it is repeated in the tool's name, in the model's, in an error and in base64."""
     key = "sk-planted0123456789"
 
@@ -248,12 +221,11 @@ def test_a_gateway_that_repeats_the_key_leaves_it_nowhere(tmp_path):
         return Send(json.dumps(answer | {"model": f"m {sent}\x1b[2J"}))
 
     words = [*COMMON, "budget.n_agent=2", "budget.n_tool=1", "budget.n_action=1", "budget.n_iteration=0"]
-    words += ["vlm=openai", "hydra.run.dir=run"]
+    monkeypatch.setenv("OPENAI_API_KEY", f"{key}\r\n")
     with serving(script) as server:
-        done = command(tmp_path, *words, f"vlm.api_base={server.url}/v1", OPENAI_API_KEY=f"{key}\r\n")
-    assert done.returncode == 0, done.stderr
+        run(load("config", ["vlm=openai", *words, f"vlm.api_base={server.url}/v1"]), tmp_path / "run")
     written = [file.read_bytes() for file in (tmp_path / "run").rglob("*") if file.is_file()]
-    written.append((done.stdout + done.stderr).encode())
+    written.append("".join(capfd.readouterr()).encode())
     assert len(written) > 10
     for form in (key, "planted", base64.b64encode(f"me:{key}".encode()).decode()[4:-4], "\u200b".join(key)[:10]):
         assert not [data for data in written if form.encode() in data]

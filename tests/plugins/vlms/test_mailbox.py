@@ -2,16 +2,11 @@
 
 import json
 import os
-import re
-import signal
-import subprocess
-import sys
 import threading
 import time
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from core.config.compose import load
@@ -28,22 +23,12 @@ from tests.panda import on_panda
 ROOT = Path(__file__).parents[3]
 SOLUTION = json.loads((ROOT / "tests/tasks/solutions/BringCube.json").read_text())
 GOOD = json.dumps(SOLUTION)
-QUICK = {"poll_s": 0.02, "quiet_s": 0.3}
+QUICK = {"poll_s": 0.02}
 
 
 def request(agent=0, text="Design.", n_tool=2):
-    brief = Brief(
-        on_panda(BringCube()),
-        0,
-        installed().create("tool", "urdf"),
-        False,
-        n_tool,
-        2,
-        0,
-        agent,
-        0,
-        actions=WaypointActions(),
-    )
+    tools = installed().create("tool", "urdf")
+    brief = Brief(on_panda(BringCube()), 0, tools, False, n_tool, 2, 0, agent, 0, actions=WaypointActions())
     user = Message("user", (Text(f"{text} {agent}\n\n"), Picture(b"\x89PNG"), Picture(b"\x89elite", "elite_x")))
     return Request(f"g0-a{agent}", brief, (Message("system", (Text("Be bold.\n\n"),)), user), {"type": "object"}, 1.0)
 
@@ -201,7 +186,7 @@ def test_a_reply_that_is_still_being_written_is_waited_for(tmp_path):
                 time.sleep(0.05)
 
     person = Person((exists(box / "prompt.md"), slowly))
-    (reply,) = Mailbox(str(tmp_path), poll_s=0.02, quiet_s=2.0).complete([request()])
+    (reply,) = Mailbox(str(tmp_path), poll_s=0.05).complete([request()])
     person.done()
     assert reply.text == text
     assert not (box / "problem.md").exists()
@@ -229,8 +214,8 @@ def test_a_large_reply_or_a_folder_is_refused(tmp_path, monkeypatch):
     )
     list(Mailbox(str(tmp_path), **QUICK).complete([request()]))
     person.done()
-    assert f"it has {len(large)} bytes; at most 100000 are allowed" in (box / "first.md").read_text()
-    assert "it can't be read: it is no plain file" in (box / "problem.md").read_text()
+    assert "reply.json has 0.1 MB; at most 0.1 MB are read" in (box / "first.md").read_text()
+    assert "reply.md can't be read: Is a directory" in (box / "problem.md").read_text()
 
 
 @pytest.mark.parametrize("wrong", ["Here you are.", GOOD[:-30]])
@@ -290,17 +275,7 @@ def test_a_reply_is_not_read_through_a_link_and_a_pipe_is_not_waited_for(tmp_pat
     (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
     person.done()
     assert reply.text == ""
-    assert "it can't be read: it is a link; put the file itself there" in (box / "problem.md").read_text()
-
-
-def test_a_pipe_in_place_of_a_request_is_not_waited_for(tmp_path):
-    box = tmp_path / "g0-a0"
-    box.mkdir()
-    os.mkfifo(box / "prompt.md")
-    person = Person((lambda: (box / "prompt.md").is_file(), writes(box / "reply.json", GOOD)))
-    (reply,) = Mailbox(str(tmp_path), **QUICK).complete([request()])
-    person.done()
-    assert reply.text == GOOD
+    assert "it is a link; put the file itself there" in (box / "problem.md").read_text()
 
 
 # --- again ------------------------------------------------------------------------------------------------------
@@ -337,10 +312,9 @@ def test_a_mailbox_that_can_not_be_written(tmp_path):
         list(Mailbox(str(tmp_path / "file")).complete([request()]))
 
 
-@pytest.mark.parametrize("settings", [{"poll_s": 0.0}, {"quiet_s": -1.0}])
-def test_invalid_settings(settings):
-    with pytest.raises(UsageError, match=rf"vlm\.{next(iter(settings))} must be greater than 0"):
-        Mailbox(**settings)
+def test_invalid_settings():
+    with pytest.raises(UsageError, match=r"vlm\.poll_s must be greater than 0"):
+        Mailbox(poll_s=0.0)
 
 
 # --- a run ------------------------------------------------------------------------------------------------------
@@ -368,37 +342,6 @@ def test_a_run_answered_by_hand(tmp_path):
     assert "# Mission" in (box / "g0-a0" / "prompt.md").read_text()
     plan = json.loads((box / "g0-a0" / "schema.json").read_text())["properties"]["strategies"]
     assert plan["maxItems"] == 1
-
-
-@pytest.mark.slow
-def test_an_interrupt_leaves_everything_for_another_run(tmp_path):
-    words = [*RUN, f"vlm.folder={tmp_path / 'box'}", "listener={}"]
-
-    def start(name):
-        return subprocess.Popen(
-            [sys.executable, "-m", "core.run", *words, f"hydra.run.dir={tmp_path / name}"],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            cwd=tmp_path,
-        )
-
-    first = start("first")
-    box = tmp_path / "box"
-    wait_for(lambda: (box / "g0-a1" / "prompt.md").exists() or first.poll() is not None)
-    (box / "g0-a0" / "reply.json").write_text(GOOD)
-    wait_for(lambda: (tmp_path / "first" / "replies" / "g0-a0.txt").exists() or first.poll() is not None)
-    first.send_signal(signal.SIGINT)
-    _, err = first.communicate(timeout=60)
-    assert first.returncode == 130, err
-    assert "Traceback" not in err
-    second = start("second")
-    wait_for(lambda: (tmp_path / "second" / "replies" / "g0-a0.txt").exists() or second.poll() is not None)
-    (box / "g0-a1" / "reply.md").write_text(f"```json\n{GOOD}\n```")
-    out, err = second.communicate(timeout=120)
-    assert second.returncode == 0, err
-    assert float(re.search(r"best reward ([\d.]+)", out).group(1)) > 0.95
-    assert np.isfinite(json.loads((tmp_path / "second" / "result.json").read_text())["best"]["distance_m"])
 
 
 def test_a_critique_is_any_text(tmp_path):
