@@ -88,7 +88,6 @@ def test_runs_side_by_side(site, tmp_path):
     results = [json.loads(file.read_text()) for file in (tmp_path / "sweep").glob("*/result.json")]
     assert sorted(result["seed"] for result in results) == [0, 1]
     assert all(result["best"]["reward"] > 0 for result in results)
-    assert re.search(r"PushButton .*\b2\b", done.stderr)  # the sweep's table
 
 
 @pytest.mark.parametrize("part", ["task=PushButton", "tool=numbers", "evolution=restarts", "fitness=thrifty",

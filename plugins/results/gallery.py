@@ -6,7 +6,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from core.config.compose import load
 from core.design import ranked
@@ -25,23 +24,23 @@ from plugins.results.workshop.settings import Printer
 from plugins.results.workshop.tool import pieces
 
 USAGE = (
-    "usage: vlmgineer gallery FOLDER [FOLDER ...] [output=DIR] [top=3] [apart_mm=10] [plate_mm=[250,210,220]] "
+    "usage: vlmgineer gallery FOLDER [FOLDER ...] [output=DIR] [top=3] [plate_mm=[250,210,220]] "
     "[min_wall_mm=0.8]; FOLDER, or runs=FOLDER, is a run's or holds runs, as a multirun's does"
 )
 PICTURE = (640, 480)
+APART = 0.01  # metres: tools with all corners closer count as one
 
 
 @dataclass
 class GalleryConfig:
     """Settings of ``vlmgineer gallery``.
 
-    ``top``: the number of tools for each task; ``apart_mm``: two tools differ if a component's corner is this far
-    away; ``plate_mm``: the printer's build volume (x, y, z); ``min_wall_mm``: the thinnest wall that it prints.
+    ``top``: the number of tools for each task; ``plate_mm``: the printer's build volume (x, y, z); ``min_wall_mm``: the
+    thinnest wall that it prints.
     """
 
     output: str = "gallery"
     top: int = 3
-    apart_mm: float = 10.0
     plate_mm: list[float] = field(default_factory=lambda: [250.0, 210.0, 220.0])
     min_wall_mm: float = 0.8
 
@@ -64,10 +63,10 @@ class Exhibit:
 
 
 def gallery(
-    folders: Sequence[Path], output: Path, top: int, printer: Printer, apart_mm: float = 10.0
+    folders: Sequence[Path], output: Path, top: int, printer: Printer
 ) -> tuple[list[Exhibit], list[LeftOutRun]]:
     """Write pictures, STL, 3MF and designs files of the ``top`` best tools of each task, and a page of them, to
-    ``output``. Tools with equally many components and all corners within ``apart_mm`` count as one: the best of them.
+    ``output``. Tools with equally many components and all corners within `APART` count as one: the best of them.
 
     Returns:
         The tools, and the runs that were left out since they failed, are unfinished or can't be read.
@@ -79,14 +78,14 @@ def gallery(
     best_of: dict[FinishedRun, list[Winner]] = {}
     for run in runs:
         try:
-            best_of[run] = winners(run, top, apart=apart_mm / 1000)
+            best_of[run] = winners(run, top, apart=APART)
         except UserError as error:
             left_out.append(LeftOutRun(run.folder, "unreadable", short(str(error)), run.task, run.config))
     finished = list(best_of)
     entries = []
     methods = dict(zip(finished, label([(run.task, run.config) for run in finished]), strict=True))
     for task in sorted({run.task for run in finished}):
-        best = _best([w for run in finished if run.task == task for w in best_of[run]], top, apart_mm / 1000)
+        best = _best([w for run in finished if run.task == task for w in best_of[run]], top)
         for place, winner in enumerate(best, 1):
             folder = Path(slug(task, 40)) / f"{place}_{slug(winner.name, 40) or 'tool'}"
             entries.append(Exhibit(place, methods[winner.run], winner, tuple(pieces(winner.tool, printer)), folder))
@@ -95,7 +94,6 @@ def gallery(
             raise UserError(f"no tool to show: {_why(left_out[0])}")
         raise UserError(f"no tool to show: {len(finished)} finished runs, all with the bare hand")
     pictures = {entry.folder: data_address(_write(entry, output)) for entry in entries}
-    write_bytes(output / "gallery.json", (json.dumps([_record(e) for e in entries], indent=2) + "\n").encode())
     page = render(
         "gallery.html.j2",
         output,
@@ -114,12 +112,12 @@ def gallery(
     return entries, left_out
 
 
-def _best(found: Sequence[Winner], top: int, apart: float) -> list[Winner]:
+def _best(tools: Sequence[Winner], top: int) -> list[Winner]:
     """The best tools, each of another shape."""
     shapes: list[Shape] = []
-    made = [winner for winner in found if winner.tool.components]
+    made = [winner for winner in tools if winner.tool.components]
     best = ranked(made, lambda winner: (winner.reward, winner.distance_m))
-    return [winner for winner in best if len(shapes) < top and another(winner, shapes, apart)]
+    return [winner for winner in best if len(shapes) < top and another(winner, shapes, APART)]
 
 
 def _why(run: LeftOutRun) -> str:
@@ -137,35 +135,6 @@ def _write(entry: Exhibit, output: Path) -> bytes:
     design = json.dumps({"strategies": [entry.winner.design]}, indent=2) + "\n"
     write_bytes(folder / "design.json", design.encode())
     return picture
-
-
-def _record(entry: Exhibit) -> dict[str, Any]:
-    """An entry of ``gallery.json``."""
-    winner = entry.winner
-    return {
-        "task": winner.run.task,
-        "place": entry.place,
-        "tool": winner.name,
-        "method": entry.method,
-        "reward": winner.reward,
-        "distance_m": winner.distance_m,
-        "candidate": winner.candidate,
-        "run": str(winner.run.folder),
-        "folder": entry.folder.as_posix(),
-        "simulated_g": 1000 * winner.tool.mass,
-        "material": winner.material.name,
-        "solid_pla_g": grams(entry.pieces),
-        "ready": entry.ready,
-        "pieces": [
-            {
-                "name": piece.name,
-                "size_mm": piece.mesh.extents.tolist(),
-                "volume_cm3": piece.volume_cm3,
-                "checks": {check.name: {"passed": check.passed, "found": check.found} for check in piece.checks},
-            }
-            for piece in entry.pieces
-        ],
-    }
 
 
 def show(entries: Sequence[Exhibit]) -> None:
@@ -190,10 +159,8 @@ def main(words: list[str]) -> None:
         raise UsageError(f"no folder given; {USAGE}")
     if cfg.top < 1:
         raise UsageError(f"top must be at least 1, got {cfg.top}")
-    if not cfg.apart_mm > 0:
-        raise UsageError(f"apart_mm must be greater than 0, got {cfg.apart_mm:g}")
     printer = Printer(list(cfg.plate_mm), cfg.min_wall_mm)
-    entries, left_out = gallery(folders, Path(cfg.output), cfg.top, printer, cfg.apart_mm)
+    entries, left_out = gallery(folders, Path(cfg.output), cfg.top, printer)
     show(entries)
     for run in left_out:
         say(_why(run))

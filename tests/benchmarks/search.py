@@ -20,7 +20,7 @@ from core.support.cli import arguments, command
 from plugins.results.pages.runs import find_runs
 from plugins.results.report.learning_curves import ENOUGH, effort, read_course
 from plugins.results.report.results import Results
-from plugins.results.report.statistics import Resampling, interquartile_mean, interval
+from plugins.results.report.statistics import interquartile_mean, interval
 from tests.benchmarks import measuring
 
 USAGE = (
@@ -121,7 +121,7 @@ def markdown(found: dict[str, Results]) -> str:
 
 def with_interval(tasks: list[list[float]]) -> str:
     """Format the interquartile mean and its interval as two cells."""
-    span = interval(tasks, "interquartile mean", Resampling())
+    span = interval(tasks, "interquartile mean")
     between = "–" if span is None else f"{span[0]:.3f} to {span[1]:.3f}"
     return f"{interquartile_mean(np.concatenate(tasks)):.3f} | {between}"
 

@@ -158,8 +158,8 @@ def commands(folder: Path, out: Path) -> dict[str, tuple[Callable[[], Any], tupl
     to, design = f"output={out}", f"designs={folder / 'best' / 'design.json'}"
     replayed = ("vlm=replay", f"+vlm.run={folder}", "film=false", "listener=[]", f"hydra.run.dir={out}")
     return {
-        "report": (report.main, (str(folder), to, "formats=[]", "resamples=10")),
-        "reports": (report.main, (str(folder.parent), to, "formats=[svg]", "resamples=10")),
+        "report": (report.main, (str(folder), to)),
+        "reports": (report.main, (str(folder.parent), to)),
         "gallery": (gallery.main, (str(folder), to, "top=1")),
         "galleries": (gallery.main, (str(folder.parent), to, "top=1")),
         "resume": (run.main, (f"resume={folder}", "budget.stop_reward=0.0")),
@@ -222,7 +222,7 @@ def main() -> None:
     with mock.patch.dict(installed().offers, here), tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
         runs, good = make_runs(Path(scratch)), {}
         for folder in runs:
-            outcome(report.main, (str(folder), f"output={folder.name}_good", "formats=[]"), Counter())
+            outcome(report.main, (str(folder), f"output={folder.name}_good"), Counter())
             good[folder.name] = rewards(Path(f"{folder.name}_good"))
         end = time.monotonic() + float(flags.get("max_total_time", "60"))
         while not counts["cases"] or time.monotonic() < end:

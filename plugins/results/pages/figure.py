@@ -22,7 +22,6 @@ COLORS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0
 """M. Okabe and K. Ito's, which the colour-blind can distinguish."""
 
 INK = "#1b1f24"
-FORMATS = ("png", "svg")
 
 _STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -56,7 +55,7 @@ class FigurePage:
     paint: Callable[[], Figure] = field(repr=False)
 
     def render(self, format_: str, ground: str = "white", titled: bool = True) -> bytes:
-        """The figure as a file of one of `FORMATS`, or PDF, the same bytes each time; untitled unless ``titled``."""
+        """The figure as a file of PNG, SVG or PDF, the same bytes each time; untitled unless ``titled``."""
         import matplotlib
 
         buffer = io.BytesIO()

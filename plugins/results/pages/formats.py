@@ -1,11 +1,10 @@
-"""Tables as values, and as CSV and Markdown: in CSV in full precision, elsewhere rounded."""
+"""Tables as values, and as CSV: there in full precision, elsewhere rounded."""
 
 from __future__ import annotations
 
 import csv
 import io
 import os
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -96,19 +95,3 @@ def _no_formula(text: str) -> str:
     """``text`` without control characters, and quoted where a spreadsheet would take it for a formula."""
     text = clean(text, 10_000)
     return f"'{text}" if text[:1] in ("=", "+", "-", "@") else text
-
-
-def to_markdown(table: Table) -> str:
-    """Markdown, with the table's title and note."""
-    grid = [[printed(cell, column) for cell, column in zip(row, table.columns, strict=True)] for row in table.rows]
-    head, *rows = (
-        f"| {' | '.join(map(_markdown, row))} |" for row in ([column.name for column in table.columns], *grid)
-    )
-    rule = "|" + "|".join("---" if column.digits is None else "---:" for column in table.columns) + "|"
-    note = f"\n{_markdown(table.note)}\n" if table.note else ""
-    return "\n".join([f"## {table.title}", "", head, rule, *rows, note])
-
-
-def _markdown(text: str) -> str:
-    """``text`` of a model or a folder's name, so that it is not read as markup."""
-    return re.sub(r"([\\`*_\[\]<>|#])", r"\\\1", text)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from omegaconf import OmegaConf
@@ -23,9 +23,6 @@ from core.store.database import FILE
 from core.store.reader import Key, StoredDesign, StoredEvaluation
 from core.support.text import clean, number
 from plugins.results.pages.runs import FinishedRun
-
-if TYPE_CHECKING:
-    from plugins.results.report.results import Results
 
 SAME = 1e-4  # metres by which corners of equal tools may differ
 Shape = list[Array]  # corners (V, 3) of each component, as the arm holds it
@@ -192,47 +189,3 @@ def size(tool: Tool, robot: Robot) -> str:
         return "no tool"
     extent = np.ptp(np.concatenate([solid.vertices for _, solid in as_held(tool, robot)]), axis=0)
     return " × ".join(f"{1000 * side:.0f}" for side in extent) + " mm"
-
-
-# --- a report's tools -------------------------------------------------------------------------------------------
-
-
-@dataclass(eq=False)
-class Tools:
-    """The tools that a report shows.
-
-    ``best`` is the best tool of each task and method; ``courses`` has, for each method that evolves and each task, the
-    best tool of each generation of the best run. ``given`` are the methods that were given a tool, ``bare`` those that
-    were given the bare hand; ``problems`` say which tools can't be shown, and why.
-    """
-
-    best: dict[tuple[str, str], Winner] = field(default_factory=dict)
-    courses: dict[str, dict[str, list[Winner | None]]] = field(default_factory=dict)
-    given: set[str] = field(default_factory=set)
-    bare: set[str] = field(default_factory=set)
-    problems: list[str] = field(default_factory=list)
-
-
-def collect(results: Results) -> Tools:
-    """Collect the tools of a report's best runs."""
-    tools = Tools()
-    for g in results.groups:
-        run = g.best
-        try:
-            given = given_tool(run)
-            if given is not None:
-                (tools.given if given.components else tools.bare).add(g.method)
-                if not given.components:
-                    continue
-            tools.best[g.task, g.method] = winners(run, 1)[0]
-            if given is None and evolves(run):
-                course = [next(iter(winners(run, 1, f.index)), None) for f in run.figures.generations]
-                tools.courses.setdefault(g.method, {})[g.task] = course
-        except UserError as error:
-            tools.problems.append(f"{g.task}, {g.method}: {clean(str(error), MAX_DESCRIPTION)}")
-    return tools
-
-
-def evolves(run: FinishedRun) -> bool:
-    """True if any design of the run derives from others."""
-    return any(design.parents for design in run.store.designs().values())

@@ -24,7 +24,7 @@ from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
 from plugins.results.pages.formats import Column, Table, columns
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 from plugins.results.report.methods import flatten, label
-from plugins.results.report.statistics import Resampling, interval, mean
+from plugins.results.report.statistics import CONFIDENCE, RESAMPLES, interval, mean
 
 AnyRun = FinishedRun | LeftOutRun
 
@@ -237,7 +237,7 @@ def _result(run: AnyRun, rules: Protocol) -> RunResult:
 # --- tables -----------------------------------------------------------------------------------------------------
 
 
-def entry_tables(entries: Sequence[Entry], how: Resampling) -> list[Table]:
+def entry_tables(entries: Sequence[Entry]) -> list[Table]:
     """Make the table of entries, the best of each track first, and that of their tasks; none: no tables."""
     ranked = sorted(entries, key=lambda entry: (entry.track, -entry.score))
     engines = list(dict.fromkeys(engine for entry in ranked for engine in protocol(entry.protocol).engines))
@@ -252,7 +252,7 @@ def entry_tables(entries: Sequence[Entry], how: Resampling) -> list[Table]:
         scores = [[run.score for run in task.runs] for task in tasks]
         rows.append(
             (
-                *(entry.track, entry.name, entry.score, *(interval(scores, "mean", how) or (None, None))),
+                *(entry.track, entry.name, entry.score, *(interval(scores, "mean") or (None, None))),
                 *(mean([task.engines[engine] for task in tasks]) for engine in engines),
                 ", ".join(str(run.seed) for run in tasks[0].runs),
                 *(mean([getattr(run, name) for run in entry.runs]) for name in ("rollouts", "requests")),
@@ -262,7 +262,7 @@ def entry_tables(entries: Sequence[Entry], how: Resampling) -> list[Table]:
         )
     note = (
         "Score: the mean over tasks and runs of a run's mean reward in unseen layouts, in the engine where that is the "
-        f"lowest. Low and high: {100 * how.confidence:g} % percentiles of {how.resamples} bootstrap samples of the "
+        f"lowest. Low and high: {100 * CONFIDENCE:g} % percentiles of {RESAMPLES} bootstrap samples of the "
         "runs, drawn within each task; none with one seed. Rollouts and calls: of the search. Dollars: of all runs."
     )
     by_task = [(e.track, task, e.name, own.score, len(own.runs)) for e in ranked for task, own in e.tasks.items()]

@@ -1,4 +1,7 @@
-"""The runs of a report, grouped by task and method. Covered by `tests/plugins/results/report/test_methods.py`."""
+"""The runs of a report, grouped by task and method, and their best tools.
+
+Covered by `tests/plugins/results/report/test_methods.py`.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +9,34 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from core.designs.reading import MAX_DESCRIPTION
+from core.errors import UserError
+from core.support.text import clean
 from plugins.results.pages.runs import FinishedRun, LeftOutRun
+from plugins.results.pages.tools import Winner, given_tool, winners
 from plugins.results.report.leaderboard import Entry
 from plugins.results.report.methods import Group, group
-from plugins.results.report.statistics import Resampling
+
+
+@dataclass(eq=False)
+class BestTools:
+    """The tools that a report shows.
+
+    ``best`` is the best tool of each task and method; ``courses`` has, for each method that evolves and each task, the
+    best tool of each generation of the best run; ``problems`` say which tools can't be shown, and why.
+    """
+
+    best: dict[tuple[str, str], Winner] = field(default_factory=dict)
+    courses: dict[str, dict[str, list[Winner | None]]] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Finished runs, which are counted; runs that are left out; how bootstrap intervals are drawn; entries."""
+    """Finished runs, which are counted; runs that are left out; entries of a benchmark."""
 
     runs: tuple[FinishedRun, ...]
     left_out: tuple[LeftOutRun, ...] = ()
-    how: Resampling = field(default_factory=Resampling)
     entries: tuple[Entry, ...] = ()
 
     @cached_property
@@ -39,9 +57,24 @@ class Results:
         """The groups of a method, on ``tasks`` or on all its tasks."""
         return [g for g in self.groups if g.method == method and (tasks is None or g.task in tasks)]
 
-    def get(self, task: str, method: str) -> Group | None:
-        return next((g for g in self.groups if g.task == task and g.method == method), None)
-
     def shared(self, *methods: str) -> list[str]:
         """The tasks that all of these methods have runs of."""
-        return [task for task in self.tasks if all(self.get(task, method) for method in methods)]
+        return [task for task in self.tasks if {*methods} <= {g.method for g in self.groups if g.task == task}]
+
+    @cached_property
+    def tools(self) -> BestTools:
+        """The tools of the best runs, but for the bare hand."""
+        tools = BestTools()
+        for g in self.groups:
+            try:
+                given = given_tool(g.best)
+                if given is not None and not given.components:
+                    continue
+                tools.best[g.task, g.method] = winners(g.best, 1)[0]
+                if given is None and any(design.parents for design in g.best.store.designs().values()):
+                    generations = g.best.figures.generations
+                    course = [next(iter(winners(g.best, 1, f.index)), None) for f in generations]
+                    tools.courses.setdefault(g.method, {})[g.task] = course
+            except UserError as error:
+                tools.problems.append(f"{g.task}, {g.method}: {clean(str(error), MAX_DESCRIPTION)}")
+        return tools

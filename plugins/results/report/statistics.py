@@ -8,7 +8,6 @@ all runs of all tasks, and percentiles of the same over runs drawn anew, with re
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -20,16 +19,9 @@ Statistic = Literal["mean", "interquartile mean"]
 
 LEAST_DIVISOR = 0.01  # of a normalised improvement: below it a hundredth of reward would count as a hundredfold gain
 
+CONFIDENCE = 0.95  # of the bootstrap intervals
+RESAMPLES = 10_000
 _BATCH = 1000  # resamples in memory at a time
-
-
-@dataclass(frozen=True)
-class Resampling:
-    """How bootstrap intervals are drawn."""
-
-    confidence: float = 0.95
-    resamples: int = 10_000
-    seed: int = 0
 
 
 def mean(values: Sequence[float]) -> float:
@@ -51,13 +43,12 @@ def mean_of_tasks(tasks: Sequence[Sequence[float]]) -> float:
     return float(_averaged(*tasks))
 
 
-def interval(tasks: Sequence[Sequence[float]], statistic: Statistic, how: Resampling) -> tuple[float, float] | None:
+def interval(tasks: Sequence[Sequence[float]], statistic: Statistic) -> tuple[float, float] | None:
     """The percentile interval of a statistic over the runs of several tasks, resampled within each task.
 
     Args:
         tasks: the runs' scores, by task.
         statistic: ``mean`` is `mean_of_tasks`, ``interquartile mean`` is that of all runs together.
-        how: confidence, number of resamples, seed.
 
     Returns:
         Low and high; None if a task has one run only, so that its deviation is unknown.
@@ -67,13 +58,13 @@ def interval(tasks: Sequence[Sequence[float]], statistic: Statistic, how: Resamp
     result = scipy.stats.bootstrap(
         [np.asarray(runs, dtype=np.float64) for runs in tasks],
         _STATISTICS[statistic],
-        n_resamples=how.resamples,
+        n_resamples=RESAMPLES,
         batch=_BATCH,
         vectorized=True,
         paired=False,
-        confidence_level=how.confidence,
+        confidence_level=CONFIDENCE,
         method="percentile",
-        rng=np.random.default_rng(how.seed),
+        rng=np.random.default_rng(0),
     )
     return float(result.confidence_interval.low), float(result.confidence_interval.high)
 

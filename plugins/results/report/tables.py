@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from core.store.reader import RunCost, known_sum
-from core.store.rows import SavedFigures
-from plugins.results.pages.formats import Cell, CellLink, Column, Table, columns
+from core.store.reader import RunCost, StoredEvaluation, StoredRequest, known_sum
+from plugins.results.pages.formats import Cell, CellLink, Table, columns
 from plugins.results.pages.runs import FinishedRun
-from plugins.results.pages.tools import Tools, size
+from plugins.results.pages.tools import size
 from plugins.results.report.leaderboard import entry_tables
 from plugins.results.report.learning_curves import efforts
-from plugins.results.report.methods import label
-from plugins.results.report.models import critiques, models
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import (
+    CONFIDENCE,
     LEAST_DIVISOR,
+    RESAMPLES,
     deviation,
     interquartile_mean,
     interval,
@@ -30,22 +29,10 @@ from plugins.results.report.statistics import (
 )
 
 
-def tables(results: Results, shown: Tools) -> list[Table]:
+def tables(results: Results) -> list[Table]:
     """All tables that have rows."""
-    every = [
-        *(
-            rewards(results),
-            arms(results),
-            methods(results),
-            improvements(results),
-            efforts(results),
-            generations(results),
-            tools(results, shown),
-        ),
-        *entry_tables(results.entries, results.how),
-        *(runs(results), left_out(results), models(results), critiques(results)),
-        *(parameters(results), costs(results), versions(results)),
-    ]
+    makers = (rewards, methods, improvements, efforts, generations, tools, runs, left_out, models, parameters, costs)
+    every = [*(make(results) for make in (*makers, versions)), *entry_tables(results.entries)]
     return [table for table in every if table.rows]
 
 
@@ -55,16 +42,13 @@ def rewards(results: Results) -> Table:
         "task|method|runs:0|left out:0|best:3|average:3|standard deviation:3|interquartile mean:3"
         "|distance of the best (m):2|candidate|unseen layouts, mean:3|unseen layouts, worst:3"
     )
-    unseen = (("mean", mean), ("worst", min))
     rows = [
         (
             *(g.task, g.method, len(g.runs), g.left_out, g.best.best.reward),
             *(mean(g.rewards), deviation(g.rewards), interquartile_mean(g.rewards)),
             *(g.best.best.distance_m, g.best.best.candidate),
-            *(
-                _over_known(function, [getattr(run.figures.unseen, name, None) for run in g.runs])
-                for name, function in unseen
-            ),
+            _over_known(mean, [getattr(run.figures.unseen, "mean", None) for run in g.runs]),
+            _over_known(min, [getattr(run.figures.unseen, "worst", None) for run in g.runs]),
         )
         for g in results.groups
     ]
@@ -76,22 +60,6 @@ def rewards(results: Results) -> Table:
         "tried (`fitness=layouts`): the average over runs, and the lowest reward."
     )
     return Table("rewards", "Rewards by task and method", head, tuple(rows), note)
-
-
-def arms(results: Results) -> Table:
-    """Each task on each arm, where runs have several."""
-    robots = label([("", {"robot": run.config.get("robot", {})}) for run in results.runs])
-    names = list(dict.fromkeys(robots))
-    alike = label([(run.task, {**run.config, "robot": None}) for run in results.runs])
-    by_arm: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for run, method, robot in zip(results.runs, alike, robots, strict=True) if len(names) > 1 else ():
-        by_arm[run.task, method][robot].append(run.best.reward)
-    rows = [
-        (*key, *(mean(own[name]) if name in own else None for name in names)) for key, own in sorted(by_arm.items())
-    ]
-    head = (*columns("task|method"), *(Column(name.removeprefix("robot="), 3) for name in names))
-    note = "Of each run's best reward, the average over runs on that arm; a dash where no run of it counts."
-    return Table("arms", "Rewards by task and arm", head, tuple(rows), note)
 
 
 def methods(results: Results) -> Table:
@@ -108,16 +76,16 @@ def methods(results: Results) -> Table:
         rows.append(
             (
                 *(method, len(groups), len(every), mean([g.best.best.reward for g in groups]), mean_of_tasks(by_task)),
-                *(interval(by_task, "mean", results.how) or (None, None)),
+                *(interval(by_task, "mean") or (None, None)),
                 interquartile_mean(every),
-                *(interval(by_task, "interquartile mean", results.how) or (None, None)),
+                *(interval(by_task, "interquartile mean") or (None, None)),
                 ", ".join(g.task for g in groups),
             )
         )
     note = (
         "Mean: over tasks, of each task's average over runs, as the paper has it; mean of the best: over tasks, of "
         "each task's best run. Interquartile mean (IQM): of all runs of all tasks the middle half (Agarwal et al. "
-        f"2021). Low and high: {100 * results.how.confidence:g} % percentiles of {results.how.resamples} bootstrap "
+        f"2021). Low and high: {100 * CONFIDENCE:g} % percentiles of {RESAMPLES} bootstrap "
         "samples, drawn within each task; none where a task has one run only. Methods with different tasks can't be "
         "compared by these."
     )
@@ -179,76 +147,94 @@ def _over_known(function: Any, values: Iterable[float | None]) -> float | None:
     return function(known) if known else None
 
 
+def models(results: Results) -> Table:
+    """What each model was asked, what that cost and earned; where a method has several, or a critic."""
+
+    class Model(NamedTuple):
+        name: str
+        asked_for: str
+
+    head = columns(
+        "task|method|model|asked for|replies:0|of them failed:0|prompt tokens:0|completion tokens:0|cost (USD):4"
+        "|candidates:0|could be tried (%):1|best reward:3|mean reward:3"
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for g in results.groups:
+        asked: defaultdict[Model, list[StoredRequest]] = defaultdict(list)
+        earned: defaultdict[Model, list[StoredEvaluation]] = defaultdict(list)
+        for run in g.runs:
+            answers = run.store.answers() if run.store.exists else []
+            for request, reply in answers:
+                asked[Model(reply.model, "critiques" if request.critique else "designs")].append(request)
+            # The candidates of an agent are those of its last answer: a checked or repaired one comes second.
+            designers = {(r.generation, r.agent): reply.model for r, reply in answers if not r.critique}
+            for evaluation in run.store.evaluations() if answers else ():
+                if (name := designers.get(evaluation.design[:2])) is not None:
+                    earned[Model(name, "designs")].append(evaluation)
+        for model in sorted(asked) if len(asked) > 1 else ():
+            tried = [e for e in earned[model] if e.status != "rejected"]
+            rewards = [e.reward for e in tried if e.status == "ok"]
+            rows.append(
+                (
+                    *(g.task, g.method, *model, *RunCost.of(asked[model])[1:], len(earned[model])),
+                    100 * len(tried) / len(earned[model]) if earned[model] else None,
+                    *(_over_known(function, rewards) for function in (max, mean)),
+                )
+            )
+    note = (
+        "Sums over the runs; tokens and dollars are of the replies that report them. The rewards are those of all "
+        "candidates in a model's answers that were tried. Which model is asked depends on what its answers earned, so "
+        "that their means need not be comparable."
+    )
+    return Table("models", "Models", head, tuple(rows), note)
+
+
 def parameters(results: Results) -> Table:
     """The configured budget and the model of each method."""
-    head = columns(
-        "task|method|n_agent:0|n_tool:0|n_action:0|n_iteration:0|k_top:0|reward_save:2|stop_reward:2"
-        "|candidates per generation|workers|seeds|model"
-    )
-    names = [column.name for column in head[2:9]]
+    budget = ("n_agent", "n_tool", "n_action", "n_iteration", "k_top", "reward_save", "stop_reward")
+    head = columns("task|method|" + "|".join(budget) + "|candidates per generation|seeds|model")
     rows = []
     for g in results.groups:
-        budgets = [run.config.get("budget", {}) for run in g.runs]
         population = sorted({f.n_candidates for run in g.runs for f in run.figures.generations})
-        workers = {str(run.config.get("executor", {}).get("workers", "")) for run in g.runs}
-        models = {str(run.config.get("vlm", {}).get("model") or run.figures.vlm) for run in g.runs}
         seeds = Counter(run.seed for run in g.runs)
         rows.append(
             (
-                *(g.task, g.method, *(_same([budget.get(name) for budget in budgets]) for name in names)),
+                *(g.task, g.method),
+                *(_listed(run.config.get("budget", {}).get(name) for run in g.runs) for name in budget),
                 " to ".join(str(n) for n in dict.fromkeys([population[0], population[-1]])) if population else "",
-                ", ".join(sorted("one per core" if name == "None" else name for name in workers)),
                 ", ".join(f"{seed}" + (f" ({n} times)" if n > 1 else "") for seed, n in sorted(seeds.items())),
-                ", ".join(sorted(models)),
+                _listed(run.config.get("vlm", {}).get("model") or run.figures.vlm for run in g.runs),
             )
         )
-    note = (
-        "As configured; candidates per generation as counted: with a given tool n_tool is 1. Workers are the rollouts "
-        "that run at the same time (the paper's k_sim)."
-    )
+    note = "As configured; candidates per generation as counted: with a given tool n_tool is 1."
     return Table("parameters", "Parameters", head, tuple(rows), note)
 
 
-def _same(values: Sequence[Any]) -> Cell:
-    """The value that all share, or all values as a text."""
-    different = list(dict.fromkeys(values))
-    if len(different) == 1 and (different[0] is None or isinstance(different[0], int | float)):
-        return different[0]
-    return ", ".join(str(value) for value in different)
+def _listed(values: Iterable[Any]) -> str:
+    """The different values among ``values``, as a text."""
+    return ", ".join("–" if value is None else str(value) for value in dict.fromkeys(values))
 
 
 def costs(results: Results) -> Table:
     """Time, tokens and dollars that runs took."""
     head = columns(
         "task|method|runs:0|rollouts per run:0|wall time per run (s):0|rollouts per second:1|requests per run:1"
-        "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2|rollouts saved:0|seconds saved:0"
-        "|near-duplicates:0"
+        "|failed requests:0|prompt tokens:0|completion tokens:0|cost (USD):2"
     )
     rows = []
     for g in results.groups:
         spent = [RunCost.of(run.store.requests()) for run in g.runs if run.store.exists]
-        seconds = sum(run.figures.wall_time_s for run in g.runs)
-        tried = sum(map(_rollouts, g.runs))
-        saved = [run.figures.saved for run in g.runs if run.figures.saved is not None]
-        names = ("prompt_tokens", "completion_tokens", "cost_usd")
+        seconds, tried = sum(run.figures.wall_time_s for run in g.runs), sum(map(_rollouts, g.runs))
         rows.append(
             (
                 *(g.task, g.method, len(g.runs), tried / len(g.runs), seconds / len(g.runs)),
                 tried / seconds if seconds > 0 else None,
-                sum(s.requests for s in spent) / len(spent) if spent else None,
+                _over_known(mean, [s.requests for s in spent]),
                 sum(s.errors for s in spent),
-                *(known_sum(getattr(s, name) for s in spent) for name in names),
-                *(
-                    sum(getattr(less, name) for less in saved) if saved else None
-                    for name in SavedFigures.__annotations__
-                ),
+                *(known_sum(getattr(s, name) for s in spent) for name in RunCost._fields[3:]),
             )
         )
-    note = (
-        "Tokens and dollars are sums over the runs, of the replies that report them; empty where none does. Saved are, "
-        "over all runs, the rollouts that candidates stopped before, with an estimate of their "
-        "processor time. Near-duplicates got the evaluation of another candidate."
-    )
+    note = "Tokens and dollars are sums over the runs, of the replies that report them; empty where none does."
     return Table("costs", "Time and money", head, tuple(rows), note)
 
 
@@ -292,7 +278,7 @@ def _repeats(results: Results) -> str:
     return f"Seeds that were run more than once are counted as often as they were run ({listed})."
 
 
-def tools(results: Results, shown: Tools) -> Table:
+def tools(results: Results) -> Table:
     """The best tools, with the model's descriptions."""
     head = columns(
         "task|method|tool|reward:3|distance (m):2|size|mass (g):0|material|components:0|description|how it is used|"
@@ -305,9 +291,9 @@ def tools(results: Results, shown: Tools) -> Table:
             *(winner.tool.description, winner.strategy_description or winner.strategy_name, winner.candidate),
             CellLink(winner.run.folder.name, winner.run.folder),
         )
-        for (task, method), winner in shown.best.items()
+        for (task, method), winner in results.tools.best.items()
     ]
-    note = " ".join(f"Not shown: {problem}." for problem in shown.problems)
+    note = " ".join(f"Not shown: {problem}." for problem in results.tools.problems)
     return Table("tools", "The best tools", head, tuple(rows), note)
 
 

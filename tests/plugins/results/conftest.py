@@ -1,13 +1,13 @@
-"""A report that several files look at."""
+"""Reports with few bootstrap samples, and one that several files look at."""
 
 import numpy as np
 import pytest
 
+from plugins.results.report import statistics
 from plugins.results.report.command import report
-from plugins.results.report.statistics import Resampling
 from tests.core.run_folders import write_run
 
-QUICK = Resampling(resamples=200)
+statistics.RESAMPLES = 200
 
 
 @pytest.fixture(scope="session")
@@ -31,5 +31,5 @@ def made(tmp_path_factory):
     write_run(root / "runs" / "killed", "seed=3", rewards=[[1.0]], finish=False)
     write_run(root / "runs" / "empty", "seed=4", rewards=[[None]])
     (root / "runs" / finished[0].name / "recording.rrd").write_bytes(b"")
-    results = report([root / "runs"], root / "out", ["png", "svg"], QUICK)
+    results = report([root / "runs"], root / "out")
     return root, finished, results

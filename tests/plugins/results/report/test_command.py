@@ -17,11 +17,11 @@ from tests.core.run_folders import write_run
 def test_the_command(tmp_path, monkeypatch, capsys, folder):
     write_run(tmp_path / "0_seed=0", rewards=[[0.25]])
     monkeypatch.chdir(tmp_path)
-    main([folder, "output=out", "formats=[svg]", "resamples=100"])
+    main([folder, "output=out"])
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].split()[-5:] == ["1", "0.250", "0.250", "–", "1.50"]
     assert lines[-1] == "out/index.html"
-    assert {f.suffix for f in (tmp_path / "out" / "data").iterdir()} == {".csv", ".md", ".svg"}
+    assert {f.suffix for f in (tmp_path / "out" / "data").iterdir()} == {".csv", ".png", ".svg"}
 
 
 def test_no_line_is_folded_or_cut_in_a_pipe(tmp_path, capsys):
@@ -29,7 +29,7 @@ def test_no_line_is_folded_or_cut_in_a_pipe(tmp_path, capsys):
     name = "killed_" * 20
     write_run(tmp_path / "runs" / "finished", rewards=[[0.25]])
     write_run(tmp_path / "runs" / name, "seed=1", rewards=[[0.5]], finish=False)
-    main([str(tmp_path / "runs"), f"output={tmp_path / 'out'}", "formats=[]", "resamples=100"])
+    main([str(tmp_path / "runs"), f"output={tmp_path / 'out'}"])
     (line,) = [line for line in capsys.readouterr().out.splitlines() if name in line]
     assert line.startswith("not counted, unfinished: ")
     assert line.endswith("1 candidates done, best reward so far 0.500")
@@ -42,7 +42,7 @@ def test_a_folder_of_any_name_and_a_terminal_of_few_letters(tmp_path, command):
     """The name is not UTF-8, and has letters that the terminal's encoding lacks."""
     name = os.fsdecode(b"r\xff\xe9") + "\u2717"
     write_run(tmp_path / name, rewards=[[0.25]])
-    words = [sys.executable, "-m", "core", command, name, "output=out", *(["formats=[svg]"] * (command == "report"))]
+    words = [sys.executable, "-m", "core", command, name, "output=out"]
     env = {**os.environ, "PYTHONIOENCODING": "latin-1"}
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=240, env=env)
     assert (done.returncode, done.stderr) == (0, b"")
@@ -60,10 +60,7 @@ def test_a_folder_of_any_name_and_a_terminal_of_few_letters(tmp_path, command):
         (["."], "holds no run"),
         (["killed", "output=out"], "no run is finished; 1 are listed in out/index.html"),
         (["killed", "output=killed/run.sqlite"], "can't write"),
-        (["killed", "format=[png]"], "no key 'format' in the configuration (did you mean 'formats'?)"),
-        (["killed", "formats=[pdf]"], "no format 'pdf' in formats; possible: png, svg"),
-        (["killed", "confidence=95"], "confidence must be between 0 and 1, got 95"),
-        (["killed", "resamples=0"], "resamples must be at least 1, got 0"),
+        (["killed", "names=ours"], "no key 'names' in the configuration (did you mean 'name'?)"),
     ],
 )
 def test_mistakes(tmp_path, monkeypatch, words, said):

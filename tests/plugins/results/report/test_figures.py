@@ -10,13 +10,9 @@ from PIL import Image
 from plugins.results.pages.figure import COLORS
 from plugins.results.report.command import report
 from tests.core.run_folders import write_run
-from tests.plugins.results.conftest import QUICK
 from tests.plugins.results.report.test_tables import read_csv
 
-FIGURES = {
-    *("rewards", "deviations", "intervals", "given_tools", "anytime", "generations", "generations_by_task"),
-    "gallery",
-}
+FIGURES = {"rewards", "intervals", "anytime", "generations", "gallery"}
 
 
 def test_figures_are_there_and_not_blank(made):
@@ -50,20 +46,18 @@ def test_bars_are_as_high_as_their_rewards(made):
 @pytest.mark.slow
 def test_the_same_runs_give_the_same_report(made, tmp_path):
     root = made[0]
-    report([root / "runs"], root / "again", [], QUICK)
-    files = [file for file in (root / "out").rglob("*") if file.suffix in (".html", ".csv", ".md")]
-    assert {file.suffix for file in files} == {".html", ".csv", ".md"}
+    report([root / "runs"], root / "again")
+    files = [file for file in (root / "out").rglob("*") if file.is_file()]
+    assert {file.suffix for file in files} == {".html", ".csv", ".png", ".svg"}
     for file in files:
-        again = root / "again" / file.relative_to(root / "out")
-        text = re.sub(r'<a href="data/\w+\.(png|svg)">(PNG|SVG)</a> ', "", file.read_text())
-        assert again.read_text() == text, file.name  # figures are in the page
+        assert (root / "again" / file.relative_to(root / "out")).read_bytes() == file.read_bytes(), file.name
 
 
 def test_one_run_is_enough_for_a_report(tmp_path):
     write_run(tmp_path / "run", rewards=[[0.5]])
-    report([tmp_path / "run"], tmp_path / "out", ["png"], QUICK)
+    report([tmp_path / "run"], tmp_path / "out")
     drawn = {f.stem for f in (tmp_path / "out" / "data").glob("*.png")}
-    assert drawn == {"rewards", "deviations", "intervals", "gallery"}
+    assert drawn == {"rewards", "intervals", "gallery"}
     assert read_csv(tmp_path / "out" / "data" / "methods.csv")[0]["IQM, low"] == ""
 
 
@@ -71,6 +65,6 @@ def test_one_run_is_enough_for_a_report(tmp_path):
 def test_more_methods_than_colours(tmp_path):
     for n in range(9):
         write_run(tmp_path / str(n), f"budget.n_agent={n + 1}", rewards=[[0.1 * n]])
-    results = report([tmp_path], tmp_path / "out", ["svg"], QUICK)
+    results = report([tmp_path], tmp_path / "out")
     assert len(results.methods) == 9
     assert "url(#h" in (tmp_path / "out" / "data" / "rewards.svg").read_text()  # hatched

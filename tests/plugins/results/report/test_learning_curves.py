@@ -7,12 +7,11 @@ from core.store.reader import StoredRun
 from plugins.results.report.command import report
 from plugins.results.report.learning_curves import read_course
 from tests.core.run_folders import write_run
-from tests.plugins.results.conftest import QUICK
 from tests.plugins.results.report.test_tables import read_csv
 
 
 def efforts(folder):
-    report([folder / "runs"], folder / "out", [], QUICK)
+    report([folder / "runs"], folder / "out")
     return {row["method"]: row for row in read_csv(folder / "out" / "data" / "efforts.csv")}
 
 

@@ -8,8 +8,7 @@ import pytest
 import scipy.stats
 
 from plugins.results.report.command import report
-from tests.core.run_folders import result, write_run
-from tests.plugins.results.conftest import QUICK
+from tests.core.run_folders import edit, result, write_run
 
 
 def read_csv(file):
@@ -51,23 +50,6 @@ def test_rewards_by_task_and_method_are_those_of_the_result_files(made):
         assert row["candidate"] == best["candidate"]
 
 
-def test_tasks_by_arm_where_runs_have_several(tmp_path):
-    near, far = "robot.base=[0.1,0,0,0]", "robot.base=[0.2,0,0,0]"
-    write_run(tmp_path / "0", near, rewards=[[0.5]])
-    write_run(tmp_path / "1", near, "seed=1", rewards=[[0.7]])
-    write_run(tmp_path / "2", far, rewards=[[0.9]])
-    write_run(tmp_path / "3", near, "task=OneBook", rewards=[[0.2]])
-    report([tmp_path], tmp_path / "out", ["svg"], QUICK)
-    book, cube = sorted(read_csv(tmp_path / "out" / "data" / "arms.csv"), key=lambda row: row["task"], reverse=True)
-    near_far = ["robot.base=[0.1, 0, 0, 0]", "robot.base=[0.2, 0, 0, 0]"]
-    assert list(cube)[2:] == near_far
-    assert [float(cube[name]) for name in near_far] == pytest.approx([0.6, 0.9])
-    assert [book[name] for name in near_far] == ["0.2", ""]
-    assert cube["method"] == book["method"] == "tool=urdf evolution=vlmgineer vlm=offline"
-    rewards = read_csv(tmp_path / "out" / "data" / "rewards.csv")
-    assert sorted(float(row["average"]) for row in rewards) == pytest.approx([0.2, 0.6, 0.9])
-
-
 def test_methods_over_all_tasks(made):
     root, finished, _ = made
     (row,) = [r for r in read_csv(root / "out" / "data" / "methods.csv") if r["method"] == "evolution=sampling"]
@@ -100,7 +82,7 @@ def test_by_generation(made):
 def test_a_run_that_stopped_early_keeps_its_last(tmp_path):
     write_run(tmp_path / "a", "seed=0", rewards=[[0.5], [1.0]])
     write_run(tmp_path / "b", "seed=1", rewards=[[0.1], [0.2], [0.4]])
-    report([tmp_path], tmp_path / "out", ["svg"], QUICK)
+    report([tmp_path], tmp_path / "out")
     rows = read_csv(tmp_path / "out" / "data" / "generations.csv")
     assert [float(r["best so far"]) for r in rows] == pytest.approx([0.3, 0.6, 0.7])
     assert [int(r["runs"]) for r in rows] == [2, 2, 1]
@@ -117,14 +99,36 @@ def test_runs_that_do_not_count_are_listed_and_nowhere_else(made):
     assert len(results.runs) == 14
 
 
-def test_all_tables_come_in_both_formats(made):
-    root = made[0]
+def test_figures_by_model(tmp_path):
+    folder = tmp_path / "run"
+    write_run(folder, rewards=[[0.2, 0.4, None], [0.5, 0.7, 0.9]], cost_usd=0.25)
+    edit(folder, "UPDATE replies SET model = 'other' WHERE request_id = 'g1-a0'")
+    edit(
+        folder,
+        "INSERT INTO requests (id, generation, agent, gripper, temperature, elites, digest)"
+        """ VALUES ('g1-critic0', 1, 0, 0, 1.0, '["g0-a0-s1-p0"]', 'x')""",
+    )
+    edit(
+        folder,
+        "INSERT INTO replies (request_id, text, model, error, prompt_tokens, completion_tokens, cost_usd)"
+        " VALUES ('g1-critic0', 'It slips.', 'other', NULL, 50, 5, 0.125)",
+    )
+    report([tmp_path], tmp_path / "out")
+    first, critic, second = read_csv(tmp_path / "out" / "data" / "models.csv")
+    names = ("model", "asked for", "replies", "of them failed", "cost (USD)", "could be tried (%)", "best reward")
+    assert [first[name] for name in names] == ["a can", "designs", "1", "0", "0.25", str(200 / 3), "0.4"]
+    assert float(first["mean reward"]) == pytest.approx((0.2 + 0.4) / 2)
+    assert [second[name] for name in names] == ["other", "designs", "1", "0", "0.25", "100.0", "0.9"]
+    assert [critic[name] for name in names] == ["other", "critiques", "1", "0", "0.125", "", ""]
+
+
+def test_all_tables_are_written(made):
+    data = made[0] / "out" / "data"
     names = {"rewards", "methods", "improvements", "efforts", "generations", "tools", "runs", "left_out"}
-    names |= {"parameters", "costs", "versions"}
-    assert {f.stem for f in (root / "out" / "data").glob("*.csv")} == names
-    assert {f.stem for f in (root / "out" / "data").glob("*.md")} == names
-    text = (root / "out" / "data" / "parameters.md").read_text()
-    assert "| BringCube | evolution=sampling |" in text
+    names |= {"parameters", "costs", "versions"}  # with one model and no critic, none of models
+    assert {f.stem for f in data.glob("*.csv")} == names
+    first = read_csv(data / "parameters.csv")[0]
+    assert (first["task"], first["n_agent"], first["seeds"], first["model"]) == ("BringCube", "4", "0, 1", "offline")
 
 
 def test_links_lead_to_the_recordings(made):
