@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import filecmp
+import itertools
 import json
 import shutil
 from functools import partial
@@ -61,15 +63,18 @@ def _mounts(tool: Tool) -> str:
 def copied(mesh: Path, folder: Path) -> str:
     """Copy a mesh to ``meshes/`` in ``folder``, and return its relative path.
 
-    Where beside a folder ``visual`` there is the small collision mesh of the same link, that is copied instead.
+    Where beside a folder ``visual`` there is the small collision mesh of the same link, that is copied instead. Of two
+    different meshes of one name the second gets a number.
     """
     small = mesh.parents[1] / "collision" / f"{mesh.stem}.stl"
     small = small if small.exists() else mesh
-    copy = folder / "meshes" / small.name
+    numbered = (f"{small.stem}_{number}{small.suffix}" for number in itertools.count(2))
+    copies = (folder / "meshes" / name for name in itertools.chain([small.name], numbered))
+    copy = next(each for each in copies if not each.exists() or filecmp.cmp(small, each, shallow=False))
     if not copy.exists():
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(small, copy)
-    return f"meshes/{small.name}"
+    return f"meshes/{copy.name}"
 
 
 def tool_mesh(tool: Tool, opening_m: float) -> trimesh.Trimesh:

@@ -26,6 +26,7 @@ from core.robot.kinematics import arm_of
 from core.scene import State, Trace
 from core.simulation.playback import begin_motion
 from core.solids.contacts import find_contacts, make_trace
+from core.support.text import shorten
 from core.task import reward_of
 from core.values.layouts import NONE
 from core.values.traces import TRACE_HZ
@@ -106,8 +107,9 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise choices("render_mode", str(render_mode), self.metadata["render_modes"])
         self.task = installed().create(TASK, task, task_settings)
-        if robot is not None:
-            self.task.robot = robot_part(OmegaConf.create({"name": robot, **(robot_settings or {})})).create()
+        if robot is not None or robot_settings:
+            chosen = {"name": robot or self.task.robot.name, **(robot_settings or {})}
+            self.task.robot = robot_part(OmegaConf.create(chosen)).create()
         if gripper and self.task.robot.gripper is None:
             raise UserError(f"{self.task.robot.title} has no gripper; leave out gripper=True")
         self.simulator = installed().create(SIMULATOR, sim, sim_settings)
@@ -154,10 +156,11 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
 
         Raises:
             ResetNeeded: there is no world yet.
+            InvalidAction: the action has another shape, or a number that is not finite.
         """
         if self._world is None:
             raise gymnasium.error.ResetNeeded("call reset before step")
-        action = np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
+        action = np.clip(self._checked(action), -1.0, 1.0)
         fingers = self._fingers
         if self.tool.gripper:
             wanted = self._opening * (1 - action[-1]) / 2
@@ -167,6 +170,22 @@ class ToolEnv(gymnasium.Env[Numbers, Numbers]):
         done = self._earned >= self.task.success_reward
         info = {"reward": self._earned, "is_success": done}
         return self._observation(self._world), self._earned - before, done, False, info
+
+    def _checked(self, action: Any) -> Numbers:
+        """Return an action as an array, if it is one."""
+        shape = self.action_space.shape or ()
+        means = "one for each joint" if self.control_mode == "joints" else "speeds along and about x, y and z"
+        fingers = ", and one for the fingers" if self.tool.gripper else ""
+        wanted = f"an action is {shape[0]} finite numbers from -1 to 1, {means}{fingers}"
+        try:
+            numbers = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise gymnasium.error.InvalidAction(f"{wanted}; got {shorten(repr(action))}") from error
+        if numbers.shape != shape:
+            raise gymnasium.error.InvalidAction(f"{wanted}; got an array of shape {numbers.shape}")
+        if not np.isfinite(numbers).all():
+            raise gymnasium.error.InvalidAction(f"{wanted}; got {numbers.tolist()}")
+        return numbers
 
     def _target(self, action: Numbers) -> Array:
         """Joint targets (J,) at the end of the step, within the limits of angle and speed."""

@@ -5,8 +5,11 @@ Nothing here commands a robot. Covered by `tests/plugins/results/workshop/test_e
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Mapping, Sequence
+import shutil
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -112,10 +115,36 @@ def export(cfg: DictConfig) -> Export:
     """Write the files of the first design of ``cfg.designs`` to ``cfg.output``.
 
     Raises:
-        UserError: the design or a setting can't be used, or a file can't be written.
+        UserError: the design or a setting can't be used, there is something in the folder, or it can't be written.
     """
     check_seed(cfg.seed)
-    output, settings = Path(cfg.output), node(cfg.rollout, RolloutSettings)
+    with whole(Path(cfg.output)) as output:
+        return _export(cfg, output)
+
+
+@contextlib.contextmanager
+def whole(folder: Path) -> Iterator[Path]:
+    """Give a folder beside ``folder`` to write to. At the end it becomes ``folder``; after an error it is removed.
+
+    Raises:
+        UserError: ``folder`` has something in it, or can't be written.
+    """
+    folder = folder.resolve()
+    beside = folder.with_name(f".{folder.name[:50]}.{uuid.uuid4().hex[:8]}")
+    try:
+        if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+            raise UsageError(f"{folder} has files in it already; choose another output=, or remove it")
+        beside.mkdir(parents=True)
+        yield beside
+        beside.rename(folder)
+    except OSError as error:
+        raise UserError(f"can't write {folder}: {error}") from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _export(cfg: DictConfig, output: Path) -> Export:
+    settings = node(cfg.rollout, RolloutSettings)
     task, representation = task_part(cfg).create(), tool_part(cfg).create()
     robot, arm, scene = task.robot, arm_of(task.robot), task.scene(cfg.seed)
     candidate = chosen_designs(cfg, representation, SpawnRules(task, cfg.seed))[0]

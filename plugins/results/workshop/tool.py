@@ -259,15 +259,12 @@ def write_tool(made: PrintedTool, folder: Path) -> PrintedTool:
     """
     if not made.parts:
         return made
-    for old in folder.glob("part_*_of_*.stl"):  # of an export before, which may have had more parts
-        old.unlink()
     files = {made.file(number): part for number, part in enumerate(made.parts)}
     for name, part in files.items():
         write_bytes(folder / name, to_stl(part))
     most = max(_difference(folder / name, part) for name, part in files.items())
     read = Check("files read back", most <= SAME_FILE, f"STL files differ from the parts by up to {most:.2%} in volume")
     write_bytes(folder / "tool.3mf", to_3mf(made.parts))
-    (folder / "tool.step").unlink(missing_ok=True)
     missing = write_step({name: part.solid for name, part in files.items()}, folder / "tool.step")
     checks = [Check("STEP", False, f"{name} can't be modelled") for name in missing]
     made = replace(made, checks=(read, *checks, *made.checks), step=can_write_step() and len(missing) < len(files))

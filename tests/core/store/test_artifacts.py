@@ -28,6 +28,15 @@ def test_a_mesh_is_copied_to_a_folder_that_is_not_there_yet(tmp_path):
     assert (tmp_path / "package" / "urdf" / "meshes" / "blade.stl").read_bytes() == b"solid"
 
 
+def test_of_two_meshes_of_one_name_both_are_there(tmp_path):
+    for arm in ("left", "right"):
+        (tmp_path / arm).mkdir()
+        (tmp_path / arm / "link.stl").write_text(arm)
+    names = [copied(tmp_path / arm / "link.stl", tmp_path / "out") for arm in ("left", "right", "left", "right")]
+    assert names == ["meshes/link.stl", "meshes/link_2.stl"] * 2
+    assert (tmp_path / "out" / names[1]).read_text() == "right"
+
+
 def test_a_tool_is_printed_in_millimetres():
     tool = Tool(
         (

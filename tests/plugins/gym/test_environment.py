@@ -119,6 +119,11 @@ def test_the_same_plan_earns_what_it_earns_in_a_rollout():
     assert info["reward"] >= task.success_reward
 
 
+def test_settings_are_the_default_robot_s_where_none_is_named():
+    base = ToolEnv("BringCube", robot_settings={"base": [0.1, 0, 0, 0]}).task.robot.base
+    np.testing.assert_allclose(base.position, (0.1, 0, 0))
+
+
 def test_fingers_open_and_close():
     env = gymnasium.make("RoboToolBench/LiftBox-v0", gripper=True)
     observed, _ = env.reset(seed=0)
@@ -197,3 +202,24 @@ def test_a_tool_weighs_by_its_material():
         gymnasium.make("RoboToolBench/BringCube-v0", material="wood")
     with pytest.raises(UserError, match=r"the arm carries at most 3 kg"):
         gymnasium.make("RoboToolBench/BringCube-v0", designs=DESIGNS / "BringCube.json", material="steel")
+
+
+@pytest.mark.parametrize(
+    ("action", "said"),
+    [
+        (np.zeros(8), r"^an action is 7 finite numbers from -1 to 1, one for each joint; got an array of shape \(8,\)"),
+        (np.zeros((1, 7)), r"got an array of shape \(1, 7\)"),
+        (0.0, r"got an array of shape \(\)"),
+        ([0.0] * 6 + [np.nan], "got .*nan"),
+        ([0.0, -np.inf] + [0.0] * 5, "got .0.0, -inf"),
+        (["a"] * 7, "got .*a"),
+        (None, "got an array"),
+    ],
+)
+def test_an_action_that_can_not_be_is_refused_and_the_arm_stays(action, said):
+    env = ToolEnv("BringCube")
+    before, _ = env.reset(seed=0)
+    with pytest.raises(gymnasium.error.InvalidAction, match=said):
+        env.step(action)
+    after, *_ = env.step(np.zeros(7))
+    np.testing.assert_allclose(after[:7], before[:7], atol=1e-3)

@@ -4,17 +4,20 @@ import importlib.util
 import inspect
 import json
 import re
+import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
+from markdown_it import MarkdownIt
 
 from core.errors import UserError
 from core.robot.kinematics import arm_of
 from core.scene import Scene
-from plugins.results.workshop.command import configured, export, main
+from plugins.results.workshop.command import checklist, configured, export, main, whole
 from tests.core.run_folders import write_run
 from tests.panda import PANDA
 
@@ -221,3 +224,52 @@ def test_a_run_s_best_is_exported(tmp_path):
     found = export(configured([f"designs={run}", f"output={tmp_path / 'out'}", "sims=[mujoco]"]))
     assert found.candidate.id == "g0-a0-s1-p0"
     assert found.task.name == "MoveBall"
+
+
+def test_a_folder_that_has_something_is_refused_before_anything_is_played(tmp_path):
+    (tmp_path / "out" / "programs").mkdir(parents=True)
+    with pytest.raises(UserError, match="out has files in it already; choose another output="):
+        exported(tmp_path / "out", "sims=[]")
+    assert [file.name for file in tmp_path.rglob("*")] == ["out", "programs"]
+
+
+def half(folder):
+    with whole(folder) as beside:
+        (beside / "half").write_text("a half")
+        raise OSError(28, "No space left on device")
+
+
+def test_what_fails_half_way_leaves_no_folder(tmp_path):
+    with pytest.raises(UserError, match=r"can't write .*out: .*No space left on device"):
+        half(tmp_path / "there" / "out")
+    assert list((tmp_path / "there").iterdir()) == []
+
+
+@pytest.mark.slow
+def test_an_export_that_is_killed_half_way_is_none_and_the_next_one_is_whole(tmp_path, made):
+    killed = (
+        "import os, sys; from plugins.results.workshop import command as c; "
+        "c.write_programs = lambda *_: os.kill(os.getpid(), 9); c.main(sys.argv[1:])"
+    )
+    words = [f"designs={ANCHORED}/OneBook.json", "task=OneBook", "tool=boxes", "sims=[mujoco]"]
+    words.append(f"output={tmp_path / 'out'}")
+    done = subprocess.run([sys.executable, "-c", killed, *words], capture_output=True, text=True)
+    assert done.returncode == -9, done.stderr
+    assert not (tmp_path / "out").exists()
+    exported(tmp_path / "out")
+    files = [sorted(f.relative_to(of) for f in of.rglob("*")) for of in (tmp_path / "out", made[0])]
+    assert files[0] == files[1]
+
+
+def test_what_a_model_named_is_no_markup(made):
+    _, found = made
+    name = "<img src=x onerror=alert(1)> [a](javascript:b) `c` **d** | https://e.org\n\n# F\x1b[31m"
+    tool = replace(found.candidate.tool, name=name)
+    moves = {"approach": found.motion, "trajectory": found.motion}
+    candidate, replays = replace(found.candidate, tool=tool), {name: found.replays["mujoco"]}
+    text = checklist(replace(found, candidate=candidate, replays=replays), moves)
+    html = MarkdownIt("gfm-like", {"linkify": False}).render(text)
+    assert not re.findall(r"<(?:img|a|strong|table)\b", html)
+    assert (html.count("<h1>"), html.count("alert(1)"), html.count("<code>")) == (1, 2, 6)
+    assert "\x1b" not in text
+    assert "https\\://e.org" in text  # which GitHub would make a link
