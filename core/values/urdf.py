@@ -43,7 +43,7 @@ MAX_PARTS = 500  # links, joints, and shapes of a link
 MAX_NUMBER = 1e6  # of any unit; keeps products finite
 NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _KINDS = (*MOVING, "fixed", "floating", "planar")
-_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+PACKAGE_PATHS = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
 
 
 def read_xml(data: bytes, file: Path) -> Element:
@@ -229,7 +229,7 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
     if scheme == "package":
         package, _, inner = rest.partition("/")
         above = file.resolve().parents
-        roots = [Path(root) for path in _PATHS for root in os.environ.get(path, "").split(os.pathsep) if root]
+        roots = [Path(root) for path in PACKAGE_PATHS for root in os.environ.get(path, "").split(os.pathsep) if root]
         folders = [
             *above,
             *(folder / package for folder in [*above, *roots, *(root / "share" for root in roots)]),
@@ -237,7 +237,7 @@ def find_mesh(name: str, file: Path, where: str) -> Path:
         ]
         home = next((folder for folder in folders if folder.name == package and folder.is_dir()), None)
         if home is None:
-            mend = f"put it there, or add the folder that holds it to {_PATHS[0]}"
+            mend = f"put it there, or add the folder that holds it to {PACKAGE_PATHS[0]}"
             raise UserError(f"{where}: package {shorten(package)} is neither beside nor above the URDF; {mend}")
         found = home / inner
     try:

@@ -82,7 +82,7 @@ def mended(
             links[name] = replace(links[name], inertial=Inertial.of(*own.placed()))
         if given := collisions.get(name):
             if isinstance(given, str):
-                shape = RobotShape(hull_file(robots_folder() / given))
+                shape = RobotShape(hull_file(robots_folder() / given, ours=True))
             else:
                 shape = RobotShape(Cylinder(given["radius"], given["length"]), Origin((0.0, 0.0, given["z"])))
             links[name] = replace(links[name], collisions=(shape,))

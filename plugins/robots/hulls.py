@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +12,17 @@ from scipy.spatial import ConvexHull, QhullError
 from core.errors import UserError
 from core.geometry import Color
 from core.robot.meshes import farthest, kept
+from core.support.files import read_untrusted
+from core.support.sandbox import isolated
 from core.values.descriptions import ONE, Scale
 
 KINDS = (".stl", ".obj", ".dae", ".ply")
-MAX_MB = 64
+MAX_MB, LIMIT_S = 64, 120
 MAX_DRAWN = 100_000  # triangles
 _LARGEST_M = 10.0  # a link's mesh that is larger was drawn in millimetres
 
 
-def hull_file(mesh: Path, scale: Scale = ONE) -> Path:
+def hull_file(mesh: Path, scale: Scale = ONE, *, ours: bool = False) -> Path:
     """Write the convex hull of a mesh as a binary STL file in metres, or find it as it was written before.
 
     Of a hull with more than `MAX_CORNERS` corners those stay that stick out the most. The unit that a Collada file
@@ -28,12 +31,13 @@ def hull_file(mesh: Path, scale: Scale = ONE) -> Path:
     Args:
         mesh: an STL, OBJ, Collada or PLY file.
         scale: multiplies x, y and z.
+        ours: it comes with a package that this project needs, and so is read without a process of its own.
 
     Raises:
         UserError: the mesh can't be read, is too large or flat, or its hull can't be written.
     """
     key = f"{mesh.suffix.lower()} {tuple(map(float, scale))}"
-    return kept("hulls", "stl", key.encode() + _content(mesh), lambda: _hull(_load(mesh, scale), mesh))
+    return kept("hulls", "stl", key.encode() + _content(mesh), lambda: _made(ours, mesh, *scale))
 
 
 def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
@@ -51,7 +55,7 @@ def visual_file(mesh: Path, color: Color, scale: Scale = ONE) -> Path:
         UserError: the mesh can't be read or is too large, or the file can't be written.
     """
     key = f"{mesh.suffix.lower()} {tuple(map(float, scale))} {color}"
-    return kept("visuals", "dae", key.encode() + _content(mesh), lambda: _collada(_load(mesh, scale), color))
+    return kept("visuals", "dae", key.encode() + _content(mesh), lambda: _made(False, mesh, *scale, *color))
 
 
 def _content(mesh: Path) -> bytes:
@@ -63,15 +67,25 @@ def _content(mesh: Path) -> bytes:
     if mesh.suffix.lower() not in KINDS:
         raise UserError(f"mesh {mesh} is of no kind that is read: {', '.join(KINDS)}")
     try:
-        size = mesh.stat().st_size
-        if size > MAX_MB * 1_000_000:
-            mend = "reduce its triangles, for example with MeshLab's quadric edge collapse"
-            raise UserError(f"mesh {mesh} has {size / 1e6:.0f} MB; at most {MAX_MB} MB are read: {mend}")
-        return mesh.read_bytes()
-    except FileNotFoundError as error:
-        raise UserError(f"there is no mesh {mesh}") from error
-    except OSError as error:
-        raise UserError(f"mesh {mesh} can't be read: {error.strerror}") from error
+        return read_untrusted(mesh, MAX_MB * 1_000_000)
+    except UserError as error:
+        raise UserError(f"mesh {error}; a large one needs fewer triangles, as MeshLab's edge collapse makes") from error
+
+
+def _made(ours: bool, mesh: Path, *numbers: float) -> bytes:
+    words = (str(mesh), *map(str, numbers))
+    return build(b"", *words) if ours else isolated(build, f"mesh {mesh}", b"", *words, limit_s=LIMIT_S)
+
+
+def build(_: bytes, mesh: str, *words: str) -> bytes:
+    """Make the hull of a mesh file as STL, or with a colour after the scale what is drawn of it as Collada.
+
+    Raises:
+        UserError: it can't be made.
+    """
+    x, y, z, *color = map(float, words)
+    parts = _load(Path(mesh), (x, y, z))
+    return _collada(parts, color) if color else _hull(parts)
 
 
 def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
@@ -88,33 +102,31 @@ def _load(mesh: Path, scale: Scale) -> list[trimesh.Trimesh]:
         corners = [part.vertices[part.referenced_vertices] for part in parts]
     except Exception as error:  # the readers raise whatever they stumble over
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise UserError(
-            f"mesh {mesh} can't be read as {mesh.suffix[1:].upper()} ({reason}); export it again"
-        ) from error
+        raise UserError(f"can't be read as {mesh.suffix[1:].upper()} ({reason}); export it again") from error
     if not parts:
-        raise UserError(f"mesh {mesh} has no triangles; export it again")
+        raise UserError("has no triangles; export it again")
     if not all(np.isfinite(some).all() for some in corners):
-        raise UserError(f"mesh {mesh} has a corner that is not a finite number; export it again")
+        raise UserError("has a corner that is not a finite number; export it again")
     factors = factor * np.array(scale)
     if (size := max(float(np.abs(some * factors).max()) for some in corners)) > _LARGEST_M:
         mend = 'if it is in millimetres, give its <mesh> scale="0.001 0.001 0.001"'
-        raise UserError(f"mesh {mesh} reaches {size:.4g} m from its origin; {mend}")
+        raise UserError(f"reaches {size:.4g} m from its origin; {mend}")
     for part in parts:
         part.apply_transform(np.diag([*factors, 1.0]))
     return parts
 
 
-def _hull(parts: list[trimesh.Trimesh], mesh: Path) -> bytes:
+def _hull(parts: list[trimesh.Trimesh]) -> bytes:
     corners = np.concatenate([part.vertices[part.referenced_vertices] for part in parts])
     try:
         corners = farthest(corners[ConvexHull(corners).vertices])
         return bytes(trimesh.Trimesh(corners, process=False).convex_hull.export(file_type="stl"))
     except QhullError as error:
         mend = "a collision shape needs a volume: give it depth, or use a <box>"
-        raise UserError(f"mesh {mesh} is flat; {mend}") from error
+        raise UserError(f"is flat; {mend}") from error
 
 
-def _collada(parts: list[trimesh.Trimesh], color: Color) -> bytes:
+def _collada(parts: list[trimesh.Trimesh], color: Sequence[float]) -> bytes:
     drawn = []
     for part in parts:
         own = getattr(part.visual, "material", part.visual).main_color / 255 if part.visual.defined else color

@@ -1,11 +1,15 @@
+import re
+
 import numpy as np
 import pytest
 import trimesh
 
 from core.errors import UserError
 from core.robot.meshes import MAX_CORNERS
+from core.support.sandbox import isolated
 from plugins.robots import hulls
 from plugins.robots.hulls import MAX_DRAWN, hull_file, visual_file
+from tests.plugins.tasks.file.imports.conftest import called
 
 RED = (0.8, 0.1, 0.1, 1.0)
 GREY = (0.5, 0.5, 0.5, 1.0)
@@ -14,6 +18,7 @@ GREY = (0.5, 0.5, 0.5, 1.0)
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(hulls, "isolated", called)
     return tmp_path / "cache"
 
 
@@ -97,7 +102,7 @@ def test_a_large_mesh_is_drawn_with_fewer_triangles(write):
 
 
 BAD = {
-    "none.stl": (None, "there is no mesh .*none.stl"),
+    "none.stl": (None, "none.stl can't be read: No such file"),
     "a.step": (b"ISO-10303-21;", r"a.step is of no kind that is read: .stl, .obj, .dae"),
     "cut.stl": (b"\0" * 80 + b"\xff\xff\xff\xff", "cut.stl (can't be read|has no triangles)"),
     "empty.obj": (b"", "empty.obj (can't be read|has no triangles)"),
@@ -121,7 +126,7 @@ def test_a_bad_mesh_is_named_in_one_line(name, tmp_path):
 
 def test_a_mesh_that_is_too_large_is_not_read(write, monkeypatch):
     monkeypatch.setattr(hulls, "MAX_MB", 0.0001)
-    with pytest.raises(UserError, match=r"a.stl has 0 MB; at most .* reduce its triangles"):
+    with pytest.raises(UserError, match=r"a.stl has 0.0 MB; at most .* fewer triangles"):
         hull_file(write("a.stl"))
 
 
@@ -129,3 +134,19 @@ def test_a_cache_that_cant_be_written_is_named(write, cache):
     cache.write_text("a file")
     with pytest.raises(UserError, match=r"meshes can't be kept in .*cache.*; make the folder writable"):
         hull_file(write("a.stl"))
+
+
+def test_doubled_nodes_of_collada_end_with_their_process(write, monkeypatch):
+    """Each of 40 nodes holds the one before it twice: 5 kB that unfold to 1e12 shapes."""
+    monkeypatch.setattr(hulls, "isolated", isolated)
+    monkeypatch.setattr(hulls, "LIMIT_S", 5)
+    file = write("a.dae")
+    text = file.read_text()
+    first = re.search(r"<node .*?</node>", text, re.DOTALL)
+    node = re.sub('id="[^"]*"', 'id="n0"', first[0], count=1)
+    nodes = [f'<node id="n{n}">{f"""<instance_node url="#n{n - 1}"/>""" * 2}</node>' for n in range(1, 41)]
+    library = f"<library_nodes>{node}{''.join(nodes)}</library_nodes>"
+    text = text.replace(first[0], '<node id="top"><instance_node url="#n40"/></node>')
+    file.write_text(text.replace("<library_visual_scenes>", f"{library}<library_visual_scenes>"))
+    with pytest.raises(UserError, match=r"mesh .*a.dae (takes more than 5 s|can't be read|needs too much memory)"):
+        hull_file(file)

@@ -16,8 +16,16 @@ from core.robot.frames import link_frames
 from core.robot.kinematics import arm_of
 from core.robot.solids import robot_solids
 from core.values.robots import Robot
+from plugins.robots import hulls
 from plugins.robots.reading import GripperOptions, read_robot
 from tests.outside_arm import FLANGE, HOME, LIMIT, write_arm
+from tests.plugins.tasks.file.imports.conftest import called
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch):
+    """Meshes are read in this process, which starts no other for each."""
+    monkeypatch.setattr(hulls, "isolated", called)
 
 
 @pytest.fixture(scope="module")
@@ -180,19 +188,44 @@ def test_what_moves_beside_the_arm_is_held_or_left_out(changed):
     assert changed(fixed=["joint_4"], home=[*HOME[:3], *HOME[4:]]).arm_joints[3] == "joint_5"
 
 
-def test_xacro(changed, file):
+@pytest.fixture
+def as_xacro(changed):
+    """Read the arm from Xacro in which one axis is an expression."""
     header = ('<robot name="outside arm">', '<robot name="outside arm" xmlns:xacro="http://www.ros.org/wiki/xacro">')
-    macro = ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 ${2 - 1}"/>')
+
+    def read(expression, *changes, **options):
+        axis = ('<axis xyz="0 0 1"/>', f'<axis xyz="0 0 {expression}"/>')
+        return changed(header, axis, *changes, name="arm.urdf.xacro", **options)
+
+    return read
+
+
+def test_xacro(as_xacro):
     argument = ("</robot>", '<xacro:arg name="speed" default="1"/></robot>')
     used = ('velocity="2.6"', 'velocity="$(arg speed)"')
-    robot = changed(header, macro, argument, used, name="arm.urdf.xacro", arguments={"speed": "2.0"})
+    robot = as_xacro("${2 - 1}", argument, used, arguments={"speed": "2.0"})
     np.testing.assert_allclose(arm_of(robot).velocity_limits[:3], 2.0)
-    with pytest.raises(UserError, match=r"Xacro can't expand .*arm.urdf.xacro: .*nothing"):
-        changed(header, ('<axis xyz="0 0 1"/>', '<axis xyz="${nothing}"/>'), name="arm.urdf.xacro")
+
+
+@pytest.mark.parametrize(
+    ("expression", "reason"),
+    [
+        ("${nothing}", "nothing"),
+        ("$(env OPENAI_API_KEY)", "OPENAI_API_KEY"),
+        ("$(optenv OPENAI_API_KEY none)", "xyz is '0 0 none'"),
+        ("${xacro.load_yaml('/tmp/../etc/hostname')}", "etc/hostname is not of the description's package"),
+        ("${xacro.load_yaml('/proc/self/environ')}", "environ is not of the description's package"),
+    ],
+)
+def test_xacro_reads_no_key_and_no_file_of_another_folder(as_xacro, monkeypatch, expression, reason):
+    monkeypatch.setenv("OPENAI_API_KEY", "1")
+    with pytest.raises(UserError, match=reason) as caught:
+        as_xacro(expression)
+    assert "\n" not in str(caught.value)
 
 
 def test_xacro_that_is_not_installed(changed, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "xacrodoc", None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(UserError, match=r"is Xacro, which needs one more package: pip install 'xacrodoc>=2,<3'"):
         changed(name="arm.xacro")
 
@@ -227,7 +260,7 @@ def test_a_flange_that_looks_up(changed):
 
 
 def test_no_file(tmp_path):
-    with pytest.raises(UserError, match=r"description .*none.urdf can't be read: No such file"):
+    with pytest.raises(UserError, match=r"none.urdf can't be read: No such file"):
         read_robot(tmp_path / "none.urdf", HOME)
 
 
