@@ -50,12 +50,9 @@ def test_attachments_are_placed_in_the_frame_of_their_own_finger():
 def test_the_bare_arm_is_a_tool_of_nothing():
     assert Tool().placed() == {}
     assert Tool().mass == 0
+    assert Tool((box("a", mass=0.1), box("b", mass=0.2))).mass == pytest.approx(0.3)
     assert Tool().mounts == (RIGID_MOUNT,)
     assert Tool(gripper=True).mounts == GRIPPER_MOUNTS
-
-
-def test_mass():
-    assert Tool((box("a", mass=0.1), box("b", mass=0.2))).mass == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(

@@ -40,9 +40,6 @@ def test_how_exact_the_arm_is_depends_on_the_engine():
         f"Measured in {len(lags)} engines: in motion it lags by up to {min(lags):.2g} to {max(lags):.2g} mm" in texts[2]
     )
     assert "N per mm or full force at once" in texts[2]
-
-
-def test_of_an_arm_that_was_never_measured_nothing_is_said():
     assert describe_exactness({}, "mujoco") == ""
 
 
@@ -55,12 +52,6 @@ def test_segments_take_the_time_of_the_motion():
     assert fast["forward", 0.4].seconds > fast["left", 0.4].seconds > fast["left", 0.1].seconds
     assert fast["forward", 0.4].peak > 1.5
     assert "for 0.1 m" in describe_speed(PANDA, slow)
-
-
-def test_where_the_base_stands_is_said_if_it_is_elsewhere():
-    here, there = sheet(PANDA), sheet(replace(PANDA, base=Pose.xyz_rpy((0.1, 0, -0.05), (0, 0, 0.5))))
-    assert (here.at, here.yaw) == ("", "")
-    assert (there.at, there.yaw) == ("0.1, 0, -0.05", "0.5")
 
 
 def test_what_a_tool_meets_at_the_mount():

@@ -1,7 +1,6 @@
 """The lines about a generation, and what is said of elites."""
 
 import json
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +10,10 @@ from core.config.settings import PromptSettings
 from core.design import Candidate, Component, Evaluation, Tool, Trial
 from core.designs.composer import PromptComposer
 from core.designs.feedback import elite_feedback, generation_lines, last_generation, most_instructive, outcome_of
-from core.errors import UserError
 from core.geometry import Box, Pose
 from core.interfaces import Contact, Observation
 from core.values.observations import Moved
-from tests.core.designs.test_composer import FOLDER, make_brief
+from tests.core.designs.test_composer import make_brief
 
 SEEN = Observation(
     "missed",
@@ -174,12 +172,3 @@ def test_the_prompt_has_the_lines_unless_it_is_the_papers(elites):
 def test_a_first_prompt_has_no_heading_for_a_last_round():
     prompts = PromptComposer(PromptSettings(feedback="numbers"))
     assert "last round" not in "".join(part.text for m in prompts.compose(make_brief(), None) for part in m.parts)
-
-
-def test_a_folder_of_older_templates_works_with_the_papers_feedback(tmp_path):
-    for file in FOLDER.glob("*.j2"):
-        if not file.name.startswith("last_generation"):
-            shutil.copy(file, tmp_path)
-    assert text("paper", dir=str(tmp_path))
-    with pytest.raises(UserError, match="last_generation"):
-        text("numbers", dir=str(tmp_path))

@@ -125,54 +125,15 @@ def test_names_reach_no_path():
 
 fuzz = settings(max_examples=FUZZ_CASES, suppress_health_check=list(HealthCheck), print_blob=True)
 
-words = st.sampled_from(
-    [
-        "rod",
-        "b",
-        "panda_virtual",
-        "panda_link7",
-        "",
-        "fixed",
-        "0.02 0.02 0.1",
-        "0 0 -0.055",
-        "nan",
-        "1e9",
-        "-1",
-        "../x",
-        "0 0 0",
-        "0.1",
-        "1e-9 1 1",
-        "\x1b[2J",
-        "&amp;",
-        "\ud800",
-        "\u202e",
-        "0.03 0.03 0.03",
-        "0.02",
-        "1 0 0 1",
-    ]
+WORDS = (
+    "rod|b|panda_virtual|panda_link7||fixed|0.02 0.02 0.1|0 0 -0.055|nan|1e9|-1|../x|0 0 0|0.1|1e-9 1 1|\x1b[2J|&amp;|"
+    "\ud800|\u202e|0.03 0.03 0.03|0.02|1 0 0 1"
 )
-tags = st.sampled_from(
-    [
-        "link",
-        "joint",
-        "visual",
-        "collision",
-        "inertial",
-        "geometry",
-        "box",
-        "mesh",
-        "origin",
-        "mass",
-        "parent",
-        "child",
-        "material",
-        "color",
-        "texture",
-        "robot",
-        "gazebo",
-        "sphere",
-    ]
+TAGS = (
+    "link joint visual collision inertial geometry box mesh origin mass parent child material color texture robot "
+    "gazebo sphere"
 )
+words, tags = st.sampled_from(WORDS.split("|")), st.sampled_from(TAGS.split())
 attributes = st.dictionaries(
     st.sampled_from(["name", "type", "link", "size", "xyz", "rpy", "value", "rgba", "filename"]), words, max_size=3
 )

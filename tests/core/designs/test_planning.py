@@ -4,7 +4,7 @@ import pytest
 from core.design import DesignError
 from core.designs.planning import look, resolve
 from core.errors import UsageError
-from core.interfaces import ActionPlan, Perception, RolloutSettings, Seen, Waypoints
+from core.interfaces import ActionPlan, Perception, RolloutSettings, Waypoints
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 
@@ -76,7 +76,3 @@ def test_a_plan_is_resolved_against_what_is_seen():
 def test_a_plan_that_means_nothing_here_is_a_design_error(meant, problem):
     with pytest.raises(DesignError, match=problem):
         resolve(Plan(meant), TASK, 0, RolloutSettings())
-
-
-def test_seen_is_plain_data():
-    assert Seen({}).poses == {}

@@ -9,7 +9,6 @@ from core.designs.reach import (
     SELF,
     SINGULAR,
     Span,
-    as_table,
     compute_reach,
     describe_limits,
     span_at,
@@ -52,14 +51,6 @@ def test_no_other_posture_reaches_farther(height, pitch):
     rng = np.random.default_rng(0)
     found = [ARM.inverse(beyond, rng.uniform(ARM.lower, ARM.upper)) for _ in range(30)]
     assert min(one.error_m + one.error_rad for one in found) > 0.01
-
-
-def test_the_reach_ends_above():
-    heights = list(REACH)
-    assert heights == [round(0.1 * n, 1) for n in range(len(heights))]
-    assert all(any(row.values()) for row in REACH.values())
-    above = Pose(np.array([0.1, 0.0, heights[-1] + 0.1]))
-    assert ARM.inverse(above, ARM.home).error_m > 0.003
 
 
 def test_what_binds_at_the_inner_edge():
@@ -110,15 +101,6 @@ def test_a_way_out_ends_where_the_arm_meets_itself():
     arm = arm_of(installed().create("robot", "kinova"))
     span = span_at(arm, 0.5, 0.8)
     assert (span.least, span.most) == (0.0, pytest.approx(0.54))
-
-
-def test_the_table_has_a_row_for_each_height():
-    lines = as_table(REACH).splitlines()
-    assert lines[0] == "|z|-0.8|-0.5|0|0.5|0.8|"
-    assert len(lines) == 2 + len(REACH)
-    span = REACH[0.3][0.0]
-    assert lines[5].split("|")[1:5:3] == ["0.3", f"{100 * span.least:.0f}-{100 * span.most:.0f}"]
-    assert "none" in lines[-1]
 
 
 def test_turns_at_home_end_where_they_say():

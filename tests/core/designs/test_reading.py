@@ -101,11 +101,8 @@ def test_one_candidate_per_action_plan():
     first, second, third, _ = candidates
     assert first.tool is second.tool is not third.tool
     assert (first.tool.name, first.tool.description) == ("rod", "A rod.")
-    assert (first.strategy_name, first.strategy_description, first.action_description) == (
-        "poke",
-        "Poke it.",
-        "Forward.",
-    )
+    described = first.strategy_name, first.strategy_description, first.action_description
+    assert described == ("poke", "Poke it.", "Forward.")
     np.testing.assert_array_equal(first.plan.poses, PLAN)
     assert second.plan.poses.shape == (1, 6)
 
@@ -176,10 +173,9 @@ def test_missing_fields():
     assert all("length" in c.problem for c in read(without("length")))
 
 
-@pytest.mark.parametrize("strategy", [None, 3, "x", [], True])
-def test_a_strategy_that_is_not_an_object(strategy):
-    bad, good = read(strategy, {**STRATEGY, "action_sets": [PLAN]})
-    assert "the strategy is " in bad.problem
+def test_a_strategy_that_is_not_an_object():
+    bad, good = read([], {**STRATEGY, "action_sets": [PLAN]})
+    assert "the strategy is a list" in bad.problem
     assert (good.problem, good.strategy) == (None, 1)
 
 
@@ -269,14 +265,11 @@ def test_the_document_is_found_in_a_reply(reply):
     assert parse_reply(reply) == DOCUMENT
 
 
-def test_an_object_without_strategies_is_returned():
+def test_a_reply_without_a_document():
     assert parse_reply('so: {"a": 1} {"b": 2}') == {"a": 1}
-
-
-@pytest.mark.parametrize("reply", ["", "I can't help with that.", "[1, 2]", "```json\n```"])
-def test_a_reply_without_an_object(reply):
-    with pytest.raises(DesignError, match="no JSON object"):
-        parse_reply(reply)
+    for reply in ("", "I can't help with that.", "[1, 2]", "```json\n```"):
+        with pytest.raises(DesignError, match="no JSON object"):
+            parse_reply(reply)
 
 
 def test_malformed_json_is_located_at_its_outermost_object():
@@ -292,13 +285,6 @@ def test_complete_strategies_of_a_reply_that_is_cut_off_are_kept():
     candidates = read_designs(parse_reply(f"Here it is:\n```json\n{whole[: -len(whole) // 4]}"), Rod(), SPAWN)
     assert [c.problem is None for c in candidates] == [True] * 4 + [False]
     assert re.search(r"cut off or malformed \(it begins at line \d+ of the reply\)", candidates[-1].problem)
-
-
-def test_a_reply_cut_off_between_strategies_says_so():
-    whole = '{"strategies": [' + json.dumps(STRATEGY) + ",\n"
-    *good, cut = read_designs(parse_reply(whole), Rod(), SPAWN)
-    assert [c.problem for c in good] == [None, None]
-    assert "cut off or malformed (it begins at line 2 of the reply)" in cut.problem
 
 
 def test_strategies_after_a_malformed_one_are_kept():
@@ -375,19 +361,10 @@ def test_twenty_megabytes_of_anything_are_read_or_refused(before, endless):
     assert len(document.get("strategies", ())) <= MAX_SAVED
 
 
-def test_sound_strategies_at_the_front_of_twenty_megabytes_are_kept():
+@pytest.mark.parametrize("text", ['{"strategies": [%s\n%s]}', '{"strategies": [%s,,%s,]}', '{"strategies": [%s, ,%s]'])
+def test_wrong_commas_between_strategies_cost_nothing(text):
     strategy = json.dumps(STRATEGY)
-    text = '{"strategies": [' + ", ".join([strategy] * 3) + ', {"strategy_name": "' + "x" * HUGE
-    candidates = read_designs(parse_reply(text), Rod(), SPAWN)
-    assert [c.problem is None for c in candidates] == [True] * 6 + [False]
-
-
-@pytest.mark.parametrize("between", ["\n", ",,", ", ,"])
-@pytest.mark.parametrize("end", ["]}", ",]}", "]"])
-def test_wrong_commas_between_strategies_cost_nothing(between, end):
-    strategy = json.dumps(STRATEGY)
-    candidates = read_designs(parse_reply('{"strategies": [' + strategy + between + strategy + end), Rod(), SPAWN)
-    assert [c.problem for c in candidates] == [None] * 4
+    assert [c.problem for c in read_designs(parse_reply(text % (strategy, strategy)), Rod(), SPAWN)] == [None] * 4
 
 
 @pytest.mark.parametrize("constant", ["NaN", "Infinity", "-Infinity", "1e999"])

@@ -208,14 +208,8 @@ def test_it_is_played_and_what_was_slowed_is_reported():
 
 @pytest.mark.slow
 def test_a_run_is_stored_and_goes_on_with_its_plans_as_written(tmp_path):
-    small = [
-        "budget.n_agent=1",
-        "budget.n_tool=1",
-        "budget.n_action=2",
-        "film=false",
-        "listener=[]",
-        "executor.workers=1",
-    ]
+    small = ["budget.n_agent=1", "budget.n_tool=1", "budget.n_action=2", "film=false", "listener=[]"]
+    small += ["executor.workers=1"]
     cfg = load(
         "config", ["sim=mujoco", "action=anchored", "rollout.perception.position=0.005", *small, "budget.n_iteration=0"]
     )
