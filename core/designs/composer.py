@@ -24,11 +24,11 @@ from core.designs.elites import elites_text
 from core.designs.excerpts import class_source, function_source, helpers, task_source
 from core.designs.feedback import combined_figures, critiques_text, generation_lines, last_generation
 from core.designs.layout import layout_table
-from core.designs.rules import MAX_WAYPOINTS
+from core.designs.rules import MAX_KNOTS, MAX_WAYPOINTS
 from core.errors import UsageError, UserError, choices
 from core.interfaces import Brief, Message, Picture, Reply, Request, RolloutSettings, Task, Text
 from core.robot.extents import outline
-from core.robot.trajectory import plan_motion
+from core.robot.trajectory import KNOT_M, KNOT_RAD, plan_motion
 from core.scene import Body
 from core.support.files import read_text
 from core.support.text import short_numbers
@@ -190,6 +190,8 @@ class PromptComposer:
             "rollout": self.rollout,
             "arm": describe_arm(task, self.rollout, self.engine, brief.gripper),
             "max_waypoints": MAX_WAYPOINTS,
+            "max_way_m": MAX_KNOTS * KNOT_M,
+            "max_turn_rad": MAX_KNOTS * KNOT_RAD,
             "schema": json.dumps(answer_schema(brief), ensure_ascii=False, separators=(",", ":")) if schema else "",
             "tie": f"{self.tie:g}",
             "judged": self.judged,

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from core.design import DesignError
-from core.designs.rules import check_plan
+from core.designs.rules import check_plan, check_tempo
 from core.errors import RAISED, UserError
 from core.geometry import Pose
 from core.interfaces import (
@@ -112,11 +112,13 @@ def resolve(
         DesignError: the plan needs something that is not there, or its waypoints break a rule.
     """
     if isinstance(plan, Waypoints):
-        return plan
-    seen = look(task, seed, settings.perception, scene)
-    with guarded(plan, "resolve"):
-        waypoints = plan.resolve(seen)
-    if not isinstance(waypoints, Waypoints):
-        raise DesignError(f"{describe_part(plan)}: resolve gave a {type(waypoints).__name__}; expected Waypoints")
-    check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
+        waypoints = plan
+    else:
+        seen = look(task, seed, settings.perception, scene)
+        with guarded(plan, "resolve"):
+            waypoints = plan.resolve(seen)
+        if not isinstance(waypoints, Waypoints):
+            raise DesignError(f"{describe_part(plan)}: resolve gave a {type(waypoints).__name__}; expected Waypoints")
+        check_plan(waypoints.poses, gripper=waypoints.poses.shape[-1] == 7)
+    check_tempo(waypoints, task.home, settings.max_motion_s)
     return waypoints

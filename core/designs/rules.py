@@ -9,14 +9,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from core.design import RIGID_MOUNT, Component, DesignError, Tool
 from core.designs.stiffness import Beams, corners
-from core.designs.tool_joints import check_joints
+from core.designs.tool_joints import MAX_GAP_M, check_joints
 from core.designs.weight import check_weight, mass_limit
 from core.errors import UserError
 from core.geometry import Array, Pose
-from core.interfaces import Robot, Task, ToolRepresentation
+from core.interfaces import Robot, Task, ToolRepresentation, Waypoints
 from core.plugins import describe_part
 from core.robot.frames import link_poses
 from core.robot.kinematics import arm_of
@@ -30,6 +31,7 @@ from core.robot.solids import (
     solid_geometry,
     solids_of,
 )
+from core.robot.trajectory import KNOT_M, KNOT_RAD
 from core.support.text import kind, shorten
 from core.values.materials import PAPER, Material
 
@@ -44,13 +46,15 @@ MIN_DENSITY = 1.0  # kg/m^3, about that of air; the paper's 5 g must do for a bo
 MAX_DENSITY = 20_000.0  # kg/m^3; gold and tungsten have 19,300
 MAX_BEND_M_N = 0.01  # of the farthest end, per newton
 MAX_LOAD_N = 10.0  # at any end, that a real material must bear
-MAX_GAP_M = 0.001
 MAX_MOUNT_GAP_M = 0.002
 MAX_ARM_OVERLAP_M = 0.001  # at the start; the scene may not even be touched
 
 MAX_WAYPOINTS = 200
 MAX_REACH_M = 3.0
-MAX_WAY_M = 100.0  # from waypoint to waypoint in all; inverse kinematics is solved every 2 cm
+MIN_TEMPO = 0.001  # m/s or s, where a plan asks for a speed or a time
+MAX_POSES = 2_000_000  # that are computed for a candidate, at most: of its way, and of its tool in motion
+KNOT_POSES = 1000  # what inverse kinematics at a knot of the way costs
+MAX_KNOTS = MAX_POSES // KNOT_POSES
 MAX_ANGLE_RAD = 100.0
 WAYPOINT = ("x", "y", "z", "roll", "pitch", "yaw", "gripper")
 
@@ -84,8 +88,9 @@ def check_tool(tool: Tool, robot: Robot, material: Material = PAPER) -> None:
     if tool.mass < MIN_TOOL_KG:
         raise DesignError(f"the tool weighs {tool.mass:.3g} kg; at least {MIN_TOOL_KG:g} kg is needed")
     _check_extent(tool)
-    check_joints(tool)
-    _check_stiffness(tool, check_contacts(tool, robot), material)
+    joints = check_contacts(tool, robot)
+    check_joints(tool, material, mount_solids(tool, robot))
+    _check_stiffness(tool, joints, material)
 
 
 def _check_component(component: Component) -> None:
@@ -126,12 +131,16 @@ def _check_extent(tool: Tool) -> None:
             )
 
 
+def mount_solids(tool: Tool, robot: Robot) -> dict[str, list[Solid]]:
+    """Build the solids of what a tool hangs from, the flange or the fingers, each in its own frame."""
+    if not tool.gripper:
+        return {RIGID_MOUNT: [Solid(RIGID_MOUNT, solid_geometry(robot.flange.disc), Pose())]}
+    return {mount: [solid for solid in robot_solids(robot, True) if solid.name == mount] for mount in tool.mounts}
+
+
 def check_contacts(tool: Tool, robot: Robot) -> dict[str, Array]:
     """Check that each component touches its parent; return the points where they do, in the mount's frame."""
-    fingers = robot_solids(robot, True) if tool.gripper else ()
-    solids = {mount: [solid for solid in fingers if solid.name == mount] for mount in tool.mounts}
-    if not tool.gripper:
-        solids[RIGID_MOUNT] = [Solid(RIGID_MOUNT, solid_geometry(robot.flange.disc), Pose())]
+    solids = mount_solids(tool, robot)
     for c in tool.components:
         solids[c.name] = solids_of(c.name, c.shape, Pose())
     placed, points = tool.placed(), {}
@@ -182,10 +191,46 @@ def check_plan(plan: object, *, gripper: bool) -> Array:
         raise DesignError(f"the action plan has {len(plan)} waypoints; between 1 and {MAX_WAYPOINTS} are needed")
     names = WAYPOINT if gripper else WAYPOINT[:6]
     checked = np.array([_check_waypoint(waypoint, f"waypoint {i}", names) for i, waypoint in enumerate(plan, start=1)])
-    way = float(np.linalg.norm(np.diff(checked[:, :3], axis=0), axis=1).sum())
-    if way > MAX_WAY_M:
-        raise DesignError(f"the waypoints are {way:.0f} m apart in all; at most {MAX_WAY_M:g} m are allowed")
+    turns = Rotation.from_euler("xyz", checked[:, 3:6])
+    ways = np.linalg.norm(np.diff(checked[:, :3], axis=0), axis=1)
+    angles = np.asarray((turns[:-1].inv() * turns[1:]).magnitude()) if len(checked) > 1 else ways
+    if np.ceil(np.maximum(ways / KNOT_M, angles / KNOT_RAD)).sum() > MAX_KNOTS:
+        raise DesignError(
+            f"the way through the waypoints is {ways.sum():.0f} m and {angles.sum():.0f} rad long; at most "
+            f"{MAX_KNOTS * KNOT_M:g} m or {MAX_KNOTS * KNOT_RAD:g} rad are allowed"
+        )
     return checked
+
+
+def check_tempo(plan: Waypoints, home: Pose, most_s: float) -> None:
+    """Refuse a plan that asks for next to no speed or time, or for more than ``most_s`` seconds in all.
+
+    Raises:
+        DesignError: names the wrong waypoint (from 1), or the time in all.
+    """
+    tempo = plan.tempo
+    if tempo is None:
+        return
+    for name, asked in (("speed", tempo.speeds), ("time", tempo.seconds)):
+        for k in np.flatnonzero(asked < MIN_TEMPO)[:1]:
+            raise DesignError(f"waypoint {k + 1}: a {name} of {asked[k]:g} is too small; give {MIN_TEMPO:g} or more")
+    ways = np.linalg.norm(np.diff(np.vstack([home.position, plan.poses[:, :3]]), axis=0), axis=1)
+    asked = np.where(np.isfinite(tempo.seconds), tempo.seconds, ways / tempo.speeds)
+    if (seconds := float(np.nansum(asked) + tempo.waits.sum())) > most_s:
+        raise DesignError(f"the plan asks for {seconds:.4g} s; at most {most_s:g} s are allowed")
+
+
+def check_work(tool: Tool, seconds: float, hz: float) -> None:
+    """Refuse a motion that would take too long to play and to look at, at ``hz`` instants a second.
+
+    Raises:
+        DesignError: with the figures.
+    """
+    if (poses := len(tool.parts) * seconds * hz) > MAX_POSES:
+        raise DesignError(
+            f"the tool's {len(tool.parts)} parts would be looked at {hz:.0f} times a second for {seconds:.0f} s, which "
+            f"is {poses:.2g} poses; at most {MAX_POSES:.2g} are computed: move slower, or use fewer and thicker parts"
+        )
 
 
 def _check_waypoint(waypoint: object, where: str, names: tuple[str, ...]) -> list[float]:

@@ -22,6 +22,7 @@ KNOT_M = 0.02
 KNOT_RAD = 0.1
 _SAMPLE_S = 0.01
 SLOWED = 1.05  # from here on it is reported
+_NAMED = 3  # waypoints that are
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +46,15 @@ class Motion:
     slowed: Array
 
     def slowdowns(self) -> list[str]:
-        """Say which waypoints were reached later than asked."""
+        """Say in a line which waypoints were reached later than asked; none: all were in time."""
         late = np.flatnonzero(self.slowed > SLOWED)
-        return [
-            f"waypoint {k + 1}: the arm's limits make its way {self.slowed[k]:.1f} times slower than asked"
-            for k in late
-        ]
+        if len(late) == 0:
+            return []
+        names = ", ".join(str(k + 1) for k in late[:_NAMED])
+        names += f" and {len(late) - _NAMED} more" if len(late) > _NAMED else ""
+        many, way = ("", "its way") if len(late) == 1 else ("s", "their ways up to")
+        slower = f"{self.slowed.max():.1f} times slower than asked"
+        return [f"waypoint{many} {names}: the arm's limits make {way} {slower}"]
 
 
 def plan_motion(plan: Array, home: Pose, arm: Arm, *, segment_s: float = 0.5, speed: float = 0.95) -> Motion:

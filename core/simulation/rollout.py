@@ -10,6 +10,7 @@ import numpy as np
 
 from core.design import Candidate, DesignError, Evaluation, Tool, Trial
 from core.designs.planning import resolve
+from core.designs.rules import check_work
 from core.errors import RAISED, UserError
 from core.geometry import Array
 from core.interfaces import Outcome, Recording, Robot, Rollout, RolloutSettings, Simulator, Task
@@ -26,6 +27,8 @@ from core.solids.self_collision import find_self_collision
 from core.support.text import shorten
 from core.task import reward_of
 from core.values.traces import TRACE_HZ
+
+_WARNINGS = 10  # findings of a rollout that are listed
 
 
 @dataclass(frozen=True)
@@ -189,13 +192,18 @@ class _Batch:
         if problem is None and (duration := motion.trajectory.duration) > most_s:
             took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most_s:.0f} s"
             problem = f"{took}; use fewer waypoints"
-        elif problem is None and self._checks and (met := find_self_collision(robot, job.tool, motion.trajectory)):
+        elif problem is None:
+            if self._checks or self.settings.observe:
+                job = replace(job, record_hz=sample_hz(robot, job.tool, job.trajectory, thinnest(self.scene)))
+            try:
+                check_work(job.tool, duration, job.record_hz)
+            except DesignError as error:
+                problem = str(error)
+        if problem is None and self._checks and (met := find_self_collision(robot, job.tool, motion.trajectory)):
             warnings = (met.describe(motion.arrivals),)
             problem = f"{warnings[0]}; {met.mend}" if self._forbids else None
         if problem is not None:
             return Evaluation(candidate, "rejected", reason=problem)
-        if self._checks or self.settings.observe:
-            job = replace(job, record_hz=sample_hz(robot, job.tool, job.trajectory, thinnest(self.scene)))
         if self.task.reads_trace:
             job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
         return _Attempt(candidate, job.tool, motion, job, warnings)
@@ -309,7 +317,9 @@ def _outcomes(simulator: Simulator, task: Task, jobs: Sequence[Rollout]) -> list
 
 def judged(evaluation: Evaluation, found: Sequence[Finding], *, forbid: bool) -> Evaluation:
     """Add findings to the evaluation's warnings; with ``forbid``, penetration sets its reward to 0."""
-    warnings = (*evaluation.warnings, *(finding.text for finding in found))
+    texts = [finding.text for finding in found]
+    more = [f"{len(texts) - _WARNINGS} more such findings"] if len(texts) > _WARNINGS else []
+    warnings = (*evaluation.warnings, *texts[:_WARNINGS], *more)
     penetrations = [finding.text for finding in found if finding.penetration]
     if not (forbid and penetrations and evaluation.reward > 0):
         return replace(evaluation, warnings=warnings)

@@ -16,7 +16,7 @@ from pydantic import ConfigDict, Field, Strict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from core.design import DesignError
-from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, MAX_WAYPOINTS
+from core.designs.rules import MAX_ANGLE_RAD, MAX_REACH_M, MAX_WAYPOINTS, MIN_TEMPO
 from core.errors import choices
 from core.geometry import Array, Pose
 from core.interfaces import ActionPlan, ActionRepresentation, Anchor, Brief, Numbers, Seen, Tempo, Waypoints
@@ -36,13 +36,12 @@ _INSTRUCTIONS = """\
     it, as for a push towards a goal. Toward `world` is toward the world's origin.
   - `share`: 0 to 1, how far the offset's origin lies on the way from `anchor` to `toward`; default 0. For what is
     pushed or carried to a goal. With a share the axes may be those of the `anchor`, too.
-  - `speed` (m/s) or `seconds` of the way there; without them the rule about segments below holds. What the arm's limits
-    do not allow is slowed, and reported.
+  - `speed` (m/s) or `seconds` of the way there, from 0.001; without them the rule about segments below holds. What the
+    arm's limits do not allow is slowed, and reported.
   - `through`: true passes the waypoint without a stop, unlike the rule below. `wait`: seconds to stay there.
 {grip}- The plan is used in every layout: anchor it to what moves between layouts, not to the world.
 """
 _DIGITS = 5  # hundredths of a millimetre
-_LEAST = 0.001  # m/s or s
 _APART_M = 1e-3  # a direction needs two anchors that are farther apart
 
 Length = Annotated[float, Strict(), Field(ge=-MAX_REACH_M, le=MAX_REACH_M, allow_inf_nan=False)]
@@ -187,7 +186,7 @@ class AnchoredActions(ActionRepresentation):
         found = Numbers.near(np.array([[*step.offset, *step.rpy] for step in plan.steps]), STEPS, MOST)
         for _, name, value in _tempi(plan):
             most = np.log(MAX_SPEED if name == "speed" else MAX_SECONDS)
-            now, step, least, longest = (np.array([n]) for n in (np.log(value), STEP_LOG, np.log(_LEAST), most))
+            now, step, least, longest = (np.array([n]) for n in (np.log(value), STEP_LOG, np.log(MIN_TEMPO), most))
             found += Numbers(now, step, least, longest)
         return found
 
@@ -207,7 +206,7 @@ def _tempi(plan: AnchoredPlan) -> list[tuple[int, str, float]]:
     """The speeds, times and waits of a plan that are above 0: number of the step, name, value."""
     names = ("speed", "seconds", "wait")
     found = ((n, name, getattr(step, name)) for n, step in enumerate(plan.steps) for name in names)
-    return [(number, name, value) for number, name, value in found if value > _LEAST]
+    return [(number, name, value) for number, name, value in found if value > MIN_TEMPO]
 
 
 def _step(data: object, where: str, gripper: bool) -> Step:

@@ -22,14 +22,13 @@ from core.designs.rules import (
     MAX_COMPONENTS,
     MAX_DENSITY,
     MAX_EXTENT_M,
-    MAX_GAP_M,
     MAX_LOAD_N,
     MIN_COMPONENT_KG,
     MIN_DENSITY,
     MIN_TOOL_KG,
     NAME,
 )
-from core.designs.tool_joints import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
+from core.designs.tool_joints import MAX_GAP_M, MAX_HZ, MAX_JOINTS, MIN_MOVED_KG, describe_springs
 from core.designs.weight import describe_weight, mass_limit
 from core.geometry import Array, Compound, Pose, Shape
 from core.interfaces import Brief, Robot
@@ -78,8 +77,9 @@ _JOINTS = f"""
   `lower` and `upper`, its range in radians or metres, 0 being the pose that is given; `damping` in N m s/rad or N s/m;
   `friction`, the largest torque or force of dry friction, in N m or N; `stiffness` of a spring in N m/rad or N/m, and
   `rest`, where it is relaxed; 0 where there is none. At most {MAX_JOINTS} joints; what a spring moves may swing at
-  {MAX_HZ:g} Hz at most, and must weigh {1000 * MIN_MOVED_KG:g} g at least. A component with a joint passes through its
-  parent, and touches everything else."""
+  {MAX_HZ:g} Hz at most, and must weigh {1000 * MIN_MOVED_KG:g} g at least. {{springs}}.
+  A component with a joint passes through its parent, and touches everything else. Over the whole range, what moves on
+  the joint touches what bears it: give a slider a rail, a component of its own or of its parent."""
 
 
 def weight_rules(material: Material, robot: Robot, masses: str) -> tuple[str, str]:
@@ -144,7 +144,8 @@ class ComponentTools(VariedTools):
         weight, bend = weight_rules(self.material, brief.task.robot, _MASSES)
         weight += "" if self.material.density_kg_m3 is None else "\n- `mass`: 0"
         rules = _RULES + _JOINTS if self.joints else _RULES
-        rules = rules.format(mounts=f"the mount {frame}", mount_frame=frame, weight=weight, bend=bend)
+        springs = describe_springs(self.material)
+        rules = rules.format(mounts=f"the mount {frame}", mount_frame=frame, weight=weight, bend=bend, springs=springs)
         return self.rules.format(mount=describe_mount(brief), rules=rules, example=json.dumps([example]))
 
     def parse(self, data: Mapping[str, Any], *, gripper: bool) -> Tool:

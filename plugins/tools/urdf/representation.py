@@ -13,14 +13,13 @@ from core.designs.rules import (
     MAX_COMPONENTS,
     MAX_DENSITY,
     MAX_EXTENT_M,
-    MAX_GAP_M,
     MAX_SIDE_M,
     MIN_COMPONENT_KG,
     MIN_DENSITY,
     MIN_SIDE_M,
     MIN_TOOL_KG,
 )
-from core.designs.tool_joints import MAX_HZ, MAX_JOINTS, MIN_MOVED_KG
+from core.designs.tool_joints import MAX_GAP_M, MAX_HZ, MAX_JOINTS, MIN_MOVED_KG, describe_springs
 from core.interfaces import Brief
 from core.robot.description import tool_urdf
 from core.support.text import kind, short_numbers
@@ -70,6 +69,7 @@ class UrdfTools(VariedTools):
             parts="a collision element" if given else "a collision and an inertial element",
             weight=weight,
             bend=bend,
+            springs=describe_springs(self.material).replace("`rest`", "rest"),
             example=_LIGHT.sub("", example) if given else example,
         )
 
@@ -79,8 +79,9 @@ _LOOSE = f"""\
   link with all that hangs from it: <axis xyz="x y z"/> in the joint's frame; <limit lower="..." upper="..."/> in
   radians or metres around 0, the pose that the origin gives; <dynamics damping="..." friction="..."/> with dry
   friction in N m or N; <spring stiffness="..." rest="..."/> in N m/rad or N/m. At most {MAX_JOINTS}. What a spring
-  moves may swing at {MAX_HZ:g} Hz at most, and must weigh {1000 * MIN_MOVED_KG:g} g at least. It passes through its
-  parent, and touches everything else.
+  moves may swing at {MAX_HZ:g} Hz at most, and must weigh {1000 * MIN_MOVED_KG:g} g at least. {{springs}}.
+  It passes through its parent, and touches everything else. Over the whole range, what moves on the joint touches what
+  bears it: give a prismatic joint a rail, a box of its own or of its parent.
 """
 
 _RULES = f"""\

@@ -4,7 +4,7 @@ import pytest
 from core.design import DesignError
 from core.designs.planning import look, resolve
 from core.errors import UsageError
-from core.interfaces import ActionPlan, Perception, RolloutSettings, Waypoints
+from core.interfaces import ActionPlan, Perception, RolloutSettings, Tempo, Waypoints
 from tasks.bring_cube import BringCube
 from tests.panda import on_panda
 
@@ -76,3 +76,23 @@ def test_a_plan_is_resolved_against_what_is_seen():
 def test_a_plan_that_means_nothing_here_is_a_design_error(meant, problem):
     with pytest.raises(DesignError, match=problem):
         resolve(Plan(meant), TASK, 0, RolloutSettings())
+
+
+def paced(**given):
+    tempo = {"seconds": np.full(2, np.nan), "speeds": np.full(2, np.nan), "waits": np.zeros(2)}
+    return Waypoints(np.vstack([POSES, POSES]), Tempo(through=np.zeros(2, bool), **tempo | given))
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ({"speeds": np.array([np.nan, 1e-6])}, "waypoint 2: a speed of 1e-06 is too small; give 0.001 or more"),
+        ({"seconds": np.array([5e-324, np.nan])}, "waypoint 1: a time of .*e-324 is too small"),
+        ({"seconds": np.array([60.0, 61.0])}, "the plan asks for 121 s; at most 120 s"),
+        ({"waits": np.array([60.0, 61.0])}, "the plan asks for 121 s"),
+        ({"speeds": np.array([0.001, np.nan]), "waits": np.array([21.0, 0.0])}, "the plan asks for 121 s"),
+    ],
+)
+def test_a_tempo_that_costs_too_much_is_refused_before_it_is_planned(given, problem):
+    with pytest.raises(DesignError, match=problem):
+        resolve(paced(**given), TASK, 0, RolloutSettings())

@@ -5,16 +5,19 @@ import numpy as np
 import pytest
 
 from core.design import Component, DesignError, Tool, ToolJoint
-from core.designs.rules import SpawnRules, check_tool
-from core.designs.tool_joints import moved
+from core.designs.rules import SpawnRules, check_tool, mount_solids
+from core.designs.tool_joints import check_joints, moved
 from core.geometry import Box, Pose
+from core.values.materials import PAPER, Material
 from plugins.conformance.joints import hinged, sliding, tongs
 from tests.core.designs.test_rules import CubeOnTable
 from tests.panda import PANDA, on_panda
 
 
 def hinge(**given):
-    return ToolJoint("hinge", given.pop("axis", (1, 0, 0)), given.pop("lower", -1), given.pop("upper", 1), **given)
+    """A hinge at the upper end of a rod of 0.2 m."""
+    ends = given.pop("lower", -1), given.pop("upper", 1)
+    return ToolJoint("hinge", given.pop("axis", (1, 0, 0)), *ends, given.pop("origin", (0, 0, 0.1)), **given)
 
 
 @pytest.mark.parametrize(
@@ -48,9 +51,11 @@ def test_an_axis_becomes_a_unit_vector():
         (hinge(rest=10), "relaxed at 10 rad"),
         (
             hinge(stiffness=100),
-            r"too stiff a spring: .* swing at \d+ Hz, and at most 20 .* a stiffness of 5.3 would do",
+            r"too stiff a spring: .* swing at \d+ Hz, and at most 20 .* a stiffness of 21 would do",
         ),
-        (hinge(damping=1), "too much damping: 1 for an inertia of"),
+        (hinge(damping=0.15, axis=(0, 0, 1)), "too much damping: 0.15 for an inertia of"),
+        (hinge(lower=0, upper=1e-300), "from 0 to 1e-300 rad; give it a range of 0.01 or more"),
+        (ToolJoint("slider", (1, 0, 0), 0, 1e-4), "a range of 0.0005 or more"),
     ],
 )
 def test_joints_that_engines_can_not_follow(joint, fault):
@@ -59,11 +64,71 @@ def test_joints_that_engines_can_not_follow(joint, fault):
         check_tool(hinged(0.2, joint), PANDA)
 
 
+def heavy(joint):
+    """A block of 1 kg that swings on a post, or slides along it."""
+    post = Component("post", "tool_mount", Pose(np.array([0.0, 0.0, -0.15])), Box((0.03, 0.03, 0.3)), 0.05)
+    block = Component("block", "post", Pose(np.array([0.05, 0.0, 0.0])), Box((0.07, 0.2, 0.2)), 1.0, joint=joint)
+    return Tool((post, block))
+
+
+PLA = Material("pla", 1240, young_pa=2.5e9, strength_pa=26e6)
+
+
+@pytest.mark.parametrize(
+    ("joint", "fault", "material"),
+    [
+        # lifts a stone of 38 kg, the damper slows it, and the arm need not move
+        (hinge(stiffness=60, damping=0.3, lower=-0.1, rest=1), "exerts 66 N m where it is 1.1 rad .* at most 3", PAPER),
+        (hinge(stiffness=1.6, lower=-0.1, upper=0.1, rest=1.7), "springs hold 2.59 J .* at most 2 J are", PAPER),
+        (hinge(stiffness=0.6, lower=-0.1, upper=0.1, rest=1), r"exerts 0.66 N m .* at most 0.45 N m", PLA),
+        (ToolJoint("slider", (0, 0, 1), -0.1, 0.1, stiffness=300, rest=0.1), "exerts 60 N .* at most 50 N", PAPER),
+        (hinge(damping=0.3), "a damping of 0.3 N m s/rad; at most 0.2", PAPER),
+        (ToolJoint("slider", (0, 0, 1), -0.1, 0.1, damping=30), "a damping of 30 N s/m; at most 20", PAPER),
+    ],
+)
+def test_springs_and_dampers_are_as_strong_as_those_that_one_can_buy_or_print(joint, fault, material):
+    rules = {name: list(solids) for name, solids in mount_solids(Tool(), PANDA).items()}
+    with pytest.raises(DesignError, match=fault):
+        check_joints(heavy(joint), material, rules)
+
+
+def test_all_springs_of_a_tool_share_an_energy():
+    one = heavy(hinge(stiffness=1.4, lower=-0.1, upper=0.1, rest=1.4))
+    check_joints(one, PAPER, mount_solids(one, PANDA))
+    again = replace(one.components[1], name="other", pose=Pose(np.array([-0.05, 0.0, 0.0])))
+    with pytest.raises(DesignError, match=r"springs hold 3.15 J .* give 'block' a smaller range"):
+        check_joints(Tool((*one.components, again)), PAPER, mount_solids(one, PANDA))
+
+
+@pytest.mark.parametrize(
+    ("joint", "where"),
+    [
+        (ToolJoint("slider", (0, 0, 1), -0.5, 0.1), "at -0.5 m: shorten"),
+        (ToolJoint("slider", (1, 0, 0), 0, 0.2), "at 0.00.* m: shorten"),
+        (hinge(origin=(0, 0, 0.3), lower=-1, upper=1), "at -1 rad: shorten"),
+    ],
+)
+def test_what_moves_goes_on_touching_what_bears_it(joint, where):
+    with pytest.raises(DesignError, match=f"'block' leaves what bears it, 'tool_mount', where its joint is {where}"):
+        check_tool(heavy(joint), PANDA)
+    near = heavy(ToolJoint("slider", (0, 0, 1), -0.1, 0.1))
+    check_tool(near, PANDA)
+
+
+@pytest.mark.parametrize("on", ["block", "post"])
+def test_a_rail_joins_what_moves_far(on):
+    """It is a component like any other, and collides."""
+    tool = heavy(ToolJoint("slider", (0, 0, 1), -0.5, 0.1))
+    at = np.array([-0.04, 0.0, 0.3]) if on == "block" else np.array([0.0, 0.0, -0.3])
+    rail = Component("rail", on, Pose(at), Box((0.03, 0.03, 0.6)), 0.05)
+    check_tool(Tool((*tool.components, rail)), PANDA)
+
+
 def test_the_stiffness_that_is_proposed_is_taken():
     with pytest.raises(DesignError) as refused:
-        check_tool(hinged(0.2, hinge(stiffness=1000)), PANDA)
+        check_tool(hinged(0.2, hinge(stiffness=1000, lower=-0.1, upper=0.1)), PANDA)
     proposed = float(str(refused.value).split("a stiffness of ")[1].split()[0])
-    check_tool(hinged(0.2, hinge(stiffness=0.95 * proposed)), PANDA)
+    check_tool(hinged(0.2, hinge(stiffness=0.95 * proposed, lower=-0.1, upper=0.1)), PANDA)
 
 
 def test_a_joint_moves_something():
@@ -76,11 +141,28 @@ def test_number_of_joints():
     components, parent = [*hinged(0.2, hinge()).components[:1]], "post"
     for i in range(9):
         at = Pose(np.array([0.0, 0.0, -0.06 if i == 0 else -0.02]))
-        components.append(Component(f"c{i}", parent, at, Box((0.02, 0.02, 0.02)), 0.01, joint=hinge()))
+        components.append(
+            Component(
+                f"c{i}",
+                parent,
+                at,
+                Box((0.02, 0.02, 0.02)),
+                0.01,
+                joint=hinge(lower=-0.05, upper=0.05, origin=(0, 0, 0.01)),
+            )
+        )
         parent = f"c{i}"
     check_tool(Tool(tuple(components[:9])), PANDA)
     with pytest.raises(DesignError, match="9 moving joints; at most 8"):
         check_tool(Tool(tuple(components)), PANDA)
+
+
+def test_a_part_of_a_gram_is_no_firmer_for_what_hangs_on_it_by_a_further_joint():
+    post, rod = hinged(0.2, hinge(stiffness=0.3)).components
+    load = Component("load", "rod", Pose(np.array([0.0, 0.0, -0.1])), Box((0.05, 0.05, 0.05)), 0.9)
+    check_tool(Tool((post, replace(rod, mass=0.1), load)), PANDA)
+    with pytest.raises(DesignError, match="'rod' has too stiff a spring"):
+        check_tool(Tool((post, replace(rod, mass=0.001), replace(load, joint=hinge()))), PANDA)
 
 
 def test_what_a_joint_moves():

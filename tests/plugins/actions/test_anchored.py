@@ -1,5 +1,7 @@
 import json
 import pickle
+import re
+import time
 
 import numpy as np
 import pytest
@@ -8,12 +10,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from core.config.compose import load, tool_part
-from core.design import Candidate, DesignError
+from core.design import Candidate, Component, DesignError, Tool
 from core.designs.reading import dump_design, read_designs
 from core.designs.rules import SpawnRules
-from core.geometry import Pose
+from core.geometry import Box, Pose
 from core.interfaces import Anchor, RolloutSettings, Seen, Waypoints
 from core.plugins import installed
+from core.robot.tempo import plan_task_motion
 from core.search.orchestration import resume, run
 from core.simulation.rollout import evaluate_batch
 from core.store.reader import stored_evaluations
@@ -204,6 +207,48 @@ def test_it_is_played_and_what_was_slowed_is_reported():
     assert played.status == "ok"
     assert any("waypoint 2: the arm's limits" in warning for warning in played.warnings)
     assert (lost.status, "no anchor 'nowhere'" in lost.reason) == ("rejected", True)
+
+
+class Never:
+    """A simulator that is not to be called."""
+
+    def rollout(self, task, jobs):
+        assert not jobs
+        return []
+
+
+SWING = [{"offset": [0.5, 0.3 * (-1) ** k, 0.4], "speed": 5.0} for k in range(60)]
+
+
+@pytest.mark.parametrize(
+    ("steps", "reason"),
+    [
+        ([GOOD | {"speed": 1e-6}], "waypoint 1: a speed of 1e-06 is too small"),
+        ([GOOD | {"seconds": 5e-324}], "waypoint 1: a time of"),
+        ([GOOD | {"rpy": [0, 0, 3.0 * (k % 2)], "through": k < 198} for k in range(199)], "and 594 rad long; at most"),
+        ([GOOD | {"wait": 60}] * 3, "the plan asks for 180 s; at most 120 s"),
+        (SWING, "99 parts would be looked at 1600 times a second for 4[0-9] s, .* at most 2e[+]06 are computed"),
+    ],
+)
+def test_what_would_cost_too_much_is_refused_before_it_is_spent(steps, reason):
+    sheets = [
+        Component(f"c{k}", "tool_mount", Pose(np.array([0.0002 * k, 0.0, -0.01])), Box((0.0005, 0.02, 0.02)), 0.0005)
+        for k in range(99)
+    ]
+    began = time.process_time()
+    (lost,) = evaluate_batch(
+        on_panda(BringCube()), Never(), [Candidate(Tool(tuple(sheets)), plan(*steps))], 0, RolloutSettings()
+    )
+    assert lost.status == "rejected"
+    assert re.search(reason, lost.reason)
+    assert time.process_time() - began < 20.0
+
+
+def test_a_hundred_warnings_are_a_line():
+    steps = [{"offset": [0.5, 0.05 * (-1) ** k, 0.4], "speed": 5.0} for k in range(20)]
+    slowed = plan_task_motion(plan(*steps).resolve(SEEN), on_panda(BringCube()), RolloutSettings()).slowdowns()
+    assert len(slowed) == 1
+    assert re.search(r"waypoints 1, 2, 3 and 17 more: .* their ways up to \d+\.\d times slower than asked", slowed[0])
 
 
 @pytest.mark.slow
