@@ -182,21 +182,10 @@ class _Batch:
 
     def planned(self, candidate: Candidate) -> _Attempt | Evaluation:
         """Plan a candidate's motion; an evaluation: it is rejected."""
-        robot, most_s, problem = self.task.robot, self.settings.max_motion_s, candidate.problem
-        warnings: tuple[str, ...] = ()
+        robot, problem, warnings = self.task.robot, candidate.problem, tuple[str, ...]()
         if problem is None:
             try:
-                motion, job = prepare(self.task, candidate, self.seed, self.settings, scene=self.scene)
-            except DesignError as error:
-                problem = str(error)
-        if problem is None and (duration := motion.trajectory.duration) > most_s:
-            took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most_s:.0f} s"
-            problem = f"{took}; use fewer waypoints"
-        elif problem is None:
-            if self._checks or self.settings.observe:
-                job = replace(job, record_hz=sample_hz(robot, job.tool, job.trajectory, thinnest(self.scene)))
-            try:
-                check_work(job.tool, duration, job.record_hz)
+                motion, job = self._prepared(candidate)
             except DesignError as error:
                 problem = str(error)
         if problem is None and self._checks and (met := find_self_collision(robot, job.tool, motion.trajectory)):
@@ -207,6 +196,23 @@ class _Batch:
         if self.task.reads_trace:
             job = replace(job, record_hz=job.record_hz or TRACE_HZ, forces=True)
         return _Attempt(candidate, job.tool, motion, job, warnings)
+
+    def _prepared(self, candidate: Candidate) -> tuple[Motion, Rollout]:
+        """Plan a candidate's motion, and make the job that plays it.
+
+        Raises:
+            DesignError: the plan means nothing in this layout, or costs too much time.
+        """
+        motion, job = prepare(self.task, candidate, self.seed, self.settings, scene=self.scene)
+        duration, most_s = motion.trajectory.duration, self.settings.max_motion_s
+        if duration > most_s:
+            took = f"the motion takes {duration:.0f} s under the arm's limits, more than {most_s:.0f} s"
+            raise DesignError(f"{took}; use fewer waypoints")
+        if self._checks or self.settings.observe:
+            hz = sample_hz(self.task.robot, job.tool, job.trajectory, thinnest(self.scene))
+            check_work(job.tool, duration, hz)
+            job = replace(job, record_hz=hz)
+        return motion, job
 
     def judged(self, attempts: Sequence[_Attempt]) -> list[Evaluation]:
         """Check what was played, and reward it."""
