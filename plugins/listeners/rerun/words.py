@@ -4,25 +4,22 @@ the targets of links.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from core.design import Candidate, Evaluation
-from core.events import Generation, Run
-from core.interfaces import Reply
-from core.store.reader import known_sum
-from core.support.text import clean, table
+from core.support.text import clean
 
 MAX_NAME = 200
 MAX_TEXT = 4000
 _INDENT = "    "  # before every line of a model's, so that it can't be taken for one of ours
 
 
-def design_text(evaluation: Evaluation, replayed: float | None, note: str = "", model: str = "") -> str:
-    """The text beside a candidate; ``replayed`` is the reward of the recorded rollout, ``model`` designed it."""
+def design_text(evaluation: Evaluation, replayed: float | None, note: str = "") -> str:
+    """The text beside a candidate; ``replayed`` is the reward of the recorded rollout."""
     candidate = evaluation.candidate
     lines = [
         f"candidate {candidate.id}, reward {evaluation.reward:.3f}, distance {evaluation.distance_m:.2f} m",
-        _descent(candidate) + (f", by {clean(model, MAX_NAME)}" if model else ""),
+        _descent(candidate),
     ]
     if replayed is not None and abs(replayed - evaluation.reward) > 1e-6:
         lines.append(f"the recorded rollout earned {replayed:.3f}")
@@ -55,18 +52,6 @@ def tools_text(ranked: Sequence[Evaluation], reward_save: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def critiques_text(critiques: Sequence[tuple[Evaluation, Reply]]) -> str:
-    """What critics wrote of candidates."""
-    lines = []
-    for evaluation, reply in critiques:
-        lines.append(
-            f"candidate {evaluation.candidate.id}, reward {evaluation.reward:.3f}, in the words of "
-            f"{clean(reply.model, MAX_NAME)}:"
-        )
-        lines += [*_quoted(reply.error or reply.text[: 2 * MAX_TEXT]), ""]
-    return "\n".join(lines) + "\n"
-
-
 def _descent(candidate: Candidate) -> str:
     match candidate.parents:
         case ():
@@ -80,25 +65,3 @@ def _descent(candidate: Candidate) -> str:
 def _quoted(*texts: str) -> list[str]:
     lines = [line for text in texts for line in clean(text, MAX_TEXT, lines=True).splitlines()]
     return [f"{_INDENT}{line}" for line in lines] or [f"{_INDENT}(nothing)"]
-
-
-def run_text(run: Run, generations: Sequence[Generation], replies: Sequence[Iterable[Reply]]) -> str:
-    """The run so far, in Markdown, without any text of the model; ``replies`` are by generation."""
-    parts = ", ".join(f"{kind}={name}" for kind, name in run.parts.items())
-    rows = []
-    for generation, cost in zip(generations, map(spent, replies), strict=True):
-        rewards = (generation.best_reward, generation.mean_reward)
-        figures = ["" if reward is None else f"{reward:.3f}" for reward in rewards]
-        counts = [len(generation.evaluations), generation.count("rejected"), generation.count("failed")]
-        rows.append([str(generation.index), *figures, *map(str, counts), cost])
-    columns = ("generation", "best", "mean", "candidates", "rejected", "failed", "tokens and cost")
-    lines = [f"# {run.task.name}", run.task.description, "", f"`{parts}, seed={run.seed}`", "", table(columns, rows)]
-    return "\n".join(lines) + "\n"
-
-
-def spent(replies: Iterable[Reply]) -> str:
-    """Tokens and US dollars in words."""
-    formats = {"prompt_tokens": "{} in", "completion_tokens": "{} out", "cost_usd": "${:.4f}"}
-    known = list(replies)
-    sums = ((known_sum(getattr(reply, name) for reply in known), text) for name, text in formats.items())
-    return ", ".join(text.format(value) for value, text in sums if value is not None)

@@ -6,9 +6,11 @@ There are two timelines. ``sim_time`` runs through the recorded rollouts, one af
 
 from __future__ import annotations
 
-import itertools
+import threading
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -18,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from core.design import GRIPPER_MOUNTS, RIGID_MOUNT, Candidate, Component, Evaluation, Tool
 from core.events import Generation, Run
 from core.geometry import Array, Pose
-from core.interfaces import Recording, Reply, Request, Robot
+from core.interfaces import Recording, Robot
 from core.robot.frames import bearer_frames, link_frames, tool_values
 from core.robot.kinematics import arm_of
 from core.robot.meshes import link_visuals
@@ -28,12 +30,12 @@ from core.simulation.rollout import prepare
 from core.solids.contacts import find_contacts, make_trace, up_to_each
 from core.solids.held import as_held, solids
 from core.solids.record_rate import subset
-from core.store.reader import known_sum
 from core.task import reward_of
-from plugins.listeners.rerun.layout import Contents, layout
+from plugins.listeners.rerun.layout import layout
 from plugins.listeners.rerun.lineage import Lineage
-from plugins.listeners.rerun.streams import Path, Streams
-from plugins.listeners.rerun.words import critiques_text, design_text, run_text, tools_text
+from plugins.listeners.rerun.words import design_text, tools_text
+
+_FLUSH_S, _END_S = 10.0, 5.0  # until all data are on the disk
 
 _PAUSE_S = 0.5  # between two rollouts
 _GAP_M = 0.08  # between two tools side by side
@@ -41,33 +43,40 @@ _LEAST_M = 0.15  # of the row for a tool
 _PATH_COLOR = (230, 120, 20)
 _LABEL_COLOR = (90, 90, 90)
 _ELITE_COLOR = (20, 120, 60)
-_SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200), "deviation": (150, 150, 150)}
-# Figures of replies, and their places.
-_SPENT = {"prompt_tokens": "tokens/prompt", "completion_tokens": "tokens/completion", "cost_usd": "cost_usd"}
+_SERIES = {"best": (20, 120, 60), "mean": (40, 90, 200)}
 _SHARP_RAD = np.radians(30.0)  # faces that meet at a wider angle are shaded apart
 _MOUNTS = (RIGID_MOUNT, *GRIPPER_MOUNTS)
 
+_Place = tuple[str, ...]
+
 
 class Writer:
-    """Writes a run to a recording."""
+    """Writes a run to a recording, the file ``recording.rrd`` in its folder.
 
-    def __init__(self, run: Run, streams: Streams) -> None:
+    Raises:
+        RuntimeError: Rerun can't write; by each method.
+    """
+
+    def __init__(self, run: Run, file: Path) -> None:
         self._run = run
-        self._streams = streams
-        self._log = streams.log
+        self._stream = rr.RecordingStream("vlmgineer")
+        self._stream.set_log_time_enabled(False)
+        self._stream.set_log_tick_enabled(False)
+        self._stream.set_sinks(rr.FileSink(file))
+        self._stream.send_recording_name(f"{run.task.name}, {run.folder.name}")
         self._clock = 0.0
-        self._generations: list[Generation] = []
-        self._replies: list[list[Reply]] = []  # by generation
-        self._models: dict[tuple[int, int], str] = {}  # by generation and agent
-        self._criticised = False
         self._lineage = Lineage()
         self._loose: set[str] = set()  # the tools' components with a joint
-        self._visible: set[Path] = set()  # of the meshes that come and go
+        self._visible: set[_Place] = set()  # of the meshes that come and go
         self._row = 0.0
-        self._arranged: Contents | None = None
+        self._arranged: tuple[float, bool] | None = None
+        self._robot = run.task.robot
+        self._hand: dict[str, trimesh.Trimesh] = {}  # the gripper's links
+
+    def begin(self) -> None:
+        """Write what does not change: the layout, the scene and the arm."""
         self._arrange()
         self._scene()
-        self._robot = run.task.robot
         always = links(self._robot, gripper=False)
         both = links(self._robot, gripper=True) if self._robot.gripper else {}
         self._hand = {name: mesh for name, mesh in both.items() if name not in always}
@@ -75,44 +84,30 @@ class Writer:
             self._log(("world", "robot", name), _mesh(mesh), static=True)
         for name, color in _SERIES.items():
             self._log(("search", "reward", name), rr.SeriesLines(colors=color, names=name, widths=2.0), static=True)
-        for name in ("prompt", "completion"):
-            self._log(("search", "tokens", name), rr.SeriesLines(names=f"{name}, so far", widths=2.0), static=True)
-        self._log(("search", "cost_usd"), rr.SeriesLines(names="US$, so far", widths=2.0), static=True)
-        streams.flush()
+        self._flush()
 
-    def generation(
-        self, generation: Generation, tools: Sequence[Evaluation], asked: Sequence[tuple[Request, Reply]]
-    ) -> None:
-        """Write a generation's figures, its best ``tools`` side by side, and the designs that they derive from.
-
-        ``asked`` are the generation's requests and replies; its critiques are of the generation before.
-        """
-        self._generations.append(generation)
-        self._replies.append([reply for _, reply in asked])
-        self._models |= {(r.brief.generation, r.brief.agent): reply.model for r, reply in asked if not r.critique}
-        critiques = [(request.brief.elites[0], reply) for request, reply in asked if request.critique]
-        self._criticised |= bool(critiques)
-        self._streams.at(self._clock, generation.index)
-        rewards = [e.reward for e in generation.evaluations if e.status == "ok"]
-        if rewards:
-            figures = {"best": max(rewards), "mean": float(np.mean(rewards)), "deviation": float(np.std(rewards))}
-            for name, figure in figures.items():
-                self._log(("search", "reward", name), rr.Scalars(figure))
-        for name, place in _SPENT.items():
-            count = self._total(name)
-            if count is not None:
-                self._log(("search", *place.split("/")), rr.Scalars(count))
+    def generation(self, generation: Generation, tools: Sequence[Evaluation]) -> None:
+        """Write a generation's rewards, its best ``tools`` side by side, and the designs that they derive from."""
+        self._at(generation.index)
+        for name, reward in (("best", generation.best_reward), ("mean", generation.mean_reward)):
+            if reward is not None:
+                self._log(("search", "reward", name), rr.Scalars(reward))
         designed = [e for e in tools if e.candidate.tool is not None and e.candidate.tool.components]
         self._side_by_side(designed)
         self._write("tools", tools_text(designed, self._run.budget.reward_save))
-        if critiques:
-            self._write("critiques", critiques_text(critiques))
         self._lineage.add(generation.index, tools)
         if self._lineage.places:
             self._log(("lineage",), *self._lineage.graph())
-        self._write("run", run_text(self._run, self._generations, self._replies), rr.MediaType.MARKDOWN)
         self._arrange()
-        self._streams.flush()
+        self._flush()
+
+    def close(self) -> None:
+        """End the recording. A disk that fails must not hold up the process at its exit."""
+        ending = threading.Thread(target=self._stream.disconnect, daemon=True)
+        ending.start()
+        ending.join(_END_S)
+        if ending.is_alive():
+            rr.unregister_shutdown()
 
     def rollout(self, generation: int, rank: int, evaluation: Evaluation, hz: float) -> None:
         """Write the arm, the tool and the scene in motion, the reward, and the model's description; or the reason why
@@ -120,20 +115,19 @@ class Writer:
         """
         candidate = evaluation.candidate
         assert candidate.tool is not None
-        model = self._models.get(candidate.key[:2], "")
-        self._streams.at(self._clock, generation)
+        self._at(generation)
         try:
             motion, recording, rewards = replay(self._run, candidate, hz)
         except ValueError as error:
             note = f"the rollout can't be shown: {error}"
-            self._write("design", f"generation {generation}\n{design_text(evaluation, None, note, model)}")
-            self._streams.flush()
+            self._write("design", f"generation {generation}\n{design_text(evaluation, None, note)}")
+            self._flush()
             return
         self._mount(candidate.tool)
         path = rr.LineStrips3D([arm_of(self._robot).positions(recording.arm)], colors=_PATH_COLOR, radii=0.002)
         self._log(("world", "path"), path)
         self._log(("world", "waypoints"), rr.Points3D(motion.plan[:, :3], colors=_PATH_COLOR, radii=0.008))
-        text = design_text(evaluation, float(rewards[-1]), model=model)
+        text = design_text(evaluation, float(rewards[-1]))
         self._write("design", f"generation {generation}, rank {rank}\n{text}")
 
         times = recording.times - recording.times[0] + self._clock
@@ -145,9 +139,9 @@ class Writer:
             self._move(("world", "scene", name), times, generation, states.positions[:, k], w_last)
         known = np.isfinite(rewards)
         course = rr.Scalars.columns(scalars=rewards[known])
-        self._streams.columns(("reward", candidate.id), times[known], generation, course)
+        self._columns(("reward", candidate.id), times[known], generation, course)
         self._clock = float(times[-1]) + _PAUSE_S
-        self._streams.flush()
+        self._flush()
 
     # --- pieces -------------------------------------------------------------------------------------------------
 
@@ -191,23 +185,38 @@ class Writer:
             self._log((*path, "label"), label)
             x += widths[rank - 1]
 
-    def _total(self, name: str) -> float | None:
-        return known_sum(getattr(reply, name) for reply in itertools.chain(*self._replies))
-
     def _arrange(self) -> None:
         """Send the layout, again where there is something new to see."""
-        prompt, completion, cost = (self._total(name) is not None for name in _SPENT)
-        contents = Contents(self._row, bool(self._lineage.edges), prompt or completion, cost, self._criticised)
-        if contents != self._arranged:
-            self._streams.arrange(layout(self._run.task.camera, contents))
-            self._arranged = contents
+        shown = self._row, bool(self._lineage.edges)
+        if shown != self._arranged:
+            self._stream.send_blueprint(layout(self._run.task.camera, *shown))
+            self._arranged = shown
 
     # --- Rerun --------------------------------------------------------------------------------------------------
 
-    def _write(self, name: str, text: str, media_type: str = rr.MediaType.TEXT) -> None:
-        self._log(("text", name), rr.TextDocument(text, media_type=media_type))
+    def _at(self, generation: int) -> None:
+        """Set the time of what is logged next."""
+        self._stream.set_time("sim_time", duration=self._clock)
+        self._stream.set_time("generation", sequence=generation)
 
-    def _show(self, path: Path, mesh: trimesh.Trimesh | None, *, once: bool = False) -> None:
+    def _log(self, path: _Place, *what: rr.AsComponents, static: bool = False) -> None:
+        """Log at the time that is set, or with ``static`` for all times."""
+        self._stream.log(list(path), *what, static=static, strict=True)
+
+    def _columns(self, path: _Place, times: Array, generation: int, columns: Any) -> None:
+        """Log many rows at once, at instants (T,) of ``sim_time``, all in one generation."""
+        instants = rr.TimeColumn("sim_time", duration=times)
+        same = rr.TimeColumn("generation", sequence=np.full(len(times), generation))
+        self._stream.send_columns(rr.new_entity_path(list(path)), [instants, same], columns, strict=True)
+
+    def _flush(self) -> None:
+        """Wait until all data have arrived."""
+        self._stream.flush(timeout_sec=_FLUSH_S)
+
+    def _write(self, name: str, text: str) -> None:
+        self._log(("text", name), rr.TextDocument(text, media_type=rr.MediaType.TEXT))
+
+    def _show(self, path: _Place, mesh: trimesh.Trimesh | None, *, once: bool = False) -> None:
         """Show or clear a mesh that comes and goes; with ``once`` it is the same each time."""
         if mesh is None:
             if path in self._visible:
@@ -217,9 +226,9 @@ class Writer:
             self._log(path, _mesh(mesh))
             self._visible.add(path)
 
-    def _move(self, path: Path, times: Array, generation: int, positions: Array, quaternions: Array) -> None:
+    def _move(self, path: _Place, times: Array, generation: int, positions: Array, quaternions: Array) -> None:
         poses = rr.Transform3D.columns(translation=positions, quaternion=quaternions)
-        self._streams.columns(path, times, generation, poses)
+        self._columns(path, times, generation, poses)
 
 
 def replay(run: Run, candidate: Candidate, hz: float) -> tuple[Motion, Recording, Array]:
