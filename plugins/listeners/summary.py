@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 import statistics
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from core.config.sources import defaults
 from core.design import best_tools
-from core.errors import UserError
 from core.hooks import hookimpl
-from core.plugins import TASK, installed
 from core.support.cli import print_table, say
 from core.support.text import clean, number
-from core.values.materials import PAPER
 
 if TYPE_CHECKING:
     from core.events import Generation, Result, Run
@@ -137,36 +130,6 @@ def _commands(run: Run, result: Result) -> Iterable[str]:
         return
     yield f"vlmgineer report {folder}"
     yield f"vlmgineer gallery {folder}"
-    words = [f"{kind}={run.parts[kind]}" for kind in ("task", "sim", "tool")]
-    parts = shlex.join([*words, *_overrides(run)])
-    design = _short(run.folder / "best" / "design.json").replace("\\", "\\\\").replace('"', '\\"')
-    if not re.fullmatch(r"[\w./-]+", design):
-        design = f'"{design}"'  # as Hydra wants it, beside what the shell wants
-    yield f"python -m core.evaluate {parts} seed={run.seed} {shlex.quote(f'designs={design}')}"
-
-
-def _overrides(run: Run) -> Iterable[str]:
-    """Overrides that choose the run's robot and material, and set what of these and of its task is not the default."""
-    from core.support.text import hydra_word
-
-    usual_names = {"task": run.parts["task"], "robot": installed().default_robot.name, "material": PAPER.name}
-    for kind, usual_name in usual_names.items():
-        chosen = dict(run.config.get(kind) or {})
-        name = chosen.pop("name", usual_name)
-        if name != usual_name:
-            yield f"{kind}={name}"
-        usual = _material(name) if kind == "material" else defaults(kind, name)
-        settings = {key: value for key, value in chosen.items() if kind == "robot" or key not in TASK.own_keys}
-        yield from (f"{kind}.{key}={hydra_word(value)}" for key, value in settings.items() if usual.get(key) != value)
-
-
-def _material(name: str) -> Mapping[Any, Any]:
-    """The settings of a material; of one's own, from elsewhere, those that materials have by default."""
-    from core.config.compose import load
-
-    with suppress(UserError):
-        return load("prompt", [f"material={name}"]).material  # type: ignore[no-any-return]
-    return asdict(PAPER)
 
 
 def _short(path: Path) -> str:
