@@ -15,9 +15,8 @@ from omegaconf import OmegaConf
 
 from core.errors import UsageError, UserError
 from core.plugins import installed
-from core.search.orchestration import print_outcome, resume, run
+from core.search.orchestration import resume, run
 from core.store.database import FILE, LOCK
-from core.store.recorder import RunStore
 from tests import toys
 from tests.commands import python_m
 from tests.core.run_folders import edit
@@ -176,17 +175,6 @@ def test_a_limit_ends_a_run_well_and_the_run_goes_on_where_it_is_raised(toy, who
     assert_same_run(folder, whole)
 
 
-def test_a_proposal_that_failed_is_neither_asked_for_again_nor_waited_for(toy, whole, tmp_path):
-    """A resume of ShinkaEvolve (#98) waited for ever, or believed itself finished."""
-    folder = tmp_path / "run"
-    begin(toy, folder, vlm_limit=3)
-    failed = rows(folder / FILE, "SELECT request_id, error FROM replies WHERE text NOT LIKE '{%' ORDER BY request_id")
-    assert failed == [("g0-a1", None), ("g0-a2", "out of order")]
-    resume(folder, ["vlm.limit=null"])
-    assert toy.lines("asked").count("g0-a1") == toy.lines("asked").count("g0-a2") == 1
-    assert_same_run(folder, whole)
-
-
 @pytest.mark.parametrize("down", ["g0-.*", "g1-.*", "g0-a3|g1-.*", "g1-a[23]"])
 def test_what_a_service_did_not_answer_is_asked_again(toy, whole, tmp_path, capsys, down):
     """A refusal beside it, of agent 2, stays; so does each answer."""
@@ -337,46 +325,6 @@ def test_a_run_that_had_ended_and_was_killed_while_it_went_on_has_not_ended(toy,
     assert_same_run(folder, whole)
 
 
-def test_a_limit_before_anything_came(toy, tmp_path):
-    cfg = toys.config(toy.file)
-    OmegaConf.update(cfg, "vlm.limit", 0, force_add=True)
-    result = run(cfg, tmp_path / "run")
-    assert (result.generations, result_of(tmp_path / "run")["best"]) == ((), None)
-    with pytest.raises(UserError, match=r"no candidate could be tried: 0 replies are .*; to go on: python -m core.run"):
-        print_outcome(result, tmp_path / "run")
-
-
-REFUSED = [
-    ("seed=6", "seed=6: a run goes on as it began; what may change: executor, listener, vlm.*, film, budget.n_iter"),
-    ("task=OneBook", "what may change"),
-    ("vlm=offline", "what may change"),
-    ("vlm.name=offline", "what may change"),
-    ("budget.k_top=9", "what may change"),
-    ("~executor", "~executor"),
-    ("executor=nonesuch", "no executor 'nonesuch'; possible: "),
-    ("executor.nonesuch=3", "nonesuch"),
-    ("film=perhaps", "perhaps"),
-    ("budget.n_iteration=2,3", "one value for each setting"),
-    ("budget.n_iteration=", "budget.n_iteration"),
-    ("budget.n_iteration=many", "many"),
-    ("nonsense", "nonsense"),
-]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("override", "said"), REFUSED, ids=[override for override, _ in REFUSED])
-def test_what_has_a_bearing_on_the_past_cannot_change(toy, tmp_path, override, said):
-    folder = tmp_path / "run"
-    begin(toy, folder, vlm_limit=1)
-    before = tables(folder)
-    with pytest.raises(UserError) as error:
-        resume(folder, [override])
-    assert said in str(error.value)
-    assert "\n" not in str(error.value)
-    assert tables(folder) == before
-    resume(folder, ["vlm.limit=2"])  # and no lock is left
-
-
 def test_a_changed_prompt_is_reported_and_the_replies_are_kept(toy, tmp_path, caplog):
     folder = tmp_path / "run"
     begin(toy, folder, vlm_limit=6)
@@ -431,13 +379,6 @@ def test_a_run_killed_before_it_stored_anything_begins_anew(toy, whole, tmp_path
         assert_same_run(folder, whole)
 
 
-def test_a_note_of_hydra_that_cannot_be_read(tmp_path):
-    (tmp_path / ".hydra").mkdir()
-    (tmp_path / ".hydra" / "config.yaml").write_text("task: {name: Bring")
-    with pytest.raises(UserError, match=r"config.yaml can't be used: "):
-        resume(tmp_path)
-
-
 # --- one process at a time --------------------------------------------------------------------------------------
 
 
@@ -457,16 +398,6 @@ def test_a_second_process_is_refused_and_the_first_goes_on(toy, whole, tmp_path)
         other.wait()
     resume(folder, ["vlm.limit=100"])
     assert_same_run(folder, whole)
-
-
-def test_no_candidate_is_stored_twice(toy, tmp_path):
-    folder = tmp_path / "run"
-    result = begin(toy, folder)
-    store = RunStore.open(folder)
-    store.past.candidates.clear()
-    with pytest.raises(sqlite3.IntegrityError, match="UNIQUE"):
-        store.candidate_evaluated(result.best)
-    store.run_ended()
 
 
 # --- forms of the store, damage ---------------------------------------------------------------------------------

@@ -32,9 +32,6 @@ from tests.test_resume import assert_same_run
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
-POINTS = int(os.environ.get("VLMGINEER_REAL_KILLS", "0"))
-
-
 # --- Ctrl-C -----------------------------------------------------------------------------------------------------
 
 
@@ -107,16 +104,6 @@ def kill(run, folder, more_than):
     run.kill()
     assert finished(run)[0] == -signal.SIGKILL
     assert all_gone(processes)
-
-
-@pytest.mark.skipif(POINTS == 0, reason="takes a minute for every two; VLMGINEER_REAL_KILLS says how many")
-@pytest.mark.parametrize("point", range(POINTS or 1))
-def test_a_run_whose_process_is_killed_leaves_no_process_and_goes_on(undisturbed, tmp_path, point):
-    """With real workers, a real engine and the embedded designer, at different numbers of evaluations."""
-    folder = tmp_path / "run"
-    kill(start(tmp_path, "run", *SMALL, f"hydra.run.dir={folder}", "executor.workers=2"), folder, point * 12 // POINTS)
-    go_on(folder, "executor.workers=2")
-    assert_same_run(folder, undisturbed)
 
 
 # --- SIGTERM ----------------------------------------------------------------------------------------------------

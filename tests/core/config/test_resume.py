@@ -29,6 +29,10 @@ def test_what_has_no_effect_on_the_past_may_change(began):
     [
         ("seed=6", "seed=6: a run goes on as it began; what may change: executor, listener, vlm"),
         ("vlm.name=replay", "a run goes on as it began"),
+        ("vlm=offline", "a run goes on as it began"),
+        ("budget.k_top=9", "a run goes on as it began"),
+        ("film=perhaps", "perhaps"),
+        ("nonsense", "nonsense"),
         ("~listener", "a run goes on as it began"),
         ("budget.n_iteration=1", "can only be raised; it is 2"),
         ("film=true,false", "one run goes on, with one value for each setting"),

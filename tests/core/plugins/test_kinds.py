@@ -2,7 +2,6 @@ import typing
 
 import pytest
 
-from core import plugins
 from core.errors import UserError
 from core.hooks import hookimpl
 from core.interfaces import VLM, Task
@@ -55,28 +54,3 @@ def test_a_listener_receives_some_event(found):
     with pytest.raises(UserError, match=r"listener 'wrong' of my-package .*number") as error:
         found.create("listener", "wrong")
     assert "\n" not in str(error.value)
-
-
-def test_events_reach_listeners():
-    received = []
-
-    class Listener:
-        @hookimpl
-        def generation_started(self, index):
-            received.append(index)
-
-    hub = plugins.event_hub()
-    hub.register(Listener())
-    hub.hook.generation_started(index=3)
-    hub.hook.run_ended()  # no listener implements it
-    assert received == [3]
-
-
-def test_a_listener_with_the_wrong_arguments_is_refused():
-    class Listener:
-        @hookimpl
-        def generation_started(self, number):
-            pass
-
-    with pytest.raises(Exception, match="number"):
-        plugins.event_hub().register(Listener())

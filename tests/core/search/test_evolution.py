@@ -132,12 +132,6 @@ def test_the_strategy_gets_results_in_order_however_they_arrive(seed):
         assert list(generation.evaluations) == evaluated
 
 
-def test_one_generation_more_than_iterations():
-    result, strategy, _ = run([population(i, 1) for i in range(9)], n_iteration=3)
-    assert strategy.asked == len(result.generations) == 4
-    assert [generation.index for generation in result.generations] == [0, 1, 2, 3]
-
-
 @pytest.mark.parametrize(("stop_reward", "generations"), [(0.04, 2), (0.041, 3), (None, 4), (0.01, 1)])
 def test_a_reward_that_is_enough_ends_the_run(stop_reward, generations):
     """The best of generation i is 0.02 * (i + 1)."""
@@ -151,13 +145,6 @@ def earn_by_action(rewards):
     return lambda chunk: [
         Evaluation(c, "ok", reward=rewards[c.action], distance_m=2.0 + c.generation - c.action / 10) for c in chunk
     ]
-
-
-def test_of_nearly_equal_rewards_the_shorter_way_wins():
-    result, _, _ = run([population(0, 4)], earn_by_action([0.900, 0.896, 0.5, 0.1]))
-    assert result.best.candidate.action == result.generations[0].best.candidate.action == 1
-    assert result.generations[0].best_reward == 0.900
-    assert [e.candidate.action for e in result.ranking] == [1, 0, 2, 3]
 
 
 def test_ties_are_those_of_all_generations_and_the_strategy_says_how_large():
@@ -188,12 +175,6 @@ def test_the_strategy_gets_an_empty_generation_too():
     assert result.generations[0].best is None
     assert result.generations[0].mean_reward is None
     assert result.best is not None
-
-
-def test_a_run_in_which_nothing_could_be_tried():
-    result, _, _ = run([population(0, 2, problem="a rule")])
-    assert result.best is None
-    assert result.n_evaluations == 0
 
 
 # --- what is rejected, what fails -------------------------------------------------------------------------------
@@ -229,18 +210,6 @@ def test_only_the_guilty_one_of_a_broken_chunk_fails():
     assert evaluated[2].reward == 0
     assert result.best.candidate.action == 4
     assert result.n_evaluations == 5
-
-
-def test_a_chunk_that_breaks_does_not_touch_its_neighbours():
-    def burst(chunk):
-        if chunk[0].strategy == 1 and len(chunk) > 1:
-            raise MemoryError
-        return earn(chunk)
-
-    executor = Here()
-    _, strategy, _ = run([population(0, 3, 3, 3)], burst, executor)
-    assert [len(chunk) for chunk in executor.chunks] == [3, 3, 3, 1, 1, 1]
-    assert [e.status for e in strategy.evaluated[0]] == ["ok"] * 9
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), MemoryError(), Fault("it was killed")])
@@ -336,20 +305,6 @@ def test_what_candidates_raise_while_they_are_gathered_is_raised():
         list(evaluate_all(broken(), ManyAtOnce(100), Here()))
 
 
-def test_results_are_yielded_while_candidates_still_arrive():
-    """Listeners must not wait for a model's last reply to receive the first evaluation."""
-    seen = []
-
-    def slowly():
-        for candidate in population(0, 2, 2, 2):
-            seen.append("asked")
-            yield candidate
-
-    evaluations = evaluate_all(slowly(), earn, Here())
-    next(evaluations)
-    assert len(seen) < 6
-
-
 # --- identical candidates ---------------------------------------------------------------------------------------
 
 
@@ -375,16 +330,6 @@ def test_identical_candidates_are_tried_once_and_earn_the_same():
     in_order = sorted(first, key=lambda candidate: candidate.key)
     assert [e.candidate.strategy_name for e in strategy.evaluated[0]] == [c.strategy_name for c in in_order]
     assert result.n_evaluations == 6
-
-
-def test_one_that_breaks_breaks_for_all_that_are_identical():
-    def burst(chunk):
-        raise RuntimeError("it burst")
-
-    executor = Here()
-    _, strategy, _ = run([alike((0, 0, 0, 0), (0, 1, 0, 0), (0, 2, 0, 0))], burst, executor)
-    assert tried(executor) == ["g0-a0-s0-p0", "g0-a0-s0-p0"]  # once in its chunk, once alone
-    assert [(e.status, e.reason) for e in strategy.evaluated[0]] == [("failed", "RuntimeError: it burst")] * 3
 
 
 def test_what_is_said_about_a_tool_makes_no_difference_and_what_it_is_does():

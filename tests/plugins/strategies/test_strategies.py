@@ -39,19 +39,6 @@ def rewards(evaluations):
 # --- elites -----------------------------------------------------------------------------------------------------
 
 
-def test_the_best_come_first():
-    found = select([earned(0.6, 0), earned(0.9, 1), earned(0.7, 2)], 5, 0.0)
-    assert rewards(found) == [0.9, 0.7, 0.6]
-
-
-def test_no_more_than_k_top():
-    assert rewards(select([earned(r / 10, r) for r in range(10)], 3, 0.0)) == [0.9, 0.8, 0.7]
-
-
-def test_only_what_earned_more_than_reward_save():
-    assert rewards(select([earned(0.61, 0), earned(0.6, 1), earned(0.59, 2)], 5, 0.6)) == [0.61]
-
-
 def test_one_of_each_tool():
     found = select([earned(0.8, 0, 0), earned(0.9, 0, 1), earned(0.7, 1, 0), earned(0.85, 0, 0, agent=1)], 5, 0.0)
     assert [e.candidate.id for e in found] == ["g0-a0-s0-p1", "g0-a1-s0-p0", "g0-a0-s1-p0"]
@@ -137,17 +124,6 @@ def test_where_elites_come_from(elites_from, parents):
     search.tell([earned(0.7, generation=1)])
     search.ask()
     assert designer.asked[-1] == (2, parents)
-
-
-def test_elites_of_the_run_outlive_a_bad_generation():
-    for elites_from, parents in (("generation", []), ("run", ["g0-a0-s0-p0"])):
-        search, designer = strategy("vlmgineer", elites_from=elites_from)
-        search.ask()
-        search.tell([earned(0.9)])
-        search.ask()
-        search.tell([earned(0.1, generation=1)])
-        search.ask()
-        assert designer.asked[-1] == (2, parents)
 
 
 def test_elites_come_from_two_places_only():
