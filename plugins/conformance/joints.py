@@ -89,6 +89,15 @@ def check_spring_sags_and_holds(simulator: Simulator) -> None:
     expect(abs(values[-1] / due - 1) < 0.02, f"a block on a spring sags by {values[-1]:.4f} m instead of {due:.4f} m")
 
 
+def check_joints_are_held_until_the_motion_begins(simulator: Simulator) -> None:
+    """A spring that is far from relaxed, and a weight, move nothing while the scene settles."""
+    for tool in (hinged(1.2, hinge(stiffness=3.0, rest=2.0)), sliding(ToolJoint("slider", (0.0, 0.0, 1.0), -0.3, 0.3))):
+        recording = film(wait(simulator, cube(at=(3, 3, 5)), tool=tool, seconds=0.3, settle_s=0.5, record_hz=100))
+        before = float(np.abs(recording.fingers[recording.times < 1e-6, -1]).max())
+        expect(before < 1e-3, f"a tool's joint moved by {before:.4f} before the motion began")
+        expect(abs(recording.fingers[-1, -1]) > 0.1, "a held joint of a tool is not let go when the motion begins")
+
+
 def check_joint_stops_at_its_limits(simulator: Simulator) -> None:
     _, values = _values(simulator, hinged(0.8, hinge(lower=-0.2)), 2.0)
     expect(values.min() > -0.23, f"a hinge that ends at -0.2 rad got to {values.min():.3f} rad")

@@ -79,7 +79,8 @@ _JOINTS = f"""
   `rest`, where it is relaxed; 0 where there is none. At most {MAX_JOINTS} joints; what a spring moves may swing at
   {MAX_HZ:g} Hz at most, and must weigh {1000 * MIN_MOVED_KG:g} g at least. {{springs}}.
   A component with a joint passes through its parent, and touches everything else. Over the whole range, what moves on
-  the joint touches what bears it: give a slider a rail, a component of its own or of its parent."""
+  the joint touches what bears it: give a slider a rail, a component of its own or of its parent.
+  Joints are held at 0 until the motion begins."""
 
 
 def weight_rules(material: Material, robot: Robot, masses: str) -> tuple[str, str]:

@@ -22,6 +22,7 @@ from plugins.simulators.mujoco.robot import add_servos, load, set_gains
 from plugins.simulators.mujoco.shapes import Element, add_geom
 
 GRAVITY = 9.81
+HELD = 1e3  # N m or N, of dry friction that holds a joint of the tool
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS  # time, joints' positions, their speeds: nothing of ours has more
 
 
@@ -89,7 +90,8 @@ class Joints:
     Attributes:
         count: of all of them; the free bodies' positions follow.
         driven: those with a motor: the arm's, and the fingers' of a gripper tool.
-        loose: the tool's.
+        loose: the tool's; joints, speeds and positions have the same numbers.
+        springs: their stiffness and dry friction, (2, K).
         arm: how many are the arm's.
         grip: how many are fingers'.
         fingers: how many the robot has.
@@ -98,6 +100,7 @@ class Joints:
     count: int
     driven: list[int]
     loose: list[int]
+    springs: Array
     arm: int
     grip: int
     fingers: int
@@ -106,8 +109,13 @@ class Joints:
     def of(cls, robot: Robot, tool: Tool, model: Element) -> Joints:
         names = robot.joints(tool.gripper), [joint_name(bearer.name) for bearer in tool.bearers]
         driven, loose = ([int(model.joint(name).qposadr[0]) for name in joints] for joints in names)
+        springs = np.array([(one.joint.stiffness, one.joint.friction) for one in tool.bearers]).reshape(-1, 2).T
         arm = len(robot.arm_joints)
-        return cls(len(driven) + len(loose), driven, loose, arm, len(driven) - arm, len(robot.finger_joints))
+        return cls(len(driven) + len(loose), driven, loose, springs, arm, len(driven) - arm, len(robot.finger_joints))
+
+    def hold(self, model: Element, *, held: bool) -> None:
+        """Hold the tool's joints, or let them go: held, they have no springs, and their friction bears everything."""
+        model.jnt_stiffness[self.loose], model.dof_frictionloss[self.loose] = (0.0, HELD) if held else self.springs
 
     def read(self, qpos: Array) -> tuple[Array, Array]:
         """Take the arm's joints (T, J), and the fingers' with the tool's (T, F + K), from positions (T, Q)."""
@@ -179,6 +187,7 @@ class World:
         if self._moving.launches:
             states = states.copy()
             self._moving.launch(*self._split(states[-1]))
+        self._joints.hold(self._model, held=False)
         return self._split(self._steps(self._data, states, controls[settle:], meter))
 
     def _split(self, states: Array) -> tuple[Array, Array]:
@@ -199,6 +208,7 @@ class World:
             data.qpos[self._joints.driven] = joints
             start = np.empty((1, mujoco.mj_stateSize(self._model, _STATE)))
             mujoco.mj_getState(self._model, data, start[0], _STATE)
+            self._joints.hold(self._model, held=True)
             states = self._steps(data, start, controls, meter)
             known = self._settled = _Settled(joints, states, data, [*meter.steps] if meter else [])
         return known
@@ -279,6 +289,7 @@ class Stepped:
             begin, end = self._moving.aim((self._begun + np.array([0.0, 1.0])) * self.time_step)
             controls[own:, 0], controls[own:, 1] = end if self._ahead else begin, (end - begin) / self.time_step
         self._moving.pull(self._model, self._data)
+        self._joints.hold(self._model, held=self._begun < 0)
         self._begun += 1
         with warnings_caught():  # a world that diverges shows it in its state too
             mujoco.mj_step(self._model, self._data)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from core.design import GRIPPER_MOUNTS, Tool
+from core.design import GRIPPER_MOUNTS, Tool, ToolJoint
 from core.errors import UsageError
 from core.geometry import Array, Pose
 from core.interfaces import JointTrajectory
@@ -31,6 +31,7 @@ GRAVITY = 9.81
 # How far bodies may slide before a stored contact point is dropped, as a share of a shape's radius. PyBullet's default,
 # ten times as much, lets stacks creep on outdated points.
 _CONTACT_DRIFT = 0.002
+_HELD = 1e4  # N m or N, of a motor that holds a joint of the tool
 MAX_STEPS = 16  # that are taken in place of one in scenes with stiff joints
 # Of no body is a moment of inertia larger than the sum of the two others, and PyBullet reads no such file. A link with
 # its motor's inertia is no such body. So files hold these moments, kg m^2, and links get their own once loaded.
@@ -172,15 +173,11 @@ class World:
         if tool.bearers:  # Bullet brakes everything that moves, by 4 % in a second
             p.changeDynamics(self.robot, -1, linearDamping=0, angularDamping=0, physicsClientId=client)
         self._loose = [numbers[joint_name(bearer.name)] for bearer in tool.bearers]
-        self._springs = [
-            (number, bearer.joint.stiffness, bearer.joint.rest)
-            for number, bearer in zip(self._loose, tool.bearers, strict=True)
-            if bearer.joint.stiffness > 0
-        ]
-        for number, bearer in zip(self._loose, tool.bearers, strict=True):  # a motor at rest is dry friction
-            most = bearer.joint.friction
+        self._hung = [*zip(self._loose, (bearer.joint for bearer in tool.bearers), strict=True)]
+        self._springs: list[tuple[int, ToolJoint]] = []  # once the motion begins
+        for number in self._loose:  # held until then
             p.setJointMotorControl2(
-                self.robot, number, p.VELOCITY_CONTROL, targetVelocity=0, force=most, physicsClientId=client
+                self.robot, number, p.POSITION_CONTROL, targetPosition=0, force=_HELD, physicsClientId=client
             )
 
     def _filter_contacts(self, robot: Robot, tool: Tool, links: dict[str, int]) -> None:
@@ -215,9 +212,9 @@ class World:
                 velocityGains=self._velocity_gains,
                 physicsClientId=self.client,
             )
-        for number, stiffness, rest in self._springs:
+        for number, spring in self._springs:
             value = p.getJointState(self.robot, number, physicsClientId=self.client)[0]
-            torque = stiffness * (rest - value)
+            torque = spring.stiffness * (spring.rest - value)
             p.setJointMotorControl2(self.robot, number, p.TORQUE_CONTROL, force=torque, physicsClientId=self.client)
         for mechanism in self._mechanisms:
             mechanism.drive()
@@ -227,6 +224,10 @@ class World:
 
     def launch(self) -> None:
         """See `core.simulation.playback.Launching`."""
+        for number, joint in self._hung:  # a motor at rest is dry friction
+            motion = {"targetVelocity": 0, "force": joint.friction, "physicsClientId": self.client}
+            p.setJointMotorControl2(self.robot, number, p.VELOCITY_CONTROL, **motion)
+        self._springs = [(number, joint) for number, joint in self._hung if joint.stiffness > 0]
         for mechanism in self._mechanisms:
             mechanism.launch()
         for body in self._scene.launched:

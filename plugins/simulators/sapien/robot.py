@@ -31,6 +31,7 @@ _COUPLING = {"stiffness": 1e6, "damping": 1e3}
 # A light body squeezed between two heavier fingers at full force needs so many times the solver's iterations; with
 # fewer, they sink into it and it shoots out.
 _GRIP = 4
+_HELD = 1e6  # of the spring and the damper that hold a joint of the tool
 _STICKS = 1e3  # N m s/rad or N s/m, of dry friction up to its limit
 
 
@@ -62,6 +63,7 @@ class ArticulatedArm:
         self._arm, self._fingers = len(arm.arm_joints), len(arm.finger_joints)
         self._gripper = tool.gripper
         loose = {bearer.name: bearer.joint for bearer in tool.bearers}
+        self._hung: list[tuple[Any, ToolJoint]] = []
         components: list[Any] = []
         for link in links:
             component = physx.PhysxArticulationLinkComponent(None if link.parent is None else components[link.parent])
@@ -72,7 +74,10 @@ class ArticulatedArm:
             if link.joint is None:
                 component.joint.type = "fixed"
             elif link.name in loose:
-                _hang(component.joint, link.joint, loose[link.name])
+                _place(component.joint, link.joint)
+                component.joint.friction = 0.0  # PhysX's own is a share of the joint's load
+                component.joint.set_drive_properties(_HELD, _HELD, math.inf, "force")
+                self._hung.append((component.joint, loose[link.name]))
             else:
                 _drive(component.joint, link.joint, arm, tracking_rate)
         if tool.gripper:
@@ -96,16 +101,28 @@ class ArticulatedArm:
         active = {joint.name: number for number, joint in enumerate(self._articulation.active_joints)}
         self._numbers = [active[name] for name in joints]
         self._loose = [active[joint_name(name)] for name in loose]
+        self._sprung = [*zip(self._loose, loose.values(), strict=True)]
         driven = [self._articulation.active_joints[number] for number in self._numbers]
         self._setters = [joint.set_drive_target for joint in driven]
         self._orders = [math.nan] * len(joints)
-        self._pull = [
-            (number, joint) for number, joint in zip(self._loose, loose.values(), strict=True) if joint.friction > 0
-        ]
+        self._pull: list[tuple[int, ToolJoint]] = []  # once the motion begins
         self._forces = np.zeros(len(active), dtype=np.float32)
         start = np.zeros(len(active))
         start[self._numbers] = [*trajectory.arm[0], *([trajectory.fingers[0]] * (len(joints) - self._arm))]
         self._articulation.qpos = start
+
+    def launch(self) -> None:
+        """Let the tool's joints go: the drive of each is its spring and damper.
+
+        With dry friction it is that: a damper that gives up at a torque. Then the spring is applied in each step.
+        """
+        for joint, moving in self._hung:
+            if moving.friction > 0:
+                joint.set_drive_properties(0.0, _STICKS, moving.friction, "force")
+            else:
+                joint.set_drive_properties(moving.stiffness, moving.damping, math.inf, "force")
+                joint.set_drive_target(moving.rest)
+        self._pull = [(i, moving) for i, moving in self._sprung if moving.friction > 0]
 
     def drive(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         """Set the drives for the next step: targets (J,), a finger opening, and the speeds of their approach."""
@@ -166,20 +183,6 @@ def _apart(part: str, arm: Robot, tool: Tool) -> int:
         if part in (bearer.name, bearer.parent):
             bits |= 1 << number
     return bits
-
-
-def _hang(joint: Any, about: AxisJoint, moving: ToolJoint) -> None:
-    """Set a joint of the tool: its drive is the spring and damper.
-
-    With dry friction it is that: a damper that gives up at a torque. Then the spring is applied in each step.
-    """
-    _place(joint, about)
-    joint.friction = 0.0  # PhysX's own is a share of the joint's load
-    if moving.friction > 0:
-        joint.set_drive_properties(0.0, _STICKS, moving.friction, "force")
-    else:
-        joint.set_drive_properties(moving.stiffness, moving.damping, math.inf, "force")
-        joint.set_drive_target(moving.rest)
 
 
 def _place(joint: Any, about: AxisJoint) -> None:

@@ -86,6 +86,7 @@ class World:
 
     def launch(self) -> None:
         """See `core.simulation.playback.Launching`."""
+        self._robot.launch()
         self._bodies.launch()
         self._joints.begin()
 

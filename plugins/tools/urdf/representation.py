@@ -81,7 +81,8 @@ _LOOSE = f"""\
   friction in N m or N; <spring stiffness="..." rest="..."/> in N m/rad or N/m. At most {MAX_JOINTS}. What a spring
   moves may swing at {MAX_HZ:g} Hz at most, and must weigh {1000 * MIN_MOVED_KG:g} g at least. {{springs}}.
   It passes through its parent, and touches everything else. Over the whole range, what moves on the joint touches what
-  bears it: give a prismatic joint a rail, a box of its own or of its parent.
+  bears it: give a prismatic joint a rail, a box of its own or of its parent. It is held at 0 until
+  the motion begins.
 """
 
 _RULES = f"""\

@@ -43,6 +43,7 @@ CHECKS = (
     robot.check_gripper_lifts_a_cube,
     robot.check_attachments_hold_a_cube,
     bodies.check_free_fall,
+    joints.check_joints_are_held_until_the_motion_begins,
     joints.check_spring_sags_and_holds,
     joints.check_sprung_tongs_pick_up_a_cube,
     shapes.check_hollow_tool_is_hollow,
@@ -137,7 +138,7 @@ def shared_of(scene, tool):
 def test_tools_with_other_joints_or_numbers_of_boxes_and_with_a_gripper_are_in_other_batches():
     scene = Bodies(table()).scene(0)
     jointed = [hinged(0.0, joint) for joint in (hinge(), hinge(), hinge(lower=-1.0), hinge(stiffness=0.1))]
-    assert len({shared_of(scene, tool) for tool in jointed}) == 3
+    assert len({shared_of(scene, tool) for tool in jointed}) == 2  # springs may differ
     knobs = [
         Component(f"knob{i}", "stick", Pose(np.array([0.0, 0.0, 0.01 * i])), Box((0.03, 0.03, 0.005))) for i in range(5)
     ]

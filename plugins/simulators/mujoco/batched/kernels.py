@@ -67,6 +67,23 @@ def drive(
 
 
 @wp.kernel(enable_backward=False)
+def release(
+    step: wp.array[int],
+    settle: wp.array[int],
+    own_stiffness: wp.array2d[float],
+    own_friction: wp.array2d[float],
+    stiffness: wp.array2d[float],
+    friction: wp.array2d[float],
+) -> None:
+    """Give joints their springs and dry friction when the motion begins."""
+    world, number = wp.tid()
+    if step[0] == settle[world]:
+        friction[world, number] = own_friction[world, number]
+        if number < stiffness.shape[1]:
+            stiffness[world, number] = own_stiffness[world, number]
+
+
+@wp.kernel(enable_backward=False)
 def note(
     step: wp.array[int],
     settle: wp.array[int],

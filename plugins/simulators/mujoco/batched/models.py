@@ -26,7 +26,7 @@ from plugins.simulators.mujoco.world import Joints, described
 PER_WORLD = (  # fields that depend on the tool
     *("geom_size", "geom_pos", "geom_quat", "geom_rbound", "geom_aabb"),
     *("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_subtreemass", "body_invweight0"),
-    *("dof_invweight0", "actuator_acc0", "actuator_biasprm"),
+    *("dof_invweight0", "actuator_acc0", "actuator_biasprm", "jnt_stiffness", "dof_frictionloss"),
     *("qpos0", "qpos_spring", "body_pos", "body_quat"),  # and on the layout
 )
 # Fields that Warp does not use.

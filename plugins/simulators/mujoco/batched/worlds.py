@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from core.designs.tool_joints import MAX_JOINTS
 from core.geometry import Array
 from core.interfaces import Rollout
 from core.simulation.playback import LAG_EVERY, record_every, schedule
 from plugins.simulators.mujoco.batched.engine import mujoco_warp, warp
-from plugins.simulators.mujoco.batched.kernels import advance, cut, drive, leave_out, mend, note
+from plugins.simulators.mujoco.batched.kernels import advance, cut, drive, leave_out, mend, note, release
 from plugins.simulators.mujoco.batched.models import PER_WORLD, ModelFigures, Played, Size
 from plugins.simulators.mujoco.engine import mujoco
 from plugins.simulators.mujoco.shapes import Element
+from plugins.simulators.mujoco.world import HELD
 
 _NO_ROOM = (
     mujoco_warp.OverflowType.ALL
@@ -52,6 +54,8 @@ class Worlds:
             self._first = warp.zeros((count, compiled.nq), dtype=float)
             self._start, self._end = (warp.zeros((count, numbers), dtype=float) for _ in range(2))
             self._film = warp.zeros((size.frames, count, numbers), dtype=float)
+            self._springs = warp.zeros((count, compiled.njnt), dtype=float)
+            self._frictions = warp.zeros((count, compiled.nv), dtype=float)
             self._lag = warp.zeros(count, dtype=warp.float64)
             self._lost, self._astray, self._broken, self._crowded, self._counts = (
                 warp.zeros(count, dtype=int) for _ in range(5)
@@ -93,8 +97,14 @@ class Worlds:
         count, self._arm = self.size.worlds, jobs[0].trajectory.arm.shape[1]
         which = np.minimum(np.arange(count), len(jobs) - 1)
         mine, theirs = [figures[i] for i in which], [jobs[i] for i in which]
+        own = {name: np.stack([one.fields[name] for one in mine]) for name in PER_WORLD}
+        _assign(self._springs, own["jnt_stiffness"])
+        _assign(self._frictions, own["dof_frictionloss"])
+        for i, one in enumerate(mine):  # held until the motion begins
+            own["jnt_stiffness"][i, one.joints.loose] = 0.0
+            own["dof_frictionloss"][i, one.joints.loose] = HELD
         for name in PER_WORLD:
-            _assign(getattr(self._model, name), np.stack([one.fields[name] for one in mine]))
+            _assign(getattr(self._model, name), own[name])
         mujoco_warp.reset_data(self._model, self._data)
         first = np.stack([one.fields["qpos0"] for one in mine])
         times, targets = np.zeros(self._times.shape), np.zeros(self._targets.shape)
@@ -128,6 +138,8 @@ class Worlds:
         """Step all worlds once."""
         data = self._data
         self._note()
+        own = [self._springs, self._frictions, self._model.jnt_stiffness, self._model.dof_frictionloss]
+        warp.launch(release, self._frictions.shape, [self._step, self._settle, *own])
         warp.launch(mend, self.size.worlds, [self._astray, self._first, data.qpos, data.qvel, data.qacc_warmstart])
         warp.launch(
             drive,
@@ -176,7 +188,7 @@ class Worlds:
 def _rows(compiled: Element, contacts: int) -> int:
     """Count the constraint rows for so many contacts."""
     most = max([int(compiled.geom_condim.max()), *(int(dim) for dim in compiled.pair_dim)])
-    loose = int(np.count_nonzero(compiled.dof_frictionloss))
+    loose = int(np.count_nonzero(compiled.dof_frictionloss)) + MAX_JOINTS
     return contacts * most + int(compiled.jnt_limited.sum()) + int(compiled.neq) + loose
 
 
