@@ -129,7 +129,11 @@ def up_to_each(contacts: Contacts) -> list[Contacts]:
 
 
 def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
-    """Make the trace of rollouts in a scene, one world for each."""
+    """Make the trace of rollouts in a scene, one world for each.
+
+    What the robot touched and pressed before its motion began counts at 0, and between two instants at the nearest. A
+    body that it only touched between two samples of a recording is one that it pressed.
+    """
     last = max(float(world.taken.times[-1]) for world in worlds)
     instants = np.arange(math.ceil(last * TRACE_HZ - 1e-6) + 1) / TRACE_HZ
     times = [world.taken.times for world in worlds]
@@ -137,11 +141,24 @@ def make_trace(scene: Scene, worlds: Sequence[Contacts]) -> Trace:
     films = [subset(world.taken, chosen).states for world, chosen in zip(worlds, samples, strict=True)]
     touching: dict[Key, Flags] = {}
     forces: dict[tuple[str, str], Array] = {}
+    bodies = {body.name for body in scene.bodies}
     for number, (world, chosen) in enumerate(zip(worlds, samples, strict=True)):
+        skipped = np.setdiff1d(np.arange(len(world.taken.times)), chosen)
+        nearest = np.clip(np.rint(world.taken.times[skipped] * TRACE_HZ).astype(int), 0, len(instants) - 1)
+        begun = world.taken.times[skipped] >= 0
         for key, flags in world.touching.items():
-            touching.setdefault(key, np.zeros((len(worlds), len(instants)), dtype=bool))[number] = flags[chosen]
+            own = touching.setdefault(key, np.zeros((len(worlds), len(instants)), dtype=bool))[number]
+            own[:] = flags[chosen]
+            np.logical_or.at(own, nearest, flags[skipped] & (begun | (key[0] != "body")))
         for pair, values in world.taken.forces.items():
-            forces.setdefault(pair, np.zeros((len(worlds), len(instants))))[number] = values[chosen]
+            borne = forces.setdefault(pair, np.zeros((len(worlds), len(instants))))[number]
+            borne[:] = values[chosen]
+            robots = pair[0] not in bodies
+            np.maximum.at(borne, nearest, values[skipped] * (begun | robots))
+            if robots and not world.with_robot(pair[1]).any():
+                kind = "tool" if pair[0] == "tool" else "arm"
+                flags = touching.setdefault((kind, *pair), np.zeros((len(worlds), len(instants)), dtype=bool))
+                flags[number] |= borne > 0
     measured = forces or not touching  # an engine that measures none has none where things touch
     return Trace(instants, scene.complete(State.stack(films)), touching, forces if measured else None)
 

@@ -76,19 +76,55 @@ class Trace:
     def force_n(self, body: str, by: str | None = None) -> Array:
         """Find the largest mean normal force between a body and one other thing, N, (...); the tool is one thing.
 
+        With ``robot`` and ``tool``, what these pass on through free bodies is added, see `passed_on`.
+
         Raises:
             ValueError: nothing measured forces.
         """
         self._check(body)
         if self.forces is None:
             raise ValueError("the trace has no forces; this engine or environment measures none")
-        bodies, found = {*self.states.names, *self.states.places}, np.zeros(self.shape[:-1])
+        found = np.zeros(self.shape)
         for (one, other), forces in self.forces.items():
-            kind = "tool" if one == "tool" else "body" if one in bodies else "arm"
             part = self.touching.get(("tool", by or "", body)) if (one, other) == ("tool", body) else None
-            if part is not None or _about(kind, one, other, body, by):  # of a component: while it touches
-                found = np.maximum(found, (forces if part is None else forces * part).max(axis=-1))
-        return found
+            if part is not None or _about(self._kind(one), one, other, body, by):  # of a component: while it touches
+                found = np.maximum(found, forces if part is None else forces * part)
+        if by in ("robot", "tool"):
+            found = found + self.passed_on(body, by)
+        force: Array = found.max(axis=-1)
+        return force
+
+    def passed_on(self, body: str, by: str) -> Array:
+        """Bound what ``robot`` or ``tool`` presses a body with through free bodies, N, (..., T).
+
+        A chain of bodies passes on as much as its weakest contact bears. What a body lies on another with at the start
+        is its weight, and is not passed on.
+        """
+        forces = self.forces or {}
+        pairs = [pair for pair in forces if self._kind(pair[0]) == "body"]
+        pressed = {name: np.zeros(self.shape) for name in self.states.names if name != body}
+        for (one, other), force in forces.items():
+            if other in pressed and one not in pressed and _about(self._kind(one), one, other, other, by):
+                pressed[other] = pressed[other] + force
+        inner = [(pair, forces[pair]) for pair in pairs if pair[0] in pressed and pair[1] in pressed]
+        changed = any(force.any() for force in pressed.values())
+        while changed:
+            changed = False
+            for pair, force in inner:
+                for one, other in (pair, pair[::-1]):
+                    more = np.minimum(pressed[one], force)
+                    if (more > pressed[other]).any():
+                        pressed[other], changed = np.maximum(pressed[other], more), True
+        total = np.zeros(self.shape)
+        for one, other in pairs:
+            if body in (one, other) and (through := other if one == body else one) in pressed:
+                borne = np.maximum(forces[one, other] - forces[one, other][..., :1], 0.0)
+                total = total + np.minimum(pressed[through], borne)
+        return total
+
+    def _kind(self, one: str) -> str:
+        """The kind of a pair of forces by its first name, see `touching`."""
+        return "tool" if one == "tool" else "body" if one in (*self.states.names, *self.states.places) else "arm"
 
     def held(self, body: str) -> Flags:
         """Report at which instants (..., T) the robot carries a body.

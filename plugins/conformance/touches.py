@@ -67,6 +67,8 @@ def check_body_passes_on_what_presses_it(simulator: Simulator) -> str | None:
     expect(1 < above < 1000, f"a tool that is driven 5 mm into a cube presses it with {above:.1f} N")
     what = f"a cube that weighs {GRAVITY:.1f} N and is pressed with {above:.1f} N presses the table with {below:.1f} N"
     expect(abs(below - above - GRAVITY) < _REACTION * below, what)
+    passed = float(trace.force_n("table", "robot"))
+    expect(passed > 0.9 * above, f"of {above:.1f} N on a cube {passed:.1f} N count as what presses the table below it")
     if recording.pushes is None:
         return "it does not tell where forces act"
     late = recording.times[recording.pushes.samples] > recording.times[-1] - 0.4

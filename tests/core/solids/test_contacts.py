@@ -80,6 +80,25 @@ def test_contacts_of_tool_and_arm_are_told_apart_and_the_rest_has_a_clearance():
     assert found.clearances["aside"] == pytest.approx(0.01, abs=1e-4)
 
 
+def test_touches_before_the_motion_and_between_two_samples_count():
+    """The rod sweeps over a post before 0, and presses another one only between two samples."""
+    joints = np.repeat(ARM.home[None], 21, axis=0)
+    joints[:, 0] += np.linspace(-0.5, 0.5, 21)
+    low = body("low", Box((0.05, 0.05, 0.32)), (0.5, 0, 0.16), mass=0.0)
+    aside, free = body("aside", Sphere(0.01), (0.5, 0.1, 0.1), mass=0.0), body("free", Sphere(0.01), (2.0, 0, 0))
+    scene = Scene((low, aside, free))
+    taken = recording(scene, {"free": np.tile([2.0, 0, 0], (21, 1))}, arms=joints)
+    pressed = {("tool", "aside"): np.eye(21)[18], ("tool", "low"): 30.0 * np.eye(21)[10]}
+    trace = make_trace(
+        scene, [find_contacts(scene, PANDA, ROD, replace(taken, times=taken.times - 0.6, forces=pressed))]
+    )
+    assert trace.touched("low", "robot").tolist() == trace.touched("aside", "tool").tolist() == [True]
+    assert trace.first_s("low", "rod").tolist() == [0.0]
+    assert trace.force_n("low", "robot").tolist() == [30.0]
+    assert trace.first_s("aside", "robot") == pytest.approx([18 / HZ - 0.6])
+    assert not trace.touched("free", "robot").any()
+
+
 def test_a_body_is_held_by_one_that_the_robot_touches():
     joints = np.repeat(ARM.home[None], 3, axis=0)
     tray, egg = body("tray", CUBE, (0.5, 0, 0.25)), body("egg", Sphere(0.02), (0.56, 0, 0.32))

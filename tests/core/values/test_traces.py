@@ -72,6 +72,16 @@ def test_what_touches_a_body_and_when(body, by, instants):
     assert many.first_s(body, by).shape == many.force_n(body, by).shape == (2,)
 
 
+def test_what_the_robot_passes_on_through_bodies_presses_too():
+    """As much as the weakest contact of a chain bears, without the weight that rests from the start."""
+    chain = {("tool", "cube"): [0, 20, 20, 0], ("tray", "cube"): [0, 12, 12, 9], ("table", "tray"): [3, 3, 18, 12]}
+    trace = Trace.of(*[SCENE.state()] * 4, forces={pair: np.array(force, float) for pair, force in chain.items()})
+    assert trace.passed_on("table", "robot").tolist() == [0, 0, 12, 0]
+    assert [trace.force_n("table", by) for by in ("robot", "tool", "cube", None)] == [12, 12, 0, 18]
+    assert trace.force_n("tray", "robot") == 12
+    assert trace.force_n("cube", "robot") == 20
+
+
 def test_the_largest_force_of_one_thing():
     assert ONE.force_n("cube", "robot") == ONE.force_n("cube", "tool") == ONE.force_n("cube", "blade") == 5
     assert ONE.force_n("cube", "other component") == 0

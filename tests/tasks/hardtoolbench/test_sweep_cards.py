@@ -3,8 +3,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.design import Candidate, Component, Tool
+from core.geometry import Box, Pose
+from core.interfaces import RolloutSettings
+from core.plugins import installed
 from core.scene import Trace
-from tasks.hardtoolbench.sweep_cards import BY_S, CARDS, SweepCards
+from core.simulation.rollout import prepare
+from core.solids.contacts import find_contacts, make_trace
+from tasks.hardtoolbench.sweep_cards import BY_S, CARDS, PRESS_N, SweepCards
+from tests.engines import every_simulator, simulator
 
 TASK = SweepCards(variation="wide")
 SCENE = TASK.scene(3)
@@ -40,3 +47,18 @@ def test_the_board_bears_a_touch_but_no_pressure_and_the_vase_not_even_a_touch()
     assert earned(CARDS, touched=["vase"]) == 0.0
     assert earned(CARDS, vase=0.005) == 1.0
     assert earned(CARDS, vase=0.02) == 0.0
+
+
+@every_simulator
+def test_a_plate_that_presses_the_cards_presses_the_board(engine):
+    """It bears on five cards and never touches the board."""
+    task = installed().create("task", "SweepCards")
+    post = Component("post", "tool_mount", Pose(np.array([0.0, 0.0, -0.05])), Box((0.02, 0.02, 0.1)), 0.05)
+    plate = Component("plate", "post", Pose(np.array([0.0, 0.0, -0.055])), Box((0.03, 0.37, 0.01)), 0.1)
+    down = np.array([[0.64, 0.0, height, 0.0, 0.0, 0.0] for height in (0.3, 0.19, 0.166)])
+    _, job = prepare(task, Candidate(Tool((post, plate)), down), 0, RolloutSettings(), record_hz=25.0)
+    (outcome,) = simulator(engine).rollout(task, [replace(job, forces=True)])
+    scene = task.scene(0)
+    trace = make_trace(scene, [find_contacts(scene, task.robot, job.tool, outcome.recording)])[0]
+    assert not trace.touched("board", "robot")
+    assert trace.force_n("board", "robot") > PRESS_N
