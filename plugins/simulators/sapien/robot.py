@@ -63,7 +63,6 @@ class ArticulatedArm:
         self._arm, self._fingers = len(arm.arm_joints), len(arm.finger_joints)
         self._gripper = tool.gripper
         loose = {bearer.name: bearer.joint for bearer in tool.bearers}
-        self._hung: list[tuple[Any, ToolJoint]] = []
         components: list[Any] = []
         for link in links:
             component = physx.PhysxArticulationLinkComponent(None if link.parent is None else components[link.parent])
@@ -74,10 +73,7 @@ class ArticulatedArm:
             if link.joint is None:
                 component.joint.type = "fixed"
             elif link.name in loose:
-                _place(component.joint, link.joint)
-                component.joint.friction = 0.0  # PhysX's own is a share of the joint's load
-                component.joint.set_drive_properties(_HELD, _HELD, math.inf, "force")
-                self._hung.append((component.joint, loose[link.name]))
+                _hold(component.joint, link.joint)
             else:
                 _drive(component.joint, link.joint, arm, tracking_rate)
         if tool.gripper:
@@ -101,7 +97,8 @@ class ArticulatedArm:
         active = {joint.name: number for number, joint in enumerate(self._articulation.active_joints)}
         self._numbers = [active[name] for name in joints]
         self._loose = [active[joint_name(name)] for name in loose]
-        self._sprung = [*zip(self._loose, loose.values(), strict=True)]
+        hung = zip(self._loose, loose.values(), strict=True)
+        self._hung = [(number, self._articulation.active_joints[number], moving) for number, moving in hung]
         driven = [self._articulation.active_joints[number] for number in self._numbers]
         self._setters = [joint.set_drive_target for joint in driven]
         self._orders = [math.nan] * len(joints)
@@ -116,13 +113,13 @@ class ArticulatedArm:
 
         With dry friction it is that: a damper that gives up at a torque. Then the spring is applied in each step.
         """
-        for joint, moving in self._hung:
+        for _, joint, moving in self._hung:
             if moving.friction > 0:
                 joint.set_drive_properties(0.0, _STICKS, moving.friction, "force")
             else:
                 joint.set_drive_properties(moving.stiffness, moving.damping, math.inf, "force")
                 joint.set_drive_target(moving.rest)
-        self._pull = [(i, moving) for i, moving in self._sprung if moving.friction > 0]
+        self._pull = [(number, moving) for number, _, moving in self._hung if moving.friction > 0]
 
     def drive(self, arm: Array, fingers: float, speeds: Array, finger_speed: float) -> None:
         """Set the drives for the next step: targets (J,), a finger opening, and the speeds of their approach."""
@@ -183,6 +180,13 @@ def _apart(part: str, arm: Robot, tool: Tool) -> int:
         if part in (bearer.name, bearer.parent):
             bits |= 1 << number
     return bits
+
+
+def _hold(joint: Any, about: AxisJoint) -> None:
+    """Set a joint of the tool, to be held where it is."""
+    _place(joint, about)
+    joint.friction = 0.0  # PhysX's own is a share of the joint's load
+    joint.set_drive_properties(_HELD, _HELD, math.inf, "force")
 
 
 def _place(joint: Any, about: AxisJoint) -> None:
