@@ -19,11 +19,14 @@ from core.errors import UserError
 from core.store.database import FILE
 from core.store.reader import StoredRun
 from core.store.rows import Best, RunFigures, parsed, validated
+from core.support.files import read_untrusted
 from core.support.text import clean
 
 RESULT, HYDRA = "result.json", ".hydra"
 CHOICES = ("task", "robot", "sim", "vlm", "tool", "action", "material", "evolution", "budget")  # by name in a result
 MAX_DEPTH = 6  # of a run's folder below one that the user names
+
+MAX_BYTES = 20_000_000  # of a result
 
 _LONGEST = 300
 
@@ -137,10 +140,14 @@ def read_run(folder: Path) -> FinishedRun | LeftOutRun:
         config = config or _hydra_config(folder)
         return LeftOutRun(folder, "unfinished", _progress(store), _task(config), config)
     try:
-        figures = validated(RunFigures, parsed(result.read_bytes())) if stored is None or result.exists() else stored
+        figures = (
+            validated(RunFigures, parsed(read_untrusted(result, MAX_BYTES)))
+            if stored is None or result.exists()
+            else stored
+        )
         if stored not in (None, figures):
             raise ValueError("it is not what the run stored")  # noqa: TRY301
-    except (OSError, ValueError) as error:
+    except (UserError, ValueError) as error:
         mend = "" if stored is None else f"; delete it, and {FILE} is read in its place"
         return LeftOutRun(folder, "unreadable", short(f"{RESULT}: {error}{mend}"), _task(config), config)
     config = config or {kind: {"name": getattr(figures, kind)} for kind in CHOICES if getattr(figures, kind)}

@@ -16,13 +16,15 @@ from plugins.results.pages.formats import Table, printed, to_csv
 from plugins.results.pages.page import figure_address, in_viewer, render
 from plugins.results.pages.runs import find_runs, short
 from plugins.results.report.figures import figure_pages
-from plugins.results.report.leaderboard import entry_tables, find_entries, read_entry
+from plugins.results.report.leaderboard import ListedEntry, entry_tables, find_entries, read_entry
 from plugins.results.report.results import Results
 from plugins.results.report.statistics import deviation, mean
 from plugins.results.report.tables import tables
+from plugins.results.report.verify import verification, verify
 
 USAGE = (
-    "usage: vlmgineer report FOLDER [FOLDER ...] [output=DIR] [name=NAME] [entries=[FILE.json,...]]; FOLDER, or "
+    "usage: vlmgineer report FOLDER [FOLDER ...] [output=DIR] [name=NAME] [entries=[FILE.json,...]] "
+    "[verify=FILE.json]; FOLDER, or "
     "runs=FOLDER, is a run's or holds runs, as a multirun's does"
 )
 DATA = "data"  # the folder of tables and figures, beside the page
@@ -32,12 +34,14 @@ DATA = "data"  # the folder of tables and figures, beside the page
 class ReportConfig:
     """Settings of ``vlmgineer report``.
 
-    ``name``: of what is an entry of a benchmark; ``entries``: results files to compare it with.
+    ``name``: of what is an entry of a benchmark; ``entries``: results files to compare it with; ``verify``: one whose
+    designs are tried again.
     """
 
     output: str = "report"
     name: str = ""
     entries: list[str] = field(default_factory=list)
+    verify: str = ""
 
 
 @dataclass(frozen=True)
@@ -50,23 +54,29 @@ class Section:
     tables: tuple[str, ...] = ()
 
 
-def report(folders: list[Path], output: Path, name: str = "", others: Sequence[Path] = ()) -> Results:
+def report(
+    folders: list[Path], output: Path, name: str = "", others: Sequence[Path] = (), claimed: Path | None = None
+) -> Results:
     """Read the runs in ``folders``; write the page, the tables and the figures to ``output``.
 
     What is an entry of a benchmark becomes a results file, called ``name`` or by its method, and is compared with
-    ``others``.
+    ``others``, and with ``claimed``, whose designs are tried again.
 
     Raises:
         UserError: a folder holds no run, a results file can't be used, or nothing can be written.
     """
-    theirs = [read_entry(file) for file in others]
+    theirs = [ListedEntry(read_entry(file), "no") for file in others]
+    verified = tuple(verify(read_entry(claimed))) if claimed is not None else ()
+    if verified:
+        theirs.append(ListedEntry(verified[0].entry, f"{sum(run.same for run in verified)} of {len(verified)} runs"))
     finished, left_out = find_runs(folders)
     entries, problems = find_entries(finished, left_out, name)
     for entry in entries:
         file = re.sub(r"[^\w.=-]+", "_", f"{entry.protocol}_{entry.track}_{entry.name}")[:100]
         write_bytes(output / DATA / f"{file}.json", entry.dump())
     say(*problems)
-    results = Results(tuple(finished), tuple(left_out), (*entries, *theirs))
+    listed_entries = (*(ListedEntry(entry, "runs at hand") for entry in entries), *theirs)
+    results = Results(tuple(finished), tuple(left_out), listed_entries, verified)
     listed, drawn = tables(results), figure_pages(results)
     for table in listed:
         write_bytes(output / DATA / f"{table.name}.csv", to_csv(table, output / DATA).encode(errors="backslashreplace"))
@@ -84,7 +94,7 @@ def page(
     """The page with all tables and figures, as it will lie in ``folder``."""
     evolutions = tuple(picture.name for picture in drawn if picture.name.startswith("evolution_"))
     sections = (
-        Section("entries", "Entries of the benchmark", (), ("entries", "entries_by_task")),
+        Section("entries", "Entries of the benchmark", (), ("entries", "entries_by_task", "verification")),
         Section("results", "Rewards", ("rewards",), ("rewards",)),
         Section("methods", "Over all tasks", ("intervals",), ("methods", "improvements")),
         Section("generations", "By generation", ("anytime", "generations"), ("efforts", "generations")),
@@ -124,7 +134,7 @@ def show(results: Results) -> None:
     ]
     if rows:
         print_table(("task", "method", *numbers), rows, numbers)
-    for table in entry_tables(results.entries)[:1]:
+    for table in (*entry_tables(results.entries)[:1], *filter(lambda of: of.rows, [verification(results.verified)])):
         cells = [[printed(*pair) for pair in zip(row, table.columns, strict=True)] for row in table.rows]
         digits = [column.name for column in table.columns if column.digits is not None]
         print_table([column.name for column in table.columns], cells, digits)
@@ -135,9 +145,15 @@ def show(results: Results) -> None:
 def main(words: list[str]) -> None:
     folders, overrides = folders_and_overrides(USAGE, words)
     cfg = load("report", overrides, ReportConfig)
-    if not folders and not cfg.entries:
+    if not (folders or cfg.entries or cfg.verify):
         raise UsageError(f"no folder given; {USAGE}")
-    results = report(folders, Path(cfg.output), cfg.name, [Path(file) for file in cfg.entries])
+    results = report(
+        folders,
+        Path(cfg.output),
+        cfg.name,
+        [Path(file) for file in cfg.entries],
+        Path(cfg.verify) if cfg.verify else None,
+    )
     if not results.runs and results.left_out:
         (first, *_), listed = results.left_out, Path(cfg.output) / "index.html"
         why = f"{first.status}: {short(str(first.folder))}: {first.reason}"

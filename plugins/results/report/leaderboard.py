@@ -5,12 +5,13 @@ An entry is made of runs, or read from the results file of one that was made els
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, NamedTuple
 
 from omegaconf import OmegaConf
 from pydantic import Field, TypeAdapter
@@ -21,12 +22,17 @@ from core.plugins import installed
 from core.store.database import FILE
 from core.store.reader import RunCost, StoredRun, rollouts
 from core.store.rows import Amount, Count, Id, Reward, Seed, parsed, validated
+from core.support.files import read_untrusted
 from plugins.results.pages.formats import Column, Table, columns
 from plugins.results.pages.runs import FinishedRun, LeftOutRun, short
 from plugins.results.report.methods import flatten, label
 from plugins.results.report.statistics import CONFIDENCE, RESAMPLES, interval, mean
 
 AnyRun = FinishedRun | LeftOutRun
+
+MAX_BYTES = 10_000_000  # of a results file
+FIRST_UNSEEN = 1_000_000  # the seed of the first test layout
+SAME = 1e-6  # by which a mean in a file may differ from that of its rewards
 
 
 @dataclass(frozen=True)
@@ -64,15 +70,19 @@ def protocol(name: str) -> Protocol:
 
 @dataclass(frozen=True)
 class RunResult:
-    """A run: its rewards in unseen layouts by engine, and what its search took. Nothing could be tried: all are 0."""
+    """A run: its rewards in unseen layouts by engine, what its search took, and the design that earned them.
+
+    Where nothing could be tried, all rewards are 0 and there is no design.
+    """
 
     seed: Seed
-    rewards: dict[str, Annotated[tuple[Reward, ...], Field(min_length=1)]]
+    rewards: dict[str, Annotated[tuple[Reward, ...], Field(min_length=1, max_length=1000)]]
     candidates: Count
     rollouts: Count
     requests: Count
     cost_usd: Amount | None
     wall_time_s: Amount
+    design: dict[str, Any] | None = None
 
     @property
     def score(self) -> float:
@@ -86,7 +96,7 @@ class TaskResult:
 
     score: Reward
     engines: dict[str, Reward]
-    runs: Annotated[tuple[RunResult, ...], Field(min_length=1)]
+    runs: Annotated[tuple[RunResult, ...], Field(min_length=1, max_length=100)]
 
     @classmethod
     def of(cls, runs: Sequence[RunResult]) -> TaskResult:
@@ -118,26 +128,49 @@ class Entry:
     def runs(self) -> list[RunResult]:
         return [run for task in self.tasks.values() for run in task.runs]
 
+    @property
+    def means(self) -> dict[str, float]:
+        """All means, by what they are of."""
+        scores = {f"the score of {task}": result.score for task, result in self.tasks.items()}
+        engines = {
+            f"{t} in {name}": value for t, result in self.tasks.items() for name, value in result.engines.items()
+        }
+        return {"the score": self.score, **scores, **engines}
+
     def dump(self) -> bytes:
         return TypeAdapter(Entry).dump_json(self, indent=2) + b"\n"
 
 
 def read_entry(file: Path) -> Entry:
-    """Read a results file; its means are computed anew from its runs.
+    """Read a results file.
 
     Raises:
-        UserError: it is none, or it does not follow its protocol.
+        UserError: it is none, does not follow its protocol, or contradicts itself.
     """
     try:
-        read = validated(Entry, parsed(file.read_bytes()))
+        read = validated(Entry, parsed(read_untrusted(file, MAX_BYTES)))
         check(read)
-    except (OSError, ValueError, UserError) as error:
+        return _computed(read)
+    except (ValueError, UserError) as error:
         raise UserError(f"{file} can't be compared: {short(str(error))}") from error
-    return Entry.of(read, {task: result.runs for task, result in read.tasks.items()})
+
+
+def _computed(read: Entry) -> Entry:
+    """Compute the means of an entry anew.
+
+    Raises:
+        UserError: they are not those that it has.
+    """
+    entry = Entry.of(read, {task: result.runs for task, result in read.tasks.items()})
+    said = read.means
+    for what, own in entry.means.items():
+        if not abs(said.get(what, math.nan) - own) <= SAME:
+            raise UserError(f"{what} is {said.get(what)}, where its rewards have a mean of {own:.3f}")
+    return entry
 
 
 def check(entry: Entry) -> None:
-    """Check that an entry follows its protocol.
+    """Check that an entry follows its protocol, and that runs can have such figures.
 
     Raises:
         UserError: the first thing that differs.
@@ -147,10 +180,12 @@ def check(entry: Entry) -> None:
         raise UserError(f"it follows version {entry.version} of the protocol {rules.name}, not {rules.version}")
     if entry.track not in rules.tracks:
         raise choices("track", entry.track, rules.tracks)
-    for key, value in rules.fixed.items():
+    engine = entry.settings.get("sim.name", "")
+    for key, value in {**rules.fixed, **_engine(entry.protocol, engine)}.items():
         value_of_runs = entry.settings.get(key, "not the same in all runs")
         if value_of_runs != value:
-            raise UserError(f"{key} is {short(value_of_runs)}, where the protocol {rules.name} has {value}")
+            where = engine if key.startswith("sim.") else f"the protocol {rules.name}"
+            raise UserError(f"{key} is {short(value_of_runs)}, where {where} has {value}")
     tasks = rules.tracks[entry.track]
     if lacks := [task for task in tasks if task not in entry.tasks]:
         raise UserError(f"it lacks {', '.join(lacks)}; an entry has all {len(tasks)} tasks of the track {entry.track}")
@@ -162,6 +197,26 @@ def check(entry: Entry) -> None:
     wanted = dict.fromkeys(rules.engines, rules.layouts)
     if any({engine: len(earned) for engine, earned in run.rewards.items()} != wanted for run in entry.runs):
         raise UserError(f"a run lacks rewards in {rules.layouts} unseen layouts in each of {', '.join(rules.engines)}")
+    layouts = entry.settings.get("fitness.layouts", "")
+    for run in entry.runs:
+        if run.seed + (int(layouts) if re.fullmatch(r"\d{1,9}", layouts) else 1) > FIRST_UNSEEN:
+            raise UserError(f"no run has the seed {run.seed}: its layouts reach the unseen ones")
+        if any(map(any, run.rewards.values())) and not (run.candidates and run.rollouts and run.requests):
+            spent = f"{run.candidates} candidates, {run.rollouts} rollouts and {run.requests} requests"
+            raise UserError(f"no run earns anything with {spent}, as that with seed {run.seed} says")
+
+
+@lru_cache
+def _engine(protocol_name: str, name: str) -> dict[str, str]:
+    """The settings of an engine as it is, by dotted key.
+
+    Raises:
+        UserError: there is none of this name.
+    """
+    if not re.fullmatch(r"\w{1,50}", name):
+        raise UserError(f"sim.name is {short(name)!r}, which is no engine")
+    config = OmegaConf.to_container(load("config", [f"protocol={protocol_name}", f"sim={name}"]).sim, resolve=True)
+    return flatten({"sim": config})
 
 
 # --- entries from runs ------------------------------------------------------------------------------------------
@@ -226,28 +281,40 @@ def _result(run: AnyRun, rules: Protocol) -> RunResult:
     if not store.exists:
         raise UserError(f"{short(str(run.folder))} has no {FILE}")
     cost, tried = RunCost.of(store.requests()), [e for e in store.evaluations() if e.status != "rejected"]
+    design = None
     if isinstance(run, FinishedRun):
         rewards = run.figures.unseen.engines if run.figures.unseen else {}
+        best = next((e for e in tried if e.candidate == run.best.candidate), None)
+        if best is not None:
+            design = store.designs()[best.design].written | {"action_sets": [best.plan]}
     else:
         rewards = dict.fromkeys(rules.engines, (0.0,) * rules.layouts)
     spent = (sum(rollouts(tried)), cost.requests, cost.cost_usd, store.seconds())
-    return RunResult(run.config["seed"], rewards, len(tried), *spent)
+    return RunResult(run.config["seed"], rewards, len(tried), *spent, design)
 
 
 # --- tables -----------------------------------------------------------------------------------------------------
 
 
-def entry_tables(entries: Sequence[Entry]) -> list[Table]:
+class ListedEntry(NamedTuple):
+    """An entry, and how it was verified, in words."""
+
+    entry: Entry
+    verified: str
+
+
+def entry_tables(entries: Sequence[ListedEntry]) -> list[Table]:
     """Make the table of entries, the best of each track first, and that of their tasks; none: no tables."""
-    ranked = sorted(entries, key=lambda entry: (entry.track, -entry.score))
+    listed = sorted(entries, key=lambda item: (item.entry.track, -item.entry.score))
+    ranked = [item.entry for item in listed]
     engines = list(dict.fromkeys(engine for entry in ranked for engine in protocol(entry.protocol).engines))
     head = (
         *columns("track|entry|score:3|low:3|high:3"),
         *(Column(engine, 3) for engine in engines),
-        *columns("seeds|rollouts per run:0|calls of the model per run:1|cost (USD):2|protocol|vlmgineer"),
+        *columns("seeds|rollouts per run:0|calls of the model per run:1|cost (USD):2|protocol|vlmgineer|verified"),
     )
     rows = []
-    for entry in ranked:
+    for entry, verified in listed:
         tasks, costs = [*entry.tasks.values()], [run.cost_usd for run in entry.runs if run.cost_usd is not None]
         scores = [[run.score for run in task.runs] for task in tasks]
         rows.append(
@@ -257,13 +324,14 @@ def entry_tables(entries: Sequence[Entry]) -> list[Table]:
                 ", ".join(str(run.seed) for run in tasks[0].runs),
                 *(mean([getattr(run, name) for run in entry.runs]) for name in ("rollouts", "requests")),
                 sum(costs) if costs else None,
-                *(f"{entry.protocol} {entry.version}", entry.versions.get("vlmgineer")),
+                *(f"{entry.protocol} {entry.version}", entry.versions.get("vlmgineer"), verified),
             )
         )
     note = (
         "Score: the mean over tasks and runs of a run's mean reward in unseen layouts, in the engine where that is the "
         f"lowest. Low and high: {100 * CONFIDENCE:g} % percentiles of {RESAMPLES} bootstrap samples of the "
-        "runs, drawn within each task; none with one seed. Rollouts and calls: of the search. Dollars: of all runs."
+        "runs, drawn within each task; none with one seed. Rollouts and calls: of the search. Dollars: of all runs. "
+        "Verified: by whom the rewards were earned, or in how many runs the designs earned them again."
     )
     by_task = [(e.track, task, e.name, own.score, len(own.runs)) for e in ranked for task, own in e.tasks.items()]
     return (

@@ -14,8 +14,9 @@ from core.errors import UserError
 from core.support.text import clean
 from plugins.results.pages.runs import FinishedRun, LeftOutRun
 from plugins.results.pages.tools import Winner, given_tool, winners
-from plugins.results.report.leaderboard import Entry
+from plugins.results.report.leaderboard import ListedEntry
 from plugins.results.report.methods import Group, group
+from plugins.results.report.verify import VerifiedRun
 
 
 @dataclass(eq=False)
@@ -33,11 +34,12 @@ class BestTools:
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Finished runs, which are counted; runs that are left out; entries of a benchmark."""
+    """Finished runs, which are counted; runs that are left out; entries of a benchmark, and their verified runs."""
 
     runs: tuple[FinishedRun, ...]
     left_out: tuple[LeftOutRun, ...] = ()
-    entries: tuple[Entry, ...] = ()
+    entries: tuple[ListedEntry, ...] = ()
+    verified: tuple[VerifiedRun, ...] = ()
 
     @cached_property
     def groups(self) -> list[Group]:

@@ -27,12 +27,17 @@ from plugins.results.report.statistics import (
     mean_of_tasks,
     normalised,
 )
+from plugins.results.report.verify import verification
 
 
 def tables(results: Results) -> list[Table]:
     """All tables that have rows."""
     makers = (rewards, methods, improvements, efforts, generations, tools, runs, left_out, models, parameters, costs)
-    every = [*(make(results) for make in (*makers, versions)), *entry_tables(results.entries)]
+    every = [
+        *(make(results) for make in (*makers, versions)),
+        *entry_tables(results.entries),
+        verification(results.verified),
+    ]
     return [table for table in every if table.rows]
 
 

@@ -1,6 +1,7 @@
 """What is read of run folders, and what is not: finished, failed, unfinished, broken."""
 
 import json
+import os
 import shutil
 import sqlite3
 import subprocess
@@ -11,7 +12,7 @@ import pytest
 
 from core.errors import UserError
 from core.store.reader import RunCost
-from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, natural, read_run
+from plugins.results.pages.runs import FinishedRun, LeftOutRun, find_runs, read_run
 from plugins.results.pages.tools import given_tool, winners
 from tests.core.run_folders import result, write_run
 
@@ -135,6 +136,26 @@ def test_a_result_with_impossible_figures_does_not_count(tmp_path, change, said,
     assert not stored or read_run(folder).best.reward == 0.7
 
 
+@pytest.mark.parametrize("name", ["result.json", "run.sqlite", "run.sqlite-wal", ".hydra/config.yaml"])
+def test_a_pipe_in_a_strangers_folder_is_not_waited_for(tmp_path, name):
+    folder = write_run(tmp_path / "run")
+    (folder / ".hydra").mkdir()
+    if name.startswith(".hydra"):
+        (folder / "run.sqlite").unlink()
+        (folder / "result.json").unlink()
+    (folder / name).unlink(missing_ok=True)
+    os.mkfifo(folder / name)
+    (run,) = find_runs([tmp_path])[1]
+    assert run.status == ("failed" if name.startswith(".hydra") else "unreadable")
+
+
+def test_a_result_of_any_size_is_not_read(tmp_path):
+    folder = write_run(tmp_path / "run")
+    with (folder / "result.json").open("ab") as file:
+        file.truncate(10**9)
+    assert "has 1000.0 MB; at most 20 MB are read" in read_run(folder).reason
+
+
 def test_a_store_that_is_none(tmp_path):
     folder = write_run(tmp_path / "run")
     (folder / "run.sqlite").write_bytes(b"this is no database of any length " * 100)
@@ -210,7 +231,3 @@ def test_a_folder_without_runs_is_refused(tmp_path):
         find_runs([tmp_path / "nowhere"])
     with pytest.raises(UserError, match="holds no run"):
         find_runs([tmp_path])
-
-
-def test_numbers_in_names_sort_by_size():
-    assert sorted(["a10", "a9", "10", "b", "9b"], key=natural) == ["9b", "10", "a9", "a10", "b"]

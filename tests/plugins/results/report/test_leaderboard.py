@@ -1,16 +1,32 @@
 """Entries of a benchmark: what is one, what is refused and why, and how they are compared."""
 
 import json
+import os
 import shutil
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from core.config.compose import load
 from core.errors import UserError
+from plugins.fitness.layouts import UNSEEN as UNSEEN_SEED
 from plugins.results.pages.runs import find_runs
+from plugins.results.report import verify
 from plugins.results.report.command import main
-from plugins.results.report.leaderboard import entry_tables, find_entries, protocol, read_entry
+from plugins.results.report.leaderboard import (
+    FIRST_UNSEEN,
+    Entry,
+    ListedEntry,
+    entry_tables,
+    find_entries,
+    protocol,
+    read_entry,
+)
 from tests.core.run_folders import write_run
 
+ROOT = Path(__file__).parents[4]
 TASKS = protocol("varied").tracks["varied"]
 pytestmark = pytest.mark.slow  # a whole track takes two dozen runs
 UNSEEN = {"mujoco": (0.8,) * 20, "sapien": (0.5, 0.7) * 10}
@@ -66,7 +82,7 @@ def test_an_entry_has_means_and_what_was_spent(entry):
     assert (first.candidates, first.rollouts, first.requests, first.cost_usd) == (1, 1, 1, 0.5)
     assert entry.settings["vlm.name"] == "offline"
     assert "mujoco" in entry.versions
-    table, by_task = entry_tables([entry])
+    table, by_task = entry_tables([ListedEntry(entry, "no")])
     row = dict(zip([column.name for column in table.columns], table.rows[0], strict=True))
     assert (row["score"], row["low"], row["seeds"], row["cost (USD)"]) == pytest.approx((0.6, 0.6, "0, 1", 12.0))
     assert len(by_task.rows) == 12
@@ -128,9 +144,16 @@ REWARDS = ("tasks", "OneBook", "runs", 0, "rewards", "sapien")
         (REWARDS, [7.0] * 20, "less than or equal to 1"),
         (("tasks", "Another"), {"score": 1, "engines": {}, "runs": []}, "at least 1 item"),
         (("tasks",), [], "tasks: "),
+        (("score",), 1.0, "the score is 1.0, where its rewards have a mean of 0.600"),
+        (("tasks", "OneBook", "score"), 0.9, "the score of OneBook is 0.9, where its rewards have a mean of 0.600"),
+        (("tasks", "OneBook", "engines"), {}, "OneBook in mujoco is None, where its rewards have a mean of 0.800"),
+        (("settings", "sim.time_step"), "0.02", "sim.time_step is 0.02, where pybullet has 0.00"),
+        (("settings", "sim.name"), "../x", "sim.name is '../x', which is no engine"),
+        ((*REWARDS[:4], "candidates"), 0, "no run earns anything with 0 candidates, 1 rollouts and 1 requests"),
+        ((*REWARDS[:4], "rollouts"), 0, "no run earns anything with 1 candidates, 0 rollouts"),
     ],
 )
-def test_a_results_file_that_does_not_follow_its_protocol_is_refused(entry, tmp_path, path, value, said):
+def test_a_results_file_that_breaks_the_protocol_or_contradicts_itself_is_refused(entry, tmp_path, path, value, said):
     data = node = json.loads(entry.dump())
     for key in path[:-1]:
         node = node[key]
@@ -141,10 +164,55 @@ def test_a_results_file_that_does_not_follow_its_protocol_is_refused(entry, tmp_
     assert said in str(error.value)
 
 
-def test_means_in_a_file_count_for_nothing(entry, tmp_path):
-    data = json.loads(entry.dump()) | {"score": 1.0}
-    (tmp_path / "theirs.json").write_text(json.dumps(data))
-    assert read_entry(tmp_path / "theirs.json") == entry
+def test_a_seed_whose_layouts_are_the_unseen_ones_is_no_runs(entry, tmp_path):
+    assert FIRST_UNSEEN == UNSEEN_SEED
+    data = json.loads(entry.dump())
+    for seed, said in ((FIRST_UNSEEN - 5, ""), (FIRST_UNSEEN - 4, "no run has the seed 999996"), (10**30, "no run")):
+        for task in data["tasks"].values():
+            task["runs"][1]["seed"] = seed
+        (tmp_path / "theirs.json").write_text(json.dumps(data))
+        with pytest.raises(UserError, match=said) if said else nullcontext():
+            assert len(read_entry(tmp_path / "theirs.json").runs) == 24
+
+
+def test_pipes_and_large_files_are_not_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe.json")
+    with pytest.raises(UserError, match="is no regular file"):
+        read_entry(tmp_path / "pipe.json")
+    with (tmp_path / "large.json").open("wb") as file:
+        file.truncate(80_000_000)
+    with pytest.raises(UserError, match="at most 10 MB are read"):
+        read_entry(tmp_path / "large.json")
+
+
+def test_designs_of_a_results_file_are_tried_again(entry, monkeypatch):
+    """A reference solution earns what is claimed; another tool does not, and a run without a design can't."""
+    quick = ["fitness.unseen=2", "executor.workers=1"]
+    monkeypatch.setattr(verify, "load", lambda name, words: load(name, [*words, *quick]))
+    solution = json.loads((ROOT / "tests/tasks/anchored/OneBook.json").read_text())["strategies"][0]
+    forged = solution | {"action_sets": [[{"anchor": "book_3", "axes": "anchor", "offset": [-0.2, 0, 0.5]}]]}
+    zeros, ones = (dict.fromkeys(UNSEEN, (value,) * 20) for value in (0.0, 1.0))
+    (first, *_) = entry.runs
+    claims = {task: [replace(first, rewards=zeros, design=None)] for task in TASKS}
+    claims["OneBook"] = [replace(first, rewards=ones, design=design) for design in (solution, forged, None, {"a": 1})]
+    claimed = Entry.of(replace(entry, settings=entry.settings | {"tool.name": "boxes"}), claims)
+    runs = {task: [run for run in verify.verify(claimed) if run.task == task] for task in ("OneBook", "LiftBox")}
+    assert [run.same for run in runs["OneBook"]] == [True, False, False, False], runs
+    assert runs["OneBook"][0].score > 0.99
+    assert "the file has no design" in runs["OneBook"][2].why
+    assert runs["LiftBox"][0].same
+    rows = verify.verification(runs["OneBook"]).rows
+    assert [row[-1][:3] for row in rows] == ["yes", "no", "no ", "no "]
+
+
+def test_runs_write_their_design_and_the_command_verifies_it(entry, tmp_path, monkeypatch, capsys):
+    assert entry.runs[0].design["action_sets"]
+    (tmp_path / "theirs.json").write_bytes(entry.dump())
+    monkeypatch.setattr("plugins.results.report.verify.earned", lambda entry, task, run: 0.6 - 0.3 * run.seed)
+    main([f"verify={tmp_path / 'theirs.json'}", f"output={tmp_path / 'out'}"])
+    assert "12 of 24 runs" in capsys.readouterr().out
+    table = (tmp_path / "out/data/verification.csv").read_text()
+    assert table.count(",yes\n") == table.count(",no\n") == 12
 
 
 def test_the_command_writes_and_compares_results_files(whole, tmp_path, monkeypatch, capsys):

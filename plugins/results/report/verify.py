@@ -1,0 +1,108 @@
+"""Run the designs in a results file again, in the layouts that it says they were tried in."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from omegaconf import DictConfig, OmegaConf
+
+from core.config.compose import load, node, part, task_part, tool_part
+from core.design import DesignError, Evaluation
+from core.designs.reading import read_designs
+from core.designs.rules import SpawnRules
+from core.errors import UserError
+from core.interfaces import RolloutSettings
+from core.plugins import EXECUTOR, FITNESS, SIMULATOR
+from core.search.holdout import try_unseen
+from core.simulation.rollout import Evaluator
+from plugins.results.pages.formats import Table, columns
+from plugins.results.pages.runs import short
+from plugins.results.report.leaderboard import Entry, RunResult
+
+TOLERANCE = 0.01  # of a score: other processors round otherwise
+
+
+class VerifiedRun(NamedTuple):
+    """A run of an entry: the score that it claims, and what its design earned again; None: it was not tried."""
+
+    entry: Entry
+    task: str
+    seed: int
+    claimed: float
+    score: float | None
+    why: str = ""
+
+    @property
+    def same(self) -> bool:
+        return self.score is not None and abs(self.score - self.claimed) <= TOLERANCE
+
+
+def verify(entry: Entry) -> Iterator[VerifiedRun]:
+    """Yield each run of an entry with what its design earns here. A run that claims nothing is not tried."""
+    for task, result in entry.tasks.items():
+        for run in result.runs:
+            score, why = (0.0, "") if run.score == 0 else (None, "the file has no design of it")
+            if run.design is not None and run.score > 0:
+                try:
+                    score, why = earned(entry, task, run), ""
+                except (UserError, DesignError) as error:
+                    why = short(str(error))
+            yield VerifiedRun(entry, task, run.seed, run.score, score, why)
+
+
+def earned(entry: Entry, task: str, run: RunResult) -> float:
+    """Return the score of a run's design, tried as the protocol says.
+
+    Raises:
+        UserError: a part is not installed here, or a setting can't be used.
+        DesignError: the design can't be read.
+    """
+    cfg = _config(entry, task)
+    spawn = SpawnRules(task_part(cfg).create(), run.seed)
+    document = {"strategies": [run.design]}
+    (candidate, *_) = read_designs(document, tool_part(cfg).create(), spawn, most=(1, 1))
+    if candidate.problem is not None:
+        raise DesignError(candidate.problem)
+    evaluator = Evaluator(task_part(cfg), part(SIMULATOR, cfg.sim), run.seed, node(cfg.rollout, RolloutSettings))
+    fitness = part(FITNESS, cfg.fitness).create(evaluator=evaluator)
+    with part(EXECUTOR, cfg.executor).create() as executor:
+        rewards = try_unseen(Evaluation(candidate, "ok"), fitness, executor)
+    return RunResult(run.seed, rewards, 1, 1, 1, None, 0.0).score
+
+
+def _config(entry: Entry, task: str) -> DictConfig:
+    """Compose the protocol's configuration, with the entry's own way to write tools."""
+    settings = {key: value for key, value in entry.settings.items() if key.startswith("tool.")}
+    name = settings.pop("tool.name", "urdf")
+    if not re.fullmatch(r"\w{1,50}", name) or any("$" in value for value in settings.values()):
+        raise UserError(f"tool={short(name)} with such settings is no tool representation")
+    cfg = load("config", [f"protocol={entry.protocol}", f"task={task}", f"tool={name}"])
+    for key, value in settings.items():
+        if OmegaConf.select(cfg, key) is None:
+            raise UserError(f"tool={name} has no setting {short(key)}")
+        cfg.tool[key.removeprefix("tool.")] = _read(value)
+    return cfg
+
+
+def _read(value: str) -> object:
+    try:
+        return json.loads(value)
+    except ValueError:
+        return value
+
+
+def verification(runs: Sequence[VerifiedRun]) -> Table:
+    """Make the table of runs that were verified."""
+    rows = [
+        (run.entry.name, run.task, run.seed, run.claimed, run.score, "yes" if run.same else f"no {run.why}".strip())
+        for run in runs
+    ]
+    note = (
+        "Each run's design, tried again in the protocol's unseen layouts on this machine. Verified: the score differs "
+        f"from the claimed one by at most {TOLERANCE:g}. A run that claims 0 is not tried."
+    )
+    head = columns("entry|task|seed|claimed:3|earned again:3|verified")
+    return Table("verification", "Designs of a results file, tried again", head, tuple(rows), note)
