@@ -36,7 +36,7 @@ class Latch:
     width: float
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.at) and 0 < self.force <= MAX_FORCE and 0 < self.width < math.inf):
+        if not (abs(self.at) <= MAX_POSITION and 0 < self.force <= MAX_FORCE and 0 < self.width <= MAX_POSITION):
             raise ValueError(f"a latch needs a place, a force up to {MAX_FORCE:g} and a width above 0, got {self}")
 
 
@@ -59,8 +59,9 @@ class Drive:
     def __post_init__(self) -> None:
         if not self.times or self.times[0] != 0 or not all(np.diff(self.times) > 0):
             raise ValueError(f"a drive's times must begin at 0 and rise, got {self.times}")
-        if len(self.positions) != len(self.times) or not np.isfinite([*self.times, *self.positions]).all():
-            raise ValueError(f"a drive needs a number for each of its {len(self.times)} times, got {self.positions}")
+        if len(self.positions) != len(self.times) or not (np.abs([*self.times, *self.positions]) <= MAX_POSITION).all():
+            needed = f"a number for each of its {len(self.times)} times, up to {MAX_POSITION:g}"
+            raise ValueError(f"a drive needs {needed}, got {self.positions}")
         if not 0 < self.force <= MAX_FORCE:
             raise ValueError(f"a drive's force must be above 0 and at most {MAX_FORCE:g}, got {self.force}")
         if self.repeats and len(self.times) < 2:

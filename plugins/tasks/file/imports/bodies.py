@@ -38,6 +38,10 @@ class Imported:
         for joint in self.joints:
             if not _NAME.fullmatch(joint.name):
                 raise UserError(f"joint {joint.name[:64]!r}: {_RENAME}")
+            if not np.abs(joint.origin).max() <= LONGEST_M:
+                raise UserError(
+                    f"joint {joint.name!r} is more than {LONGEST_M:g} m from its body; at most that is read"
+                )
         if len(shapes) > MAX_SHAPES or faces > MAX_DRAWN:
             limits = f"at most {MAX_SHAPES} and {MAX_DRAWN}"
             raise UserError(f"there are {len(shapes)} shapes of {faces} triangles; {limits} are read: leave some out")

@@ -179,6 +179,7 @@ ASSET = "<asset><mesh name='a' file='{}'/></asset>"
         ("<body pos='1e9 0 0'><geom size='1'/></body>", "", "from the origin; at most 20 m"),
         ("<body><joint type='slide' range='0 1e300'/><geom size='1'/></body>", "", "its range"),
         ("<geom size='1' friction='1e300'/>", "", "friction"),
+        ("<body><joint pos='1e9 0 0'/><geom size='1'/></body>", "", "joint .* 20 m"),
         ("<body pos='nan 0 0'><geom size='1'/></body>", "", "nan|finite"),
         ("<geom type='teapot' size='1'/>", "", "invalid keyword: 'teapot'"),
         ("<body name='a b'><geom size='1'/></body>", "", "rename it"),
