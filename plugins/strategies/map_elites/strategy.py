@@ -16,8 +16,8 @@ from core.design import TIE, Candidate, Evaluation, best_first, best_tools
 from core.errors import UsageError
 from core.geometry import Array
 from core.interfaces import Budget, Designer, EvolutionStrategy, ToolRepresentation
-from core.search.archive import OBSERVED, Archive, handed_over, measures_of, read_measures, save_archive
 from core.search.refinement import TRIES, Varies
+from plugins.strategies.map_elites.archive import Archive, observes, read_measures, save_archive
 
 ISO = 0.5  # the standard deviation of each number, in its steps
 LINE = 0.2  # that along the way to another elite, as a share of it
@@ -31,7 +31,7 @@ class MapElites(EvolutionStrategy):
     Args:
         designer: asks the model for candidates; with ``varied`` it is a `core.search.refinement.Varies`.
         budget: ``k_top`` elites, which earned more than ``reward_save``, are shown.
-        measures: the axes of the archive (`core.search.archive.read_measures`).
+        measures: the axes of the archive (`plugins.strategies.map_elites.archive.read_measures`).
         varied: the number of candidates in each later generation that are varied without the model.
         tie: see `core.interfaces.EvolutionStrategy`.
 
@@ -55,12 +55,13 @@ class MapElites(EvolutionStrategy):
 
     @classmethod
     def observes(cls, settings: Mapping[str, Any]) -> bool:
-        return any(measure.name in OBSERVED for measure in measures_of(settings))
+        return observes(settings.get("measures"))
 
     def hand_over(self, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path) -> None:
         """Write the best of each cell, and a few more that a user may want."""
-        measures = self._archive.measures
-        save_archive(handed_over(measures, ranking, self.tie), measures, representation, folder)
+        archive = Archive(self._archive.measures, self.tie)
+        archive.add(ranking)
+        save_archive(archive, ranking, representation, folder)
 
     def ask(self) -> Iterator[Candidate]:
         """Yield the model's candidates, then the varied ones."""

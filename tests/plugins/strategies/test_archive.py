@@ -16,8 +16,8 @@ from core.errors import UsageError
 from core.evaluate import evaluate
 from core.geometry import Box, Pose
 from core.plugins import installed
-from core.search.archive import Archive, Measure, extent, handed_over, measures_of, picks, read_measures, save_archive
 from core.simulation.robustness import worst
+from plugins.strategies.map_elites.archive import Archive, Measure, extent, observes, picks, read_measures, save_archive
 from tests.core.run_folders import PLAN, hook
 
 EXTENT, DISTANCE = Measure("extent", 0.0, 1.0, 10), Measure("distance", 0.0, 2.0, 4)
@@ -86,7 +86,6 @@ def test_measures_are_names_or_have_bounds_of_their_own():
     mass, distance = read_measures([{"name": "mass", "upper": 0.1, "bins": 5}, "distance"])
     assert mass == Measure("mass", 0.0, 0.1, 5)
     assert distance.name == "distance"
-    assert measures_of({"name": "mine", "measures": ["mass"]})[0].name == "mass"
 
 
 @pytest.mark.parametrize(
@@ -106,13 +105,11 @@ def test_measures_are_names_or_have_bounds_of_their_own():
 def test_wrong_measures(written, message):
     with pytest.raises(UsageError, match=message):
         read_measures(written)
-    assert measures_of({"measures": written}) == ()
 
 
-@pytest.mark.parametrize("other", [None, 3, "mass", [3], [[1]], [{1: 2, "name": "mass"}]])
-def test_a_setting_that_means_something_else_is_no_list_of_measures(other):
-    assert measures_of({"measures": other}) == ()
-    assert measures_of({}) == ()
+def test_only_touches_need_observations():
+    assert observes(["mass", {"name": "touch", "bins": 5}])
+    assert not any(map(observes, (None, 3, "mass", [3], [[1]], ["mass"], [{1: 2, "name": "mass"}])))
 
 
 # --- what is handed over ----------------------------------------------------------------------------------------
@@ -126,22 +123,24 @@ def test_picks():
     assert picks([earned(1.0, status="failed")]) == {}
 
 
-def test_a_pick_that_is_no_cells_best_is_handed_over_too():
-    heavy, light = earned(0.99, action=0, mass=0.2), earned(0.9, action=1)
-    kept = handed_over((EXTENT, DISTANCE), [heavy, light])
-    assert [(k.evaluation, k.cell, k.picked) for k in kept] == [(heavy, (3, 2), ("best",)), (light, None, ("light",))]
+def saved(folder, *evaluations):
+    archive = Archive((EXTENT, DISTANCE))
+    archive.add(evaluations)
+    save_archive(archive, evaluations, installed().create("tool", "urdf"), folder)
+    rows = list(csv.DictReader((folder / "archive.csv").open()))
+    return rows, [(row["cell_extent"], row["cell_distance"], row["picked"]) for row in rows]
+
+
+def test_a_pick_that_is_no_cells_best_is_handed_over_too(tmp_path):
+    rows, found = saved(tmp_path, earned(0.99, action=0, mass=0.2), earned(0.9, action=1))
+    assert found == [("3", "2", "best"), ("", "", "light")]
+    assert [row["candidate"] for row in rows] == ["g0-a0-s0-p0", "g0-a0-s1-p0"]
 
 
 @pytest.mark.slow
 def test_the_designs_of_an_archive_can_be_tried(tmp_path):
-    kept = handed_over((EXTENT, DISTANCE), [earned(0.9, length=0.2 + 0.1 * i, action=i) for i in range(3)])
-    save_archive(kept, (EXTENT, DISTANCE), installed().create("tool", "urdf"), tmp_path)
-    rows = list(csv.DictReader((tmp_path / "archive.csv").open()))
-    assert [(row["cell_extent"], row["cell_distance"], row["picked"]) for row in rows] == [
-        ("2", "2", "best light plate"),
-        ("3", "2", ""),
-        ("4", "2", ""),
-    ]
+    rows, found = saved(tmp_path, *(earned(0.9, length=0.2 + 0.1 * i, action=i) for i in range(3)))
+    assert found == [("2", "2", "best light plate"), ("3", "2", ""), ("4", "2", "")]
     strategies = json.loads((tmp_path / "designs.json").read_text())["strategies"]
     assert len(strategies) == len(rows)
     words = ["task=BringCube", "sim=mujoco", "executor.workers=1", f"designs={tmp_path / 'designs.json'}"]

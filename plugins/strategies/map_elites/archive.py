@@ -10,7 +10,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pydantic
@@ -89,8 +89,7 @@ VALUES: dict[str, Callable[[Evaluation], float]] = {
     "distance": lambda evaluation: evaluation.distance_m,
     "touch": touch,
 }
-UNITS = {"mass": "kg", "extent": "m", "components": "", "distance": "m", "touch": "m"}
-OBSERVED = ("touch",)  # measures that need observations of rollouts
+COLUMNS = ("mass_kg", "extent_m", "components", "distance_m", "touch_m")  # of these values
 MEASURES = {
     measure.name: measure
     for measure in (
@@ -129,19 +128,17 @@ def read_measures(written: Sequence[str | Mapping[str, Any]]) -> tuple[Measure, 
     return tuple(found.values())
 
 
-def measures_of(evolution: Mapping[str, Any]) -> tuple[Measure, ...]:
-    """Return the measures among the settings of a strategy; empty: it has none, or means something else by them."""
-    try:
-        return read_measures(evolution["measures"])
-    except (KeyError, TypeError, AttributeError, UsageError):
-        return ()
+def observes(written: object) -> bool:
+    """Report whether one of the measures, as written, needs observations of rollouts."""
+    items = written if isinstance(written, Sequence) else ()
+    return "touch" in [item.get("name") if isinstance(item, Mapping) else item for item in items]
 
 
 class Archive:
     """The tried candidates by cell: a bin of each of the ``measures``."""
 
     def __init__(self, measures: Sequence[Measure], tie: float = TIE) -> None:
-        self.measures, self._tie = tuple(measures), tie
+        self.measures, self.tie = tuple(measures), tie
         self._found: dict[Cell, list[Evaluation]] = {}
 
     def add(self, evaluations: Iterable[Evaluation]) -> None:
@@ -154,7 +151,7 @@ class Archive:
     @property
     def best(self) -> dict[Cell, Evaluation]:
         """The best evaluation of each cell (`core.design.ranked`), in the order of the cells."""
-        return {cell: best_first(self._found[cell], self._tie)[0] for cell in sorted(self._found)}
+        return {cell: best_first(self._found[cell], self.tie)[0] for cell in sorted(self._found)}
 
 
 def picks(evaluations: Iterable[Evaluation], tie: float = TIE) -> dict[str, Evaluation]:
@@ -172,41 +169,27 @@ def picks(evaluations: Iterable[Evaluation], tie: float = TIE) -> dict[str, Eval
     return {name: evaluation for name, evaluation in found.items() if evaluation is not None}
 
 
-class Kept(NamedTuple):
-    """An evaluation that a run hands over: the best of a ``cell``, or else only picked; and what it was picked as."""
+def save_archive(
+    archive: Archive, ranking: Sequence[Evaluation], representation: ToolRepresentation, folder: Path
+) -> None:
+    """Write ``designs.json``, a designs file, and ``archive.csv``, with a row for each of its strategies.
 
-    evaluation: Evaluation
-    cell: Cell | None
-    picked: tuple[str, ...]
-
-
-def handed_over(measures: Sequence[Measure], evaluations: Sequence[Evaluation], tie: float = TIE) -> list[Kept]:
-    """Return the best of each cell, in the order of the cells, and then the picks that are none of these."""
-    archive = Archive(measures, tie)
-    archive.add(evaluations)
+    These are the best of each cell, in the order of the cells, and then the `picks` of ``ranking`` that are none.
+    """
     picked: dict[str, list[str]] = {}
-    chosen = picks(evaluations, tie)
+    chosen = picks(ranking, archive.tie)
     for name, evaluation in chosen.items():
         picked.setdefault(evaluation.candidate.id, []).append(name)
-    found = {e.candidate.id: Kept(e, cell, tuple(picked.get(e.candidate.id, ()))) for cell, e in archive.best.items()}
-    for evaluation in chosen.values():
-        found.setdefault(evaluation.candidate.id, Kept(evaluation, None, tuple(picked[evaluation.candidate.id])))
-    return list(found.values())
-
-
-def save_archive(
-    kept: Sequence[Kept], measures: Sequence[Measure], representation: ToolRepresentation, folder: Path
-) -> None:
-    """Write ``designs.json``, a designs file, and ``archive.csv``, with a row for each of its strategies."""
+    cells = {evaluation.candidate.id: cell for cell, evaluation in archive.best.items()}
+    kept = {e.candidate.id: e for e in (*archive.best.values(), *chosen.values())}
     folder.mkdir(parents=True, exist_ok=True)
-    document = {"strategies": [dump_design(entry.evaluation.candidate, representation) for entry in kept]}
+    document = {"strategies": [dump_design(e.candidate, representation) for e in kept.values()]}
     (folder / "designs.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     with (folder / "archive.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        cells = [f"cell_{measure.name}" for measure in measures]
-        figures = [f"{name}_{unit}".rstrip("_") for name, unit in UNITS.items()]
-        writer.writerow(["strategy", "candidate", *cells, "picked", "reward", *figures])
-        for number, (evaluation, cell, picked) in enumerate(kept):
-            values = (value(evaluation) for value in VALUES.values())
-            where = cell if cell is not None else [""] * len(cells)
-            writer.writerow([number, evaluation.candidate.id, *where, " ".join(picked), evaluation.reward, *values])
+        axes = [f"cell_{measure.name}" for measure in archive.measures]
+        writer.writerow(["strategy", "candidate", *axes, "picked", "reward", *COLUMNS])
+        for number, (name, evaluation) in enumerate(kept.items()):
+            where = cells.get(name, [""] * len(axes))
+            values = [value(evaluation) for value in VALUES.values()]
+            writer.writerow([number, name, *where, " ".join(picked.get(name, ())), evaluation.reward, *values])
