@@ -71,7 +71,6 @@ def test_there_are_commands_and_nothing_else_than_the_two_set_ups():
 RUN = (  # really, of all that are composed; what they share is run once
     "core.evaluate task=BringCube designs=tests/tasks/solutions/BringCube.json output=rewards.json",
     "core.evaluate protocol=varied task=OneBook tool=boxes designs=tests/tasks/anchored/OneBook.json",
-    "core.plugins --check BringCube",
     "core.prompt task=OneBook prompt=evolve prompt.feedback=full designs=tests/tasks/solutions/OneBook.json",
     "core.run --help",
     "core.run -m task=BringCube seed=0,1",
@@ -286,7 +285,7 @@ def test_the_strategy_of_the_tutorial_passes_its_checks(tmp_path):
     installed.mkdir()
     (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: tournament\nVersion: 0.1.0\n")
     (installed / "entry_points.txt").write_text("[vlmgineer]\ntournament = tournament\n")
-    assert "ok" in run("core.plugins", "--check", "Tournament")
+    assert "ok" in run("core", "conformance", "evolution=Tournament")
     run("core.run", "evolution=Tournament", "sim=mujoco", *SMALL, "budget.n_iteration=1", "listener=[]")
 
 
@@ -348,7 +347,7 @@ def test_the_scene_of_the_page_becomes_a_part(tmp_path):
     build.page_module(tmp_path)
     (tmp_path / "pull_tray.py").replace(module)
     site = install(folder, tmp_path / "site")
-    for words in (["core.plugins", "--check", "PullTray"], ["core.run", "task=PullTray", *SMALL]):
+    for words in (["core", "conformance", "task=PullTray"], ["core.run", "task=PullTray", *SMALL]):
         done = python_m(tmp_path, *words, PYTHONPATH=str(site))
         assert done.returncode == 0, done.stdout + done.stderr
 

@@ -45,8 +45,8 @@ class SummaryListener:
         _print_generations(result.generations)
         if result.best is not None:
             _print_tools(result, self.top)
-        commands = () if _one_of_many() else _commands(run, result)
-        say(*_tied(result), *_unseen(result), *_saved(result), _spent(self._replies), *commands, file=sys.stderr)
+        remarks = (*_tied(result), *_unseen(result), *_saved(result), _spent(self._replies))
+        say(*remarks, *_commands(run, result), file=sys.stderr)
 
 
 def _print_generations(generations: Iterable[Generation]) -> None:
@@ -111,14 +111,6 @@ def _spent(replies: list[Reply]) -> str:
     line += f", {failed} of them failed" if failed else ""
     line += f", {sum(tokens)} tokens" if tokens else ""
     return line + (f", {sum(costs):.2f} USD" if costs else "")
-
-
-def _one_of_many() -> bool:
-    """True in a job of a multirun, whose own summary names the commands."""
-    from hydra.core.hydra_config import HydraConfig
-    from hydra.types import RunMode
-
-    return bool(HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN)
 
 
 def _commands(run: Run, result: Result) -> Iterable[str]:

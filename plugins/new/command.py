@@ -45,7 +45,7 @@ def main(words: list[str]) -> None:
     say(
         f"{code}: {template.what}, ready to be changed",
         f"  pip install -e '{folder}[test]'",
-        f"  python -m core.plugins --check {name}",
+        f"  vlmgineer conformance {template.group}={name}",
         f"  vlmgineer {name}"
         if kind == "command"
         else f"  python -m core.run {template.group}={template.choice.format(name)}",

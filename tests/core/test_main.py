@@ -115,7 +115,7 @@ def test_a_run_beside_such_modules(tmp_path):
     done = call(tmp_path, *TINY, "hydra.run.dir=run")
     assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "run" / "result.json").read_text())["task"] == "LiftBox"
-    done = call(tmp_path, "plugins", "--check", "none")
+    done = call(tmp_path, "conformance", "tool=none")
     assert (done.returncode, done.stderr) == (0, "")
 
 

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from core.errors import UsageError, UserError
+from core.errors import UsageError
 from core.plugins import Plugins, installed
 from core.plugins import __main__ as command
 from core.plugins.own_commands import COMMANDS
@@ -37,26 +37,6 @@ def test_what_is_switched_off_is_not_imported_and_is_reported(tmp_path):
     assert done.stdout.splitlines()[-1] == "VLMGINEER_PLUGINS=fitness: other plugins are not loaded"
 
 
-def check(monkeypatch, found, *words):
-    monkeypatch.setattr(command, "installed", lambda: found)
-    command.main([*words])
-
-
-@pytest.mark.slow
-def test_a_part_is_checked_by_its_name(monkeypatch, capfd):
-    check(monkeypatch, Plugins(), "--check", "none")
-    out = capfd.readouterr().out
-    assert out.startswith("tool=none\n")
-    assert out.count(": ok\n") == 5
-
-
-def test_what_there_is_not_is_not_checked(monkeypatch, capsys):
-    found = Plugins()
-    found.register(Offering(simulators=RuntimeError("oh no")), "mine", "my-package")
-    with pytest.raises(UsageError, match=r"no part, plugin or distribution 'nine' \(did you mean '[mn]\w*ne'"):
-        check(monkeypatch, found, "--check", "nine")
-    with pytest.raises(UserError, match="1 of the plugin's hooks failed"):
-        check(monkeypatch, found, "--check", "my-package")
-    assert "mine of my-package: hook 'simulators' failed: RuntimeError: oh no" in capsys.readouterr().out
-    with pytest.raises(UsageError, match=r"can't read '--chek none'; usage"):
-        check(monkeypatch, found, "--chek", "none")
+def test_other_words_are_refused():
+    with pytest.raises(UsageError, match=r"can't read '--check none'; usage"):
+        command.main(["--check", "none"])

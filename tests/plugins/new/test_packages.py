@@ -105,7 +105,7 @@ def test_the_command_says_how_to_go_on(tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out == (
         "top_three/top_three/search.py: a search strategy, ready to be changed\n"
         "  pip install -e 'top_three[test]'\n"
-        "  python -m core.plugins --check TopThree\n"
+        "  vlmgineer conformance evolution=TopThree\n"
         "  python -m core.run evolution=TopThree\n"
         "  python -m pytest top_three\n"
     )
